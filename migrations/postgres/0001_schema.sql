@@ -3,6 +3,9 @@
 -- Texts are compared byte for byte, as SQLite does, so that lists have one order.
 -- Times are milliseconds since 1970 by the server's clock unless a name says otherwise.
 
+-- Counted up after each commit: a server sees by it that another one stored something.
+CREATE SEQUENCE changed;
+
 CREATE TABLE study_config (
     hash TEXT COLLATE "C" PRIMARY KEY,
     json TEXT COLLATE "C" NOT NULL

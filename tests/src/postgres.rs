@@ -155,8 +155,14 @@ impl Cluster {
 
     /// A database by its name.
     fn database(&self, name: &str) -> Database {
+        Database::Postgres(self.url(name))
+    }
+
+    /// The address of a database.
+    #[must_use]
+    pub fn url(&self, name: &str) -> String {
         let host = self.folder.path().display();
-        Database::Postgres(format!("postgres:///{name}?host={host}&user={USER}"))
+        format!("postgres:///{name}?host={host}&user={USER}")
     }
 
     /// The folder with its socket.

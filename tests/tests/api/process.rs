@@ -20,7 +20,8 @@ async fn a_start_that_fails_says_what_to_do() {
         (port, &spare[..], &site[..], None, 1, &["--listen", "in use", "another"][..]),
         ("8081", &spare, &site, None, 2, &["--listen", "such as 127.0.0.1:8080", "found 8081"]),
         (any, nowhere, &site, None, 1, &["/proc/nowhere/sidestep.db", "writable"]),
-        (any, "postgres://u:secret@h/d", &site, None, 2, &["SQLite only"]),
+        (any, "postgres://u:secret@h", &site, None, 2, &["postgres:…", "found no database"]),
+        (any, "postgres://u:secret@127.0.0.1:9/d", &site, None, 1, &["postgres://u@127.0.0.1:9/d"]),
         (any, "sqlite::memory:", &site, None, 2, &["sqlite:FILE"]),
         (any, &spare, "/tmp", None, 1, &[built]),
         (
@@ -45,7 +46,7 @@ async fn commands_without_a_database_make_none() {
     let folder = Folder::default();
     let (none, out) = (folder.database("none.db"), folder.name("out"));
     let said = run(&["check", "--database", &none]).await;
-    said.refused(1, &["none.db", "there is no such file"]);
+    said.refused(1, &["none.db", "it does not exist"]);
     run(&["export", "--database", &none, "--out", &out]).await.refused(1, &["none.db"]);
     let elsewhere = Folder::default();
     let bad = elsewhere.file("bad.csv", "participant;trial");

@@ -87,6 +87,10 @@ impl types::ToSql for Value<'_> {
             Self::Null(_) => Ok(IsNull::Yes),
             Self::Integer(number) => number.to_sql(to, out),
             Self::Real(number) => number.to_sql(to, out),
+            // PostgreSQL's texts have no NUL.
+            Self::Text(text) if text.contains('\0') => {
+                text.replace('\0', "\u{fffd}").to_sql(to, out)
+            }
             Self::Text(text) => text.to_sql(to, out),
             Self::Bytes(bytes) => bytes.to_sql(to, out),
             Self::Truth(truth) => truth.to_sql(to, out),

@@ -38,9 +38,8 @@ async fn case_30_a_full_disk_and_a_kill() {
 #[tokio::test]
 async fn case_32_logs_without_secrets() {
     let folder = Folder::default();
-    let server = Process::start(&folder).await;
-    let key = server.announcement.iter().find_map(|line| line.split_once("#key="));
-    let key = key.expect("a sign-in link").1.to_owned();
+    let mut server = Process::start(&folder).await;
+    let key = server.key().await;
     let body = json!({
         "consent": true, "external_id": "PERSON-4711", "locale": "LOCALE-WORD",
         "parameters": { "SESSION_ID": "SESSION-WORD" }, "screen": { "note": "SCREEN-WORD" },

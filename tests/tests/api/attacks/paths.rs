@@ -76,8 +76,8 @@ pub(super) async fn case_23_formulas_in_tables(server: &Server) {
 pub(super) async fn case_24_scripts_in_texts(server: &Server) {
     let script = "<script>alert(1)</script>";
     let study = format!(
-        "slug = \"scripts\"\ntitle = \"{script}\"\n[consent]\nen = \"\"\"{script} \
-         [link](javascript:alert(1)) <img src=x onerror=alert(1)>\"\"\"\n"
+        "slug = \"scripts\"\ntitle = \"{script}\"\n[consent]\ntext = {{ en = \"{script} \
+         [link](javascript:alert(1)) <img src=x onerror=alert(1)>\" }}\n"
     );
     let request = server.request(Method::POST, routes::ADMIN_STUDIES).bearer_auth(&server.key);
     let made = Answer::of(request.json(&json!({ "toml": study }))).await;

@@ -186,7 +186,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
 
     // Back to the one of the study.
     session.choose("choose-predictor", "");
-    assert_eq!(session.visited.last().unwrap(), "/lab/replay/t?t=2.4");
+    assert_eq!(session.link(), "/lab/replay/t?t=2.4");
     assert_eq!(asked(&session), [routes::admin_predictor("t")]);
     session.send("predictor", 200, &trained(0.9, None));
     assert_eq!(right(&session).as_deref(), Some("90 %"));

@@ -1,0 +1,25 @@
+//! Runs a command with a cluster of PostgreSQL of its own, in which tests make their databases:
+//! `with_postgres cargo test …`. The cluster is gone afterwards.
+
+use sidestep_tests::postgres::{Cluster, Fsync};
+use std::env;
+use std::process::{Command, ExitCode};
+
+fn main() -> ExitCode {
+    let mut words = env::args_os().skip(1);
+    let Some(program) = words.next() else {
+        eprintln!("expected a command and its arguments, found none");
+        return ExitCode::from(2);
+    };
+    let cluster = Cluster::start(Fsync::Off);
+    let mut command = Command::new(program);
+    command.args(words).env("SIDESTEP_TEST_POSTGRES", cluster.url("DATABASE"));
+    match command.status() {
+        Ok(status) if status.success() => ExitCode::SUCCESS,
+        Ok(_) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("cannot run the command: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! Backups, and copies from one database to another.
+
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Driver, Folder, Server, run};
+
+/// The steps of the study `default`.
+async fn steps(database: &str) -> String {
+    let folder = Folder::default();
+    let out = folder.name("out");
+    let export =
+        ["export", "--study", "default", "--database", database, "--format", "csv", "--out"];
+    run(&[&export[..], &[&out]].concat()).await.json();
+    folder.text("out/steps.csv")
+}
+
+#[tokio::test]
+async fn a_backup_of_a_server_that_collects_is_restored_whole() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let driver = Driver::enrol(&server).await;
+    driver.drive(&server, 5).await;
+    let folder = Folder::default();
+    let (database, out) = (server.database(), folder.name("backup.db"));
+    let backup = ["backup", "--database", &database, "--out", &out];
+    let report = run(&backup).await.json();
+    assert_eq!((&report["trials"], &report["participants"]), (&5.into(), &1.into()));
+    run(&backup).await.refused(2, &["--out", "backup.db", "does not exist"]);
+
+    let restored = folder.database("restored.db");
+    let restore = ["restore", "--from", &out, "--database", &restored];
+    assert_eq!(run(&restore).await.json()["trials"], 5);
+    assert_eq!(steps(&restored).await, steps(&database).await);
+    run(&restore).await.refused(2, &["--database", "restored.db", "it has data"]);
+    // The key of the laboratory opens the restored database too.
+    let key = server.key.clone();
+    let again = Server::on(restored, None).await;
+    let request = again.request(reqwest::Method::GET, sidestep::api::routes::ADMIN_STUDIES);
+    assert_eq!(request.bearer_auth(key).send().await.unwrap().status(), 200);
+
+    let broken = folder.file("broken.db", "no database");
+    let elsewhere = folder.database("elsewhere.db");
+    let restore = ["restore", "--from", &broken, "--database", &elsewhere];
+    run(&restore).await.refused(1, &["not a database"]);
+    let restore = ["restore", "--from", "nowhere.db", "--database", &elsewhere];
+    run(&restore).await.refused(2, &["--from nowhere.db", "cannot read"]);
+    assert!(!folder.names().contains(&"elsewhere.db".to_owned()));
+}
+
+#[tokio::test]
+async fn a_study_moves_to_another_database() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    for trials in [5, 2] {
+        Driver::enrol(&server).await.drive(&server, trials).await;
+    }
+    let folder = Folder::default();
+    let (from, to) = (server.database(), folder.database("to.db"));
+    let copy = ["copy", "--from", &from, "--to", &to, "--study", "default"];
+    let first = run(&copy).await.json();
+    assert_eq!((&first["participants"], &first["trials"]), (&2.into(), &7.into()));
+    let again = run(&copy).await.json();
+    assert_eq!((&again["present"], &again["sha256"]), (&2.into(), &first["sha256"]));
+    assert_eq!(steps(&to).await, steps(&from).await);
+    run(&["check", "--database", &to]).await.json();
+    let unknown = ["copy", "--from", &from, "--to", &to, "--study", "other"];
+    run(&unknown).await.refused(2, &["--study other", "no such study", "default"]);
+    run(&["copy", "--from", &from, "--to", &from]).await.refused(2, &["--to", "another database"]);
+}
