@@ -361,6 +361,14 @@ impl Tab {
         result.unwrap_or_else(|error| panic!("{code}: {error}"));
     }
 
+    /// Waits until the address has this query, with its question mark.
+    ///
+    /// # Panics
+    /// If it never has.
+    pub async fn until_search(&self, search: &str) {
+        self.until(&format!("location.search === {search:?}")).await;
+    }
+
     /// Waits until a JavaScript expression is true.
     ///
     /// # Panics

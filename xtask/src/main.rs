@@ -9,8 +9,8 @@
 
 #![allow(clippy::print_stdout, reason = "a command-line tool answers on standard output")]
 
-mod site;
 mod workspace;
+mod site;
 mod python;
 mod build;
 mod check;
