@@ -15,10 +15,6 @@ const STORE: &str = "kept";
 /// A database that is silent for longer counts as absent, ms.
 const PATIENCE_MS: i32 = 2_000;
 
-/// How often a database that does not open is tried again, and how long after, ms.
-const RETRIES: usize = 3;
-const PAUSE_MS: i32 = 300;
-
 /// The database, if there is one.
 pub(super) struct Storage {
     window: Window,
@@ -34,28 +30,19 @@ impl Storage {
     /// Opens the database and reads all that is kept.
     pub(super) async fn open(window: &Window) -> (Self, Records) {
         let mut records = earlier(window).unwrap_or_default();
-        let mut opened = opened(window).await;
-        // A browser that ended badly may still hold its database while the next one starts.
-        for _ in 0..RETRIES {
-            if opened.is_ok() {
-                break;
-            }
-            let _ = settled(window, &pause(window)).await;
-            opened = self::opened(window).await;
-        }
-        let database = opened.map_err(|error| reason(&error)).map(|(database, kept)| {
-            // A record of today comes before one of an earlier version.
-            records.retain(|(name, _)| kept.iter().all(|(known, _)| known != name));
-            records.extend(kept);
-            database
-        });
+        let database = match open(window).await {
+            Ok(database) => match all(window, &database).await {
+                Ok(kept) => {
+                    // A record of today comes before one of an earlier version.
+                    records.retain(|(name, _)| kept.iter().all(|(known, _)| known != name));
+                    records.extend(kept);
+                    Ok(database)
+                }
+                Err(error) => Err(reason(&error)),
+            },
+            Err(error) => Err(reason(&error)),
+        };
         (Self { window: window.clone(), database, is_persistent: false }, records)
-    }
-
-    /// None, for pages that keep nothing.
-    pub(super) fn none(window: &Window) -> Self {
-        let database = Err(NotKept::Denied);
-        Self { window: window.clone(), database, is_persistent: false }
     }
 
     /// Why nothing can be kept, if so.
@@ -106,20 +93,6 @@ fn earlier(window: &Window) -> Option<Records> {
     let names = (0..storage.length().ok()?).filter_map(|i| storage.key(i).ok()?);
     let ours = names.filter(|name| name.starts_with(DATABASE));
     Some(ours.filter_map(|name| Some((name.clone(), storage.get_item(&name).ok()??))).collect())
-}
-
-/// The database with all that is in it.
-async fn opened(window: &Window) -> Result<(IdbDatabase, Records), JsValue> {
-    let database = open(window).await?;
-    let records = all(window, &database).await?;
-    Ok((database, records))
-}
-
-/// Settles after a moment.
-fn pause(window: &Window) -> Promise {
-    Promise::new(&mut |done, _| {
-        let _ = window.set_timeout_with_callback_and_timeout_and_arguments_0(&done, PAUSE_MS);
-    })
 }
 
 async fn open(window: &Window) -> Result<IdbDatabase, JsValue> {

@@ -84,22 +84,13 @@ fn parts(tasks: usize) -> Parts {
 }
 
 impl Choice {
-    /// The one in the address of the page; without one, that of the command line. What the address names and
-    /// there is not becomes a sentence.
-    pub(super) fn of(address: &Address) -> (Self, Option<String>) {
-        let mut misread = None;
+    /// The one in the address of the page; without one, that of the command line.
+    pub(super) fn of(address: &Address) -> Self {
         let chosen = match (Named::of(address), address.parameter("predictor")) {
             (Some(named), _) => Chosen::Named(named),
             (None, Some("earlier")) => Chosen::Earlier,
             (None, Some("constant")) => Chosen::Constant,
-            (None, None | Some("here")) => Chosen::Here,
-            (None, Some(other)) => {
-                misread = Some(format!(
-                    "The explorer has no predictor {other}: expected here, earlier, constant, or analysis= and \
-                     file= of a model. The predictor below is trained here."
-                ));
-                Chosen::Here
-            }
+            (None, _) => Chosen::Here,
         };
         let mut choice = Self {
             chosen,
@@ -108,18 +99,8 @@ impl Choice {
             offered: Offered::Asked,
             refused: None,
         };
-        if let Some(features) = address.parameter("features")
-            && !choice.set_features(features)
-        {
-            let names = FEATURES.map(|(name, ..)| name).join(", ");
-            misread.get_or_insert_with(|| {
-                format!(
-                    "The explorer has no feature set {features}: expected one of {names}. The predictor below \
-                     uses the first one."
-                )
-            });
-        }
-        (choice, misread)
+        choice.set_features(address.parameter("features").unwrap_or_default());
+        choice
     }
 
     /// Asks for what there is to choose from.
@@ -140,13 +121,11 @@ impl Choice {
         };
     }
 
-    /// Other features for the predictor that is trained here; whether there are such.
-    pub(super) fn set_features(&mut self, name: &str) -> bool {
-        let known = FEATURES.iter().find(|(known, ..)| *known == name);
-        if let Some((known, ..)) = known {
+    /// Other features for the predictor that is trained here.
+    pub(super) fn set_features(&mut self, name: &str) {
+        if let Some((known, ..)) = FEATURES.iter().find(|(known, ..)| *known == name) {
             self.features = known;
         }
-        known.is_some()
     }
 
     /// Whether another task needs another predictor.

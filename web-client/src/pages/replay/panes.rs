@@ -60,11 +60,10 @@ impl Replay {
 
     /// Predicts with what is chosen for this pane, once it is here.
     pub(super) fn predict(&mut self, pane: Pane) -> Commands<Msg> {
-        let trial_id = &self.trial.summary.trial_id;
         let ask = match pane {
-            Pane::First => self.choice.ask(trial_id),
+            Pane::First => self.choice.ask(&self.trial),
             Pane::Second => match &mut self.beside {
-                Some(beside) => beside.choice.ask(trial_id),
+                Some(beside) => beside.choice.ask(&self.trial),
                 None => return Vec::new(),
             },
         };
