@@ -63,6 +63,39 @@ fn chromium() -> PathBuf {
     found.expect("Chromium: run the tests with `cargo xtask test`, which installs it")
 }
 
+/// The processes of the browser with this profile: those that name it, and all that they started.
+fn processes_of(profile: &str) -> Vec<String> {
+    let read = |process: &str, name: &str| {
+        std::fs::read_to_string(format!("/proc/{process}/{name}")).unwrap_or_default()
+    };
+    let folder = std::fs::read_dir("/proc").expect("the processes").flatten();
+    let names = folder.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    let all: Vec<String> = names.filter(|name| name.parse::<u32>().is_ok()).collect();
+    let mut found: Vec<String> =
+        all.iter().filter(|process| read(process, "cmdline").contains(profile)).cloned().collect();
+    let mut next = 0;
+    while next < found.len() {
+        let parent = found[next].clone();
+        let is_child = |process: &&String| {
+            let stat = read(process, "stat");
+            let fields = stat.rsplit_once(')').map_or("", |(_, fields)| fields);
+            fields.split_whitespace().nth(1) == Some(parent.as_str())
+        };
+        let children: Vec<String> = all.iter().filter(is_child).cloned().collect();
+        found.extend(
+            children.into_iter().filter(|child| !found.contains(child)).collect::<Vec<_>>(),
+        );
+        next += 1;
+    }
+    found
+}
+
+/// Whether a process is there, and more than an entry that nobody has read yet.
+fn is_running(process: &str) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    stat.rsplit_once(')').is_some_and(|(_, fields)| !fields.trim_start().starts_with('Z'))
+}
+
 impl Browser {
     /// Starts a browser.
     ///
@@ -78,8 +111,18 @@ impl Browser {
     /// If it does not start.
     pub async fn killed(self) -> Self {
         let Self { mut browser, events, profile } = self;
+        // Its other processes would hold its databases for a while after the first one is gone.
+        let all = processes_of(&profile.path().to_string_lossy());
         browser.kill().await.expect("a process").expect("a kill");
         events.abort();
+        for process in &all {
+            let _ = std::process::Command::new("kill").args(["-KILL", process]).output();
+        }
+        let since = Instant::now();
+        while all.iter().any(|process| is_running(process)) {
+            assert!(since.elapsed() < PATIENCE, "Chromium does not end");
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
         Self::with_profile(profile).await
     }
 
