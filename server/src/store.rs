@@ -11,6 +11,7 @@
 mod error;
 mod misfit;
 mod lanes;
+mod operation;
 mod sql;
 mod sqlite;
 mod postgres;
@@ -25,6 +26,7 @@ pub mod participants;
 pub mod enrolments;
 pub mod roster;
 mod tallies;
+pub mod throttles;
 pub mod trials;
 pub mod people;
 pub mod overview;

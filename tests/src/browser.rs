@@ -404,6 +404,14 @@ impl Tab {
         result.unwrap_or_else(|error| panic!("{code}: {error}"));
     }
 
+    /// Waits until the address has this query, with its question mark.
+    ///
+    /// # Panics
+    /// If it never has.
+    pub async fn until_search(&self, search: &str) {
+        self.until(&format!("location.search === {search:?}")).await;
+    }
+
     /// Waits until a JavaScript expression is true.
     ///
     /// # Panics
@@ -518,6 +526,8 @@ impl Tab {
             "a" => ("KeyA", 65),
             "b" => ("KeyB", 66),
             "d" => ("KeyD", 68),
+            "n" => ("KeyN", 78),
+            "Home" => ("Home", 36),
             " " => ("Space", 32),
             "Enter" => ("Enter", 13),
             "Tab" => ("Tab", 9),

@@ -46,7 +46,11 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
         return;
     };
     background(async move {
-        let (storage, kept) = Storage::open(&window).await;
+        let (storage, kept) = match P::keeps() {
+            true => Storage::open(&window).await,
+            // To open the browser's database takes longer than all else that a page waits for.
+            false => (Storage::none(&window), Vec::new()),
+        };
         let context = PageContext { kept, not_kept: storage.failure(), ..context(&window) };
         let clock = Clock::new(&window, &context.address);
         let (page, commands) = open(context);
@@ -487,7 +491,14 @@ impl<P: Page + 'static> Pump<P> {
                 shell.underway.push(Underway { name, number, _work });
             }
             Command::Cancel(name) => shell.underway.retain(|underway| underway.name != name),
+            // Whoever leaves what is filmed wants the film up to then: it is offered once it has ended.
+            Command::CancelAll if P::offers_files() => {
+                shell.underway.retain(|underway| {
+                    underway._work.downcast_ref::<film::Film>().map(film::Film::end).is_some()
+                });
+            }
             Command::CancelAll => shell.underway.clear(),
+            Command::Keep { .. } if !P::keeps() => {}
             Command::Keep { name, text, then } => {
                 let kept = shell.storage.keep(&name, &text);
                 let pump = self.clone();
@@ -496,6 +507,7 @@ impl<P: Page + 'static> Pump<P> {
                     pump.dispatch_now(then(kept));
                 });
             }
+            Command::Forget(_) if !P::keeps() => {}
             Command::Forget(name) => shell.storage.forget(&name),
             Command::Language(tag) => {
                 if let Some(element) = shell.document.document_element() {

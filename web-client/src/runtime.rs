@@ -73,6 +73,15 @@ pub trait Page {
         false
     }
 
+    /// Whether it keeps something in this browser; else it opens without asking what is kept.
+    #[must_use]
+    fn keeps() -> bool
+    where
+        Self: Sized,
+    {
+        true
+    }
+
     /// Whether it follows changes; else [`Command::Follow`] does nothing.
     #[must_use]
     fn follows() -> bool

@@ -1,9 +1,10 @@
 //! How fast somebody may ask, enrol people and guess keys.
 
 use crate::http::error::ApiError;
-use crate::http::throttle::Throttle;
+use crate::http::throttle::{SharedThrottle, Throttle};
 use crate::secrets;
-use std::net::IpAddr;
+use crate::store::Store;
+use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
 /// How fast an origin and a token may ask. A whole class behind one address stays far below. Programs on this
@@ -11,23 +12,24 @@ use std::time::Duration;
 #[derive(Debug)]
 pub struct Pace {
     requests: Throttle<IpAddr>,
-    enrolments: Throttle<IpAddr>,
+    enrolments: SharedThrottle,
     of_token: Throttle<[u8; 32]>,
 }
 
-impl Default for Pace {
-    fn default() -> Self {
+impl Pace {
+    /// Nobody has asked for anything yet. Servers of one database count enrolments together, and requests each
+    /// for itself: these protect the server.
+    #[must_use]
+    pub fn new(store: &Store) -> Self {
         Self {
             // Hundreds of people open the page, each with a dozen files.
             requests: Throttle::new(6_000, Duration::from_micros(3_333)),
-            enrolments: Throttle::new(1_000, Duration::from_millis(100)),
+            enrolments: SharedThrottle::new(store, "enrolments", 1_000, Duration::from_millis(100)),
             // A browser that was offline for the whole hour sends sixty trials at once.
             of_token: Throttle::new(600, Duration::from_millis(20)),
         }
     }
-}
 
-impl Pace {
     /// Counts a request from `origin`, with its token, and whether it enrols somebody.
     ///
     /// # Errors
@@ -39,9 +41,9 @@ impl Pace {
         enrols: bool,
     ) -> Result<(), ApiError> {
         let too_many = |what| move |wait| ApiError::Throttled(what, wait);
-        self.requests.take(origin).await.map_err(too_many("requests from this address"))?;
+        self.requests.take(origin).map_err(too_many("requests from this address"))?;
         if let Some(token) = token {
-            let taken = self.of_token.take(secrets::hash(token)).await;
+            let taken = self.of_token.take(secrets::hash(token));
             taken.map_err(too_many("requests with this token"))?;
         }
         if enrols {
@@ -59,26 +61,31 @@ impl Pace {
 /// a while. Whoever does not wait for the answer has not guessed.
 #[derive(Debug)]
 pub struct Guesses {
-    of_origin: Throttle<IpAddr>,
-    of_all: Throttle<()>,
+    of_origin: SharedThrottle,
+    /// Under the address of nobody.
+    of_all: SharedThrottle,
     /// What a key waits before it is compared.
     wait: Duration,
 }
 
-impl Default for Guesses {
-    fn default() -> Self {
+/// The address of nobody.
+const ALL: IpAddr = IpAddr::V4(Ipv4Addr::UNSPECIFIED);
+
+impl Guesses {
+    /// Nobody has guessed yet. Servers of one database count together.
+    #[must_use]
+    pub fn new(store: &Store) -> Self {
+        let throttle = |kind, burst, pause| SharedThrottle::new(store, kind, burst, pause);
         Self {
-            of_origin: Throttle::new(10, Duration::from_secs(6)),
-            of_all: Throttle::new(1_000, Duration::from_millis(600)),
+            of_origin: throttle("guesses", 10, Duration::from_secs(6)),
+            of_all: throttle("all_guesses", 1_000, Duration::from_millis(600)),
             wait: Duration::from_secs(1),
         }
     }
-}
 
-impl Guesses {
     /// Waits, if too many wrong keys came.
     pub async fn slow_down(&self, origin: IpAddr) {
-        if self.of_origin.is_spent(&origin).await || self.of_all.is_spent(&()).await {
+        if self.of_origin.is_spent(origin).await || self.of_all.is_spent(ALL).await {
             tokio::time::sleep(self.wait).await;
         }
     }
@@ -88,7 +95,7 @@ impl Guesses {
     /// # Errors
     /// The time after which the next may come, if there are too many of this origin.
     pub async fn count(&self, origin: IpAddr) -> Result<(), Duration> {
-        let _ = self.of_all.take(()).await;
+        let _ = self.of_all.take(ALL).await;
         self.of_origin.take(origin).await
     }
 }

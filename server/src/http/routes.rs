@@ -43,6 +43,7 @@ async fn method_not_allowed() -> ApiError {
 mod tests {
     use super::*;
     use crate::http::bounded::Bounded;
+    use crate::http::pace::{Guesses, Pace};
     use crate::http::peer::Proxies;
     use crate::jobs::analysis_limits::Limits;
     use crate::languages::Languages;
@@ -83,8 +84,8 @@ mod tests {
             default_study: "default".to_owned(),
             library: Library::new(Languages::load(None).unwrap()),
             environment_key: None,
-            pace: Default::default(),
-            guesses: Default::default(),
+            pace: Pace::new(&store),
+            guesses: Guesses::new(&store),
             drawing: Bounded::new(plans_waiting),
             hashing: Bounded::new(0),
             answers: Default::default(),

@@ -1,21 +1,79 @@
 //! How often somebody may do something.
 
+use crate::secrets;
+use crate::store::Store;
+use crate::store::throttles::Allowance;
 use std::collections::HashMap;
 use std::hash::Hash;
+use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Counts what each of many (addresses, tokens) does. Everybody may do it `burst` times at once, and gets one
-/// more for each `pause` that passes.
-///
-/// The counts are in this server's memory. All that is asked of them are the two operations below, so that
-/// servers of one database can keep them together.
+/// more for each `pause` that passes. The counts are in this server's memory.
 #[derive(Debug)]
 pub struct Throttle<Who> {
     burst: u32,
     pause: Duration,
     /// For each, when they will have all their `burst` again.
     full_at: Mutex<HashMap<Who, Instant>>,
+}
+
+/// The same for what is rare and must not become more frequent with more servers: if several servers share
+/// the database, they count together.
+#[derive(Debug)]
+pub struct SharedThrottle {
+    here: Throttle<IpAddr>,
+    /// What is counted, as the database calls it.
+    kind: &'static str,
+    /// The database, if it is shared.
+    store: Option<Store>,
+}
+
+impl SharedThrottle {
+    /// A throttle of this name that counts in the database, if servers share it, and else in memory.
+    #[must_use]
+    pub fn new(store: &Store, kind: &'static str, burst: u32, pause: Duration) -> Self {
+        let store = store.is_shared().then(|| store.clone());
+        Self { here: Throttle::new(burst, pause), kind, store }
+    }
+
+    fn allowed(&self) -> Allowance {
+        let ms = |time: Duration| i64::try_from(time.as_millis()).unwrap_or(i64::MAX);
+        Allowance {
+            kind: self.kind,
+            pause_ms: ms(self.here.pause),
+            burst_ms: ms(self.here.whole()),
+        }
+    }
+
+    /// Counts one more.
+    ///
+    /// # Errors
+    /// The time after which they may, if they may not now; then nothing is counted.
+    pub async fn take(&self, who: IpAddr) -> Result<(), Duration> {
+        if let Some(store) = &self.store
+            && let Ok(taken) = store.take_turn(self.allowed(), hashed(who)).await
+        {
+            return taken.map_err(|ms| Duration::from_millis(ms.unsigned_abs()));
+        }
+        // While the database is away, each server counts alone.
+        self.here.take(who)
+    }
+
+    /// Whether they may do nothing more now.
+    pub async fn is_spent(&self, who: IpAddr) -> bool {
+        if let Some(store) = &self.store
+            && let Ok(spent) = store.has_no_turn(self.allowed(), hashed(who)).await
+        {
+            return spent;
+        }
+        self.here.is_spent(&who)
+    }
+}
+
+fn hashed(who: IpAddr) -> [u8; 32] {
+    secrets::hash(&who.to_string())
 }
 
 /// The table is searched for entries that say nothing any more when it has so many.
@@ -32,12 +90,12 @@ impl<Who: Eq + Hash> Throttle<Who> {
     ///
     /// # Errors
     /// The time after which they may, if they may not now; then nothing is counted.
-    pub async fn take(&self, who: Who) -> Result<(), Duration> {
+    pub fn take(&self, who: Who) -> Result<(), Duration> {
         self.take_at(who, Instant::now())
     }
 
     /// Whether they may do nothing more now.
-    pub async fn is_spent(&self, who: &Who) -> bool {
+    pub fn is_spent(&self, who: &Who) -> bool {
         let full_at = self.full_at.lock().unwrap_or_else(PoisonError::into_inner);
         let left = full_at.get(who).map(|at| at.saturating_duration_since(Instant::now()));
         left.is_some_and(|left| left + self.pause > self.whole())
@@ -89,14 +147,14 @@ mod tests {
         assert_eq!(seconds(pause), 7);
     }
 
-    #[tokio::test]
-    async fn who_has_spent_all_is_known() {
+    #[test]
+    fn who_has_spent_all_is_known() {
         let throttle = Throttle::new(2, Duration::from_secs(60));
         for spent in [false, false, true] {
-            assert_eq!(throttle.is_spent(&7).await, spent);
-            let _ = throttle.take(7).await;
+            assert_eq!(throttle.is_spent(&7), spent);
+            let _ = throttle.take(7);
         }
-        assert!(!throttle.is_spent(&8).await);
+        assert!(!throttle.is_spent(&8));
     }
 
     #[test]

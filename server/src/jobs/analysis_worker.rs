@@ -116,6 +116,10 @@ impl Worker {
     /// database, interrupted analyses are put back into the queue first.
     async fn next(&self, recovered: &mut bool) -> anyhow::Result<bool> {
         if !*recovered || self.store.is_shared() {
+            // A server that looks and finds nothing must not write: open pages would hear of it.
+            if *recovered && !self.store.awaits_worker(now_ms()).await? {
+                return Ok(false);
+            }
             self.store.recover_analyses(now_ms()).await?;
         }
         let job = self.store.begin_analysis(&self.name, now_ms()).await?;

@@ -208,6 +208,20 @@ impl Store {
         .await
     }
 
+    /// Whether an analysis waits for a worker: it is queued, or, on a shared database, its lease has run out.
+    pub async fn awaits_worker(&self, now_ms: i64) -> Result<bool, StoreError> {
+        let is_shared = self.is_shared();
+        self.read(move |db| {
+            let waiting = format!(
+                "SELECT EXISTS (SELECT 1 FROM analysis WHERE state = 'queued' \
+                     OR state = 'running' AND ?2 AND coalesce(lease_until_ms, 0) < {})",
+                now(db)
+            );
+            Ok(db.query_row(&waiting, params![now_ms, is_shared], |row| row.get(0))?)
+        })
+        .await
+    }
+
     /// Puts analyses back into the queue whose server stopped or lost the database: on a database of one
     /// server, all that are running; on a shared one, those whose lease has run out. An analysis that
     /// was interrupted too often fails instead.

@@ -1,16 +1,17 @@
 //! PostgreSQL: a server that many Sidestep servers share.
 //!
-//! Each operation has a transaction of its own, at the level READ COMMITTED, on a session of the pool; the
-//! database commits many of them together. What an operation reads and then depends on, it locks first
-//! ([`Lock`]). After an error of the connection the session is thrown away with all idle ones, so
+//! Each operation has a transaction of its own, at the level READ COMMITTED, on a session of the pool; trials
+//! that wait share one. What an operation reads and then depends on, it locks first ([`Lock`]). After an error of the connection the session is thrown away with all idle ones, so
 //! that service resumes as soon as the database, or the one that took its place, is back.
 
 mod address;
 mod migrations;
 mod pool;
+mod trials;
 
 use super::error::StoreError;
 use super::lanes::{Lane, Lock};
+use super::operation::operation;
 use super::sql::Connection;
 use super::{Missing, OpenError};
 use address::Address;
@@ -23,10 +24,18 @@ use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 use tokio::task;
+use trials::Trials;
 
-/// Sessions that write trials, that write for other requests, that write for jobs, that read a few rows, and
-/// that read many.
+/// Sessions for each purpose.
 const SESSIONS: [usize; 5] = [8, 4, 1, 6, 4];
+
+/// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, and to
+/// read many.
+const TRIALS: usize = 0;
+const REQUESTS: usize = 1;
+const JOBS: usize = 2;
+const READS: usize = 3;
+const LONG_READS: usize = 4;
 
 /// Most operations that wait for a session of one kind; further ones are refused.
 const QUEUE: usize = 1_024;
@@ -53,6 +62,7 @@ pub(super) struct Postgres {
 /// What operations take along to their threads.
 struct Shared {
     pool: Pool,
+    trials: Trials,
     committed: watch::Sender<u64>,
 }
 
@@ -121,7 +131,8 @@ impl Postgres {
             sessions: sessions as u32,
             waiting: AtomicUsize::new(0),
         });
-        let shared = Arc::new(Shared { pool, committed: watch::Sender::new(0) });
+        let shared =
+            Arc::new(Shared { pool, trials: Trials::default(), committed: watch::Sender::new(0) });
         Ok(Self { name: database, shared, kinds })
     }
 
@@ -137,7 +148,8 @@ impl Postgres {
 
     /// Whether a write could be made now.
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
-        let asked = self.write(Lane::Request, Vec::new(), |db| {
+        // Nothing is stored, so nobody hears of it.
+        let asked = self.transaction(REQUESTS, "BEGIN".to_owned(), "COMMIT", |db| {
             let refuses = "SELECT pg_is_in_recovery() OR \
                            current_setting('transaction_read_only') = 'on'";
             match db.query_row(refuses, [], |row| row.get(0))? {
@@ -174,7 +186,7 @@ impl Postgres {
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        let turn = self.kinds[3].turn().await?;
+        let turn = self.kinds[READS].turn().await?;
         let shared = Arc::clone(&self.shared);
         let reading = task::spawn_blocking(move || {
             let _turn = turn;
@@ -189,30 +201,45 @@ impl Postgres {
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         const BEGIN: &str = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY";
-        self.transaction(4, BEGIN.to_owned(), "COMMIT", read).await
+        self.transaction(LONG_READS, BEGIN.to_owned(), "COMMIT", read).await
     }
 
     /// An operation; its result is returned after the commit.
     pub(super) async fn write<T: Send + 'static>(
         &self,
         lane: Lane,
-        mut locks: Vec<Lock>,
+        locks: Vec<Lock>,
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        // Everybody takes locks in the same order, so nobody waits for each other.
-        locks.sort();
-        let mut begin = "BEGIN".to_owned();
-        for [kind, number] in locks.iter().map(Lock::numbers) {
-            begin += &format!("; SELECT pg_advisory_xact_lock({kind}, {number})");
-        }
         let kind = match lane {
-            Lane::Trial => 0,
-            Lane::Request => 1,
-            Lane::Background => 2,
+            Lane::Trial => return self.write_trial(locks, work).await,
+            Lane::Request => REQUESTS,
+            Lane::Background => JOBS,
         };
-        let done = self.transaction(kind, begin, COMMIT, work).await?;
+        let done = self.transaction(kind, begin(locks), COMMIT, work).await?;
         self.shared.committed.send_modify(|commits| *commits += 1);
         Ok(done)
+    }
+
+    /// The same for a trial: whoever gets a session stores all that wait.
+    async fn write_trial<T: Send + 'static>(
+        &self,
+        locks: Vec<Lock>,
+        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let (operation, mut answered) = operation(work);
+        self.shared.trials.push(locks, operation)?;
+        let lost = |_| Err(StoreError::Defect("a transaction ended without an answer".to_owned()));
+        let turn = tokio::select! {
+            answer = &mut answered => return answer.unwrap_or_else(lost),
+            turn = self.kinds[TRIALS].turn() => turn?,
+        };
+        let shared = Arc::clone(&self.shared);
+        task::spawn_blocking(move || {
+            let _turn = turn;
+            shared.write_trials();
+        });
+        answered.await.unwrap_or_else(lost)
     }
 
     async fn transaction<T: Send + 'static>(
@@ -251,6 +278,18 @@ impl Shared {
         ended?;
         Ok(found)
     }
+}
+
+/// Begins a transaction with these locks. Everybody takes locks in the same order, so nobody waits for each
+/// other.
+fn begin(mut locks: Vec<Lock>) -> String {
+    locks.sort();
+    locks.dedup();
+    let mut begin = "BEGIN".to_owned();
+    for [kind, number] in locks.iter().map(Lock::numbers) {
+        begin += &format!("; SELECT pg_advisory_xact_lock({kind}, {number})");
+    }
+    begin
 }
 
 /// Says that something was stored whenever a server has committed something.

@@ -2,7 +2,7 @@
 
 use super::mesh::{Mesh, height_m};
 use super::slices::caption;
-use crate::chart::{self, Align, Axis, Colour, Drawing, Pen, colours, headed, number};
+use crate::chart::{self, Align, Axis, Colour, Drawing, Pen, colours, headed, number, width_of};
 use crate::math::{PI, TAU, sin_cos};
 use crate::picture::Window;
 use crate::reachability::ValueFunction;
@@ -172,7 +172,8 @@ impl Orbit {
         drawing
     }
 
-    /// The numbers and names of the axes, along the edges in front.
+    /// The numbers and names of the axes, along the edges in front. Names come first; a number that would lie on
+    /// another is left out, as where an axis is seen from its end.
     fn numbers(
         &self,
         drawing: &mut Drawing,
@@ -181,22 +182,7 @@ impl Orbit {
         floor: f64,
     ) {
         let centre = self.place([0.5 * (front_x + back_x), 0.5 * (front_y + back_y), floor]);
-        let mut label = |words: &str, state: [f64; 3], away: f64, size: f64| {
-            let [px, py] = self.place(state);
-            let [dx, dy] = [px - centre[0], py - centre[1]];
-            let length = (dx * dx + dy * dy).sqrt().max(1.0);
-            let at = [px + away * dx / length, py + away * dy / length];
-            drawing.text(words, at, size, colours::MUTED, Align::Centre);
-        };
         let [x, y] = [0, 1].map(|d| [self.window.low[d], self.window.high[d]]);
-        for at in ticks(x) {
-            label(&number(at), [at, front_y, floor], 12.0, 10.5);
-        }
-        for at in ticks(y) {
-            label(&number(at), [front_x, at, floor], 12.0, 10.5);
-        }
-        label("x ahead (m)", [0.5 * (x[0] + x[1]), front_y, floor], 46.0, 11.5);
-        label("y to the left (m)", [front_x, 0.5 * (y[0] + y[1]), floor], 46.0, 11.5);
         // ψ stands at the upright edge that is seen farthest to the left.
         let edges = [(front_x, back_y), (back_x, front_y)];
         let left = if self.place([edges[0].0, edges[0].1, 0.0])[0]
@@ -206,13 +192,77 @@ impl Orbit {
         } else {
             edges[1]
         };
-        for quarter in 0..=4 {
-            let [px, py] = self.place([left.0, left.1, f64::from(quarter) * PI / 2.0]);
-            let words = format!("{}°", 90 * quarter);
-            drawing.text(&words, [px - 7.0, py], 10.5, colours::MUTED, Align::Right);
+        let upright = |psi: f64| self.place([left.0, left.1, psi]);
+        let edge_x = [x[0], x[1]].map(|at| self.place([at, front_y, floor]));
+        let edge_y = [y[0], y[1]].map(|at| self.place([front_x, at, floor]));
+        let [beside_x, beside_y] = [edge_x, edge_y].map(|edge| outwards(edge, centre, floor));
+        let mut labels = Labels(Vec::new());
+        let from = upright(1.75 * PI);
+        labels.add(drawing, "ψ", [from[0] - 36.0, from[1]], 12.0, Align::Right);
+        for (words, edge, beside) in
+            [("x ahead (m)", edge_x, beside_x), ("y to the left (m)", edge_y, beside_y)]
+        {
+            // Beyond the numbers, whichever way the edge runs, and within the picture.
+            let half = [0.5 * width_of(words, 11.5, false), 8.0];
+            let away = 30.0 + beside[0].abs() * half[0];
+            let at = [0, 1].map(|d| {
+                let at = 0.5 * (edge[0][d] + edge[1][d]) + away * beside[d];
+                at.clamp(half[d], (self.size[d] - half[d]).max(half[d]))
+            });
+            labels.add(drawing, words, at, 11.5, Align::Centre);
         }
-        let [px, py] = self.place([left.0, left.1, 1.75 * PI]);
-        drawing.text("ψ", [px - 36.0, py], 12.0, colours::MUTED, Align::Right);
+        for quarter in 0..=4 {
+            let [px, py] = upright(f64::from(quarter) * PI / 2.0);
+            let words = format!("{}°", 90 * quarter);
+            labels.add(drawing, &words, [px - 7.0, py], 10.5, Align::Right);
+        }
+        let places_x = ticks(x).into_iter().map(|at| (at, [at, front_y, floor], beside_x));
+        let places_y = ticks(y).into_iter().map(|at| (at, [front_x, at, floor], beside_y));
+        for (at, state, beside) in places_x.chain(places_y) {
+            let on = self.place(state);
+            let at_px = [0, 1].map(|d| on[d] + 14.0 * beside[d]);
+            labels.add(drawing, &number(at), at_px, 10.5, Align::Centre);
+        }
+    }
+}
+
+/// Away from the middle of the floor, across an edge of it: of length 1. An edge that is seen from its end has
+/// no across; then it is straight away from the middle. On a floor that is seen from its side it is away from the
+/// box.
+fn outwards([a, b]: [[f64; 2]; 2], centre: [f64; 2], floor: f64) -> [f64; 2] {
+    let [along, from] =
+        [[0, 1].map(|d| b[d] - a[d]), [0, 1].map(|d| 0.5 * (a[d] + b[d]) - centre[d])];
+    let length = |v: [f64; 2]| (v[0] * v[0] + v[1] * v[1]).sqrt();
+    let outside = [0.0, if floor > 0.0 { -1.0 } else { 1.0 }];
+    if length(along) < END_ON {
+        let away = length(from);
+        return if away < END_ON { outside } else { from.map(|part| part / away) };
+    }
+    let across = [-along[1], along[0]].map(|part| part / length(along));
+    let side = across[0] * from[0] + across[1] * from[1];
+    let side = if side.abs() < 1.0 { across[1] * outside[1] } else { side };
+    across.map(|part| part * side.signum())
+}
+
+/// An edge so short, px, is seen from its end.
+const END_ON: f64 = 8.0;
+
+/// The labels that stand: left, top, right and bottom of each, px.
+struct Labels(Vec<[f64; 4]>);
+
+impl Labels {
+    /// Writes a label unless it would lie on one that stands.
+    fn add(&mut self, drawing: &mut Drawing, words: &str, at: [f64; 2], size: f64, align: Align) {
+        let width = width_of(words, size, false);
+        let left = if matches!(align, Align::Right) { at[0] - width } else { at[0] - 0.5 * width };
+        let this = [left - 2.0, at[1] - 0.6 * size, left + width + 2.0, at[1] + 0.6 * size];
+        let lies_on = |other: &[f64; 4]| {
+            this[0] < other[2] && other[0] < this[2] && this[1] < other[3] && other[1] < this[3]
+        };
+        if !self.0.iter().any(lies_on) {
+            self.0.push(this);
+            drawing.text(words, at, size, colours::MUTED, align);
+        }
     }
 }
 
@@ -288,6 +338,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chart::Form;
 
     fn orbit(turned_deg: [i16; 2]) -> Orbit {
         let window = Window { low: [-6.0, -9.0], high: [14.0, 9.0] };
@@ -311,6 +362,50 @@ mod tests {
                 assert!(clip[2].abs() < 1.0, "{clip:?}");
             }
         }
+    }
+
+    /// The labels on the walls: words, and left, top, right and bottom, px.
+    fn labels(turned_deg: [i16; 2]) -> Vec<(String, [f64; 4])> {
+        let walls = orbit(turned_deg).walls("");
+        let texts = walls.shapes.into_iter().filter_map(|shape| match shape.form {
+            Form::Text(text) => Some(text),
+            _ => None,
+        });
+        let boxed = texts.map(|text| {
+            let width = width_of(&text.text, text.size, text.bold);
+            let left = match text.align {
+                Align::Left => text.at[0],
+                Align::Centre => text.at[0] - 0.5 * width,
+                Align::Right => text.at[0] - width,
+            };
+            let [top, bottom] = [-0.5, 0.5].map(|half| text.at[1] + half * text.size);
+            (text.text, [left, top, left + width, bottom])
+        });
+        boxed.collect()
+    }
+
+    #[test]
+    fn no_label_lies_on_another_from_any_side() {
+        for around in (-180..180).step_by(15) {
+            for above in [-90, -45, -10, 0, 5, 20, 60, 90] {
+                let labels = labels([around, above]);
+                let names = ["x ahead (m)", "y to the left (m)", "ψ"];
+                let named = names.map(|name| labels.iter().any(|(words, _)| words == name));
+                assert!(named[2] && (named[0] || named[1]), "{around}, {above}: {labels:?}");
+                for (n, (a, at)) in labels.iter().enumerate() {
+                    for (b, other) in &labels[..n] {
+                        let apart = at[0] >= other[2]
+                            || other[0] >= at[2]
+                            || at[1] >= other[3]
+                            || other[1] >= at[3];
+                        assert!(apart, "{around}, {above}: {a} on {b}");
+                    }
+                }
+            }
+        }
+        // Where both axes are seen well, nothing is left out.
+        let numbers = 5 + ticks([-6.0, 14.0]).len() + ticks([-9.0, 9.0]).len();
+        assert_eq!(labels([-52, 26]).len(), 3 + numbers);
     }
 
     #[test]

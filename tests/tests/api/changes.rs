@@ -41,6 +41,9 @@ async fn an_open_page_hears_of_changes_and_only_of_changes() {
     // Several at once are one event, or two if the first is told already.
     assert!(next(&mut events).await.unwrap() > joined);
     while next(&mut events).await.is_some() {}
+    // A look whether the database takes writes changes nothing.
+    assert_eq!(server.request(Method::GET, "/readyz").send().await.unwrap().status(), 200);
+    assert_eq!(next(&mut events).await, None);
     // A server that stops does not wait for those who listen.
     let begin = Instant::now();
     let stopped = tokio::join!(server.stop(), async {

@@ -115,11 +115,12 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     browser.close().await;
 }
 
-/// A second of a replay becomes a WebM file, from a button to its last byte.
+/// A second of a replay becomes a WebM file, from a button to its last byte, also if one goes to the next trial
+/// meanwhile.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_replay_is_filmed() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
-    let sent = Driver::enrol(&server).await.drive(&server, 1).await;
+    let sent = Driver::enrol(&server).await.drive(&server, 2).await;
     sign_in(&tab, &server).await;
     tab.go(&format!("{}/lab/replay/{}?t=9", server.origin, sent[0].0)).await;
     until_predicted(&tab).await;
@@ -136,6 +137,15 @@ async fn a_replay_is_filmed() {
     assert!(bytes.windows(4).any(|name| name == b"V_VP"));
     assert!(bytes.len() > 5_000, "{} bytes", bytes.len());
     tab.until("document.querySelector('[data-testid=film]').ariaPressed === 'false'").await;
+
+    tab.run("window.film = null").await;
+    tab.key("Home").await;
+    tab.press("film").await;
+    tab.until("document.querySelector('#replay').dataset.step > 2").await;
+    tab.key("n").await;
+    tab.until(&format!("location.pathname.endsWith('{}')", sent[1].0)).await;
+    tab.until("window.film?.size > 5000").await;
+    until_predicted(&tab).await;
 
     tab.run("delete window.MediaRecorder").await;
     tab.press("film").await;

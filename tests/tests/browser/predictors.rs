@@ -57,7 +57,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
         tab.enter(&format!("only-{choice}"), value).await;
     }
     tab.until_says("range", "1–9 of 9").await;
-    assert_eq!(search(&tab).await, "?participant=2&model=lr&experiment=1");
+    tab.until_search("?participant=2&model=lr&experiment=1").await;
 
     // What is chosen is in the address; the file is there.
     tab.reload().await;
@@ -94,7 +94,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     let chosen = format!("{}.value", Tab::at("choose-predictor"));
     let slider = format!("{}.value", Tab::at("slider"));
     assert_eq!(tab.eval::<String>(&slider).await, "3.4");
-    assert_eq!(search(&tab).await, format!("{linked}&t=3.4"));
+    tab.until_search(&format!("{linked}&t=3.4")).await;
     assert_ne!(tab.words("regions").await, before, "another model predicts something else");
     take(&tab, "replay-trained-on-this").await;
     // In a narrow window the control is below the timeline.
@@ -114,7 +114,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     tab.until(&Tab::at("regions")).await;
     tab.enter("choose-predictor", "").await;
     tab.until_says("predictor", "too few earlier trials").await;
-    assert_eq!(search(&tab).await, "?t=3.4");
+    tab.until_search("?t=3.4").await;
     tab.is_well().await;
     let of_other = "?analysis=ID&file=models/dt-1-hrd-1.json".replace("ID", &id);
     let address = format!("{}/lab/replay/{newest}{of_other}", server.origin);

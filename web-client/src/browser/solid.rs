@@ -30,6 +30,9 @@ struct Loaded {
     mesh: Rc<Mesh>,
 }
 
+/// How many pictures of a new mesh are timed.
+const TIMED: usize = 3;
+
 /// Pixels of the picture to one of the screen, along each side, while nothing moves.
 const STILL: f64 = 2.0;
 
@@ -83,16 +86,20 @@ impl Painter {
             canvas.paint(window, solid, solid.is_still)?;
             return Some(None);
         }
-        // The first picture of a mesh uploads it, so the second one is timed.
+        // The first picture of a mesh uploads it, so those after it are timed. A browser that is busy with
+        // something else takes long for one of them, but hardly for all.
         canvas.paint(window, solid, false)?;
         canvas.wait();
         let clock = window.performance()?;
-        let begin = clock.now();
-        canvas.paint(window, solid, false)?;
-        canvas.wait();
-        let taken = clock.now() - begin;
+        let mut quickest = f64::INFINITY;
+        for _ in 0..TIMED {
+            let begin = clock.now();
+            canvas.paint(window, solid, false)?;
+            canvas.wait();
+            quickest = quickest.min(clock.now() - begin);
+        }
         canvas.paint(window, solid, solid.is_still)?;
-        Some(Some(taken))
+        Some(Some(quickest))
     }
 }
 

@@ -45,6 +45,12 @@ impl Storage {
         (Self { window: window.clone(), database, is_persistent: false }, records)
     }
 
+    /// None, for pages that keep nothing.
+    pub(super) fn none(window: &Window) -> Self {
+        let database = Err(NotKept::Denied);
+        Self { window: window.clone(), database, is_persistent: false }
+    }
+
     /// Why nothing can be kept, if so.
     pub(super) fn failure(&self) -> Option<NotKept> {
         self.database.as_ref().err().copied()

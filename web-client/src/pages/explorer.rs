@@ -13,6 +13,7 @@ use self::areas::Areas;
 use self::predictor::Choice;
 use self::tuning::Tuning;
 use super::coverage::Coverage;
+use super::moment::fit;
 use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;
@@ -248,12 +249,12 @@ impl Explorer {
         if drives.data_deleted {
             return Err("The data of this participant were deleted.".to_owned());
         }
-        let mut misread = None;
+        let (choice, unknown) = Choice::of(address);
+        let mut misread: Vec<String> = unknown.into_iter().collect();
         let named = address.parameter("trial");
         let task = named.and_then(|id| drives.tasks.iter().position(|it| it.trial_id == id));
         if named.is_some() && task.is_none() {
-            misread =
-                Some("The link names a trial that is no task of this participant.".to_owned());
+            misread.push("The link names a trial that is no task of this participant.".to_owned());
         }
         let task = task.unwrap_or(0);
         let Some(drive) = drives.tasks.get(task) else {
@@ -263,9 +264,21 @@ impl Explorer {
         let mut view = View::default();
         for (name, value) in &address.query {
             if let Err(invalid) = wanted.set(name, value).and_then(|()| view.set(name, value)) {
-                misread = Some(format!("The link is not valid: {invalid}."));
+                misread.push(format!("The link is not valid: {invalid}."));
             }
         }
+        misread.extend(fit(&mut view, wanted.steps));
+        let counts_all = match address.parameter("count") {
+            None | Some("unseen") => false,
+            Some("all") => true,
+            Some(other) => {
+                misread.push(format!(
+                    "The link counts {other}: expected count=all, or nothing for the tasks that did not train the \
+                     predictor."
+                ));
+                false
+            }
+        };
         let playback = Playback::new(drive.recorded(drives.parameters))
             .map_err(|invalid| invalid.to_string())?;
         let ids = [drives.value_function_hr.as_deref(), drives.value_function_rh.as_deref()];
@@ -273,17 +286,17 @@ impl Explorer {
             participant_id: id.to_owned(),
             task,
             sources: Sources::new(&drives.parameters, ids, Msg::ValueFunction),
-            choice: Choice::of(address),
+            choice,
             complaint: wanted.settings(ACTIONS).err(),
             wanted,
-            coverage: Coverage::new(address.parameter("count") == Some("all")),
+            coverage: Coverage::new(counts_all),
             areas: Areas::default(),
             tuning: Tuning::default(),
             playback,
             view,
             picture: Picture::default(),
             trouble: None,
-            misread,
+            misread: (!misread.is_empty()).then(|| misread.join(" ")),
             drives,
             content,
         };

@@ -95,14 +95,19 @@ impl<P: Program> Lab<P> {
         let width = context.screen.iter().find(|(name, _)| *name == "window_width_px");
         let window_px = width.map_or(1280.0, |(_, px)| *px);
         let mut lab = Self { address, session, state, window_px, visits, trouble, program };
-        let commands = if lab.is_open_to_all() {
-            lab.show_address()
-        } else {
-            lab.key_of_address().unwrap_or_else(|| {
-                vec![Command::Send(Request::get("session", api::SESSION, Msg::Session))]
-            })
+        let key = if lab.is_open_to_all() { None } else { lab.key_of_address() };
+        let commands = match key {
+            Some(commands) => commands,
+            // What looks the same to everybody begins while the server still says who is there.
+            None if lab.is_open_to_all() || is_apart(&lab.address.path) => lab.show_address(),
+            None => vec![who_is_there()],
         };
         (lab, commands)
+    }
+
+    /// Whether the page may be seen: it is open to all, or the server knows who is there.
+    fn is_seen(&self) -> bool {
+        self.session.signed_in || self.is_open_to_all()
     }
 
     /// Whether nobody needs to sign in here.
@@ -154,7 +159,8 @@ impl<P: Program> Lab<P> {
         let (page, commands) = (route.open)(&visit);
         self.state = State::Open(page);
         let commands = self.lifted(commands);
-        [Command::CancelAll].into_iter().chain(commands).collect()
+        let ask = (!self.is_seen()).then(who_is_there);
+        [Command::CancelAll].into_iter().chain(ask).chain(commands).collect()
     }
 
     /// The page's commands; their messages return to this visit. The laboratory, not the page,
@@ -183,6 +189,11 @@ impl<P: Program> Lab<P> {
     }
 }
 
+/// Asks the server whether the user is signed in.
+fn who_is_there() -> Command<Msg> {
+    Command::Send(Request::get("session", api::SESSION, Msg::Session))
+}
+
 /// The page of a program at a path, and the name in it.
 fn page_at<P: Program>(path: &str) -> Option<(&'static Route, &str)> {
     let mut pages = P::PAGES.iter().copied().flatten();
@@ -194,6 +205,10 @@ impl<P: Program> Page for Lab<P> {
 
     fn navigates() -> bool {
         true
+    }
+
+    fn keeps() -> bool {
+        false
     }
 
     fn solves() -> bool {
@@ -230,7 +245,11 @@ impl<P: Program> Page for Lab<P> {
             Msg::Session(answer) => match read(answer) {
                 Ok(session) => {
                     self.session = session;
-                    self.show_address()
+                    match self.state {
+                        // It has begun.
+                        State::Open(_) => Vec::new(),
+                        _ => self.show_address(),
+                    }
                 }
                 Err(Failure { status: 401, .. }) => {
                     // Not to be signed in yet is no trouble.
@@ -253,7 +272,7 @@ impl<P: Program> Page for Lab<P> {
             },
             Msg::SessionEnded => {
                 let why = "Your session has ended. Please sign in again.";
-                self.ask_for_key(Some(why.to_owned()))
+                self.ask_for_key(self.session.signed_in.then(|| why.to_owned()))
             }
             Msg::Page(visit, message) => match &mut self.state {
                 State::Open(page) if visit == self.visits => {
@@ -268,8 +287,9 @@ impl<P: Program> Page for Lab<P> {
 
     fn view(&self) -> Node {
         let content = match &self.state {
-            State::Asking => parts::loading(),
             State::SignedOut { busy } => self.sign_in_form(*busy),
+            State::Asking => parts::loading(),
+            State::Open(_) if !self.is_seen() => parts::loading(),
             State::Nowhere => {
                 parts::stuck("Page not found", "The laboratory has no page at this address.")
             }
@@ -288,6 +308,7 @@ impl<P: Program> Page for Lab<P> {
             State::Asking => None,
             State::SignedOut { .. } => Some("Sign in".to_owned()),
             State::Nowhere => Some("Page not found".to_owned()),
+            State::Open(_) if !self.is_seen() => None,
             State::Open(page) => Some(page.title()),
         };
         title.map_or_else(String::new, |title| format!("{title} · ")) + "Sidestep laboratory"
@@ -312,6 +333,9 @@ impl<P: Program> Page for Lab<P> {
     }
 
     fn tick(&mut self, now_ms: f64) -> Option<Msg> {
+        if !self.is_seen() {
+            return None;
+        }
         let State::Open(page) = &mut self.state else { return None };
         page.tick(now_ms).map(|message| Msg::Page(self.visits, message))
     }
@@ -337,7 +361,7 @@ impl<P: Program> Page for Lab<P> {
 impl<P: Program> Lab<P> {
     fn page(&self) -> Option<&AnyPage> {
         match &self.state {
-            State::Open(page) => Some(page),
+            State::Open(page) if self.is_seen() => Some(page),
             _ => None,
         }
     }
@@ -349,7 +373,7 @@ impl<P: Program> Lab<P> {
         let is_current = |address: &str| address == path;
         let about = match &self.state {
             State::Asking | State::SignedOut { .. } => return header,
-            _ if self.is_open_to_all() => return header,
+            _ if self.is_open_to_all() || !self.is_seen() => return header,
             // The navigation shows which page is open, unless the page is not in it.
             State::Open(page) if !NAVIGATION.iter().any(|(it, _)| is_current(it)) => page.title(),
             State::Open(..) | State::Nowhere => String::new(),

@@ -7,7 +7,7 @@ use crate::view::{Node, drawn, el, subscripted};
 use sidestep::chart::{ColourStyle, LegendItem, fixed};
 use sidestep::playback::Playback;
 use sidestep::playback::layers::{LAYERS, Layer};
-use sidestep::playback::style::Palette;
+use sidestep::playback::style::{Palette, Sets};
 use sidestep::playback::view::View;
 use sidestep::vehicle::TurnInput;
 
@@ -35,6 +35,18 @@ pub(super) fn switches<M>(
         .class("switches")
         .attrs(&[("role", "group"), ("aria-label", "Layers")])
         .children(switches)
+}
+
+/// Shows the last of so many predicted steps where the view asks for a later one, and says so.
+pub(super) fn fit(view: &mut View, steps: usize) -> Option<String> {
+    let Sets::Step(wanted) = view.style.sets else { return None };
+    (wanted > steps).then(|| {
+        view.style.sets = Sets::Step(steps);
+        format!(
+            "The link asks for the sets after step {wanted}, but they are predicted for {steps} steps: shown are \
+             those after step {steps}."
+        )
+    })
 }
 
 /// A button that is on or off.

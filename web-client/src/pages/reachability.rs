@@ -98,8 +98,10 @@ const LINK_AFTER_MS: f64 = 250.0;
 const CANVAS: &str = "solid";
 /// A solid that takes longer to draw does not turn smoothly, ms.
 const SLOW_MS: f64 = 50.0;
-/// Width and height of the tube's picture, px.
-const SOLID: [f64; 2] = [640.0, 480.0];
+/// Most width of the tube's picture, px, and its height as a share of the width. A wider place enlarges it; a narrower
+/// one makes it smaller, but not its words.
+const SOLID_PX: f64 = 640.0;
+const SOLID_HEIGHT: f64 = 0.75;
 
 impl Reachability {
     /// The page as the address describes it.
@@ -267,7 +269,8 @@ impl Reachability {
     /// The box of the tube as it is seen.
     fn orbit(&self, found: &Found) -> Orbit {
         let zoom = f64::from(self.view.zoom_percent) / 100.0;
-        Orbit::new(found.window(), self.view.turned_deg, zoom, SOLID)
+        let width = self.widths()[0].min(SOLID_PX);
+        Orbit::new(found.window(), self.view.turned_deg, zoom, [width, SOLID_HEIGHT * width])
     }
 
     /// Turns the relative heading by so many degrees.

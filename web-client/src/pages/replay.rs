@@ -11,11 +11,12 @@ mod view;
 
 use self::chances::{Chances, Tasks};
 use self::chart::Strip;
-use self::choice::{Choice, Pane};
+use self::choice::{Ask, Choice, Pane};
 use self::finder::Finder;
 use self::keys::Key;
 use self::panes::{Beside, FIRST_BESIDE};
 use super::models::Offered;
+use super::moment;
 use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;
@@ -35,8 +36,8 @@ use std::rc::Rc;
 
 /// The page of one trial.
 pub enum ReplayPage {
-    /// The trial is on its way, to be seen as the address says.
-    Loading(Address),
+    /// The trial is on its way, to be seen as the address says. What comes before it waits.
+    Loading(Address, Vec<Msg>),
     /// There is nothing to replay, for this reason.
     Failed(String),
     /// The trial is here.
@@ -108,15 +109,50 @@ pub enum Msg {
     Filmed(Result<(), String>),
     /// The numbers are to be shown anew while it plays.
     Frame,
+    /// The link is brought up to date.
+    Link,
 }
 
 impl ReplayPage {
     /// The page as it opens.
     #[must_use]
     pub fn open(trial_id: &str, address: &Address) -> (Self, Commands<Msg>) {
-        let ask = Request::get("trial", routes::admin_trial(trial_id), Msg::Trial);
-        (Self::Loading(address.clone()), vec![Command::Send(ask)])
+        let trial = Request::get("trial", routes::admin_trial(trial_id), Msg::Trial);
+        let mut commands = vec![Command::Send(trial)];
+        // The server trains the predictor, which takes longest: it does so while the trial comes.
+        if let Ask::Server(predictor) = first_choice(address).ask(trial_id) {
+            commands.push(predictor);
+        }
+        (Self::Loading(address.clone(), Vec::new()), commands)
     }
+
+    /// Shows the trial that has come, and takes what came before it.
+    fn arrived(&mut self, answer: Answer, now_ms: f64) -> Commands<Msg> {
+        let Self::Loading(address, early) = self else { return Vec::new() };
+        let trial = read(answer).map_err(|Failure { status, sentence, .. }| match status {
+            404 => "There is no such trial. Its participant may have withdrawn it.".to_owned(),
+            _ => sentence,
+        });
+        let (opened, early) =
+            (trial.and_then(|trial| Replay::open(trial, address, now_ms)), std::mem::take(early));
+        match opened {
+            Ok((mut replay, mut commands)) => {
+                commands.extend(early.into_iter().flat_map(|it| replay.update(it, now_ms)));
+                *self = Self::Open(Box::new(replay));
+                commands
+            }
+            Err(why) => {
+                *self = Self::Failed(why);
+                Vec::new()
+            }
+        }
+    }
+}
+
+/// What the address has predicted in the first pane.
+fn first_choice(address: &Address) -> Choice {
+    let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+    Choice::new(Pane::First, Source::of_query(query).unwrap_or_default().0)
 }
 
 impl Page for ReplayPage {
@@ -124,32 +160,19 @@ impl Page for ReplayPage {
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         match (message, self) {
-            (Msg::Trial(answer), page) => match (read(answer), &mut *page) {
-                (Ok(trial), Self::Loading(address)) => match Replay::open(trial, address, now_ms) {
-                    Ok((replay, commands)) => {
-                        *page = Self::Open(Box::new(replay));
-                        commands
-                    }
-                    Err(why) => {
-                        *page = Self::Failed(why);
-                        Vec::new()
-                    }
-                },
-                (Ok(_), _) => Vec::new(),
-                (Err(Failure { status, sentence, .. }), page) => {
-                    let why = "There is no such trial. Its participant may have withdrawn it.";
-                    *page = Self::Failed(if status == 404 { why.to_owned() } else { sentence });
-                    Vec::new()
-                }
-            },
+            (Msg::Trial(answer), page) => page.arrived(answer, now_ms),
+            (message, Self::Loading(_, early)) => {
+                early.push(message);
+                Vec::new()
+            }
             (message, Self::Open(replay)) => replay.update(message, now_ms),
-            _ => Vec::new(),
+            (_, Self::Failed(_)) => Vec::new(),
         }
     }
 
     fn view(&self) -> Node<Msg> {
         match self {
-            Self::Loading(_) => parts::loading(),
+            Self::Loading(..) => parts::loading(),
             Self::Failed(why) => parts::stuck("Nothing to replay", why),
             Self::Open(replay) => view::page(replay),
         }
@@ -257,7 +280,7 @@ impl Replay {
         let sources = Source::of_query(query());
         let misread = looked.as_ref().err().or(sources.as_ref().err());
         let misread = misread.map(|invalid| format!("The link is not valid: {invalid}."));
-        let (view, (source, beside)) = (looked.unwrap_or_default(), sources.unwrap_or_default());
+        let (view, (_, beside)) = (looked.unwrap_or_default(), sources.unwrap_or_default());
         let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
         let playback = Playback::new(Recorded { parameters, scene, inputs, states })
             .map_err(|invalid| invalid.to_string())?;
@@ -265,7 +288,7 @@ impl Replay {
         let ids = Evader::ALL.map(|evader| trial.value_function(evader));
         let mut replay = Self {
             sources: Sources::new(&trial.parameters, ids, Msg::ValueFunction),
-            choice: Choice::new(Pane::First, source),
+            choice: first_choice(address),
             tasks: None,
             chances: Chances::default(),
             offered: Offered::Asked,
@@ -289,7 +312,10 @@ impl Replay {
             replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
         }
         let mut commands = replay.sources.begin();
-        commands.extend(replay.predict(Pane::First));
+        // What the server has to say of the predictor is on its way already.
+        if let Ask::Nobody(method) = replay.choice.ask(&replay.trial.summary.trial_id) {
+            replay.take(Pane::First, method.map(|method| *method));
+        }
         commands.push(Offered::ask(&replay.trial.study, Msg::Analyses));
         commands.extend(beside.map(|source| replay.show_beside(source)).into_iter().flatten());
         replay.show();
@@ -298,6 +324,11 @@ impl Replay {
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         let mut commands = Vec::new();
+        if matches!(message, Msg::Link) {
+            // While it plays, the link stays what it was.
+            let link = (!self.is_playing()).then(|| Command::ReplaceAddress(self.address()));
+            return link.into_iter().collect();
+        }
         // Whatever changes the view changes the link to it.
         let before = (!self.is_playing()).then(|| self.address());
         // The panes that may predict in another way after it.
@@ -308,7 +339,7 @@ impl Replay {
             _ => Vec::new(),
         };
         match message {
-            Msg::Trial(_) => {}
+            Msg::Trial(_) | Msg::Link => {}
             Msg::Predictor(pane, answer) => {
                 let method = self.pane(pane).map(|(choice, _)| choice.arrived(answer));
                 method.into_iter().for_each(|method| self.take(pane, method));
@@ -391,9 +422,16 @@ impl Replay {
             commands.push(Command::offer(Offer::EndOfFilm(FILM)));
         }
         self.show();
+        if self.playback.set_count() > 0
+            && let Some(words) = moment::fit(&mut self.view, self.playback.steps_ahead())
+        {
+            self.misread = Some(words);
+            self.show();
+        }
         let after = (!self.is_playing()).then(|| self.address());
         if after.is_some() && after != before {
-            commands.extend(after.map(Command::ReplaceAddress));
+            let message = Msg::Link;
+            commands.push(Command::Wake { timer: LINK, after_ms: LINK_AFTER_MS, message });
         }
         commands
     }
@@ -564,5 +602,9 @@ impl Replay {
 /// The canvas elements' ids.
 const CANVAS: &str = "replay";
 const CANVAS_BESIDE: &str = "replay-beside";
+/// The name of the timer of the link.
+const LINK: &str = "link";
+/// How long the link stays behind, ms: browsers do not let a page change its address at every move.
+const LINK_AFTER_MS: f64 = 250.0;
 /// The name of the film.
 const FILM: &str = "film";

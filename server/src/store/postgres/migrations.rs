@@ -13,11 +13,18 @@ struct Migration {
     sql: &'static str,
 }
 
-const MIGRATIONS: [Migration; 1] = [Migration {
-    version: 1,
-    name: "schema",
-    sql: include_str!("../../../../migrations/postgres/0001_schema.sql"),
-}];
+const MIGRATIONS: [Migration; 2] = [
+    Migration {
+        version: 1,
+        name: "schema",
+        sql: include_str!("../../../../migrations/postgres/0001_schema.sql"),
+    },
+    Migration {
+        version: 2,
+        name: "throttles",
+        sql: include_str!("../../../../migrations/postgres/0002_throttles.sql"),
+    },
+];
 
 /// Why a database cannot be migrated.
 #[derive(Debug)]

@@ -14,14 +14,14 @@ use super::connection;
 use super::file::{DatabaseFile, Identity};
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
+use crate::store::operation::{Batch, Operation, operation};
 use crate::store::sql::Connection;
 use std::collections::VecDeque;
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use tokio::sync::{oneshot, watch};
+use tokio::sync::watch;
 
 /// Most operations that wait in a lane; further ones are refused.
 const QUEUE: usize = 1_024;
@@ -37,50 +37,6 @@ const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
 
 /// Pause between two attempts to empty the log.
 const EMPTY_LOG_PAUSE: Duration = Duration::from_millis(200);
-
-/// An operation in the queue.
-trait Operation: Send {
-    /// Whether a caller still waits for its answer.
-    fn is_wanted(&self) -> bool;
-    /// Runs in a savepoint, which is rolled back on an error.
-    fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
-    /// Answers, after the commit has succeeded or failed.
-    fn answer(self: Box<Self>, committed: Result<(), StoreError>);
-}
-
-struct Waiting<T, W> {
-    work: Option<W>,
-    found: Option<Result<T, StoreError>>,
-    answer: oneshot::Sender<Result<T, StoreError>>,
-}
-
-impl<T, W> Operation for Waiting<T, W>
-where
-    T: Send,
-    W: FnOnce(&Connection) -> Result<T, StoreError> + Send,
-{
-    fn is_wanted(&self) -> bool {
-        !self.answer.is_closed()
-    }
-
-    fn run(&mut self, db: &Connection) -> Result<(), StoreError> {
-        let Some(work) = self.work.take() else { return Ok(()) };
-        let found = catch_unwind(AssertUnwindSafe(|| work(db)));
-        let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
-        let error = found.as_ref().err().cloned();
-        self.found = Some(found);
-        error.map_or(Ok(()), Err)
-    }
-
-    fn answer(self: Box<Self>, committed: Result<(), StoreError>) {
-        let Self { found, answer, .. } = *self;
-        let never_ran = || Err(StoreError::Unavailable("it was closed".to_owned()));
-        // A client that has gone has seen no acknowledgement.
-        let _ = answer.send(committed.and_then(|()| found.unwrap_or_else(never_ran)));
-    }
-}
-
-type Batch = Vec<Box<dyn Operation>>;
 
 #[derive(Default)]
 struct Lanes {
@@ -205,9 +161,8 @@ impl Writer {
         lane: Lane,
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        let (answer, answered) = oneshot::channel();
-        let waiting = Waiting { work: Some(work), found: None, answer };
-        self.queue.push(lane, Box::new(waiting))?;
+        let (operation, answered) = operation(work);
+        self.queue.push(lane, operation)?;
         answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
     }
 
@@ -298,7 +253,8 @@ impl Thread {
             return;
         }
         let committed = self.commit(&mut batch);
-        if committed.is_ok() {
+        // What has changed nothing, as a look whether writes succeed, is no news.
+        if committed == Ok(true) {
             self.committed.send_modify(|commits| *commits += 1);
         }
         if let Err(error) = &committed {
@@ -309,27 +265,29 @@ impl Thread {
             }
         }
         for operation in batch {
-            operation.answer(committed.clone());
+            operation.answer(committed.clone().map(|_| ()));
         }
     }
 
-    /// The connection is used again only after a successful commit: a new connection is in no failed
+    /// Returns whether a row changed. The connection is used again only after a successful commit: a new connection is in no failed
     /// transaction.
-    fn commit(&mut self, batch: &mut Batch) -> Result<(), StoreError> {
+    fn commit(&mut self, batch: &mut Batch) -> Result<bool, StoreError> {
         let open = match self.db.take() {
             Some(open) => open,
             None => open(&self.file, self.expected)?,
         };
         let sqlite = open.sqlite()?;
+        let before = sqlite.total_changes();
         sqlite.execute_batch("BEGIN IMMEDIATE")?;
         run(sqlite, &open.db, batch)?;
         sqlite.execute_batch("COMMIT")?;
+        let has_changed = sqlite.total_changes() != before;
         // SQLite reports success also for a deleted file, whose content is lost.
         if self.file.identity()? != self.expected || self.file.log_identity()? != open.log {
             return Err(StoreError::Gone);
         }
         self.db = Some(open);
-        Ok(())
+        Ok(has_changed)
     }
 
     fn empty_log(&mut self) {

@@ -29,10 +29,6 @@ async fn open(tab: &Tab, field: &str, content: &str) {
     tab.run(&script).await;
 }
 
-async fn search(tab: &Tab) -> String {
-    tab.eval("location.search").await
-}
-
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_predictors_are_seen_side_by_side() {
     let (server, browser, tab) = start(STUDY).await;
@@ -45,7 +41,7 @@ async fn two_predictors_are_seen_side_by_side() {
     tab.key("b").await;
     tab.until(&is_painted("replay-beside")).await;
     tab.until_says("numbers-beside", "100 %").await;
-    assert_eq!(search(&tab).await, "?beside=constant-velocity&t=2.4");
+    tab.until_search("?beside=constant-velocity&t=2.4").await;
     tab.enter("choose-predictor", "history").await;
     tab.until_says("predictor", "Trained on the 7 trials before").await;
     for look in LOOKS {
@@ -71,10 +67,10 @@ async fn two_predictors_are_seen_side_by_side() {
     picture(&tab, "replay-file", (WIDE, false)).await;
     // The link brings both back.
     tab.enter("choose-predictor-beside", "hold-the-input").await;
+    tab.until_search("?predictor=history&beside=hold-the-input&t=2.6").await;
     tab.reload().await;
     tab.until(&is_painted("replay-beside")).await;
     tab.until_says("predictor-beside", "holds the input").await;
-    assert_eq!(search(&tab).await, "?predictor=history&beside=hold-the-input&t=2.6");
     // Sets that are learned from the seven trials before say their own levels, and nothing of inputs.
     for (way, level) in [("gaussian", "Mahalanobis radius"), ("empirical", "share of futures")] {
         tab.enter("choose-predictor-beside", way).await;
@@ -89,7 +85,7 @@ async fn two_predictors_are_seen_side_by_side() {
         }
         tab.look(WIDE, false).await;
     }
-    assert_eq!(search(&tab).await, "?predictor=history&beside=empirical&t=2.6");
+    tab.until_search("?predictor=history&beside=empirical&t=2.6").await;
     // What finds models says what there is.
     tab.press("find-models-beside").await;
     tab.until_says("finder-empty", "No analysis of this study is done").await;

@@ -120,6 +120,20 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     tab.until(&format!("!{}", Tab::at("no-graphics"))).await;
     tab.until_painted().await;
     assert!(red(&tab.picture("tube-restored").await) > 10_000);
+    // One that draws slowly shows slices, says how slow it is, and draws the solid if somebody insists.
+    tab.before_pages(
+        "{ const read = WebGL2RenderingContext.prototype.readPixels; \
+         WebGL2RenderingContext.prototype.readPixels = function (...given) { \
+         const until = performance.now() + 60; while (performance.now() < until); \
+         return read.apply(this, given); } }",
+    )
+    .await;
+    tab.reload().await;
+    tab.until_says("no-graphics", "ms to draw the solid once").await;
+    tab.press("insist").await;
+    tab.until(&format!("!{}", Tab::at("no-graphics"))).await;
+    tab.until_painted().await;
+    assert!(red(&tab.picture("tube-insisted").await) > 10_000);
     // A browser that never had any.
     tab.before_pages("window.withoutGraphics = true").await;
     tab.reload().await;

@@ -84,13 +84,22 @@ fn parts(tasks: usize) -> Parts {
 }
 
 impl Choice {
-    /// The one in the address of the page; without one, that of the command line.
-    pub(super) fn of(address: &Address) -> Self {
+    /// The one in the address of the page; without one, that of the command line. What the address names and
+    /// there is not becomes a sentence.
+    pub(super) fn of(address: &Address) -> (Self, Option<String>) {
+        let mut misread = None;
         let chosen = match (Named::of(address), address.parameter("predictor")) {
             (Some(named), _) => Chosen::Named(named),
             (None, Some("earlier")) => Chosen::Earlier,
             (None, Some("constant")) => Chosen::Constant,
-            (None, _) => Chosen::Here,
+            (None, None | Some("here")) => Chosen::Here,
+            (None, Some(other)) => {
+                misread = Some(format!(
+                    "The explorer has no predictor {other}: expected here, earlier, constant, or analysis= and \
+                     file= of a model. The predictor below is trained here."
+                ));
+                Chosen::Here
+            }
         };
         let mut choice = Self {
             chosen,
@@ -99,8 +108,18 @@ impl Choice {
             offered: Offered::Asked,
             refused: None,
         };
-        choice.set_features(address.parameter("features").unwrap_or_default());
-        choice
+        if let Some(features) = address.parameter("features")
+            && !choice.set_features(features)
+        {
+            let names = FEATURES.map(|(name, ..)| name).join(", ");
+            misread.get_or_insert_with(|| {
+                format!(
+                    "The explorer has no feature set {features}: expected one of {names}. The predictor below \
+                     uses the first one."
+                )
+            });
+        }
+        (choice, misread)
     }
 
     /// Asks for what there is to choose from.
@@ -121,11 +140,13 @@ impl Choice {
         };
     }
 
-    /// Other features for the predictor that is trained here.
-    pub(super) fn set_features(&mut self, name: &str) {
-        if let Some((known, ..)) = FEATURES.iter().find(|(known, ..)| *known == name) {
+    /// Other features for the predictor that is trained here; whether there are such.
+    pub(super) fn set_features(&mut self, name: &str) -> bool {
+        let known = FEATURES.iter().find(|(known, ..)| *known == name);
+        if let Some((known, ..)) = known {
             self.features = known;
         }
+        known.is_some()
     }
 
     /// Whether another task needs another predictor.

@@ -408,6 +408,37 @@ fn a_session_that_ends_asks_for_the_key() {
 }
 
 #[test]
+fn a_page_begins_while_the_server_says_who_is_there() {
+    let parameters = SceneParameters::default();
+    let begun = || {
+        let session = start("/lab/replay/t");
+        let urls =
+            [routes::SESSION.to_owned(), routes::admin_trial("t"), routes::admin_predictor("t")];
+        assert_eq!(session.urls(), urls);
+        session
+    };
+    // Nothing of it is seen before.
+    let mut session = begun();
+    session.send("trial", 200, &trial(parameters, [None, None]));
+    assert!(session.text().contains("Loading") && session.words("sign-out").is_none());
+    assert!(session.picture().is_none() && session.page.title() == "Sidestep laboratory");
+    let ada = SignedIn { signed_in: true, name: "Ada".into(), access: Access::Read };
+    session.send("session", 200, &ada);
+    assert!(session.words("sign-out").is_some() && session.picture().is_some());
+    // Whoever is not signed in is asked for the key, whichever answer comes first, and is in no trouble.
+    for first in ["session", "trial"] {
+        let mut session = begun();
+        session.answer(first, 401, b"{}");
+        assert!(session.words("key").is_some() && session.words("trouble").is_none(), "{first}");
+        assert_eq!(session.urls(), Vec::<&str>::new(), "{first}");
+    }
+    // Another address does not forget to ask.
+    let mut session = begun();
+    session.go("/lab/self-check");
+    assert_eq!(session.urls(), [routes::SESSION, routes::SELF_CHECK]);
+}
+
+#[test]
 fn a_trial_that_is_not_there_says_so() {
     let mut session = signed_in("/lab/replay/none");
     session.answer("trial", 404, br#"{"code":"not_found","message":"x"}"#);

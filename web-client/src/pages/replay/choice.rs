@@ -107,11 +107,10 @@ impl Choice {
     }
 
     /// How to come by the predictor.
-    pub(super) fn ask(&mut self, trial: &TrialDetail) -> Ask {
+    pub(super) fn ask(&mut self, trial_id: &str) -> Ask {
         (self.known, self.refused) = (None, None);
-        let summary = &trial.summary;
         let predictor = |query: &str| {
-            let route = routes::admin_predictor(&summary.trial_id);
+            let route = routes::admin_predictor(trial_id);
             format!("{route}{query}")
         };
         let url = match &self.chosen {
@@ -119,7 +118,7 @@ impl Choice {
                 Needs::Model(_) if *way == Way::Earlier => predictor(""),
                 Needs::Model(set) => predictor(&format!("?features={set}")),
                 Needs::Trials(family) => {
-                    let route = routes::admin_sets(&summary.trial_id);
+                    let route = routes::admin_sets(trial_id);
                     format!("{route}?family={}", family.name())
                 }
                 Needs::Nothing => {

@@ -60,10 +60,11 @@ impl Replay {
 
     /// Predicts with what is chosen for this pane, once it is here.
     pub(super) fn predict(&mut self, pane: Pane) -> Commands<Msg> {
+        let trial_id = &self.trial.summary.trial_id;
         let ask = match pane {
-            Pane::First => self.choice.ask(&self.trial),
+            Pane::First => self.choice.ask(trial_id),
             Pane::Second => match &mut self.beside {
-                Some(beside) => beside.choice.ask(&self.trial),
+                Some(beside) => beside.choice.ask(trial_id),
                 None => return Vec::new(),
             },
         };

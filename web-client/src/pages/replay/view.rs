@@ -177,13 +177,13 @@ fn drawing(replay: &Replay) -> Node {
         ("tube".to_owned(), "within the whole time ahead".to_owned()),
         ("steps".to_owned(), "after each step".to_owned()),
     ];
-    let last = match style.sets {
-        Sets::Step(step) => steps.max(step),
-        _ => steps,
+    // Before they are predicted, the list has the one that is asked for.
+    let asked = match style.sets {
+        Sets::Step(step) if !has_sets => step..=step,
+        _ => 1..=steps,
     };
     sets.extend(
-        (1..=last)
-            .map(|step| (step.to_string(), format!("after {} s", fixed(step as f64 * step_s, 1)))),
+        asked.map(|step| (step.to_string(), format!("after {} s", fixed(step as f64 * step_s, 1)))),
     );
     let colours = [("paper", "as in the paper"), ("safe", "for all eyes, hatched")];
     let palette = match style.palette {

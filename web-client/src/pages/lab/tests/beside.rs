@@ -21,10 +21,6 @@ fn predicted() -> Session {
     session
 }
 
-fn link(session: &Session) -> &str {
-    session.visited.last().map_or("", String::as_str)
-}
-
 #[test]
 fn baselines_need_no_server_and_are_in_the_link() {
     let mut session = predicted();
@@ -37,14 +33,14 @@ fn baselines_need_no_server_and_are_in_the_link() {
     ] {
         session.choose("choose-predictor", way);
         assert_eq!(right(&session).as_deref(), Some(said), "{way}");
-        assert_eq!(link(&session), format!("/lab/replay/t?predictor={way}"));
+        assert_eq!(session.link(), format!("/lab/replay/t?predictor={way}"));
         assert_eq!(session.urls().len(), asked, "{way}");
     }
     // Nobody leaves the worst case: one set, with everything that can be reached.
     let words = session.words("regions").unwrap();
     assert!(words.contains("F 1 1.00 5.33") && !words.contains("F 2"), "{words}");
     session.choose("choose-predictor", "");
-    assert_eq!(link(&session), "/lab/replay/t");
+    assert_eq!(session.link(), "/lab/replay/t");
     assert!(session.words("prediction").is_none(), "it is on its way");
 }
 
@@ -72,7 +68,7 @@ fn a_file_predicts_and_is_in_no_link() {
     session.choose("choose-predictor", "constant");
     session.choose("predictor-file", FILE);
     assert_eq!(right(&session).as_deref(), Some("25 %"));
-    assert_eq!(link(&session), "/lab/replay/t");
+    assert_eq!(session.link(), "/lab/replay/t");
     let words = session.words("predictor").unwrap();
     assert!(
         words.contains("On 1 feature, from a file") && words.contains("cannot hold"),
@@ -123,7 +119,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     let mut session = predicted();
     assert_eq!(beside(&session), None);
     session.key("KeyB");
-    assert_eq!(link(&session), "/lab/replay/t?beside=constant-velocity");
+    assert_eq!(session.link(), "/lab/replay/t?beside=constant-velocity");
     session.slide("slider", 2.4);
     let shown = beside(&session).unwrap();
     assert_eq!(shown.canvas, "replay-beside");
@@ -155,7 +151,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     assert!(session.words("predictor-beside").unwrap().contains("from a file"));
     let both = "/lab/replay/t?predictor=worst-case&beside=constant";
     session.choose("choose-predictor-beside", "constant");
-    assert_eq!(link(&session), format!("{both}&t=2.4"));
+    assert_eq!(session.link(), format!("{both}&t=2.4"));
 
     // Both are saved, in one picture.
     session.press("save-svg");
@@ -172,7 +168,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     assert_eq!(next, "/lab/replay/after?predictor=worst-case&beside=constant");
     session.press("beside");
     assert_eq!(beside(&session), None);
-    assert_eq!(link(&session), "/lab/replay/t?predictor=worst-case&t=2.4");
+    assert_eq!(session.link(), "/lab/replay/t?predictor=worst-case&t=2.4");
 }
 
 #[test]
@@ -208,7 +204,7 @@ fn models_of_other_people_and_studies_are_found_by_words() {
     session.choose("finder-search", "participant 2 LOGISTIC");
     assert!(session.words("finder-count").unwrap().contains("1 model."));
     session.press("found-model");
-    assert_eq!(link(&session), "/lab/replay/t?analysis=a1&file=models%2Flr-1-hrd-2.json");
+    assert_eq!(session.link(), "/lab/replay/t?analysis=a1&file=models%2Flr-1-hrd-2.json");
     // Another participant, another study.
     session.choose("finder-participant", "2");
     assert_eq!(session.urls().last(), Some(&format!("{asked}&participant=2").as_str()));
@@ -250,7 +246,7 @@ fn learned_sets_say_their_levels_and_no_inputs() {
         let asked = format!("/api/v1/admin/trials/t/sets?family={way}");
         assert_eq!(session.urls().last(), Some(&asked.as_str()));
         session.send("predictor-beside", 200, &learned_sets(family));
-        assert_eq!(link(&session), format!("/lab/replay/t?beside={way}"));
+        assert_eq!(session.link(), format!("/lab/replay/t?beside={way}"));
         let said = session.words("predictor-beside").unwrap();
         assert!(said.contains("Trained on the 6 trials before."), "{said}");
         session.send("drives", 200, &usual());

@@ -175,6 +175,27 @@ fn a_link_brings_everything_back() {
 }
 
 #[test]
+fn what_a_link_names_and_the_explorer_lacks_is_told() {
+    let said = |query: &str| arrived(&format!("/lab/explorer/p?{query}")).words("misread");
+    for (query, expected) in [
+        ("predictor=nonsense", "no predictor nonsense: expected here, earlier, constant"),
+        ("features=xyz", "no feature set xyz: expected one of usual, hrd, hr"),
+        ("count=some", "counts some: expected count=all"),
+        ("sets=99", "predicted for 10 steps: shown are those after step 10"),
+        ("trial=none", "no task of this participant"),
+        ("predictor=nonsense&count=some", "no predictor nonsense"),
+        ("predictor=nonsense&count=some", "counts some"),
+    ] {
+        let words = said(query).unwrap_or_default();
+        assert!(words.contains(expected), "{query}: {words}");
+    }
+    for query in ["", "predictor=here", "predictor=earlier", "features=hr", "count=all", "sets=10"]
+    {
+        assert_eq!(said(query), None, "{query}");
+    }
+}
+
+#[test]
 fn wrong_settings_are_told_beside_the_control_and_the_picture_stays() {
     let mut session = opened("/lab/explorer/p");
     let before = (session.areas(), session.words("p-0"));

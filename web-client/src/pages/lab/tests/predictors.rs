@@ -174,7 +174,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
     assert!(session.words("predictor").unwrap().contains("Loading"));
     let query = "?analysis=a1&file=models%2Flr-1-hrd-1.json";
     assert_eq!(asked(&session), [format!("{}{query}", routes::admin_predictor("t"))]);
-    assert_eq!(session.visited.last().unwrap(), &format!("/lab/replay/t{query}&t=2.4"));
+    assert_eq!(session.link(), format!("/lab/replay/t{query}&t=2.4"));
     session.send("predictor", 200, &trained(0.3, Some((model("lr", 1, 1), TrialUse::Trained))));
     assert_eq!(right(&session).as_deref(), Some("30 %"));
     assert!(session.text().contains("Step 12"), "the slider stays");
@@ -186,7 +186,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
 
     // Back to the one of the study.
     session.choose("choose-predictor", "");
-    assert_eq!(session.visited.last().unwrap(), "/lab/replay/t?t=2.4");
+    assert_eq!(session.link(), "/lab/replay/t?t=2.4");
     assert_eq!(asked(&session), [routes::admin_predictor("t")]);
     session.send("predictor", 200, &trained(0.9, None));
     assert_eq!(right(&session).as_deref(), Some("90 %"));

@@ -38,7 +38,11 @@ impl Session {
         found.map(|(_, value)| value.clone()).unwrap()
     }
 
-    fn link(&self) -> &str {
+    /// The link, once it is brought up to date.
+    pub(super) fn link(&mut self) -> &str {
+        if self.timers.iter().any(|(name, ..)| *name == "link") {
+            self.wake("link");
+        }
         self.visited.last().map_or("", String::as_str)
     }
 }
@@ -119,6 +123,46 @@ fn a_link_that_is_not_valid_says_what_is_wrong() {
 }
 
 #[test]
+fn a_link_to_a_step_beyond_the_predicted_ones_shows_the_last_and_says_so() {
+    let mut session = opened("/lab/replay/t?sets=99");
+    let said = session.words("misread").unwrap();
+    assert!(said.contains("after step 99") && said.contains("predicted for 10 steps"), "{said}");
+    assert!(session.link().contains("sets=10"), "{}", session.link());
+    assert!(session.words("legend").unwrap().contains("after 2.0 s"));
+    assert_eq!(opened("/lab/replay/t?sets=10").words("misread"), None);
+    // Another complaint stays.
+    let both = opened("/lab/replay/t?speed=3&sets=5").words("misread").unwrap();
+    assert!(both.contains("speed"), "{both}");
+}
+
+#[test]
+fn a_predictor_that_comes_before_the_trial_waits_for_it() {
+    let function = exact();
+    let mut session = signed_in("/lab/replay/t");
+    let asked = [routes::admin_trial("t"), routes::admin_predictor("t")];
+    assert_eq!(session.urls(), asked, "both at once");
+    session.answer("predictor", 200, PREDICTOR.as_bytes());
+    assert!(session.text().contains("Loading"));
+    let id = Some(function.id());
+    session.send("trial", 200, &trial(SceneParameters::default(), [id.clone(), id]));
+    assert!(!session.urls().contains(&asked[1].as_str()), "it is not asked for again");
+    session.answer(of(Evader::Human), 200, &function.encode());
+    assert!(session.words("legend").unwrap().contains("F1: where the human may be"));
+    assert!(session.words("predictor").unwrap().contains("7"));
+}
+
+#[test]
+fn a_link_with_a_predictor_asks_for_that_one_at_once() {
+    let beginning = |query: &str| {
+        let session = signed_in(&format!("/lab/replay/t?{query}"));
+        session.urls().iter().map(|url| (*url).to_owned()).collect::<Vec<_>>()
+    };
+    let model = format!("{}?analysis=a1&file=m", routes::admin_predictor("t"));
+    assert_eq!(beginning("analysis=a1&file=m"), [routes::admin_trial("t"), model]);
+    assert_eq!(beginning("predictor=constant"), [routes::admin_trial("t")], "nobody is asked");
+}
+
+#[test]
 fn trials_follow_one_after_the_other() {
     let mut session = opened("/lab/replay/t?t=1&colours=safe");
     let next = |session: &Session| {
@@ -131,7 +175,8 @@ fn trials_follow_one_after_the_other() {
     session.press("in-a-row");
     session.at(0.0).key("Space");
     session.at(20_000.0).frame();
-    assert_eq!(session.link(), "/lab/replay/after?colours=safe&row=yes");
+    let next = session.visited.last().map(String::as_str);
+    assert_eq!(next, Some("/lab/replay/after?colours=safe&row=yes"));
     // It plays as soon as it is there.
     assert!(opened("/lab/replay/after?row=yes").page.wants_frames());
 }

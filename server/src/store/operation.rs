@@ -1,0 +1,62 @@
+//! Operations that wait to be run together, in one transaction, and are answered after its commit.
+
+use super::error::StoreError;
+use super::sql::Connection;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use tokio::sync::oneshot;
+
+/// An operation that waits.
+pub(super) trait Operation: Send {
+    /// Whether a caller still waits for its answer.
+    fn is_wanted(&self) -> bool;
+    /// Runs in a savepoint, which is rolled back on an error.
+    fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
+    /// Answers, after the commit has succeeded or failed.
+    fn answer(self: Box<Self>, committed: Result<(), StoreError>);
+}
+
+/// What is run in one transaction.
+pub(super) type Batch = Vec<Box<dyn Operation>>;
+
+/// What the caller of an operation waits for.
+pub(super) type Answered<T> = oneshot::Receiver<Result<T, StoreError>>;
+
+/// An operation that does this work, and its answer.
+pub(super) fn operation<T: Send + 'static>(
+    work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+) -> (Box<dyn Operation>, Answered<T>) {
+    let (answer, answered) = oneshot::channel();
+    (Box::new(Waiting { work: Some(work), found: None, answer }), answered)
+}
+
+struct Waiting<T, W> {
+    work: Option<W>,
+    found: Option<Result<T, StoreError>>,
+    answer: oneshot::Sender<Result<T, StoreError>>,
+}
+
+impl<T, W> Operation for Waiting<T, W>
+where
+    T: Send,
+    W: FnOnce(&Connection) -> Result<T, StoreError> + Send,
+{
+    fn is_wanted(&self) -> bool {
+        !self.answer.is_closed()
+    }
+
+    fn run(&mut self, db: &Connection) -> Result<(), StoreError> {
+        let Some(work) = self.work.take() else { return Ok(()) };
+        let found = catch_unwind(AssertUnwindSafe(|| work(db)));
+        let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
+        let error = found.as_ref().err().cloned();
+        self.found = Some(found);
+        error.map_or(Ok(()), Err)
+    }
+
+    fn answer(self: Box<Self>, committed: Result<(), StoreError>) {
+        let Self { found, answer, .. } = *self;
+        let never_ran = || Err(StoreError::Unavailable("it was closed".to_owned()));
+        // A client that has gone has seen no acknowledgement.
+        let _ = answer.send(committed.and_then(|()| found.unwrap_or_else(never_ran)));
+    }
+}

@@ -1,0 +1,73 @@
+//! What several servers of one database count together.
+
+use super::sql::{Connection, OptionalExtension, params};
+use super::{Store, StoreError};
+
+/// How often somebody may do something: `burst_ms / pause_ms` times at once, and once more for each pause that
+/// passes.
+#[derive(Clone, Copy, Debug)]
+pub struct Allowance {
+    /// What is counted.
+    pub kind: &'static str,
+    /// After each turn, how much longer it takes until all are there again, ms.
+    pub pause_ms: i64,
+    /// The time in which all turns that were taken come back, ms.
+    pub burst_ms: i64,
+}
+
+/// The database's clock, ms: those of the servers may differ.
+const NOW: &str = "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)";
+
+impl Store {
+    /// Takes a turn of `who`, a hash. Returns how long to wait, ms, if there is none; then nothing is counted.
+    /// Only for a shared database. Nobody hears of this change.
+    pub async fn take_turn(
+        &self,
+        allowed: Allowance,
+        who: [u8; 32],
+    ) -> Result<Result<(), i64>, StoreError> {
+        let Allowance { kind, pause_ms, burst_ms } = allowed;
+        self.read(move |db| {
+            let take = format!(
+                "INSERT INTO throttle (kind, who, full_at_ms) VALUES (?1, ?2, {NOW} + ?3) \
+                 ON CONFLICT (kind, who) DO UPDATE \
+                 SET full_at_ms = greatest(throttle.full_at_ms, {NOW}) + ?3 \
+                 WHERE greatest(throttle.full_at_ms, {NOW}) + ?3 <= {NOW} + ?4"
+            );
+            let taken = db.execute(&take, params![kind, who, pause_ms, burst_ms])?;
+            if taken > 0 {
+                forget(db)?;
+                return Ok(Ok(()));
+            }
+            Ok(Err(spent_ms(db, kind, who)?.map_or(1, |spent| spent + pause_ms - burst_ms).max(1)))
+        })
+        .await
+    }
+
+    /// Whether `who`, a hash, has no turn now. Only for a shared database.
+    pub async fn has_no_turn(&self, allowed: Allowance, who: [u8; 32]) -> Result<bool, StoreError> {
+        let Allowance { kind, pause_ms, burst_ms } = allowed;
+        self.read(move |db| {
+            let spent = spent_ms(db, kind, who)?;
+            Ok(spent.is_some_and(|spent| spent + pause_ms > burst_ms))
+        })
+        .await
+    }
+}
+
+/// How long it takes until all turns are there again, ms.
+fn spent_ms(db: &Connection, kind: &str, who: [u8; 32]) -> Result<Option<i64>, StoreError> {
+    let query = format!("SELECT full_at_ms - {NOW} FROM throttle WHERE kind = ?1 AND who = ?2");
+    let spent = db.prepare_cached(&query)?.query_row(params![kind, who], |row| row.get(0));
+    Ok(spent.optional()?)
+}
+
+/// Deletes a few rows that say nothing any more: twice as many as can be made meanwhile.
+fn forget(db: &Connection) -> Result<(), StoreError> {
+    let old = format!(
+        "DELETE FROM throttle WHERE (kind, who) IN \
+             (SELECT kind, who FROM throttle WHERE full_at_ms < {NOW} LIMIT 2 FOR UPDATE SKIP LOCKED)"
+    );
+    db.execute(&old, params![])?;
+    Ok(())
+}
