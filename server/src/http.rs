@@ -9,7 +9,6 @@ pub mod pace;
 pub mod connections;
 pub mod watched;
 pub mod tls;
-pub mod answers;
 pub mod bounded;
 pub mod lengths;
 pub mod app;

@@ -11,6 +11,7 @@ pub mod threads;
 pub mod secrets;
 pub mod bytes;
 pub mod content;
+pub mod observed;
 pub mod store;
 pub mod formats;
 pub mod languages;

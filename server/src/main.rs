@@ -1,6 +1,7 @@
 //! The command `sidestep`: parses the command line, calls a subcommand, reports errors.
 
 use clap::{Parser, Subcommand};
+use sidestep_server::commands::serve::LogFormat;
 use sidestep_server::commands::{
     CommandError, analyze, backup, bounds, check, child, copy, design, export, features, hash_key,
     import, languages, plot, reach, serve, shfrs, simulate, solve, value,
@@ -53,8 +54,11 @@ fn main() -> ExitCode {
     let done = match cli.command {
         Command::Child(args) => child::run(&args),
         command => {
-            let is_demo = matches!(&command, Command::Serve(args) if args.demo);
-            log_to_stderr(is_demo);
+            let (is_demo, format) = match &command {
+                Command::Serve(args) => (args.demo, args.log_format),
+                _ => (false, LogFormat::Text),
+            };
+            log_to_stderr(is_demo, format);
             tokio::runtime::Runtime::new()
                 .map_err(CommandError::failure)
                 .and_then(|runtime| runtime.block_on(call(command)))
@@ -96,16 +100,19 @@ async fn call(command: Command) -> Result<(), CommandError> {
 
 /// A demonstration logs no line for each request: hundreds fill its study, and push the sign-in link off the
 /// screen.
-fn log_to_stderr(is_demo: bool) {
+fn log_to_stderr(is_demo: bool, format: LogFormat) {
     use tracing::Level;
     let requests = if is_demo { Level::WARN } else { Level::INFO };
     let default = Targets::new()
         .with_default(Level::INFO)
         .with_target("sidestep_server::http::guard", requests);
     let wanted = std::env::var("RUST_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
-    let lines = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false);
+    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let lines = match format {
+        LogFormat::Text => {
+            lines.with_ansi(std::io::stderr().is_terminal()).with_target(false).boxed()
+        }
+        LogFormat::Json => lines.json().flatten_event(true).with_span_list(false).boxed(),
+    };
     tracing_subscriber::registry().with(lines).with(wanted.unwrap_or(default)).init();
 }

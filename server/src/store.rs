@@ -41,6 +41,7 @@ pub use error::StoreError;
 pub use misfit::Misfit;
 pub use sqlite::LEAST_FREE_BYTES;
 
+use crate::observed::Commits;
 use lanes::{Lane, Lock};
 use postgres::Postgres;
 use sidestep::study::StudyConfig;
@@ -184,6 +185,42 @@ impl Store {
     #[must_use]
     pub fn is_shared(&self) -> bool {
         matches!(self.open.database, Database::Postgres(_))
+    }
+
+    /// Its commits.
+    #[must_use]
+    pub fn observed(&self) -> &Commits {
+        match &self.open.database {
+            Database::Sqlite(database) => database.observed(),
+            Database::Postgres(database) => database.observed(),
+        }
+    }
+
+    /// How many trials, other requests and jobs wait for a write.
+    #[must_use]
+    pub fn waiting(&self) -> [usize; 3] {
+        match &self.open.database {
+            Database::Sqlite(database) => database.waiting(),
+            Database::Postgres(database) => database.waiting(),
+        }
+    }
+
+    /// How many sessions with a database server are busy and idle, if there is such a server.
+    #[must_use]
+    pub fn sessions(&self) -> Option<[usize; 2]> {
+        match &self.open.database {
+            Database::Sqlite(_) => None,
+            Database::Postgres(database) => Some(database.sessions()),
+        }
+    }
+
+    /// The room on the disk of the database, bytes, where that is known.
+    #[must_use]
+    pub fn free_bytes(&self) -> Option<u64> {
+        match &self.open.database {
+            Database::Sqlite(database) => database.free_bytes().ok(),
+            Database::Postgres(_) => None,
+        }
     }
 
     /// Whether a write could be made now: one is begun and committed. SQLite's file must be the one that

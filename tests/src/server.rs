@@ -6,7 +6,7 @@ use crate::{Address, Answer};
 use reqwest::Method;
 use sidestep::api::routes;
 use sidestep_server::commands::analysis_args::AnalysisArgs;
-use sidestep_server::commands::serve::{Running, ServeArgs, start};
+use sidestep_server::commands::serve::{LogFormat, Running, ServeArgs, start};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -309,6 +309,7 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
         tls_key: None,
         trusted_proxy: Vec::new(),
         allowed_host: Vec::new(),
+        log_format: LogFormat::Text,
         analysis: AnalysisArgs {
             threads: None,
             memory_mib: 2048,

@@ -5,7 +5,6 @@ use super::demo::{self, Demo};
 use super::{CommandError, print_line};
 use crate::clock::now_ms;
 use crate::formats::study_toml::StudyFile;
-use crate::http::answers::Answers;
 use crate::http::app::App;
 use crate::http::bounded::Bounded;
 use crate::http::connections::{Connections, Limits};
@@ -22,6 +21,7 @@ use crate::jobs::safety;
 use crate::jobs::safety::Solver;
 use crate::languages::Languages;
 use crate::languages::library::Library;
+use crate::observed::Observed;
 use crate::secrets::chosen::ChosenKey;
 use crate::store::studies::StoredStudy;
 use crate::store::{Missing, Store};
@@ -48,8 +48,9 @@ pub struct ServeArgs {
     /// Address and port; port 0 takes any free one.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     pub listen: String,
-    /// Database: sqlite: followed by a file, which is created if it does not exist. With --demo, the
-    /// default is sqlite:sidestep-demo.db, so that your data stay among themselves.
+    /// Database: sqlite: followed by a file, which is created if it does not exist, or
+    /// postgres://USER@HOST/DATABASE, which several servers may share. With --demo, the default is
+    /// sqlite:sidestep-demo.db, so that your data stay among themselves.
     #[arg(
         long,
         value_name = "URL",
@@ -105,9 +106,22 @@ pub struct ServeArgs {
     /// Loopback names and the listening address are always accepted.
     #[arg(long, value_name = "NAME", num_args = 1.., value_parser = host)]
     pub allowed_host: Vec<String>,
+    /// How the log is written to stderr: lines of text, or an object of JSON on each line. Everything that
+    /// belongs to a request has its id, which the answer has too (X-Request-Id).
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    pub log_format: LogFormat,
     /// How much of the machine analyses may take.
     #[command(flatten)]
     pub analysis: AnalysisArgs,
+}
+
+/// How the log is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// Lines of text.
+    Text,
+    /// An object of JSON on each line.
+    Json,
 }
 
 /// Enrolments that may wait for their scenes: a lecture hall, twice over.
@@ -212,6 +226,9 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let analysis_asked = Arc::new(Notify::new());
     let study_stored = Arc::new(Notify::new());
     let stopping = CancellationToken::new();
+    let all = most_connections();
+    let limits = Limits { all, each: (all / 4).max(1), body_bytes: BODY_BYTES };
+    let connections = Arc::new(Connections::new(limits));
     let app = Arc::new(App {
         store: store.clone(),
         default_study: studies.first().unwrap_or(&names[0]).clone(),
@@ -221,7 +238,8 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         guesses: Guesses::new(&store),
         drawing: Bounded::new(PLANS_WAITING),
         hashing: Bounded::new(KEYS_WAITING),
-        answers: Answers::default(),
+        observed: Observed::new(&store),
+        connections: Arc::clone(&connections),
         analysis_asked: Arc::clone(&analysis_asked),
         analysis_limits,
         study_stored: Arc::clone(&study_stored),
@@ -232,13 +250,11 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let (stop, stopped) = oneshot::channel::<()>();
     let proxies = Proxies::new(args.trusted_proxy.clone());
     let hosts = Hosts::new(&args.allowed_host, address.ip(), &proxies);
-    let all = most_connections();
-    let limits = Limits { all, each: (all / 4).max(1), body_bytes: BODY_BYTES };
     let service = listen::Service {
         router: router(app, &site, hosts),
         proxies: Arc::new(proxies),
         certificates: certificates.clone(),
-        connections: Arc::new(Connections::new(limits)),
+        connections,
     };
     let renewal = certificates.map(renewal).transpose()?;
     let task = tokio::spawn(listen::serve(listener, service, async move {

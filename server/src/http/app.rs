@@ -1,11 +1,12 @@
 //! The state that handlers share.
 
-use crate::http::answers::Answers;
 use crate::http::bounded::Bounded;
+use crate::http::connections::Connections;
 use crate::http::lengths::Lengths;
 use crate::http::pace::{Guesses, Pace};
 use crate::jobs::analysis_limits::Limits;
 use crate::languages::library::Library;
+use crate::observed::Observed;
 use crate::secrets::chosen::ChosenKey;
 use crate::store::Store;
 use sidestep::api::SelfCheck;
@@ -35,8 +36,10 @@ pub struct App {
     pub drawing: Bounded,
     /// Compares keys with a slow hash.
     pub hashing: Bounded,
-    /// Numbers of answers for `/metrics`.
-    pub answers: Answers,
+    /// What `/metrics` shows.
+    pub observed: Observed,
+    /// The open connections.
+    pub connections: Arc<Connections>,
     /// Tells the analysis worker that an analysis is queued.
     pub analysis_asked: Arc<Notify>,
     /// What an analysis may cost.

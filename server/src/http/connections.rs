@@ -207,6 +207,12 @@ impl Connections {
         Some(Admitted { id, watch, connections: Arc::clone(self) })
     }
 
+    /// How many are open.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.table().open.len()
+    }
+
     /// Closes the connections that take too long.
     pub fn close_overdue(&self) {
         let now = Instant::now();

@@ -12,6 +12,7 @@ use axum::response::IntoResponse;
 use std::any::Any;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use tracing::Instrument;
 
 /// Longest time until the head of an answer, s; a streamed body may take longer.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
@@ -122,6 +123,20 @@ pub async fn time_limit(request: Request, next: Next) -> axum::response::Respons
     })
 }
 
+const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+
+/// The id of a request, which stands before everything that is logged for it, and in its answer: that of a
+/// trusted proxy, so that both logs have the same, or a new one.
+fn request_id(request: &Request) -> String {
+    let is_proxied = request.extensions().get::<Client>().is_some_and(|client| client.is_proxied);
+    let given = request.headers().get(REQUEST_ID).filter(|_| is_proxied);
+    let is_plain = |id: &&str| {
+        (1..=64).contains(&id.len()) && id.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-')
+    };
+    let given = given.and_then(|id| id.to_str().ok()).filter(is_plain);
+    given.map_or_else(|| uuid::Uuid::new_v4().simple().to_string(), str::to_owned)
+}
+
 /// Counts and logs answers. Logs contain only the route's pattern, because addresses, queries, headers
 /// and bodies may contain personal data.
 pub async fn observed(
@@ -132,11 +147,17 @@ pub async fn observed(
     let begin = Instant::now();
     let method = request.method().clone();
     let route = request.extensions().get::<MatchedPath>().cloned();
-    let answer = next.run(request).await;
-    app.answers.count(answer.status());
+    let id = request_id(&request);
+    let span = tracing::info_span!("request", id);
+    let mut answer = next.run(request).instrument(span.clone()).await;
+    if let Ok(id) = HeaderValue::from_str(&id) {
+        answer.headers_mut().insert(REQUEST_ID, id);
+    }
     let route = route.as_ref().map_or("(none)", MatchedPath::as_str);
-    let (status, ms) = (answer.status().as_u16(), begin.elapsed().as_millis());
-    tracing::info!(%method, route, status, ms, "request");
+    let (status, took) = (answer.status().as_u16(), begin.elapsed());
+    app.observed.answered(method.as_str(), route, status, took);
+    let ms = took.as_millis();
+    span.in_scope(|| tracing::info!(%method, route, status, ms, "answered"));
     answer
 }
 

@@ -7,6 +7,7 @@ use crate::http::tls::Certificates;
 use crate::http::watched::{Received, Sent, Watched};
 use axum::Router;
 use axum::body::Body;
+use axum::http::{HeaderValue, header};
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -14,7 +15,7 @@ use hyper_util::rt::TokioIo;
 use hyper_util::server::graceful::{GracefulShutdown, Watcher};
 use std::net::IpAddr;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tower::ServiceExt;
@@ -124,17 +125,29 @@ async fn answer<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
         let mut request = request.map(|body| Body::new(Received::new(body, admitted)));
         request.extensions_mut().insert(client);
         async move {
-            let answer = router.oneshot(request).await?;
+            let mut answer = router.oneshot(request).await?;
+            if let Some(date) = date(SystemTime::now()) {
+                answer.headers_mut().insert(header::DATE, date);
+            }
             Ok::<_, std::convert::Infallible>(answer.map(|body| Sent::new(body, watch)))
         }
     });
     let stream = TokioIo::new(Watched::new(stream, Arc::clone(&admitted.watch)));
     let mut server = http1::Builder::new();
-    server.max_buf_size(LONGEST_HEAD);
+    // hyper's own date panics while the clock is before 1970.
+    server.max_buf_size(LONGEST_HEAD).auto_date_header(false);
     // The client is responsible for a connection that breaks off.
     if let Err(error) = watcher.watch(server.serve_connection(stream, handle)).await {
         tracing::debug!(%error, "a connection ended early");
     }
+}
+
+/// The `Date` of an answer; none while the clock cannot be right.
+fn date(now: SystemTime) -> Option<HeaderValue> {
+    /// The year 10000, s since 1970: dates of HTTP have four digits for the year.
+    const END: Duration = Duration::from_secs(253_402_300_800);
+    let since = now.duration_since(UNIX_EPOCH).ok()?;
+    (since < END).then(|| HeaderValue::from_str(&httpdate::fmt_http_date(now)).ok()).flatten()
 }
 
 /// Disables Nagle's algorithm: answers are written whole, so waiting only delays them.

@@ -10,7 +10,6 @@ use crate::http::peer::Client;
 use axum::extract::{FromRequestParts, State};
 use axum::http::{StatusCode, header, request::Parts};
 use axum::response::{IntoResponse, Response};
-use std::fmt::Write;
 use std::sync::Arc;
 
 /// `GET /healthz`: the process answers.
@@ -48,23 +47,11 @@ impl Input for Operator {
     }
 }
 
-/// `GET /metrics`: Prometheus text.
+/// `GET /metrics`: the text format of OpenMetrics.
 pub async fn show(_: Operator, State(app): State<Arc<App>>) -> Result<Response, ApiError> {
-    let [participants, trials] = app.store.counts().await?;
-    let gauges = [
-        ("sidestep_participants", "Participants enrolled or imported.", participants),
-        ("sidestep_trials_stored", "Trials in the database.", trials),
-    ];
-    let mut text = String::new();
-    for (name, help, value) in gauges {
-        let _ = write!(text, "# HELP {name} {help}\n# TYPE {name} gauge\n{name} {value}\n");
-    }
-    let name = "sidestep_http_requests_total";
-    let _ =
-        write!(text, "# HELP {name} Requests answered since the start.\n# TYPE {name} counter\n");
-    for (status, count) in app.answers.by_status() {
-        let _ = writeln!(text, "{name}{{status=\"{status}\"}} {count}");
-    }
-    let kind = "text/plain; version=0.0.4; charset=utf-8";
+    let counts = app.store.counts().await?;
+    let text = app.observed.text(&app.store, counts, app.connections.count());
+    let text = text.map_err(|error| ApiError::Internal(error.into()))?;
+    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     Ok(([(header::CONTENT_TYPE, kind)], text).into_response())
 }

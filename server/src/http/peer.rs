@@ -13,13 +13,15 @@ pub struct Client {
     pub is_secure: bool,
     /// Whether it is a program on this machine that speaks for nobody else.
     pub is_local: bool,
+    /// Whether a trusted proxy has sent the request on.
+    pub is_proxied: bool,
 }
 
 impl Default for Client {
     /// A client of whom nothing is known.
     fn default() -> Self {
         let address = IpAddr::V4(Ipv4Addr::UNSPECIFIED);
-        Self { address, is_secure: false, is_local: false }
+        Self { address, is_secure: false, is_local: false, is_proxied: false }
     }
 }
 
@@ -61,7 +63,7 @@ impl Proxies {
             let speaks_for_others = [FORWARDED_FOR, header::FORWARDED, header::VIA];
             let is_local =
                 peer.is_loopback() && !speaks_for_others.iter().any(|it| headers.contains_key(it));
-            return Client { address: peer, is_secure: is_tls, is_local };
+            return Client { address: peer, is_secure: is_tls, is_local, is_proxied: false };
         }
         let forwarded = || parameters(headers, "for");
         let mut hops = elements(headers, &FORWARDED_FOR);
@@ -83,7 +85,7 @@ impl Proxies {
         }
         let is_secure =
             schemes.last().map_or(is_tls, |scheme| scheme.eq_ignore_ascii_case("https"));
-        Client { address, is_secure, is_local: false }
+        Client { address, is_secure, is_local: false, is_proxied: true }
     }
 }
 

@@ -43,11 +43,14 @@ async fn method_not_allowed() -> ApiError {
 mod tests {
     use super::*;
     use crate::http::bounded::Bounded;
+    use crate::http::connections::{self, Connections};
     use crate::http::pace::{Guesses, Pace};
     use crate::http::peer::Proxies;
     use crate::jobs::analysis_limits::Limits;
     use crate::languages::Languages;
     use crate::languages::library::Library;
+    use crate::observed::Observed;
+    use crate::store::overview::Counts;
     use crate::store::tests::begun;
     use crate::store::{Missing, Store};
     use axum::body::Body;
@@ -88,7 +91,12 @@ mod tests {
             guesses: Guesses::new(&store),
             drawing: Bounded::new(plans_waiting),
             hashing: Bounded::new(0),
-            answers: Default::default(),
+            observed: Observed::new(&store),
+            connections: Arc::new(Connections::new(connections::Limits {
+                all: 100,
+                each: 100,
+                body_bytes: 1 << 20,
+            })),
             analysis_asked: Arc::default(),
             analysis_limits: Limits { memory_mib: 2048, hours: 24.0, threads: 1 },
             study_stored: Arc::default(),
@@ -173,7 +181,7 @@ mod tests {
         again.await.unwrap();
         let Poll::Ready(answer) = begun(&mut trial) else { panic!("it waits behind the class") };
         assert_eq!(answer.status(), StatusCode::CREATED);
-        let [enrolled, trials] = store.counts().await.unwrap();
+        let Counts { participants: enrolled, trials, .. } = store.counts().await.unwrap();
         assert!(trials == 1 && enrolled as usize <= 1 + AHEAD, "{enrolled} are enrolled");
         drop(go);
         while let Some(status) = class.join_next().await {
@@ -191,7 +199,7 @@ mod tests {
         while store.ready().await.is_err() {
             tokio::task::yield_now().await;
         }
-        assert_eq!(store.counts().await, Ok([0, 0]), "who was refused is not there");
+        assert_eq!(store.counts().await, Ok(Counts::default()), "who was refused is not there");
         assert_eq!(enrol(&router).await.status(), StatusCode::CREATED);
     }
 

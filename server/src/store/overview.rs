@@ -15,6 +15,42 @@ impl Store {
     ) -> Result<Vec<StudySummary>, StoreError> {
         self.read_long(move |db| summaries(db, slug.as_deref(), now_ms)).await
     }
+
+    /// What is in the database and what waits, over all studies, pilots included.
+    pub async fn counts(&self) -> Result<Counts, StoreError> {
+        self.read_long(|db| {
+            let query = "SELECT (SELECT count(*) FROM participant), (SELECT count(*) FROM trial), \
+                 (SELECT CAST(sum(waiting) AS BIGINT) FROM tally \
+                     WHERE NOT (complete OR withdrawn OR screened_out OR imported)), \
+                 (SELECT count(*) FROM analysis WHERE state = 'queued'), \
+                 (SELECT count(*) FROM analysis WHERE state = 'running')";
+            Ok(db.query_row(query, [], |row| {
+                Ok(Counts {
+                    participants: row.get(0)?,
+                    trials: row.get(1)?,
+                    backlog: row.get::<_, Option<i64>>(2)?.unwrap_or(0),
+                    queued: row.get(3)?,
+                    running: row.get(4)?,
+                })
+            })?)
+        })
+        .await
+    }
+}
+
+/// What is in the database and what waits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Participants, enrolled or imported.
+    pub participants: i64,
+    /// Stored trials.
+    pub trials: i64,
+    /// Trials that wait in the browsers of people who take part, as these last said.
+    pub backlog: i64,
+    /// Analyses that nobody has begun.
+    pub queued: i64,
+    /// Analyses that are computed.
+    pub running: i64,
 }
 
 /// How long after the last stored trial a participant counts as active, ms.

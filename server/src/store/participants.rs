@@ -457,15 +457,6 @@ impl Store {
         })
         .await
     }
-
-    /// The numbers of participants and of trials in all studies, pilots included.
-    pub async fn counts(&self) -> Result<[i64; 2], StoreError> {
-        self.read_long(|db| {
-            let query = "SELECT (SELECT count(*) FROM participant), (SELECT count(*) FROM trial)";
-            Ok(db.query_row(query, [], |row| Ok([row.get(0)?, row.get(1)?]))?)
-        })
-        .await
-    }
 }
 
 /// Notes that a participant has just done something.

@@ -14,6 +14,7 @@ use super::lanes::{Lane, Lock};
 use super::operation::operation;
 use super::sql::Connection;
 use super::{Missing, OpenError};
+use crate::observed::Commits;
 use address::Address;
 use pool::Pool;
 use std::fmt;
@@ -21,7 +22,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Weak};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, watch};
 use tokio::task;
 use trials::Trials;
@@ -64,6 +65,7 @@ struct Shared {
     pool: Pool,
     trials: Trials,
     committed: watch::Sender<u64>,
+    observed: Commits,
 }
 
 impl fmt::Debug for Shared {
@@ -131,9 +133,9 @@ impl Postgres {
             sessions: sessions as u32,
             waiting: AtomicUsize::new(0),
         });
-        let shared =
-            Arc::new(Shared { pool, trials: Trials::default(), committed: watch::Sender::new(0) });
-        Ok(Self { name: database, shared, kinds })
+        let (trials, observed) = (Trials::default(), Commits::default());
+        let shared = Shared { pool, trials, committed: watch::Sender::new(0), observed };
+        Ok(Self { name: database, shared: Arc::new(shared), kinds })
     }
 
     /// Looks for what other servers store, from now on, while somebody wants to know.
@@ -167,6 +169,23 @@ impl Postgres {
 
     pub(super) fn commits(&self) -> watch::Receiver<u64> {
         self.shared.committed.subscribe()
+    }
+
+    pub(super) fn observed(&self) -> &Commits {
+        &self.shared.observed
+    }
+
+    /// How many trials, other requests and jobs wait.
+    pub(super) fn waiting(&self) -> [usize; 3] {
+        let kind = |kind: usize| self.kinds[kind].waiting.load(Ordering::Relaxed);
+        [self.shared.trials.count(), kind(REQUESTS), kind(JOBS)]
+    }
+
+    /// How many sessions are busy and idle.
+    pub(super) fn sessions(&self) -> [usize; 2] {
+        let busy =
+            |kind: &Kind| (kind.sessions as usize).saturating_sub(kind.free.available_permits());
+        [self.kinds.iter().map(busy).sum(), self.shared.pool.count()]
     }
 
     /// Waits for what is under way, and gives the sessions up.
@@ -254,18 +273,21 @@ impl Postgres {
         let working = task::spawn_blocking(move || {
             // The caller may have gone: the turn stays with the work.
             let _turn = turn;
-            shared.transact([&begin, commit], work)
+            shared.transact([&begin, commit], 1, work)
         });
         working.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 }
 
 impl Shared {
+    /// A transaction; if it writes, so many operations together.
     fn transact<T>(
         &self,
         [begin, commit]: [&str; 2],
+        operations: usize,
         work: impl FnOnce(&Connection) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
+        let begun = Instant::now();
         let db = self.pool.begin(begin)?;
         let found = catch_unwind(AssertUnwindSafe(|| work(&db)));
         let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
@@ -276,6 +298,9 @@ impl Shared {
         }
         let found = found?;
         ended?;
+        if commit == COMMIT {
+            self.observed.note(operations, begun.elapsed());
+        }
         Ok(found)
     }
 }

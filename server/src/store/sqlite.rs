@@ -13,6 +13,7 @@ use super::error::{StoreError, reason};
 use super::lanes::Lane;
 use super::sql::Connection;
 use super::{Missing, OpenError};
+use crate::observed::Commits;
 use readers::Readers;
 use rusqlite::ErrorCode;
 use std::fs::File;
@@ -139,10 +140,17 @@ impl Sqlite {
         self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
-    /// How many trials and how many other requests wait.
-    #[cfg(test)]
-    pub(super) fn waiting(&self) -> [usize; 2] {
+    pub(super) fn observed(&self) -> &Commits {
+        self.writer.observed()
+    }
+
+    /// How many trials, other requests and jobs wait.
+    pub(super) fn waiting(&self) -> [usize; 3] {
         self.writer.waiting()
+    }
+
+    pub(super) fn free_bytes(&self) -> Result<u64, StoreError> {
+        self.file.free_bytes()
     }
 
     pub(super) fn read<T>(

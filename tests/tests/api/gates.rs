@@ -19,10 +19,14 @@ use tokio_rustls::{TlsConnector, rustls};
 
 /// Writes `cert.pem` and `key.pem` of a certificate that signs itself, valid so many days from now, and
 /// returns the certificate.
-fn certificate(folder: &Folder, name: &str, days: std::ops::Range<i32>) -> CertificateDer<'static> {
+fn certificate(
+    folder: &Folder,
+    name: &str,
+    years: std::ops::Range<i32>,
+) -> CertificateDer<'static> {
     let mut params = CertificateParams::new(vec![name.to_owned()]).unwrap();
-    let year = |days: i32| rcgen::date_time_ymd(2026 + days, 1, 1);
-    (params.not_before, params.not_after) = (year(days.start), year(days.end));
+    let new_year = |year: i32| rcgen::date_time_ymd(year, 1, 1);
+    (params.not_before, params.not_after) = (new_year(years.start), new_year(years.end));
     let key = KeyPair::generate().unwrap();
     let certificate = params.self_signed(&key).unwrap();
     folder.file("key.pem", key.serialize_pem());
@@ -70,7 +74,7 @@ async fn ask(stream: &mut TlsStream<TcpStream>, head: &str, body: &str) -> Strin
 #[tokio::test]
 async fn tls_with_a_certificate_that_is_renewed() {
     let folder = Folder::default();
-    let first = certificate(&folder, "localhost", -1..2000);
+    let first = certificate(&folder, "localhost", 2025..4026);
     let files = ["cert.pem", "key.pem"].map(|name| folder.path(name));
     let server = Server::with_study_and(SHORT_STUDY, |_| ()).await.stop().await;
     let server = server
@@ -95,7 +99,7 @@ async fn tls_with_a_certificate_that_is_renewed() {
     assert!(plain.is_err());
 
     let mut old = encrypted(port, &first, &version::TLS13).await.unwrap();
-    let renewed = certificate(&folder, "localhost", -1..2001);
+    let renewed = certificate(&folder, "localhost", 2025..4027);
     for _ in 0..600 {
         if encrypted(port, &renewed, &version::TLS13).await.is_ok() {
             break;
@@ -136,7 +140,7 @@ async fn certificates_that_cannot_be_used_are_named() {
         ])
         .await
     };
-    certificate(&folder, "localhost", -1..2000);
+    certificate(&folder, "localhost", 2025..4026);
     let cert = std::fs::read(folder.path("cert.pem")).unwrap();
     folder.file("other.pem", KeyPair::generate().unwrap().serialize_pem());
     folder.file("text.pem", "no PEM");
@@ -153,8 +157,8 @@ async fn certificates_that_cannot_be_used_are_named() {
         start(cert, key).await.refused(2, &words);
     }
     folder.file("valid.pem", cert);
-    for (days, words) in [(-9..-8, "valid until"), (100..101, "valid from")] {
-        certificate(&folder, "localhost", days);
+    for (years, words) in [(2017..2018, "valid until"), (2126..2127, "valid from")] {
+        certificate(&folder, "localhost", years);
         start("cert.pem", "key.pem").await.refused(2, &["--tls-cert", "valid now", words]);
     }
     let alone = run(&["serve", "--tls-cert", &folder.name("valid.pem")]).await;

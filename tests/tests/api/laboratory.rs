@@ -174,9 +174,21 @@ async fn the_operators_routes() {
         "sidestep_participants 1",
         "sidestep_trials_stored 2",
         "sidestep_http_requests_total{status=\"201\"} 3",
+        "sidestep_http_request_seconds_count{method=\"PUT\",route=\"/api/v1/trials/{trial_id}\"} 2",
+        "sidestep_backlog_trials 0",
+        "sidestep_store_waiting{lane=\"trial\"} 0",
+        "sidestep_analyses{state=\"queued\"} 0",
     ] {
         assert!(text.lines().any(|l| l == line), "{line} in\n{text}");
     }
+    let value = |name: &str| {
+        let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        line.unwrap_or_else(|| panic!("{name} in\n{text}")).parse::<f64>().unwrap()
+    };
+    assert!(value("sidestep_commit_writes_sum") >= 3.0);
+    assert!(value("process_resident_memory_bytes") > 1e6);
+    assert!(value("sidestep_connections_open") >= 1.0);
+    assert!(text.ends_with("# EOF\n"));
 }
 
 #[tokio::test]

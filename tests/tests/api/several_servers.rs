@@ -1,5 +1,5 @@
-//! Several servers on one PostgreSQL database. These tests do nothing in a run on SQLite, where a second server is
-//! refused (`trouble::one_server_a_database`).
+//! Several servers on one PostgreSQL database. A run on SQLite ignores these tests: a second server is refused
+//! there (`trouble::one_server_a_database`).
 
 use futures_util::future::join_all;
 use reqwest::Method;
@@ -9,17 +9,19 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Server, behind, driven};
 use std::time::{Duration, Instant};
 
-fn is_shared(server: &Server) -> bool {
-    server.database().starts_with("postgres:")
+/// Two servers on one new database.
+async fn two() -> [Server; 2] {
+    let one = Server::with_study(SHORT_STUDY).await;
+    let hint = "needs PostgreSQL: cargo xtask test --postgres -- --test api -- --include-ignored";
+    assert!(one.database().starts_with("postgres:"), "{hint}");
+    let two = one.beside().await;
+    [one, two]
 }
 
 #[tokio::test]
+#[ignore = "needs PostgreSQL"]
 async fn servers_on_one_database_are_as_one() {
-    let one = Server::with_study(SHORT_STUDY).await;
-    if !is_shared(&one) {
-        return;
-    }
-    let two = one.beside().await;
+    let [one, two] = two().await;
     let servers = [&one, &two];
     let driver = Driver::enrol(&one).await;
     for (i, (id, scene)) in driver.scenes().iter().enumerate() {
@@ -48,12 +50,9 @@ async fn servers_on_one_database_are_as_one() {
 }
 
 #[tokio::test]
+#[ignore = "needs PostgreSQL"]
 async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() {
-    let one = Server::with_study(SHORT_STUDY).await;
-    if !is_shared(&one) {
-        return;
-    }
-    let two = one.beside().await;
+    let [one, two] = two().await;
     Driver::enrol(&one).await.drive(&one, 5).await;
     // As if a server had begun it and was gone since.
     let asked = one.request(Method::POST, &routes::admin_analyses("default"));
@@ -90,10 +89,8 @@ async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() 
 }
 
 #[tokio::test]
+#[ignore = "needs PostgreSQL"]
 async fn a_database_that_is_killed_and_back_loses_nothing() {
-    if std::env::var_os("SIDESTEP_TEST_POSTGRES").is_none() {
-        return;
-    }
     let start = || (Cluster::start(Fsync::On), ());
     let (mut cluster, ()) = tokio::task::spawn_blocking(start).await.unwrap();
     let database = cluster.create();
@@ -119,4 +116,23 @@ async fn a_database_that_is_killed_and_back_loses_nothing() {
     let stored: i64 = behind(&database.url()).query_row(stored, [], |row| row.get(0)).unwrap();
     assert_eq!(stored, 4);
     server.stop().await;
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL"]
+async fn a_guesser_gains_nothing_from_several_servers() {
+    let servers = two().await;
+    let guess = async |i: usize| {
+        let request = servers[i % 2].request(Method::POST, routes::SESSION);
+        let request = request.json(&serde_json::json!({ "key": "guess" }));
+        request.send().await.unwrap().status().as_u16()
+    };
+    for i in 0..10 {
+        assert_eq!(guess(i).await, 401);
+    }
+    assert_eq!([guess(0).await, guess(1).await], [429; 2]);
+    // Nobody who has the right key waits for that, at either.
+    for server in &servers {
+        assert_eq!(server.admin(routes::ADMIN_STUDIES).await.status, 200);
+    }
 }

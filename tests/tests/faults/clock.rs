@@ -13,7 +13,7 @@ fn library() -> Option<PathBuf> {
     found.find(|library| library.is_file())
 }
 
-/// A day back, an hour on, years on and back, in the middle of a participation.
+/// A day back, an hour on, years on and back, also before 1970, in the middle of a participation.
 #[tokio::test]
 async fn steps_of_the_clock_lose_and_double_nothing() {
     let library = library().expect("libfaketime (Debian: apt-get install libfaketime)");
@@ -31,7 +31,7 @@ async fn steps_of_the_clock_lose_and_double_nothing() {
     let (mut sent, mut received) = (Vec::new(), Vec::new());
     let scenes = driver.scenes();
     for ((trial_id, scene), offset) in
-        scenes.iter().zip(["+0d", "-1d", "+1h", "+20y", "-1d", "-50y", "+0d"])
+        scenes.iter().zip(["+0d", "-1d", "+1h", "+20y", "-70y", "-50y", "+0d"])
     {
         step(offset);
         let trial = driven(scene);

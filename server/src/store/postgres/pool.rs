@@ -96,6 +96,11 @@ impl Pool {
         found
     }
 
+    /// How many sessions are idle.
+    pub(super) fn count(&self) -> usize {
+        self.idle().as_ref().map_or(0, Vec::len)
+    }
+
     pub(super) fn give_back(&self, db: Connection) {
         if let Some(idle) = self.idle().as_mut() {
             idle.push(db);

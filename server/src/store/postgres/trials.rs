@@ -31,6 +31,11 @@ impl Trials {
         Ok(())
     }
 
+    /// How many wait.
+    pub(super) fn count(&self) -> usize {
+        self.waiting().len()
+    }
+
     /// Takes as many as one transaction stores; none if others have taken them.
     fn take(&self) -> (Vec<Lock>, Batch) {
         let mut waiting = self.waiting();
@@ -53,7 +58,7 @@ impl Shared {
             return;
         }
         let is_alone = batch.len() == 1;
-        let committed = self.transact([&begin(locks), COMMIT], |db| {
+        let committed = self.transact([&begin(locks), COMMIT], batch.len(), |db| {
             for operation in &mut batch {
                 if is_alone {
                     return operation.run(db);

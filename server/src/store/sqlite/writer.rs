@@ -12,6 +12,7 @@
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
+use crate::observed::Commits;
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
 use crate::store::operation::{Batch, Operation, operation};
@@ -130,6 +131,7 @@ impl Queue {
 pub(super) struct Writer {
     queue: Arc<Queue>,
     committed: watch::Sender<u64>,
+    observed: Commits,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
@@ -146,13 +148,20 @@ impl Writer {
         let db = Some(open(&file, expected)?);
         let queue = Arc::new(Queue { lanes: Mutex::default(), changed: Condvar::new() });
         let committed = watch::Sender::new(0);
-        let thread =
-            Thread { queue: Arc::clone(&queue), committed: committed.clone(), file, expected, db };
+        let observed = Commits::default();
+        let thread = Thread {
+            queue: Arc::clone(&queue),
+            committed: committed.clone(),
+            observed: observed.clone(),
+            file,
+            expected,
+            db,
+        };
         let thread = std::thread::Builder::new()
             .name("store-writer".to_owned())
             .spawn(move || thread.run())
             .map_err(|error| StoreError::Unavailable(error.to_string()))?;
-        Ok(Self { queue, committed, thread: Mutex::new(Some(thread)) })
+        Ok(Self { queue, committed, observed, thread: Mutex::new(Some(thread)) })
     }
 
     /// Runs an operation and returns its result after the commit.
@@ -171,11 +180,14 @@ impl Writer {
         self.committed.subscribe()
     }
 
-    /// How many trials and how many other requests wait.
-    #[cfg(test)]
-    pub(super) fn waiting(&self) -> [usize; 2] {
+    pub(super) fn observed(&self) -> &Commits {
+        &self.observed
+    }
+
+    /// How many trials, other requests and jobs wait.
+    pub(super) fn waiting(&self) -> [usize; 3] {
         let lanes = self.queue.lanes();
-        [lanes.trials.len(), lanes.requests.len()]
+        [lanes.trials.len(), lanes.requests.len(), lanes.background.len()]
     }
 
     /// Empties the write-ahead log as soon as no reader uses it.
@@ -207,6 +219,7 @@ impl Drop for Writer {
 struct Thread {
     queue: Arc<Queue>,
     committed: watch::Sender<u64>,
+    observed: Commits,
     file: DatabaseFile,
     /// The file that was opened first; the thread never writes to another one.
     expected: Identity,
@@ -252,7 +265,11 @@ impl Thread {
         if batch.is_empty() {
             return;
         }
+        let begun = Instant::now();
         let committed = self.commit(&mut batch);
+        if committed.is_ok() {
+            self.observed.note(batch.len(), begun.elapsed());
+        }
         // What has changed nothing, as a look whether writes succeed, is no news.
         if committed == Ok(true) {
             self.committed.send_modify(|commits| *commits += 1);

@@ -1,0 +1,178 @@
+//! What the server counts and measures of itself, as Prometheus reads it.
+
+use crate::store::Store;
+use crate::store::overview::Counts;
+use prometheus_client::encoding::{EncodeLabelSet, EncodeLabelValue, text};
+use prometheus_client::metrics::counter::{ConstCounter, Counter};
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::{ConstGauge, Gauge};
+use prometheus_client::metrics::histogram::Histogram;
+use prometheus_client::registry::{Registry, Unit};
+use std::time::Duration;
+
+/// Bounds of times, s: from what a commit takes to the limit of a request.
+const SECONDS: [f64; 13] =
+    [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0];
+
+/// Bounds of the number of writes in a commit.
+const WRITES: [f64; 8] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
+
+/// The commits of the store.
+#[derive(Clone, Debug)]
+pub struct Commits {
+    writes: Histogram,
+    seconds: Histogram,
+}
+
+impl Default for Commits {
+    fn default() -> Self {
+        Self { writes: Histogram::new(WRITES), seconds: Histogram::new(SECONDS) }
+    }
+}
+
+impl Commits {
+    /// So many writes were stored together, in this time.
+    pub fn note(&self, writes: usize, took: Duration) {
+        self.writes.observe(writes as f64);
+        self.seconds.observe(took.as_secs_f64());
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Status {
+    status: u16,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Route {
+    method: String,
+    route: String,
+}
+
+/// What tells the values of a gauge apart: one label.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Lane {
+    lane: &'static str,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct State {
+    state: Word,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, EncodeLabelValue)]
+#[allow(non_camel_case_types, reason = "these are the words that Prometheus reads")]
+enum Word {
+    queued,
+    running,
+    busy,
+    idle,
+}
+
+/// Counts and times of requests, and where to find those of the store.
+#[derive(Debug)]
+pub struct Observed {
+    requests: Family<Status, Counter>,
+    seconds: Family<Route, Histogram, fn() -> Histogram>,
+    commits: Commits,
+}
+
+impl Observed {
+    /// Nothing was asked yet.
+    #[must_use]
+    pub fn new(store: &Store) -> Self {
+        Self {
+            requests: Family::default(),
+            seconds: Family::new_with_constructor(|| Histogram::new(SECONDS)),
+            commits: store.observed().clone(),
+        }
+    }
+
+    /// A request was answered.
+    pub fn answered(&self, method: &str, route: &str, status: u16, took: Duration) {
+        self.requests.get_or_create(&Status { status }).inc();
+        let route = Route { method: method.to_owned(), route: route.to_owned() };
+        self.seconds.get_or_create(&route).observe(took.as_secs_f64());
+    }
+
+    /// All of it in the text format of OpenMetrics, with these counts of the store and connections.
+    ///
+    /// # Errors
+    /// None that is known: writing to a string does not fail.
+    pub fn text(
+        &self,
+        store: &Store,
+        counts: Counts,
+        connections: usize,
+    ) -> Result<String, std::fmt::Error> {
+        let mut all = Registry::with_prefix("sidestep");
+        all.register("http_requests", "Requests answered since the start", self.requests.clone());
+        let seconds = self.seconds.clone();
+        let help = "Time from the head of a request to the head of its answer";
+        all.register_with_unit("http_request", help, Unit::Seconds, seconds);
+        let Commits { writes, seconds } = self.commits.clone();
+        all.register("commit_writes", "Trials and other writes that were stored together", writes);
+        let help = "Time that a transaction took, the wait for the disk included";
+        all.register_with_unit("commit", help, Unit::Seconds, seconds);
+        let mut gauge = |name: &str, help: &str, value: i64| {
+            all.register(name, help, ConstGauge::new(value));
+        };
+        gauge("participants", "Participants enrolled or imported", counts.participants);
+        gauge("trials_stored", "Trials in the database", counts.trials);
+        let help = "Trials that wait in the browsers of people who take part, as these last said";
+        gauge("backlog_trials", help, counts.backlog);
+        gauge("connections_open", "Open connections", clamped(connections));
+        if let Some(free) = store.free_bytes() {
+            let free = i64::try_from(free).unwrap_or(i64::MAX);
+            gauge("free_bytes", "Room on the disk of the database", free);
+        }
+        let waiting = Family::<Lane, Gauge>::default();
+        for (lane, count) in ["trial", "request", "background"].into_iter().zip(store.waiting()) {
+            waiting.get_or_create(&Lane { lane }).set(clamped(count));
+        }
+        all.register("store_waiting", "Writes that wait for the database", waiting);
+        let by_state = |words: [(Word, i64); 2]| {
+            let family = Family::<State, Gauge>::default();
+            for (state, count) in words {
+                family.get_or_create(&State { state }).set(count);
+            }
+            family
+        };
+        let analyses = by_state([(Word::queued, counts.queued), (Word::running, counts.running)]);
+        all.register("analyses", "Analyses that are not over", analyses);
+        if let Some([busy, idle]) = store.sessions() {
+            let sessions = by_state([(Word::busy, clamped(busy)), (Word::idle, clamped(idle))]);
+            all.register("database_sessions", "Sessions of this server with PostgreSQL", sessions);
+        }
+        let mut process = Registry::default();
+        if let Some((memory, seconds)) = process_use() {
+            let help = "Memory that the server holds, without its analyses";
+            process.register("process_resident_memory_bytes", help, ConstGauge::new(memory));
+            let help = "Processor time of the server, without its analyses";
+            process.register("process_cpu_seconds", help, ConstCounter::new(seconds));
+        }
+        let mut written = String::new();
+        text::encode_registry(&mut written, &all)?;
+        text::encode_registry(&mut written, &process)?;
+        text::encode_eof(&mut written)?;
+        Ok(written)
+    }
+}
+
+fn clamped(count: usize) -> i64 {
+    i64::try_from(count).unwrap_or(i64::MAX)
+}
+
+/// The memory of this process, bytes, and the processor time it has used, s; none where the system has no
+/// `/proc`.
+fn process_use() -> Option<(i64, f64)> {
+    let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: i64 = pages.split(' ').nth(1)?.parse().ok()?;
+    let memory = pages * i64::try_from(rustix::param::page_size()).ok()?;
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The program's name, in parentheses, may have spaces.
+    let (_, stat) = stat.rsplit_once(") ")?;
+    let ticks = stat.split(' ').skip(11).take(2).map(str::parse::<u64>);
+    let ticks: u64 = ticks.collect::<Result<Vec<_>, _>>().ok()?.iter().sum();
+    Some((memory, ticks as f64 / rustix::param::clock_ticks_per_second() as f64))
+}
