@@ -26,6 +26,7 @@ pub mod design;
 mod demo;
 pub mod child;
 pub mod analysis_args;
+pub mod keeping_args;
 pub mod serve;
 
 use crate::client::ClientError;

@@ -7,6 +7,7 @@ pub mod frames;
 pub mod child;
 pub mod children;
 pub mod safety;
+pub mod keeper;
 pub mod analysis_limits;
 pub mod analysis_process;
 pub mod analysis_worker;

@@ -19,6 +19,8 @@ pub mod figure;
 pub mod design;
 pub mod recordings;
 pub mod transfer;
+pub mod soundness;
+pub mod backups;
 pub mod report;
 pub mod jobs;
 pub mod http;

@@ -23,8 +23,8 @@ pub use configuration::{
 };
 pub use drives::{Drive, Drives};
 pub use laboratory::{
-    PilotsDeleted, SelfCheck, SignIn, StudySummary, TrialDetail, TrialPage, TrialSummary,
-    scene_words, trial_heading,
+    Backup, DataCheck, DataCheckState, PilotsDeleted, SelfCheck, SignIn, StudySummary, TrialDetail,
+    TrialPage, TrialSummary, scene_words, trial_heading,
 };
 pub use object::Object;
 pub use participation::{

@@ -6,9 +6,11 @@ use crate::{Address, Answer};
 use reqwest::Method;
 use sidestep::api::routes;
 use sidestep_server::commands::analysis_args::AnalysisArgs;
+use sidestep_server::commands::keeping_args::KeepingArgs;
 use sidestep_server::commands::serve::{LogFormat, Running, ServeArgs, start};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use tempfile::TempDir;
 
 /// A study that is driven quickly: five scenes.
@@ -309,6 +311,12 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
         tls_key: None,
         trusted_proxy: Vec::new(),
         allowed_host: Vec::new(),
+        keeping: KeepingArgs {
+            backups: None,
+            backups_kept: 14,
+            check_every: 0.0,
+            first: Duration::ZERO,
+        },
         log_format: LogFormat::Text,
         analysis: AnalysisArgs {
             threads: None,

@@ -1,11 +1,12 @@
 //! `sidestep backup` and `sidestep restore`.
 
-use super::check::{self, Report};
-use super::copy::whole;
-use super::{CommandError, print_json, unwritable};
+use super::copy::{copying, whole};
+use super::solving::Interrupt;
+use super::{CommandError, print_json};
+use crate::backups::{self, Written};
+use crate::soundness::{self, Report};
 use crate::store::{Missing, OpenError, Store};
 use serde::Serialize;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -64,34 +65,13 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
         return Err(CommandError::Input(message));
     }
     let store = Store::open(&args.database, Missing::Refuse).await?;
-    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let folder = TempDir::with_prefix_in(".sidestep-backup-", folder.unwrap_or(Path::new(".")));
-    let folder = folder.map_err(|error| unwritable(out, &error))?;
-    let file = folder.path().join("backup.db");
-    let report = write(&store, &file).await?;
+    let interrupt = Interrupt::listen();
+    let (bar, progress) = copying();
+    let written = backups::write(&store, out, &interrupt.token, progress).await;
+    bar.finish_and_clear();
     store.close().await;
-    sound(out, &report)?;
-    let persisted = File::open(&file)
-        .and_then(|written| written.sync_all())
-        .and_then(|()| std::fs::hard_link(&file, out))
-        .and_then(|()| File::open(folder.path().parent().unwrap_or(Path::new(".")))?.sync_all());
-    persisted.map_err(|error| unwritable(out, &error))?;
-    let bytes = std::fs::metadata(out).map_err(|error| unwritable(out, &error))?.len();
+    let Written { bytes, report } = written.map_err(CommandError::failure)?;
     print_json(&Done { file: out, bytes, report })
-}
-
-/// Writes all of a database into a new file, and checks the file.
-async fn write(store: &Store, file: &Path) -> Result<Report, CommandError> {
-    let url = format!("sqlite:{}", file.display());
-    if !store.write_snapshot(file).await? {
-        let copy = Store::open(&url, Missing::Create).await?;
-        whole(store, &copy, &store.slugs().await?, true).await?;
-        copy.close().await;
-    }
-    let copy = Store::open(&url, Missing::Refuse).await?;
-    let report = check::report(&copy).await;
-    copy.close().await;
-    report
 }
 
 /// Makes a database of a backup, checks it, and prints what is in it.
@@ -116,11 +96,11 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
         CommandError::Input(format!("--from {}: cannot read: {error}", args.from.display()))
     })?;
     let backup = Store::open(&format!("sqlite:{}", file.display()), Missing::Refuse).await?;
-    let before = check::report(&backup).await?;
-    sound(&args.from, &before)?;
+    let before = soundness::report(&backup).await?;
+    backups::sound(&args.from, &before).map_err(CommandError::failure)?;
     let to = Store::open(&args.database, Missing::Create).await?;
     whole(&backup, &to, &backup.slugs().await?, true).await?;
-    let report = check::report(&to).await?;
+    let report = soundness::report(&to).await?;
     backup.close().await;
     let name = to.name();
     to.close().await;
@@ -129,18 +109,4 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
         return Err(CommandError::Failure(message));
     }
     print_json(&report)
-}
-
-/// Refuses a database with faults.
-fn sound(path: &Path, report: &Report) -> Result<(), CommandError> {
-    let faults = report.damage.iter().cloned();
-    let wrong =
-        report.wrong.iter().map(|wrong| format!("trial {}: {}", wrong.trial_id, wrong.what));
-    match faults.chain(wrong).next() {
-        None => Ok(()),
-        Some(first) => Err(CommandError::Failure(format!(
-            "{}: the database is not sound, nothing was written: {first}; see 'sidestep check'",
-            path.display()
-        ))),
-    }
 }

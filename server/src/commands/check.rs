@@ -1,11 +1,8 @@
 //! `sidestep check`.
 
 use super::{CommandError, print_json};
-use crate::store::trials::{StoredTrial, flag_words};
-use crate::store::{Missing, Store, StoreError};
-use serde::Serialize;
-use sidestep::scene::SceneParameters;
-use sidestep::trial::{Flag, Outcome, outcome};
+use crate::soundness;
+use crate::store::{Missing, Store};
 
 /// Check a database: whether the file is sound, and whether every trial replays as when it was
 /// stored.
@@ -18,192 +15,21 @@ pub struct CheckArgs {
     pub database: String,
 }
 
-/// The result of a check.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Report {
-    /// Studies that were checked.
-    pub studies: usize,
-    /// Participants that were checked.
-    pub participants: usize,
-    /// Trials replayed.
-    pub trials: usize,
-    /// Trials with a flag other than that they were imported; these are not errors of the database.
-    pub flagged: usize,
-    /// Damaged pages, references to rows that do not exist, tallies that do not follow from the trials, and
-    /// studies whose configuration cannot be read.
-    pub damage: Vec<String>,
-    /// Trials that cannot be read, or differ from what was stored.
-    pub wrong: Vec<Wrong>,
-}
-
-/// A trial that cannot be read, or differs from what was stored.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Wrong {
-    /// The trial.
-    pub trial_id: String,
-    /// What is wrong with it.
-    pub what: String,
-}
-
 /// Checks, prints the report, and fails if anything is wrong.
 ///
 /// # Errors
 /// [`CommandError::Failure`] if anything is wrong or the check cannot be done.
 pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Missing::Refuse).await?;
-    let report = report(&store).await?;
+    let report = soundness::report(&store).await?;
     let name = store.name();
     store.close().await;
     print_json(&report)?;
-    let faults = report.damage.len() + report.wrong.len();
+    let faults = report.faults();
     if faults == 0 {
         return Ok(());
     }
     let faults = if faults == 1 { "1 fault".to_owned() } else { format!("{faults} faults") };
     let message = format!("{name}: {faults}; see the report");
     Err(CommandError::Failure(message))
-}
-
-pub(super) async fn report(store: &Store) -> Result<Report, CommandError> {
-    let mut report = Report { damage: store.damage().await?, ..Report::default() };
-    let wrong_tally =
-        |id| format!("participant {id}: the tally does not follow from what is stored");
-    report.damage.extend(store.wrong_tallies().await?.into_iter().map(wrong_tally));
-    for slug in store.slugs().await? {
-        report.studies += 1;
-        let study = match store.study(&slug).await {
-            Ok(Some(study)) => study,
-            Ok(None) => continue,
-            Err(StoreError::Corrupt(what)) => {
-                report.damage.push(format!("study {slug}: {what}"));
-                continue;
-            }
-            Err(error) => return Err(error.into()),
-        };
-        for id in store.participant_ids(study.id, true).await? {
-            report.participants += 1;
-            for trial_id in store.trial_ids(&id).await? {
-                let what = match replayed(store, &trial_id, &mut report).await {
-                    Ok(what) => what,
-                    Err(StoreError::Corrupt(what)) => Some(format!("study {slug}: {what}")),
-                    Err(error) => return Err(error.into()),
-                };
-                report.wrong.extend(what.map(|what| Wrong { trial_id, what }));
-            }
-        }
-    }
-    Ok(report)
-}
-
-/// Reads, counts and replays a trial. What is wrong with it, if anything is.
-async fn replayed(
-    store: &Store,
-    trial_id: &str,
-    report: &mut Report,
-) -> Result<Option<String>, StoreError> {
-    let Some(trial) = store.trial(trial_id).await? else { return Ok(None) };
-    let config = store.config(&trial.config_hash).await?;
-    report.trials += 1;
-    report.flagged += usize::from(Flag::question(&trial.head.flags));
-    Ok(fault(&config.parameters, &trial))
-}
-
-/// What is wrong with a trial, if anything is.
-fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
-    let (inputs, states) = (&trial.content.inputs, &trial.content.states);
-    if inputs.len() != parameters.steps || states.len() != parameters.steps + 1 {
-        let (inputs, states) = (inputs.len(), states.len());
-        return Some(format!(
-            "expected {} inputs and one state more, found {inputs} and {states}",
-            parameters.steps
-        ));
-    }
-    let stored = &trial.head.flags;
-    if trial.content_hash != trial.recipe.hash(&trial.content) {
-        return Some("the content is not that of its hash".to_owned());
-    }
-    let found = match trial.content.flags(parameters, &trial.scene) {
-        Ok(found) => found,
-        Err(error) => return Some(format!("page events or display: {error}")),
-    };
-    // A file's trial keeps flags for which the evidence is not in the file.
-    let agree = if stored.contains(&Flag::Imported) {
-        found.iter().all(|flag| stored.contains(flag))
-    } else {
-        found == *stored
-    };
-    if !agree {
-        let words = |flags: &[Flag]| match flags {
-            [] => "none".to_owned(),
-            some => flag_words(some),
-        };
-        return Some(format!("flags: expected {}, found {}", words(&found), words(stored)));
-    }
-    let outcome = outcome(parameters, inputs, states);
-    (outcome != trial.head.outcome)
-        .then(|| format!("expected {}, found {}", told(&outcome), told(&trial.head.outcome)))
-}
-
-/// An outcome in words.
-fn told(outcome: &Outcome) -> String {
-    let danger = match outcome.first_step_in_danger {
-        Some(step) => format!("danger from step {step}"),
-        None => "no danger".to_owned(),
-    };
-    let turns = match outcome.avoidance {
-        Some((first, last)) => format!("turns from step {first} to {last}"),
-        None => "no turn".to_owned(),
-    };
-    format!("a closest range of {} m, {danger} and {turns}", outcome.closest_m)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::store::tests::{Known, file_store, someone, trial};
-    use sidestep::vehicle::TurnInput;
-
-    #[tokio::test]
-    async fn what_cannot_be_read_is_named_and_the_rest_is_checked() {
-        let (folder, store) = file_store().await;
-        someone(&store, "ada", Known::default()).await;
-        for id in ["ada-0", "ada-1"] {
-            let mut new = trial(id, TurnInput::Left);
-            new.content.sampled_at_ms = Some((0..50).map(|step| 200.0 * f64::from(step)).collect());
-            new.content_hash = new.recipe.hash(&new.content);
-            store.put_trial("ada", new).await.unwrap();
-        }
-        let sound = report(&store).await.unwrap();
-        assert_eq!((sound.trials, sound.wrong, sound.damage), (2, vec![], vec![]));
-        let db = rusqlite::Connection::open(folder.path().join("test.db")).unwrap();
-        db.execute_batch("PRAGMA ignore_check_constraints = ON").unwrap();
-        for (table, column, value, reason) in [
-            ("trial", "flags", "'odd'", "unknown word \"odd\""),
-            ("trial", "inputs", "x'07'", "found 7"),
-            ("trial", "content_version", "9", "unknown content version 9"),
-            ("scene", "phase", "'odd'", "unknown word \"odd\""),
-            ("trial", "closest_m", "closest_m + 1", "m, no danger and turns from step 0 to 49"),
-        ] {
-            let change = format!(
-                "CREATE TEMP TABLE was AS SELECT {column} AS value FROM {table} \
-                     WHERE trial_id = 'ada-0'; \
-                 UPDATE {table} SET {column} = {value} WHERE trial_id = 'ada-0'"
-            );
-            db.execute_batch(&change).unwrap();
-            let found = report(&store).await.unwrap();
-            let [Wrong { trial_id, what }] = &found.wrong[..] else { panic!("{found:?}") };
-            assert!(trial_id == "ada-0" && what.contains(reason), "{what}");
-            let restore = format!(
-                "UPDATE {table} SET {column} = (SELECT value FROM was) WHERE trial_id = 'ada-0'; \
-                 DROP TABLE was"
-            );
-            db.execute_batch(&restore).unwrap();
-        }
-        for json in ["3", "{"] {
-            db.execute("UPDATE study_config SET json = ?1", [json]).unwrap();
-            let found = report(&store).await.unwrap();
-            let [what] = &found.damage[..] else { panic!("{found:?}") };
-            assert!(what.starts_with("study default: configuration "), "{what}");
-        }
-    }
 }

@@ -5,6 +5,7 @@ use super::solving::bar;
 use super::{CommandError, print_json, study_named};
 use crate::store::{Missing, Store};
 use crate::transfer;
+use indicatif::ProgressBar;
 
 /// Copy studies from one database to another, from SQLite to PostgreSQL or back.
 ///
@@ -58,11 +59,7 @@ pub(super) async fn whole(
     access: bool,
 ) -> Result<transfer::Copied, CommandError> {
     let interrupt = Interrupt::listen();
-    let bar = bar(0, "copying [{bar:40}] {pos:>4}/{len} participants  {elapsed_precise}");
-    let progress = |done: usize, of: usize| {
-        bar.set_length(of as u64);
-        bar.set_position(done as u64);
-    };
+    let (bar, progress) = copying();
     let copied = transfer::copy(from, to, slugs, &interrupt.token, progress).await;
     bar.finish_and_clear();
     let copied = copied.map_err(CommandError::failure)?;
@@ -70,4 +67,15 @@ pub(super) async fn whole(
         to.put_access_copy(from.access_copy().await?).await?;
     }
     Ok(copied)
+}
+
+/// A progress bar, and what moves it: participants that are copied, of how many.
+pub(super) fn copying() -> (ProgressBar, impl FnMut(usize, usize)) {
+    let bar = bar(0, "copying [{bar:40}] {pos:>4}/{len} participants  {elapsed_precise}");
+    let moved = bar.clone();
+    let progress = move |done: usize, of: usize| {
+        moved.set_length(of as u64);
+        moved.set_position(done as u64);
+    };
+    (bar, progress)
 }

@@ -2,6 +2,7 @@
 
 use super::analysis_args::AnalysisArgs;
 use super::demo::{self, Demo};
+use super::keeping_args::KeepingArgs;
 use super::{CommandError, print_line};
 use crate::clock::now_ms;
 use crate::formats::study_toml::StudyFile;
@@ -17,6 +18,7 @@ use crate::http::routes::router;
 use crate::http::site::{Site, default_folder};
 use crate::http::tls::Certificates;
 use crate::jobs::analysis_worker::AnalysisWorker;
+use crate::jobs::keeper::Keeper;
 use crate::jobs::safety;
 use crate::jobs::safety::Solver;
 use crate::languages::Languages;
@@ -27,6 +29,7 @@ use crate::store::studies::StoredStudy;
 use crate::store::{Missing, Store};
 use ipnet::IpNet;
 use serde_json::{Map, Value};
+use sidestep::api::DataCheck;
 use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 use std::fmt::Write;
@@ -34,7 +37,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 use tokio::net::TcpListener;
-use tokio::sync::{Notify, oneshot};
+use tokio::sync::{Notify, oneshot, watch};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
@@ -106,6 +109,9 @@ pub struct ServeArgs {
     /// Loopback names and the listening address are always accepted.
     #[arg(long, value_name = "NAME", num_args = 1.., value_parser = host)]
     pub allowed_host: Vec<String>,
+    /// How the server looks after the data.
+    #[command(flatten)]
+    pub keeping: KeepingArgs,
     /// How the log is written to stderr: lines of text, or an object of JSON on each line. Everything that
     /// belongs to a request has its id, which the answer has too (X-Request-Id).
     #[arg(long, value_name = "FORMAT", default_value = "text")]
@@ -151,6 +157,7 @@ pub struct Running {
     store: Store,
     solver: Option<Solver>,
     analysis_worker: AnalysisWorker,
+    keeper: Keeper,
     demo: Option<Demo>,
     /// Whether the demonstration is being filled.
     fills_demo: bool,
@@ -195,6 +202,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
                        unset it to use a key that is made";
         return Err(CommandError::Input(message.to_owned()));
     }
+    let keeping = args.keeping.keeping(&args.database)?;
     let languages = Languages::load(args.languages.as_deref()).map_err(CommandError::Input)?;
     let given = args.study.as_deref().map(|path| languages.read_study(path)).transpose();
     let given = given.map_err(CommandError::Input)?;
@@ -223,12 +231,14 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     // Nobody takes part in a demonstration, so no processor is kept for that.
     let children = args.analysis.children(args.demo);
     let analysis_limits = args.analysis.limits(&children);
+    let kept_by = children.clone();
     let analysis_asked = Arc::new(Notify::new());
     let study_stored = Arc::new(Notify::new());
     let stopping = CancellationToken::new();
     let all = most_connections();
     let limits = Limits { all, each: (all / 4).max(1), body_bytes: BODY_BYTES };
     let connections = Arc::new(Connections::new(limits));
+    let (found, checked) = watch::channel(DataCheck::default());
     let app = Arc::new(App {
         store: store.clone(),
         default_study: studies.first().unwrap_or(&names[0]).clone(),
@@ -244,6 +254,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         analysis_limits,
         study_stored: Arc::clone(&study_stored),
         self_check: tokio::sync::OnceCell::new(),
+        data_check: checked,
         lengths: Arc::default(),
         stopping: stopping.clone(),
     });
@@ -266,6 +277,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         (!args.no_solve).then(|| Solver::start(store.clone(), study_stored, children.clone()));
     let asked = Arc::clone(&analysis_asked);
     let analysis_worker = AnalysisWorker::start(store.clone(), asked, children, analysis_limits);
+    let keeper = Keeper::start(keeping, kept_by, found);
     let demo =
         args.demo.then(|| Demo::start(store.clone(), address, analysis_asked, new_key.clone()));
     tracing::info!(%address, study = names[0], "serving");
@@ -276,6 +288,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         store,
         solver,
         analysis_worker,
+        keeper,
         demo,
         fills_demo,
         stop,
@@ -328,6 +341,7 @@ impl Running {
             solver.stop().await;
         }
         self.analysis_worker.stop().await;
+        self.keeper.stop().await;
         if let Err(error) = self.task.await {
             tracing::error!(%error, "the server ended badly");
         }

@@ -9,9 +9,9 @@ use crate::languages::library::Library;
 use crate::observed::Observed;
 use crate::secrets::chosen::ChosenKey;
 use crate::store::Store;
-use sidestep::api::SelfCheck;
+use sidestep::api::{DataCheck, SelfCheck};
 use std::sync::Arc;
-use tokio::sync::{Notify, OnceCell};
+use tokio::sync::{Notify, OnceCell, watch};
 use tokio_util::sync::CancellationToken;
 
 /// The cookie of the laboratory.
@@ -48,6 +48,8 @@ pub struct App {
     pub study_stored: Arc<Notify>,
     /// The server's fingerprint, computed at the first request.
     pub self_check: OnceCell<SelfCheck>,
+    /// What was found when the data were last checked.
+    pub data_check: watch::Receiver<DataCheck>,
     /// The lengths of archives, for the rest of a download.
     pub lengths: Arc<Lengths>,
     /// Cancelled when the server stops, which ends the answers that have no end of their own.

@@ -283,6 +283,13 @@ fn data(table: Table) -> Table {
             routes::SELF_CHECK,
             [get("The fingerprint of the server's own simulation", laboratory::self_check)],
         )
+        .route(
+            routes::DATA_CHECK,
+            [get(
+                "What the server found when it last checked its data, and its last backup",
+                laboratory::data_check,
+            )],
+        )
 }
 
 fn analysis(table: Table) -> Table {

@@ -15,7 +15,7 @@ use axum::extract::State;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::{
-    Action, PilotsDeleted, SelfCheck, StudySummary, TrialDetail, TrialPage, TrialSummary,
+    Action, DataCheck, PilotsDeleted, SelfCheck, StudySummary, TrialDetail, TrialPage, TrialSummary,
 };
 use sidestep::invalid::Invalid;
 use sidestep::scene::Evader;
@@ -150,6 +150,11 @@ pub async fn self_check(
     };
     let check = app.self_check.get_or_try_init(compute).await;
     Ok(Json(check.context("self-check")?.clone()))
+}
+
+/// `GET /api/v1/admin/data-check`.
+pub async fn data_check(_: Reader, State(app): State<Arc<App>>) -> Json<DataCheck> {
+    Json(app.data_check.borrow().clone())
 }
 
 /// The trial with this id.

@@ -13,18 +13,23 @@ use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 
 /// `GET /healthz`: the process answers.
-pub async fn healthz() -> &'static str {
-    "ok\n"
+pub async fn healthz() -> String {
+    "ok\n".to_owned()
 }
 
 /// `GET /readyz`: whether a trial can be stored now: a write can begin, there is free space, and the file
-/// is the one that was opened.
-pub async fn readyz(State(app): State<Arc<App>>) -> Result<&'static str, ApiError> {
+/// is the one that was opened. A second line says so if the last check of the stored data found faults, which keep
+/// nobody from storing more.
+pub async fn readyz(State(app): State<Arc<App>>) -> Result<String, ApiError> {
     app.store.ready().await.map_err(|error| {
         tracing::error!(%error, "not ready");
         ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "not_ready", error.to_string())
     })?;
-    Ok("ready\n")
+    let faults = app.data_check.borrow().fault_count;
+    Ok(match faults {
+        0 => "ready\n".to_owned(),
+        _ => format!("ready\nfaults in stored data: {faults}; see 'sidestep check'\n"),
+    })
 }
 
 /// A program on this machine that speaks for nobody else, or an experimenter.

@@ -67,7 +67,7 @@ mod tests {
     use std::sync::mpsc;
     use std::task::Poll;
     use tempfile::TempDir;
-    use tokio::sync::oneshot;
+    use tokio::sync::{oneshot, watch};
     use tokio::task::JoinSet;
     use tokio_util::sync::CancellationToken;
     use tower::ServiceExt;
@@ -101,6 +101,7 @@ mod tests {
             analysis_limits: Limits { memory_mib: 2048, hours: 24.0, threads: 1 },
             study_stored: Arc::default(),
             self_check: Default::default(),
+            data_check: watch::channel(Default::default()).1,
             lengths: Arc::default(),
             stopping: CancellationToken::new(),
         };

@@ -149,7 +149,7 @@ async fn keep_all(
                 return Ok(Some(Outcome::Done { result, compared, used }));
             }
             FromChild::Failed(why) => return Ok(Some(Outcome::Failed(why))),
-            other @ FromChild::Solved { .. } => {
+            other @ (FromChild::Solved { .. } | FromChild::Checked { .. }) => {
                 return Err(anyhow::anyhow!("expected a part of an analysis, found {other:?}"));
             }
         };

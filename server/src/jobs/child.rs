@@ -1,10 +1,11 @@
 //! Long work in a process of its own: the child's side of it.
 //!
 //! The child has a low priority and a limit of memory. It reads its task from stdin and answers on
-//! stdout, and knows neither the database nor a key. It ends when stdin does, which is when the server is
+//! stdout, and knows no key, and the database only if it is to check that. It ends when stdin does, which is when the server is
 //! gone, however it went.
 
 mod analysis;
+mod check;
 
 use super::frames::{self, FromChild, ToChild};
 use rustix::process::{Resource, Rlimit, setpriority_process, setrlimit};
@@ -30,6 +31,12 @@ pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
             drop(orders);
             end_with_stdin(|_, _| ());
             pool.install(|| solve(&server, &scene))
+        }
+        (ToChild::Check { folder, database, backup }, _) => {
+            drop(orders);
+            std::env::set_current_dir(folder)?;
+            end_with_stdin(|_, _| ());
+            check::run(&server, &database, backup.as_deref())
         }
         (ToChild::Analyse { request, study, scene, human }, functions) => {
             let task =

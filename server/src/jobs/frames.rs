@@ -5,6 +5,7 @@
 
 use super::analysis_index::{IndexedModel, IndexedTask};
 use crate::bytes::{pack_inputs, pack_states, unpack_inputs, unpack_states};
+use crate::soundness::Report;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sidestep::api::AnalysisResult;
@@ -13,6 +14,7 @@ use sidestep::recording::{RecordedParticipant, RecordedTrial};
 use sidestep::scene::SceneParameters;
 use sidestep::trial::{Flag, Phase};
 use std::io::{self, Read, Write};
+use std::path::PathBuf;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
 /// What the server says.
@@ -20,6 +22,15 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 pub enum ToChild {
     /// The first message: solve the games of these vehicles.
     Solve(SceneParameters),
+    /// The first message: check a database, or a backup of it that is written first.
+    Check {
+        /// The folder in which relative paths begin.
+        folder: PathBuf,
+        /// The database's address. Nobody else learns it: it may hold a password.
+        database: String,
+        /// The backup to write, if any.
+        backup: Option<PathBuf>,
+    },
     /// The first message: analyse the participants that follow. Beside it: V_HR, then V_RH.
     Analyse {
         /// What was asked for.
@@ -102,6 +113,13 @@ pub enum FromChild {
         result: Box<AnalysisResult>,
         /// The names of the participants who were compared.
         compared: Vec<String>,
+    },
+    /// The database, or the backup, was checked.
+    Checked {
+        /// What was found.
+        report: Box<Report>,
+        /// The length of the backup, bytes; 0 without one.
+        bytes: u64,
     },
     /// There is no result, and why.
     Failed(String),

@@ -175,3 +175,51 @@ pub struct SelfCheck {
     /// SHA-256 of all their states.
     pub fingerprint: String,
 }
+
+/// How far the check of the stored data is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum DataCheckState {
+    /// None since the server has started.
+    #[default]
+    Waiting,
+    /// It is under way; what was found last stays.
+    Running,
+    /// It is done.
+    Done,
+    /// It could not be done, or its backup could not be written.
+    Failed,
+}
+
+/// What the server found when it last checked its data: the file, and every stored trial by replaying it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct DataCheck {
+    /// How far it is.
+    pub state: DataCheckState,
+    /// When it ended, ms since 1970; null before the first.
+    pub at_ms: Option<i64>,
+    /// The number of trials that were replayed; null before the first check.
+    pub trials: Option<u64>,
+    /// The number of faults that were found.
+    pub fault_count: u64,
+    /// The first of them, in words.
+    pub faults: Vec<String>,
+    /// Why it could not be done, if so.
+    pub message: Option<String>,
+    /// The last backup that this server has written since its start.
+    pub backup: Option<Backup>,
+}
+
+/// A backup that a server has written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct Backup {
+    /// The name of its file, in the folder of `serve --backups`.
+    pub name: String,
+    /// When it was done, ms since 1970.
+    pub at_ms: i64,
+    /// Its length, bytes.
+    pub bytes: u64,
+}

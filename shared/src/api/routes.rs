@@ -155,6 +155,8 @@ pub const OPENAPI: &str = "/api/openapi.json";
 pub const DOCS: &str = "/api/docs";
 /// The server's own simulation fingerprint.
 pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
+/// What the server found when it last checked its data, and its last backup.
+pub const DATA_CHECK: &str = "/api/v1/admin/data-check";
 /// A study's data, without the query that names format and filters: then its steps as one CSV file.
 #[must_use]
 pub fn exports(slug: &str) -> String {

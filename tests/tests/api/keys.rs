@@ -38,6 +38,7 @@ async fn a_key_may_do_what_its_right_says() {
         (Access::Read, Method::GET, routes::admin_trials("default"), Value::Null, 200),
         (Access::Read, Method::GET, analyses.clone(), Value::Null, 200),
         (Access::Read, Method::GET, routes::SELF_CHECK.to_owned(), Value::Null, 200),
+        (Access::Read, Method::GET, routes::DATA_CHECK.to_owned(), Value::Null, 200),
         (Access::Export, Method::GET, routes::exports("default"), Value::Null, 200),
         (
             Access::Export,

@@ -51,6 +51,7 @@ async fn every_laboratory_route_wants_a_key() {
         routes::admin_trial("x"),
         routes::admin_predictor("x"),
         routes::SELF_CHECK.to_owned(),
+        routes::DATA_CHECK.to_owned(),
         routes::exports("default"),
         routes::SESSION.to_owned(),
         routes::ADMIN_KEYS.to_owned(),

@@ -18,6 +18,7 @@ mod features;
 mod files;
 mod exports;
 mod export_examples;
+mod keeping;
 mod keys;
 mod laboratory;
 mod openapi;

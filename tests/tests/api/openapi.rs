@@ -243,6 +243,7 @@ async fn real_answers_are_as_the_document_says() {
         routes::AUDIT,
         routes::ADMIN_STUDIES,
         routes::SELF_CHECK,
+        routes::DATA_CHECK,
         "/healthz",
         "/readyz",
         "/metrics",

@@ -4,6 +4,7 @@ mod hosted;
 mod visit;
 mod study;
 mod pager;
+mod data_check;
 mod home;
 mod participants;
 mod profile;

@@ -67,6 +67,15 @@ pub(super) fn count(n: impl ToString, noun: &str) -> String {
     format!("{n} {noun}{ending}")
 }
 
+/// A length of a file.
+pub(super) fn size(bytes: u64) -> String {
+    match bytes {
+        0..1_000 => format!("{bytes} bytes"),
+        1_000..1_000_000 => format!("{} KB", bytes / 1_000),
+        _ => format!("{:.1} MB", bytes as f64 * 1e-6),
+    }
+}
+
 /// A share from 0 to 1 in per cent.
 pub(super) fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)

@@ -149,7 +149,7 @@ impl Output for StatusCode {
     }
 }
 
-impl Output for &'static str {
+impl Output for String {
     fn describe(operation: &mut Operation, _: &mut Schemas) {
         operation.answer(200, "text/plain", json!({ "type": "string" }));
     }

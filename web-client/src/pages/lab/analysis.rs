@@ -6,7 +6,7 @@ use super::predictors::{self, Predictors};
 use super::study::{self, Tab};
 use super::visit::Visit;
 use crate::form::FieldValue;
-use crate::pages::parts::{self, alert, button, count, fact};
+use crate::pages::parts::{self, alert, button, count, fact, size};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
 use sidestep::api::{
@@ -328,11 +328,6 @@ fn files(id: &str, files: &[AnalysisFile]) -> Option<Node> {
     if files.is_empty() {
         return None;
     }
-    let size = |bytes: u64| match bytes {
-        0..1_000 => format!("{bytes} bytes"),
-        1_000..1_000_000 => format!("{} KB", bytes / 1_000),
-        _ => format!("{:.1} MB", bytes as f64 * 1e-6),
-    };
     let item = |file: &AnalysisFile| {
         let link = el("a")
             .attrs(&[("href", &routes::analysis_file(id, &file.name)), ("download", "")])

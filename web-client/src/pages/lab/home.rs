@@ -1,5 +1,6 @@
 //! The first page of the laboratory: every study with its state, and what needs attention.
 
+use super::data_check;
 use super::study::{self, REHEARSAL, Tab};
 use super::visit::Visit;
 use crate::pages::parts::{self, alert, count, fact};
@@ -15,6 +16,8 @@ pub(super) struct Home {
     /// Newest first; none before the server has answered.
     studies: Option<Vec<StudySummary>>,
     may_manage: bool,
+    /// What is wrong with the stored data, if anything is.
+    faults: Option<String>,
     /// Why the list is missing or old.
     trouble: Option<String>,
 }
@@ -26,14 +29,16 @@ pub(super) enum Msg {
     Changed,
     /// The server listed the studies.
     Listed(Answer),
+    /// The server told what it found when it last checked its data.
+    Checked(Answer),
 }
 
 impl Home {
     /// The page as it opens.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let may_manage = visit.session.access >= Access::Manage;
-        let page = Self { studies: None, may_manage, trouble: None };
-        (page, vec![ask(), study::follow(|| Msg::Changed)])
+        let page = Self { studies: None, may_manage, faults: None, trouble: None };
+        (page, vec![ask(), data_check::ask(Msg::Checked), study::follow(|| Msg::Changed)])
     }
 }
 
@@ -54,6 +59,10 @@ impl Page for Home {
                 }
                 Err(failure) => self.trouble = Some(failure.sentence),
             },
+            // Without an answer nothing is known to be wrong; the page of checks says why.
+            Msg::Checked(answer) => {
+                self.faults = read(answer).ok().as_ref().and_then(data_check::trouble);
+            }
         }
         Vec::new()
     }
@@ -81,6 +90,7 @@ impl Page for Home {
                 }),
             ))
             .children(self.trouble.as_deref().map(|why| alert("old", why)))
+            .children(self.faults.as_deref().map(|what| alert("faults", what)))
             .children(newest.map(first_steps))
             .child(
                 el("ul").class("studies").test_id("studies").children(

@@ -1,9 +1,10 @@
-//! Whether this browser and the server compute the same trials.
+//! Whether this browser and the server compute the same trials, and what the server found in its data.
 
-use crate::pages::parts;
+use super::data_check;
+use crate::pages::parts::{self, alert};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{Node, el};
-use sidestep::api::{SelfCheck, routes};
+use sidestep::api::{DataCheck, SelfCheck, routes};
 use sidestep::trial::simulation_fingerprint;
 
 /// The page that compares the fingerprints of both.
@@ -11,33 +12,54 @@ use sidestep::trial::simulation_fingerprint;
 pub(super) struct SelfCheckPage {
     /// This browser's fingerprint and the server's, or why there are none.
     compared: Option<Result<(String, SelfCheck), String>>,
+    /// What the server found in its data.
+    data: Option<DataCheck>,
+}
+
+/// What the page can be told.
+#[derive(Clone)]
+pub(super) enum Msg {
+    /// The server's fingerprint.
+    Fingerprint(Answer),
+    /// What it found in its data.
+    Data(Answer),
 }
 
 impl SelfCheckPage {
     /// The page as it opens.
-    pub(super) fn open() -> (Self, Commands<Answer>) {
-        let ask = Request::get("self-check", routes::SELF_CHECK, |answer| answer);
-        (Self::default(), vec![Command::Send(ask)])
+    pub(super) fn open() -> (Self, Commands<Msg>) {
+        let ask = Request::get("self-check", routes::SELF_CHECK, Msg::Fingerprint);
+        (Self::default(), vec![Command::Send(ask), data_check::ask(Msg::Data)])
     }
 }
 
 impl Page for SelfCheckPage {
-    /// The server's fingerprint is all that it is ever told.
-    type Msg = Answer;
+    type Msg = Msg;
 
-    fn update(&mut self, answer: Answer, _: f64) -> Commands<Answer> {
-        let server = read::<SelfCheck>(answer).map_err(|failure| failure.sentence);
-        self.compared =
-            Some(server.map(|server| (simulation_fingerprint(server.seed, server.trials), server)));
+    fn update(&mut self, message: Msg, _: f64) -> Commands<Msg> {
+        match message {
+            Msg::Fingerprint(answer) => {
+                let server = read::<SelfCheck>(answer).map_err(|failure| failure.sentence);
+                let compared = |it: SelfCheck| (simulation_fingerprint(it.seed, it.trials), it);
+                self.compared = Some(server.map(compared));
+            }
+            // Without it, the rest is shown.
+            Msg::Data(answer) => self.data = read(answer).ok(),
+        }
         Vec::new()
     }
 
-    fn view(&self) -> Node<Answer> {
-        match &self.compared {
-            None => parts::loading(),
-            Some(Err(why)) => parts::stuck("No self-check", why),
+    fn view(&self) -> Node<Msg> {
+        let simulation = match &self.compared {
+            None => return parts::loading(),
+            Some(Err(why)) => vec![alert("uncompared", why)],
             Some(Ok((here, server))) => compared(here, server),
-        }
+        };
+        el("main")
+            .class("card wide")
+            .child(parts::heading("Self-check"))
+            .child(el("section").child(el("h2").text("Simulation")).children(simulation))
+            .children(self.data.as_ref().map(data_check::section))
     }
 
     fn title(&self) -> String {
@@ -45,7 +67,7 @@ impl Page for SelfCheckPage {
     }
 }
 
-fn compared(here: &str, server: &SelfCheck) -> Node<Answer> {
+fn compared(here: &str, server: &SelfCheck) -> Vec<Node<Msg>> {
     let (class, verdict) = if here == server.fingerprint {
         ("saved", "This browser and the server compute the same trials, bit for bit.")
     } else {
@@ -59,16 +81,16 @@ fn compared(here: &str, server: &SelfCheck) -> Node<Answer> {
         let value = el("code").test_id(id).text(value);
         el("div").child(el("dt").text(name)).child(el("dd").child(value))
     };
-    el("main")
-        .class("card wide")
-        .child(parts::heading("Self-check"))
-        .child(el("p").class(class).test_id("verdict").text(verdict))
-        .child(el("p").class("quiet").text(format!(
-            "Each fingerprint is the SHA-256 of all states of {} random trials (seed {}).",
-            server.trials, server.seed
-        )))
-        .child(el("dl").class("facts").children([
+    let about = format!(
+        "Each fingerprint is the SHA-256 of all states of {} random trials (seed {}).",
+        server.trials, server.seed
+    );
+    vec![
+        el("p").class(class).test_id("verdict").text(verdict),
+        el("p").class("quiet").text(about),
+        el("dl").class("facts").children([
             row("browser", "fingerprint-here", here),
             row("server", "fingerprint-server", &server.fingerprint),
-        ]))
+        ]),
+    ]
 }

@@ -17,7 +17,10 @@ use super::{Lab, Program};
 use crate::form::{FieldValue, Form};
 use crate::runtime::{Address, Event, Page, PageContext, Solving};
 use crate::testing;
-use sidestep::api::{Access, Session as SignedIn, TrialDetail, TrialPage, TrialSummary, routes};
+use sidestep::api::{
+    Access, Backup, DataCheck, DataCheckState, Session as SignedIn, TrialDetail, TrialPage,
+    TrialSummary, routes,
+};
 use sidestep::chart::colours;
 use sidestep::picture::Shape;
 use sidestep::reachability::{PursuitGame, SampledValue, ValueFunction, polar};
@@ -194,6 +197,11 @@ fn of(evader: Evader) -> &'static str {
     }
 }
 
+/// What the first page asks for.
+const HOME: [&str; 2] = [routes::ADMIN_STUDIES, routes::DATA_CHECK];
+/// What the page of checks asks for.
+const CHECKS: [&str; 2] = [routes::SELF_CHECK, routes::DATA_CHECK];
+
 /// The list of studies, before there is any.
 const NO_STUDIES: &[u8] = b"[]";
 
@@ -205,7 +213,7 @@ fn what_a_page_asked_for_is_no_matter_to_the_next() {
     session.go("/lab/self-check");
     session.go("/lab");
     session.tell(late);
-    assert_eq!(session.urls(), [routes::ADMIN_STUDIES], "only this visit's request");
+    assert_eq!(session.urls(), HOME, "only this visit's requests");
     assert!(session.text().contains("Loading"));
 }
 
@@ -214,10 +222,46 @@ fn an_address_without_a_page_says_so() {
     let mut session = signed_in("/lab/nothing");
     assert!(session.words("stuck").unwrap().contains("no page at this address"));
     session.go("/lab/self-check");
-    assert_eq!(session.urls(), [routes::SELF_CHECK]);
+    assert_eq!(session.urls(), CHECKS);
     for elsewhere in ["/s/default", "/laboratory"] {
         assert!(session.page.hear(&Event::Address(address(elsewhere))).is_none(), "{elsewhere}");
     }
+}
+
+#[test]
+fn faults_of_stored_data_are_told_at_once() {
+    let found = |check: &DataCheck| {
+        let mut first = signed_in("/lab");
+        first.answer("studies", 200, NO_STUDIES);
+        first.send("data-check", 200, check);
+        let mut page = signed_in("/lab/self-check");
+        page.answer("self-check", 503, b"{}");
+        page.send("data-check", 200, check);
+        [first.words("faults"), page.words("data")]
+    };
+    let mut check = DataCheck::default();
+    let [first, page] = found(&check);
+    assert!(first.is_none() && page.unwrap().contains("not checked its data since"));
+    check.state = DataCheckState::Done;
+    (check.at_ms, check.trials) = (Some(0), Some(12));
+    let backup = Backup { name: "sidestep-1.db".into(), at_ms: 0, bytes: 1_200_000 };
+    check.backup = Some(backup);
+    let [first, page] = found(&check);
+    let page = page.unwrap();
+    assert!(first.is_none() && page.contains("Each of the 12 stored trials"), "{page}");
+    assert!(page.contains("sidestep-1.db (1.2 MB)"), "{page}");
+    (check.fault_count, check.faults) = (2, vec!["trial t: odd".into()]);
+    for words in found(&check) {
+        let words = words.unwrap();
+        assert!(words.contains("2 faults") && words.contains("sidestep check"), "{words}");
+    }
+    assert!(found(&check)[1].as_ref().unwrap().contains("trial t: odd"));
+    let failed = DataCheck {
+        state: DataCheckState::Failed,
+        message: Some("the disk is full".into()),
+        ..DataCheck::default()
+    };
+    assert!(found(&failed).into_iter().all(|words| words.unwrap().contains("the disk is full")));
 }
 
 #[test]
@@ -240,7 +284,7 @@ fn a_pasted_link_signs_in_wherever_one_is() {
     assert_eq!((request.method, request.body.as_deref()), ("POST", Some(r#"{"key":"secret"}"#)));
     let ada = SignedIn { signed_in: true, name: "Ada".into(), access: Access::Read };
     session.send("session", 200, &ada);
-    assert_eq!(session.urls(), [routes::ADMIN_STUDIES]);
+    assert_eq!(session.urls(), HOME);
 }
 
 #[test]
@@ -435,7 +479,7 @@ fn a_page_begins_while_the_server_says_who_is_there() {
     // Another address does not forget to ask.
     let mut session = begun();
     session.go("/lab/self-check");
-    assert_eq!(session.urls(), [routes::SESSION, routes::SELF_CHECK]);
+    assert_eq!(session.urls(), [routes::SESSION, CHECKS[0], CHECKS[1]]);
 }
 
 #[test]

@@ -1,0 +1,176 @@
+//! Backups: one SQLite file with everything of a database, complete and checked before it gets its name.
+
+use crate::clock::date_time;
+use crate::soundness::{self, Report};
+use crate::store::{Missing, OpenError, Store, StoreError};
+use crate::transfer::{self, TransferError};
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tempfile::TempDir;
+use tokio_util::sync::CancellationToken;
+
+/// How the names of folders begin in which a backup is written.
+const UNFINISHED: &str = ".sidestep-backup-";
+
+/// Why there is no backup.
+#[derive(Debug, thiserror::Error)]
+pub enum BackupError {
+    /// The database, or the copy of it, cannot be read.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// The copy cannot be opened.
+    #[error("{0}")]
+    Open(#[from] OpenError),
+    /// The copy is not whole.
+    #[error("{0}")]
+    Transfer(#[from] TransferError),
+    /// The disk refuses.
+    #[error("{}: cannot write: {error}", file.display())]
+    Unwritable {
+        /// The backup.
+        file: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// There are faults.
+    #[error("{}: the database is not sound, nothing was written: {first}; see 'sidestep check'", file.display())]
+    Unsound {
+        /// The backup.
+        file: PathBuf,
+        /// The first fault.
+        first: String,
+    },
+}
+
+/// A backup that was written.
+#[derive(Debug)]
+pub struct Written {
+    /// Its length, bytes.
+    pub bytes: u64,
+    /// What is in it.
+    pub report: Report,
+}
+
+/// Writes a backup to `out`, a new file that only its owner can read. Every trial in it has been replayed.
+/// `progress` hears how many participants of how many are copied, where they are copied one by one.
+///
+/// # Errors
+/// [`BackupError`]; there is no file then.
+pub async fn write(
+    store: &Store,
+    out: &Path,
+    cancel: &CancellationToken,
+    progress: impl FnMut(usize, usize),
+) -> Result<Written, BackupError> {
+    let unwritable = |error| BackupError::Unwritable { file: out.to_owned(), error };
+    let parent = out.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let parent = parent.unwrap_or(Path::new("."));
+    let folder = TempDir::with_prefix_in(UNFINISHED, parent).map_err(unwritable)?;
+    let file = folder.path().join("backup.db");
+    let url = format!("sqlite:{}", file.display());
+    if !store.write_snapshot(&file).await? {
+        let copy = Store::open(&url, Missing::Create).await?;
+        transfer::copy(store, &copy, &store.slugs().await?, cancel, progress).await?;
+        copy.put_access_copy(store.access_copy().await?).await?;
+        copy.close().await;
+    }
+    let copy = Store::open(&url, Missing::Refuse).await?;
+    let report = soundness::report(&copy).await;
+    copy.close().await;
+    let report = report?;
+    sound(out, &report)?;
+    File::open(&file)
+        .and_then(|written| written.sync_all())
+        .and_then(|()| std::fs::hard_link(&file, out))
+        .and_then(|()| File::open(parent)?.sync_all())
+        .map_err(unwritable)?;
+    let bytes = std::fs::metadata(out).map_err(unwritable)?.len();
+    Ok(Written { bytes, report })
+}
+
+/// Refuses a database with faults.
+///
+/// # Errors
+/// [`BackupError::Unsound`] with the first of them.
+pub fn sound(file: &Path, report: &Report) -> Result<(), BackupError> {
+    match report.first() {
+        None => Ok(()),
+        Some(first) => Err(BackupError::Unsound { file: file.to_owned(), first }),
+    }
+}
+
+/// The name of a backup that is made now, at this time in ms since 1970: `sidestep-20261125T043000Z.db`.
+#[must_use]
+pub fn name(now_ms: i64) -> String {
+    let time: String = date_time(now_ms).chars().filter(|c| !"-:".contains(*c)).collect();
+    format!("sidestep-{time}.db")
+}
+
+/// The backups with such names in a folder, the oldest first. Other files are none of them.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub fn list(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let is_one = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str());
+        let time = name.and_then(|name| name.strip_prefix("sidestep-")?.strip_suffix("Z.db"));
+        time.is_some_and(|time| {
+            let is_digit =
+                |(i, b): (usize, u8)| if i == 8 { b == b'T' } else { b.is_ascii_digit() };
+            time.len() == 15 && time.bytes().enumerate().all(is_digit)
+        })
+    };
+    let entries = std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path()));
+    let mut found: Vec<_> = entries.collect::<io::Result<_>>()?;
+    found.retain(is_one);
+    found.sort();
+    Ok(found)
+}
+
+/// Deletes what backups have left behind that were broken off, more than a day ago.
+pub fn sweep(folder: &Path) {
+    const LEFT_BEHIND: Duration = Duration::from_secs(86_400);
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let is_unfinished = entry.file_name().to_string_lossy().starts_with(UNFINISHED);
+        let changed = entry.metadata().and_then(|about| about.modified());
+        let age = changed.ok().and_then(|changed| changed.elapsed().ok());
+        if is_unfinished && age.is_some_and(|age| age > LEFT_BEHIND) {
+            // What cannot be deleted now can be tomorrow.
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
+}
+
+/// Deletes the oldest backups in a folder, so that `keep` are left. Returns how many were deleted.
+///
+/// # Errors
+/// If a file cannot be deleted.
+pub fn prune(folder: &Path, keep: usize) -> io::Result<usize> {
+    let all = list(folder)?;
+    let old = &all[..all.len().saturating_sub(keep)];
+    old.iter().try_for_each(std::fs::remove_file)?;
+    Ok(old.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_newest_backups_are_kept_and_other_files_too() {
+        let folder = TempDir::new().unwrap();
+        let names = [name(0), name(86_400_000), name(1_795_000_000_000)];
+        assert_eq!(names[0], "sidestep-19700101T000000Z.db");
+        let others = ["sidestep.db", "sidestep-old.db", "sidestep-19700101T00000xZ.db"];
+        for name in names.iter().map(String::as_str).chain(others) {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(prune(folder.path(), 3).unwrap(), 0);
+        assert_eq!(prune(folder.path(), 2).unwrap(), 1);
+        let left = list(folder.path()).unwrap();
+        assert_eq!(left, [&names[1], &names[2]].map(|name| folder.path().join(name)));
+        assert!(others.iter().all(|name| folder.path().join(name).exists()));
+    }
+}

@@ -1,0 +1,62 @@
+//! The flags of `sidestep serve` for backups and checks of the stored data.
+
+use super::CommandError;
+use crate::jobs::keeper::Keeping;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// The time from the start of the server to its first check.
+const FIRST: Duration = Duration::from_secs(60);
+
+/// How the server looks after the data.
+#[derive(Clone, Debug, clap::Args)]
+pub struct KeepingArgs {
+    /// Folder for backups, on another disk if possible: the server writes one every day (see --check-every)
+    /// and deletes the oldest. Of several servers on one database, one needs this.
+    #[arg(long, value_name = "DIR")]
+    pub backups: Option<PathBuf>,
+    /// Backups that are kept in --backups.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 14,
+        requires = "backups",
+        value_parser = clap::value_parser!(u16).range(1..)
+    )]
+    pub backups_kept: u16,
+    /// How often the server checks what is stored, by replaying every trial in a process of the lowest
+    /// priority, and writes a backup, hours; 0 for never. The laboratory shows what was found.
+    #[arg(long, value_name = "HOURS", default_value = "24", value_parser = hours)]
+    pub check_every: f64,
+    /// The time from the start to the first check.
+    #[arg(skip = FIRST)]
+    pub first: Duration,
+}
+
+fn hours(text: &str) -> Result<f64, String> {
+    let hours = text.parse().ok().filter(|&hours| hours == 0.0 || (0.01..=8784.0).contains(&hours));
+    hours.ok_or_else(|| "expected 0, or a number from 0.01 to 8784".to_owned())
+}
+
+impl KeepingArgs {
+    /// What is to be looked after, of this database.
+    ///
+    /// # Errors
+    /// [`CommandError::Input`] if the folder for backups is none, or no file can be written in it.
+    pub(super) fn keeping(&self, database: &str) -> Result<Keeping, CommandError> {
+        let backups = self.backups.as_ref().map(|folder| {
+            let refused = |error: std::io::Error| {
+                CommandError::Input(format!(
+                    "--backups {}: expected a folder in which files can be written, found: {error}",
+                    folder.display()
+                ))
+            };
+            tempfile::tempfile_in(folder).map_err(refused)?;
+            Ok::<_, CommandError>((folder.clone(), usize::from(self.backups_kept)))
+        });
+        let every =
+            (self.check_every > 0.0).then(|| Duration::from_secs_f64(3600.0 * self.check_every));
+        let database = database.to_owned();
+        Ok(Keeping { database, backups: backups.transpose()?, every, first: self.first })
+    }
+}

@@ -1,0 +1,33 @@
+//! The check of a database, and its backup.
+
+use super::Server;
+use crate::backups::{self, BackupError, Written};
+use crate::jobs::frames::FromChild;
+use crate::soundness;
+use crate::store::{Missing, Store};
+use std::io;
+use std::path::Path;
+use tokio_util::sync::CancellationToken;
+
+/// Checks the database, or writes a backup and checks that.
+pub(super) fn run(server: &Server, database: &str, backup: Option<&Path>) -> io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let said = match runtime.block_on(checked(database, backup)) {
+        Ok(Written { bytes, report }) => FromChild::Checked { report: Box::new(report), bytes },
+        Err(error) => FromChild::Failed(error.to_string()),
+    };
+    server.tell(&said, &[])
+}
+
+async fn checked(database: &str, backup: Option<&Path>) -> Result<Written, BackupError> {
+    let store = Store::open(database, Missing::Refuse).await?;
+    let written = match backup {
+        Some(file) => backups::write(&store, file, &CancellationToken::new(), |_, _| ()).await,
+        None => {
+            let report = soundness::report(&store).await;
+            report.map(|report| Written { bytes: 0, report }).map_err(BackupError::from)
+        }
+    };
+    store.close().await;
+    written
+}

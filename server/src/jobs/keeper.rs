@@ -1,0 +1,160 @@
+//! Looks after the data while the server runs: checks every stored trial, and writes backups, in child
+//! processes of the lowest priority.
+
+use super::children::{Children, Ended};
+use super::frames::{FromChild, ToChild};
+use crate::backups;
+use crate::clock::now_ms;
+use crate::soundness::Report;
+use sidestep::api::{Backup, DataCheck, DataCheckState};
+use std::path::PathBuf;
+use std::time::Duration;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+/// Most faults that are told; `sidestep check` tells all.
+const MOST_FAULTS: usize = 20;
+
+/// What is looked after, and how often.
+#[derive(Clone, Debug)]
+pub struct Keeping {
+    /// The database's address.
+    pub database: String,
+    /// The folder for backups, and how many are kept in it; none writes no backups.
+    pub backups: Option<(PathBuf, usize)>,
+    /// The time between two checks or backups; none checks nothing.
+    pub every: Option<Duration>,
+    /// The time from the start of the server to the first check; a backup of which there is none comes at once.
+    pub first: Duration,
+}
+
+/// The keeper, which runs in the background until it is stopped.
+#[derive(Debug)]
+pub struct Keeper {
+    cancel: CancellationToken,
+    task: JoinHandle<()>,
+}
+
+impl Keeper {
+    /// Starts it. `found` shows what was found last.
+    #[must_use]
+    pub fn start(keeping: Keeping, children: Children, found: watch::Sender<DataCheck>) -> Self {
+        let cancel = CancellationToken::new();
+        let stopped = cancel.clone();
+        let task = tokio::spawn(async move {
+            let Some(every) = keeping.every else { return };
+            let keep = async {
+                let mut pause = keeping.first_pause(every);
+                loop {
+                    tokio::time::sleep(pause).await;
+                    keeping.once(&children, &found).await;
+                    pause = every;
+                }
+            };
+            // The process of a check that is dropped is killed.
+            tokio::select! {
+                () = keep => {}
+                () = stopped.cancelled() => {}
+            }
+        });
+        Self { cancel, task }
+    }
+
+    /// Stops; a check or backup that is under way is given up.
+    pub async fn stop(self) {
+        self.cancel.cancel();
+        if let Err(error) = self.task.await {
+            tracing::error!(%error, "the keeper ended badly");
+        }
+    }
+}
+
+impl Keeping {
+    /// The time until the first check or backup: a backup follows the last one that is there, also if the
+    /// server was started since.
+    fn first_pause(&self, every: Duration) -> Duration {
+        let Some((folder, _)) = &self.backups else { return self.first };
+        let last = backups::list(folder).unwrap_or_default().pop();
+        let age = last.and_then(|file| file.metadata().ok()?.modified().ok()?.elapsed().ok());
+        age.map_or(Duration::ZERO, |age| every.saturating_sub(age)).max(self.first.min(every))
+    }
+
+    /// One check, or one backup, which is a check of what it has written.
+    async fn once(&self, children: &Children, found: &watch::Sender<DataCheck>) {
+        if let Some((folder, _)) = &self.backups {
+            backups::sweep(folder);
+        }
+        let backup = self.backups.as_ref().map(|(folder, keep)| {
+            let file = folder.join(backups::name(now_ms()));
+            (folder, *keep, file)
+        });
+        let file = backup.as_ref().map(|(.., file)| file.clone());
+        found.send_modify(|check| check.state = DataCheckState::Running);
+        let done = self.in_child(children, file.clone()).await;
+        let at_ms = now_ms();
+        let pruned = match (&done, &backup) {
+            (Ok(_), Some((folder, keep, _))) => backups::prune(folder, *keep),
+            _ => Ok(0),
+        };
+        if let Err(error) = pruned {
+            tracing::warn!(%error, "an old backup was not deleted");
+        }
+        found.send_modify(|check| match done {
+            Ok((report, bytes)) => {
+                let (trials, faults) = (report.trials, report.faults());
+                match faults {
+                    0 => tracing::info!(trials, "every stored trial was replayed: no fault"),
+                    _ => tracing::error!(
+                        trials,
+                        faults,
+                        "stored data have faults: see 'sidestep check'"
+                    ),
+                }
+                check.state = DataCheckState::Done;
+                check.at_ms = Some(at_ms);
+                check.trials = Some(trials as u64);
+                check.faults = told(&report);
+                check.fault_count = faults as u64;
+                check.message = None;
+                if let Some(file) = file.as_ref().and_then(|file| file.file_name()) {
+                    let name = file.to_string_lossy().into_owned();
+                    tracing::info!(name, bytes, "a backup was written");
+                    check.backup = Some(Backup { name, at_ms, bytes });
+                }
+            }
+            Err(why) => {
+                tracing::error!(why, "stored data were not checked");
+                check.state = DataCheckState::Failed;
+                check.message = Some(why);
+            }
+        });
+    }
+
+    async fn in_child(
+        &self,
+        children: &Children,
+        backup: Option<PathBuf>,
+    ) -> Result<(Report, u64), String> {
+        let mut child = children.start().map_err(|error| format!("{error:#}"))?;
+        let folder = std::env::current_dir().map_err(|error| error.to_string())?;
+        let task = ToChild::Check { folder, database: self.database.clone(), backup };
+        // A child that has ended is noticed when it is heard.
+        let _ = child.tell(&task, &[]).await;
+        match child.hear().await {
+            Ok((FromChild::Checked { report, bytes }, _)) => Ok((*report, bytes)),
+            Ok((FromChild::Failed(why), _)) => Err(why),
+            Ok((other, _)) => Err(format!("expected a report, found {other:?}")),
+            Err(_) => Err(match child.ended().await {
+                Ended::Failed(why) => why,
+                Ended::Asked => "its process was asked to end".to_owned(),
+            }),
+        }
+    }
+}
+
+/// The first faults, in words.
+fn told(report: &Report) -> Vec<String> {
+    let wrong = report.wrong.iter().map(|it| format!("trial {}: {}", it.trial_id, it.what));
+    report.damage.iter().cloned().chain(wrong).take(MOST_FAULTS).collect()
+}

@@ -1,0 +1,89 @@
+//! Backups and checks that a server makes by itself.
+
+use sidestep::api::{DataCheck, DataCheckState, routes};
+use sidestep_server::commands::serve::ServeArgs;
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Driver, Server, behind, run};
+use std::time::{Duration, Instant};
+
+/// Checks again and again, after a second.
+fn often(args: &mut ServeArgs) {
+    args.keeping.first = Duration::from_millis(100);
+    args.keeping.check_every = 1.0 / 3600.0;
+}
+
+async fn until(server: &Server, is_wanted: impl Fn(&DataCheck) -> bool) -> DataCheck {
+    let begun = Instant::now();
+    loop {
+        let check: DataCheck = server.admin(routes::DATA_CHECK).await.into(200);
+        if is_wanted(&check) {
+            return check;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(60), "{check:?}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
+
+#[tokio::test]
+async fn stored_data_are_checked_while_the_server_runs() {
+    let server = Server::with_study_and(SHORT_STUDY, often).await;
+    assert_eq!(server.admin(routes::DATA_CHECK).await.into::<DataCheck>(200).backup, None);
+    Driver::enrol(&server).await.drive(&server, 3).await;
+    let check = until(&server, |it| it.trials == Some(3)).await;
+    assert_eq!((check.fault_count, check.message), (0, None));
+    let wrong = "UPDATE trial SET closest_m = closest_m + 1 \
+                 WHERE sequence = (SELECT max(sequence) FROM trial)";
+    behind(&server.database()).execute_batch(wrong).unwrap();
+    let check = until(&server, |it| it.fault_count == 1).await;
+    assert!(check.faults[0].contains("closest range"), "{check:?}");
+    // The laboratory and the operator hear of it, and nobody is kept from driving.
+    let ready = server.get("/readyz").await;
+    assert_eq!(ready.status, 200);
+    let text = server.request(reqwest::Method::GET, "/readyz").send().await.unwrap();
+    let text = text.text().await.unwrap();
+    assert_eq!(text, "ready\nfaults in stored data: 1; see 'sidestep check'\n");
+    let late = Driver::enrol(&server).await;
+    late.drive(&server, 1).await;
+}
+
+#[tokio::test]
+async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let backups = folder.path().to_owned();
+    let old = backups.join("sidestep-20200101T000000Z.db");
+    std::fs::write(&old, "an old one").unwrap();
+    // Its age is what the file system says: now.
+    let server = Server::with_study_and(SHORT_STUDY, often).await;
+    Driver::enrol(&server).await.drive(&server, 2).await;
+    let wanted = backups.clone();
+    let change = move |args: &mut ServeArgs| {
+        (args.keeping.backups, args.keeping.backups_kept) = (Some(wanted), 2);
+    };
+    let server = server.stop().await.start_with(None, change).await;
+    let first = until(&server, |it| it.backup.is_some()).await;
+    assert_eq!((first.state, first.trials), (DataCheckState::Done, Some(2)));
+    let first = first.backup.unwrap();
+    let next = |it: &DataCheck| it.backup.as_ref().is_some_and(|it| it.name != first.name);
+    let second = until(&server, next).await.backup.unwrap();
+    server.stop().await;
+    assert!(!old.exists(), "two are kept");
+    let newest = backups.join(&second.name);
+    assert!(newest.metadata().unwrap().len() == second.bytes);
+    let to = format!("sqlite:{}", folder.path().join("restored.db").display());
+    let from = newest.display().to_string();
+    let restored = run(&["restore", "--from", &from, "--database", &to]).await.json();
+    assert_eq!(restored["trials"], 2, "{restored}");
+}
+
+#[tokio::test]
+async fn a_folder_for_backups_that_is_none_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (database, missing) = (folder.path().join("new.db"), folder.path().join("missing"));
+    let database = format!("sqlite:{}", database.display());
+    let missing = missing.display().to_string();
+    let refused = run(&["serve", "--database", &database, "--backups", &missing]).await;
+    refused.refused(2, &["--backups", "missing", "expected a folder", "No such file"]);
+    assert!(!folder.path().join("new.db").exists());
+    let refused = run(&["serve", "--check-every", "-1"]).await;
+    refused.refused(2, &["--check-every", "expected 0, or a number from 0.01 to 8784"]);
+}
