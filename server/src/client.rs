@@ -10,7 +10,9 @@ mod laboratory;
 pub use laboratory::Laboratory;
 pub use participation::Participation;
 
+use crate::tls_client;
 use reqwest::{Method, RequestBuilder, Url};
+use rustls::RootCertStore;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sidestep::api::{Enrolled, Enrolment, Problem, StudyInfo, Texts, routes};
@@ -75,6 +77,16 @@ fn said(problem: Option<&Problem>) -> String {
     }
 }
 
+/// How requests are sent: to the server itself, whose answer is the only one that counts.
+///
+/// # Errors
+/// None that is known.
+pub fn http(trusted: RootCertStore) -> Result<reqwest::ClientBuilder, rustls::Error> {
+    let tls = tls_client::config(trusted)?;
+    let builder = reqwest::Client::builder().tls_backend_preconfigured(tls);
+    Ok(builder.redirect(reqwest::redirect::Policy::none()).no_proxy())
+}
+
 /// A server that is asked.
 #[derive(Clone, Debug)]
 pub struct Client {
@@ -84,27 +96,28 @@ pub struct Client {
 }
 
 impl Client {
-    /// The server at an address such as `http://127.0.0.1:8080`; none if it is not an http address, or one
-    /// with a password or a query.
+    /// The server at an address such as `http://127.0.0.1:8080`; none if it is neither an http nor an https
+    /// address, or one with a password or a query. Certificates must come from an authority of this system.
     ///
     /// # Errors
     /// If the system has no means to send requests.
-    pub fn at(url: &str) -> Option<Result<Self, reqwest::Error>> {
+    pub fn at(url: &str) -> Option<anyhow::Result<Self>> {
         let parsed = Url::parse(url).ok()?;
-        let plain = parsed.scheme() == "http"
+        let plain = matches!(parsed.scheme(), "http" | "https")
             && parsed.has_host()
             && parsed.username().is_empty()
             && parsed.password().is_none()
             && parsed.query().is_none()
             && parsed.fragment().is_none();
         let origin = parsed.as_str().trim_end_matches('/').to_owned();
-        // An answer from elsewhere would not be the server's.
-        let http = reqwest::Client::builder()
-            .timeout(PATIENCE)
-            .redirect(reqwest::redirect::Policy::none())
-            .no_proxy()
-            .build();
-        plain.then(|| http.map(|http| Self { http, origin }))
+        plain.then(|| {
+            // Reading the authorities takes milliseconds, which an address without TLS does not need.
+            let trusted = match parsed.scheme() {
+                "https" => tls_client::system_roots(),
+                _ => RootCertStore::empty(),
+            };
+            Ok(Self { http: http(trusted)?.timeout(PATIENCE).build()?, origin })
+        })
     }
 
     /// The server's address, without a slash at the end.
@@ -209,7 +222,8 @@ mod tests {
         let origin = |url| Client::at(url).map(|client| client.unwrap().origin);
         assert_eq!(origin("http://[::1]:80/").as_deref(), Some("http://[::1]"));
         assert_eq!(origin("http://lab:8080/study/").as_deref(), Some("http://lab:8080/study"));
-        for bad in ["", "lab:8080", "https://lab", "http://", "http://a:b@lab", "http://lab?x"] {
+        assert_eq!(origin("https://lab").as_deref(), Some("https://lab"));
+        for bad in ["", "lab:8080", "ftp://lab", "http://", "http://a:b@lab", "http://lab?x"] {
             assert_eq!(origin(bad), None, "{bad}");
         }
     }

@@ -1,10 +1,11 @@
 //! The Sidestep server and command line.
 //!
-//! [`client`] asks a running server; [`store`] is the only module that speaks SQL; [`formats`] reads and writes files;
+//! [`client`] asks a running server, by [`tls_client`] if it has a certificate; [`store`] is the only module that speaks SQL; [`formats`] reads and writes files;
 //! [`languages`] has the texts of the participant's page; [`report`] prints
 //! the files of an analysis; [`jobs`] works in the background; [`http`] has a module for each resource
 //! and the one table of routes; [`commands`] has a module for each subcommand.
 
+pub mod tls_client;
 pub mod client;
 pub mod clock;
 pub mod threads;

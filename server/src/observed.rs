@@ -8,6 +8,7 @@ use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::{ConstGauge, Gauge};
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
+use sidestep::api::DataCheck;
 use std::time::Duration;
 
 /// Bounds of times, s: from what a commit takes to the limit of a request.
@@ -104,6 +105,7 @@ impl Observed {
         store: &Store,
         counts: Counts,
         connections: usize,
+        data_check: &DataCheck,
     ) -> Result<String, std::fmt::Error> {
         let mut all = Registry::with_prefix("sidestep");
         all.register("http_requests", "Requests answered since the start", self.requests.clone());
@@ -126,6 +128,17 @@ impl Observed {
             let free = i64::try_from(free).unwrap_or(i64::MAX);
             gauge("free_bytes", "Room on the disk of the database", free);
         }
+        let faults = i64::try_from(data_check.fault_count).unwrap_or(i64::MAX);
+        gauge("data_faults", "Faults that the last check of the stored data found", faults);
+        let mut time = |name: &str, help: &str, at_ms: Option<i64>| {
+            if let Some(at_ms) = at_ms {
+                all.register_with_unit(name, help, Unit::Seconds, ConstGauge::new(at_ms / 1000));
+            }
+        };
+        let help = "When the last check of the stored data ended, since 1970";
+        time("data_check_timestamp", help, data_check.at_ms);
+        let help = "When the newest backup of this server was written, since 1970";
+        time("backup_timestamp", help, data_check.backup.as_ref().map(|backup| backup.at_ms));
         let waiting = Family::<Lane, Gauge>::default();
         for (lane, count) in ["trial", "request", "background"].into_iter().zip(store.waiting()) {
             waiting.get_or_create(&Lane { lane }).set(clamped(count));

@@ -28,13 +28,15 @@ pub use server::Server;
 
 use reqwest::{Client, Method, RequestBuilder};
 use serde_json::Value;
+use sidestep_server::client::http;
+use tokio_rustls::rustls::RootCertStore;
 
 /// Where a server answers.
 #[derive(Clone, Debug)]
 pub struct Address {
     /// `http://127.0.0.1:PORT`.
     pub origin: String,
-    /// Sends requests; keeps no cookies.
+    /// Sends requests; keeps no cookies and follows no redirects.
     client: Client,
 }
 
@@ -42,7 +44,8 @@ impl Address {
     /// The server at that origin.
     #[must_use]
     pub fn new(origin: String) -> Self {
-        Self { origin, client: Client::new() }
+        let client = http(RootCertStore::empty()).expect("versions of TLS");
+        Self { origin, client: client.build().expect("a client") }
     }
 
     /// A request to a route.

@@ -26,7 +26,13 @@ pub struct KeepingArgs {
     pub backups_kept: u16,
     /// How often the server checks what is stored, by replaying every trial in a process of the lowest
     /// priority, and writes a backup, hours; 0 for never. The laboratory shows what was found.
-    #[arg(long, value_name = "HOURS", default_value = "24", value_parser = hours)]
+    #[arg(
+        long,
+        value_name = "HOURS",
+        default_value = "24",
+        value_parser = hours,
+        allow_negative_numbers = true
+    )]
     pub check_every: f64,
     /// The time from the start to the first check.
     #[arg(skip = FIRST)]

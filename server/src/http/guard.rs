@@ -137,6 +137,20 @@ fn request_id(request: &Request) -> String {
     given.map_or_else(|| uuid::Uuid::new_v4().simple().to_string(), str::to_owned)
 }
 
+/// The method's name; one word for all that no route has, since a client may invent as many as it likes.
+fn known(method: &Method) -> &str {
+    match *method {
+        Method::GET
+        | Method::HEAD
+        | Method::POST
+        | Method::PUT
+        | Method::PATCH
+        | Method::DELETE
+        | Method::OPTIONS => method.as_str(),
+        _ => "(other)",
+    }
+}
+
 /// Counts and logs answers. Logs contain only the route's pattern, because addresses, queries, headers
 /// and bodies may contain personal data.
 pub async fn observed(
@@ -154,10 +168,17 @@ pub async fn observed(
         answer.headers_mut().insert(REQUEST_ID, id);
     }
     let route = route.as_ref().map_or("(none)", MatchedPath::as_str);
+    let method = known(&method);
     let (status, took) = (answer.status().as_u16(), begin.elapsed());
-    app.observed.answered(method.as_str(), route, status, took);
+    app.observed.answered(method, route, status, took);
     let ms = took.as_millis();
-    span.in_scope(|| tracing::info!(%method, route, status, ms, "answered"));
+    span.in_scope(|| match route {
+        // Proxies ask every second.
+        "/healthz" | "/readyz" if status == 200 => {
+            tracing::debug!(method, route, status, ms, "answered")
+        }
+        _ => tracing::info!(method, route, status, ms, "answered"),
+    });
     answer
 }
 

@@ -7,6 +7,7 @@ use crate::http::experimenters::Reader;
 use crate::http::openapi::operation::{Input, Operation};
 use crate::http::openapi::schemas::Schemas;
 use crate::http::peer::Client;
+use axum::Extension;
 use axum::extract::{FromRequestParts, State};
 use axum::http::{StatusCode, header, request::Parts};
 use axum::response::{IntoResponse, Response};
@@ -19,11 +20,18 @@ pub async fn healthz() -> String {
 
 /// `GET /readyz`: whether a trial can be stored now: a write can begin, there is free space, and the file
 /// is the one that was opened. A second line says so if the last check of the stored data found faults, which keep
-/// nobody from storing more.
-pub async fn readyz(State(app): State<Arc<App>>) -> Result<String, ApiError> {
+/// nobody from storing more. The cause is told to programs on this machine alone: it may name files and hosts.
+pub async fn readyz(
+    State(app): State<Arc<App>>,
+    client: Option<Extension<Client>>,
+) -> Result<String, ApiError> {
     app.store.ready().await.map_err(|error| {
         tracing::error!(%error, "not ready");
-        ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "not_ready", error.to_string())
+        let message = match client {
+            Some(Extension(Client { is_local: true, .. })) => error.to_string(),
+            _ => "no trial can be stored now; the server's log says why".to_owned(),
+        };
+        ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "not_ready", message)
     })?;
     let faults = app.data_check.borrow().fault_count;
     Ok(match faults {
@@ -55,7 +63,9 @@ impl Input for Operator {
 /// `GET /metrics`: the text format of OpenMetrics.
 pub async fn show(_: Operator, State(app): State<Arc<App>>) -> Result<Response, ApiError> {
     let counts = app.store.counts().await?;
-    let text = app.observed.text(&app.store, counts, app.connections.count());
+    let data_check = app.data_check.borrow().clone();
+    let connections = app.connections.count();
+    let text = app.observed.text(&app.store, counts, connections, &data_check);
     let text = text.map_err(|error| ApiError::Internal(error.into()))?;
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     Ok(([(header::CONTENT_TYPE, kind)], text).into_response())

@@ -8,7 +8,7 @@ use crate::clock::now_ms;
 use crate::soundness::Report;
 use sidestep::api::{Backup, DataCheck, DataCheckState};
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -44,8 +44,10 @@ impl Keeper {
         let stopped = cancel.clone();
         let task = tokio::spawn(async move {
             let Some(every) = keeping.every else { return };
+            let newest = keeping.newest_backup();
             let keep = async {
-                let mut pause = keeping.first_pause(every);
+                let mut pause = keeping.first_pause(every, newest.as_ref());
+                found.send_modify(|check| check.backup = newest);
                 loop {
                     tokio::time::sleep(pause).await;
                     keeping.once(&children, &found).await;
@@ -73,11 +75,27 @@ impl Keeper {
 impl Keeping {
     /// The time until the first check or backup: a backup follows the last one that is there, also if the
     /// server was started since.
-    fn first_pause(&self, every: Duration) -> Duration {
-        let Some((folder, _)) = &self.backups else { return self.first };
-        let last = backups::list(folder).unwrap_or_default().pop();
-        let age = last.and_then(|file| file.metadata().ok()?.modified().ok()?.elapsed().ok());
-        age.map_or(Duration::ZERO, |age| every.saturating_sub(age)).max(self.first.min(every))
+    fn first_pause(&self, every: Duration, newest: Option<&Backup>) -> Duration {
+        if self.backups.is_none() {
+            return self.first;
+        }
+        let age = newest.and_then(|backup| u64::try_from(now_ms() - backup.at_ms).ok());
+        let rest =
+            age.map_or(Duration::ZERO, |age| every.saturating_sub(Duration::from_millis(age)));
+        rest.max(self.first.min(every))
+    }
+
+    /// The newest backup in the folder, which an earlier run of the server may have written.
+    fn newest_backup(&self) -> Option<Backup> {
+        let (folder, _) = self.backups.as_ref()?;
+        let file = backups::list(folder).ok()?.pop()?;
+        let about = file.metadata().ok()?;
+        let at = about.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(Backup {
+            name: file.file_name()?.to_string_lossy().into_owned(),
+            at_ms: i64::try_from(at.as_millis()).ok()?,
+            bytes: about.len(),
+        })
     }
 
     /// One check, or one backup, which is a check of what it has written.

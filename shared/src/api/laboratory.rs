@@ -208,7 +208,7 @@ pub struct DataCheck {
     pub faults: Vec<String>,
     /// Why it could not be done, if so.
     pub message: Option<String>,
-    /// The last backup that this server has written since its start.
+    /// The newest backup in the folder of this server.
     pub backup: Option<Backup>,
 }
 

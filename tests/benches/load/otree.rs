@@ -10,11 +10,13 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use sidestep_server::client::http;
 use sidestep_tests::Folder;
 use sidestep_tests::load::figures::row;
 use sidestep_tests::load::{Latencies, http::Connection};
 use tokio::process::{Child, Command};
 use tokio::task::JoinSet;
+use tokio_rustls::rustls::RootCertStore;
 
 /// Its command, where `cargo xtask bench` has installed it.
 const COMMAND: &str = "SIDESTEP_OTREE";
@@ -138,7 +140,8 @@ impl Server {
             let answer = request.send().await.map_err(io::Error::other)?;
             answer.json::<Value>().await.map_err(io::Error::other)
         };
-        let client = reqwest::Client::new();
+        let client = http(RootCertStore::empty()).map_err(io::Error::other)?;
+        let client = client.build().map_err(io::Error::other)?;
         let sessions = format!("http://{address}/api/sessions");
         let body = serde_json::json!({
             "session_config_name": "store", "num_participants": participants,

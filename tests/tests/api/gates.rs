@@ -94,6 +94,15 @@ async fn tls_with_a_certificate_that_is_renewed() {
         assert!(answer.contains("Max-Age=2592000; Secure"), "{answer}");
         assert!(answer.contains("strict-transport-security: max-age=31536000"), "{answer}");
     }
+    // Commands, too.
+    let url = format!("https://localhost:{port}");
+    let args = ["simulate", "--url", &url, "--study", "default", "--participants", "1"];
+    let mut command = tokio::process::Command::new(sidestep_tests::process::binary());
+    let command = command.args(args).env("SSL_CERT_FILE", folder.path("cert.pem"));
+    let done = Said::from(command.output().await.unwrap()).json();
+    assert_eq!(done["flags"], json!({}), "{done}");
+    let unknown = run(&args).await;
+    unknown.refused(1, &[&url, "no answer", "certificate"]);
     // Without encryption there is no answer.
     let plain = server.request(Method::GET, "/healthz").send().await;
     assert!(plain.is_err());
@@ -262,7 +271,16 @@ async fn metrics_are_for_this_machine_and_for_keys() {
     Answer::of(get("192.0.2.7")).await.problem(401, "unauthorized", None);
     assert_eq!(Answer::of(get("192.0.2.7").bearer_auth(&server.key)).await.status, 200);
     let direct = Server::with_study(SHORT_STUDY).await;
-    assert_eq!(direct.get("/metrics").await.status, 200);
+    // Nobody fills the memory with methods that there are not.
+    for number in 0..3 {
+        let method = Method::from_bytes(format!("BREW{number}").as_bytes()).unwrap();
+        assert_eq!(Answer::of(direct.request(method, "/start")).await.status, 405);
+    }
+    let metrics = direct.request(Method::GET, "/metrics").send().await.unwrap();
+    assert_eq!(metrics.status(), 200);
+    let metrics = metrics.text().await.unwrap();
+    let line = "sidestep_http_request_seconds_count{method=\"(other)\",route=\"/start\"} 3";
+    assert!(metrics.contains(line) && !metrics.contains("BREW"), "{metrics}");
     // A proxy that nobody named speaks for somebody else.
     let through = direct.request(Method::GET, "/metrics").header("x-forwarded-for", "127.0.0.1");
     Answer::of(through).await.problem(401, "unauthorized", None);

@@ -1,5 +1,6 @@
 //! Backups and checks that a server makes by itself.
 
+use reqwest::Method;
 use sidestep::api::{DataCheck, DataCheckState, routes};
 use sidestep_server::commands::serve::ServeArgs;
 use sidestep_tests::server::SHORT_STUDY;
@@ -39,9 +40,11 @@ async fn stored_data_are_checked_while_the_server_runs() {
     // The laboratory and the operator hear of it, and nobody is kept from driving.
     let ready = server.get("/readyz").await;
     assert_eq!(ready.status, 200);
-    let text = server.request(reqwest::Method::GET, "/readyz").send().await.unwrap();
-    let text = text.text().await.unwrap();
-    assert_eq!(text, "ready\nfaults in stored data: 1; see 'sidestep check'\n");
+    let text = async |route: &str| {
+        server.request(Method::GET, route).send().await.unwrap().text().await.unwrap()
+    };
+    assert!(text("/metrics").await.contains("\nsidestep_data_faults 1\n"));
+    assert_eq!(text("/readyz").await, "ready\nfaults in stored data: 1; see 'sidestep check'\n");
     let late = Driver::enrol(&server).await;
     late.drive(&server, 1).await;
 }
@@ -56,15 +59,21 @@ async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
     let server = Server::with_study_and(SHORT_STUDY, often).await;
     Driver::enrol(&server).await.drive(&server, 2).await;
     let wanted = backups.clone();
-    let change = move |args: &mut ServeArgs| {
-        (args.keeping.backups, args.keeping.backups_kept) = (Some(wanted), 2);
+    let change = |args: &mut ServeArgs| {
+        (args.keeping.backups, args.keeping.backups_kept) = (Some(wanted.clone()), 2);
     };
     let server = server.stop().await.start_with(None, change).await;
-    let first = until(&server, |it| it.backup.is_some()).await;
-    assert_eq!((first.state, first.trials), (DataCheckState::Done, Some(2)));
-    let first = first.backup.unwrap();
+    let is_done = |it: &DataCheck| it.state == DataCheckState::Done && it.trials == Some(2);
+    let first = until(&server, is_done).await.backup.unwrap();
     let next = |it: &DataCheck| it.backup.as_ref().is_some_and(|it| it.name != first.name);
     let second = until(&server, next).await.backup.unwrap();
+    let metrics = server.request(Method::GET, "/metrics").send().await.unwrap();
+    let metrics = metrics.text().await.unwrap();
+    assert!(metrics.contains("\nsidestep_backup_timestamp_seconds "), "{metrics}");
+    // What is in the folder is known at the start, before there is another one.
+    let server = server.stop().await.start_with(None, change).await;
+    let known = until(&server, |it| it.backup.is_some()).await.backup.unwrap();
+    assert!(known.name >= second.name, "{known:?}");
     server.stop().await;
     assert!(!old.exists(), "two are kept");
     let newest = backups.join(&second.name);

@@ -175,7 +175,7 @@ async fn the_operators_routes() {
         "sidestep_participants 1",
         "sidestep_trials_stored 2",
         "sidestep_http_requests_total{status=\"201\"} 3",
-        "sidestep_http_request_seconds_count{method=\"PUT\",route=\"/api/v1/trials/{trial_id}\"} 2",
+        "sidestep_http_request_seconds_count{method=\"PUT\",route=\"/api/v1/participants/me/trials/{trial_id}\"} 2",
         "sidestep_backlog_trials 0",
         "sidestep_store_waiting{lane=\"trial\"} 0",
         "sidestep_analyses{state=\"queued\"} 0",

@@ -1,7 +1,7 @@
 //! Pages, assets, and what every answer carries.
 
+use reqwest::Method;
 use reqwest::header::HeaderMap;
-use reqwest::{Client, Method, redirect};
 use sidestep_tests::Server;
 use sidestep_tests::server::SHORT_STUDY;
 
@@ -124,8 +124,7 @@ async fn the_first_page_names_the_open_studies() {
 #[tokio::test]
 async fn start_leads_to_the_study() {
     let server = Server::with_study("slug = \"pilot\"").await;
-    let client = Client::builder().redirect(redirect::Policy::none()).build().unwrap();
-    let answer = client.get(format!("{}/start", server.origin)).send().await.unwrap();
+    let answer = server.request(Method::GET, "/start").send().await.unwrap();
     assert_eq!(answer.status(), 303);
     assert_eq!(answer.headers()["location"], "/s/pilot");
 }

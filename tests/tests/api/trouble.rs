@@ -5,7 +5,7 @@ use reqwest::{Method, StatusCode};
 use serde_json::json;
 use sidestep::api::{Progress, routes};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Folder, Process, Server, behind_file, driven, run};
+use sidestep_tests::{Answer, Driver, Folder, Process, Server, behind_file, driven, run};
 use std::path::Path;
 
 #[tokio::test]
@@ -40,6 +40,12 @@ async fn a_deleted_database_acknowledges_nothing() {
         driver.send(&server, &trial_id, &trial).await.problem(503, "storage", None);
         let ready = server.get("/readyz").await;
         assert!(ready.problem(503, "not_ready", None).contains("deleted, moved or replaced"));
+        // Others do not hear where the file is.
+        let from_outside =
+            server.request(Method::GET, "/readyz").header("forwarded", "for=192.0.2.7");
+        let told = Answer::of(from_outside).await;
+        let told = told.problem(503, "not_ready", None);
+        assert_eq!(told, "no trial can be stored now; the server's log says why");
     }
     // Another file in its place is not written to either.
     std::fs::write(&file, b"").unwrap();

@@ -1,17 +1,20 @@
 //! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`.
 
 use crate::store::OpenError;
+use crate::tls_client;
 use postgres::Config;
 use postgres::config::{Host, SslMode, TargetSessionAttrs};
 use rustls::pki_types::CertificateDer;
 use rustls::pki_types::pem::PemObject;
 use rustls::{ClientConfig, RootCertStore};
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// How long a connection may take.
 const CONNECT_PATIENCE: Duration = Duration::from_secs(5);
+
+/// The environment variable with the password, as for PostgreSQL's own programs.
+const PASSWORD: &str = "PGPASSWORD";
 
 /// After this silence of the network a connection counts as lost.
 const SILENCE: Duration = Duration::from_secs(10);
@@ -44,6 +47,12 @@ impl Address {
         if config.get_dbname().is_none() {
             return Err(refuse("no database".to_owned()));
         }
+        // A password in the environment is in no list of processes.
+        if config.get_password().is_none()
+            && let Some(password) = std::env::var_os(PASSWORD)
+        {
+            config.password(password.as_encoded_bytes());
+        }
         // Between machines nobody reads along, unless the address says that they may.
         if !url.contains("sslmode=") {
             let is_here = config.get_hosts().iter().all(is_this_machine);
@@ -59,12 +68,7 @@ impl Address {
             config.application_name("sidestep");
         }
         let roots = roots(certificates.as_deref()).map_err(refuse)?;
-        let provider = Arc::new(rustls::crypto::ring::default_provider());
-        let tls = ClientConfig::builder_with_provider(provider)
-            .with_safe_default_protocol_versions()
-            .map_err(|error| refuse(error.to_string()))?
-            .with_root_certificates(roots)
-            .with_no_client_auth();
+        let tls = tls_client::config(roots).map_err(|error| refuse(error.to_string()))?;
         Ok(Self { name: name(&config), config, tls })
     }
 }
@@ -93,12 +97,8 @@ fn is_this_machine(host: &Host) -> bool {
 
 /// The certificates that are trusted: those of a file, or the system's.
 fn roots(file: Option<&str>) -> Result<RootCertStore, String> {
+    let Some(file) = file else { return Ok(tls_client::system_roots()) };
     let mut roots = RootCertStore::empty();
-    let Some(file) = file else {
-        // Without any, a connection that needs one is refused with its own message.
-        roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
-        return Ok(roots);
-    };
     let faulty = |found: String| format!("sslrootcert={file}: expected certificates, {found}");
     for certificate in
         CertificateDer::pem_file_iter(Path::new(file)).map_err(|error| faulty(error.to_string()))?
