@@ -96,7 +96,8 @@ async fn tls_with_a_certificate_that_is_renewed() {
     }
     // Commands, too.
     let url = format!("https://localhost:{port}");
-    let args = ["simulate", "--url", &url, "--study", "default", "--participants", "1"];
+    let args =
+        ["simulate", "--url", &url, "--study", "default", "--participants", "1", "--seed", "1"];
     let mut command = tokio::process::Command::new(sidestep_tests::process::binary());
     let command = command.args(args).env("SSL_CERT_FILE", folder.path("cert.pem"));
     let done = Said::from(command.output().await.unwrap()).json();

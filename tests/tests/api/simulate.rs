@@ -203,7 +203,7 @@ async fn bad_input_is_named() {
     ] {
         table.push(([&one[..], &to(&[flag, value])].concat(), vec![words]));
     }
-    for url in ["https://127.0.0.1", "127.0.0.1:8080", "http://user:secret@host", ""] {
+    for url in ["ftp://127.0.0.1", "127.0.0.1:8080", "http://user:secret@host", ""] {
         let words = vec!["--url: expected an address such as http://", url];
         table.push((with(&["--url", url]), words));
     }
