@@ -6,6 +6,7 @@ pub mod hash_key;
 mod solving;
 pub mod copy;
 pub mod backup;
+pub mod retention;
 pub mod export;
 pub mod import;
 pub mod game;

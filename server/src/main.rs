@@ -4,7 +4,7 @@ use clap::{Parser, Subcommand};
 use sidestep_server::commands::serve::LogFormat;
 use sidestep_server::commands::{
     CommandError, analyze, backup, bounds, check, child, copy, design, export, features, hash_key,
-    import, languages, plot, reach, serve, shfrs, simulate, solve, value,
+    import, languages, plot, reach, retention, serve, shfrs, simulate, solve, value,
 };
 use sidestep_server::jobs::children::SUBCOMMAND;
 use std::io::IsTerminal;
@@ -45,6 +45,7 @@ enum Command {
     Backup(backup::BackupArgs),
     Restore(backup::RestoreArgs),
     Copy(copy::CopyArgs),
+    Retention(retention::RetentionArgs),
     #[command(hide = true, name = SUBCOMMAND)]
     Child(child::ChildArgs),
 }
@@ -94,6 +95,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Backup(args) => backup::back_up(args).await,
         Command::Restore(args) => backup::restore(args).await,
         Command::Copy(args) => copy::run(args).await,
+        Command::Retention(args) => retention::run(args).await,
         Command::Child(args) => child::run(&args),
     }
 }

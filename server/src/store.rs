@@ -33,6 +33,7 @@ pub mod overview;
 pub mod profiles;
 pub mod imports;
 pub mod copying;
+pub mod retention;
 pub mod snapshot;
 #[cfg(test)]
 pub(crate) mod tests;

@@ -7,6 +7,7 @@ pub mod browser;
 pub mod database;
 pub mod driver;
 pub mod folder;
+pub mod front;
 pub mod load;
 pub mod participant;
 #[cfg(unix)]
@@ -45,7 +46,13 @@ impl Address {
     #[must_use]
     pub fn new(origin: String) -> Self {
         let client = http(RootCertStore::empty()).expect("versions of TLS");
-        Self { origin, client: client.build().expect("a client") }
+        Self::through(origin, client.build().expect("a client"))
+    }
+
+    /// The server at that origin, reached by a client of the test's own.
+    #[must_use]
+    pub fn through(origin: String, client: Client) -> Self {
+        Self { origin, client }
     }
 
     /// A request to a route.

@@ -42,7 +42,7 @@ pub enum Stop {
 #[derive(Debug)]
 pub struct Cluster {
     folder: TempDir,
-    fsync: Fsync,
+    settings: Vec<String>,
     running: Option<Child>,
     databases: Cell<usize>,
 }
@@ -60,6 +60,88 @@ impl Cluster {
     /// If PostgreSQL is not installed or does not start.
     #[must_use]
     pub fn start(fsync: Fsync) -> Self {
+        let mut cluster = Self::made(fsync);
+        cluster.start_again();
+        cluster
+    }
+
+    /// As [`Self::start`], for tests that run on a runtime.
+    ///
+    /// # Panics
+    /// If PostgreSQL is not installed or does not start.
+    pub async fn new(fsync: Fsync) -> Self {
+        let started = tokio::task::spawn_blocking(move || Self::start(fsync));
+        started.await.expect("a cluster")
+    }
+
+    /// As [`Self::new`], at a port of this machine too, where it insists on TLS and a password. The
+    /// certificate is `cert.pem` in its folder.
+    ///
+    /// # Panics
+    /// If PostgreSQL is not installed or does not start.
+    #[must_use]
+    pub fn encrypted(password: &str, port: u16, certificate: &str, key: &str) -> Self {
+        let mut cluster = Self::made(Fsync::Off);
+        let data = cluster.data();
+        for (name, text) in [("server.crt", certificate), ("server.key", key)] {
+            std::fs::write(data.join(name), text).expect(name);
+            own(&data.join(name));
+        }
+        let private = std::os::unix::fs::PermissionsExt::from_mode(0o600);
+        std::fs::set_permissions(data.join("server.key"), private).expect("a private key");
+        let rules = "local all all trust\nhostssl all all 127.0.0.1/32 scram-sha-256\n";
+        std::fs::write(data.join("pg_hba.conf"), rules).expect("rules");
+        cluster.settings.extend(["listen_addresses=127.0.0.1", "ssl=on"].map(str::to_owned));
+        cluster.settings.push(format!("port={port}"));
+        cluster.start_again();
+        cluster.database("postgres").change(&format!("ALTER USER {USER} PASSWORD '{password}'"));
+        cluster
+    }
+
+    /// A standby that follows this cluster, which from now on acknowledges nothing that the standby does not
+    /// have.
+    ///
+    /// # Panics
+    /// If it does not follow.
+    #[must_use]
+    pub fn standby(&self) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        own(folder.path());
+        let mut copy = command("pg_basebackup");
+        copy.arg("--host").arg(self.folder()).args(["--username", USER, "--no-sync"]);
+        copy.args(["--checkpoint=fast", "--write-recovery-conf", "--pgdata"]);
+        let copied = copy.arg(folder.path().join("data")).output().expect("pg_basebackup");
+        assert!(copied.status.success(), "{}", String::from_utf8_lossy(&copied.stderr));
+        let settings = self.settings.clone();
+        let mut standby = Self { folder, settings, running: None, databases: Cell::new(0) };
+        standby.start_again();
+        let primary = self.database("postgres");
+        primary.change("ALTER SYSTEM SET synchronous_standby_names = '*'");
+        primary.change("SELECT pg_reload_conf()");
+        let follows = "SELECT count(*) FROM pg_stat_replication WHERE sync_state = 'sync'";
+        let end = Instant::now() + PATIENCE;
+        while primary.number(follows) == 0 {
+            assert!(Instant::now() < end, "the standby does not follow: {}", standby.log());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        standby
+    }
+
+    /// Makes a standby the one that takes writes; returns when it does.
+    pub fn promote(&self) {
+        let database = self.database("postgres");
+        // The setting was copied from the primary: nobody follows this one.
+        database.change("SELECT pg_promote()");
+        database.change("ALTER SYSTEM RESET synchronous_standby_names");
+        database.change("SELECT pg_reload_conf()");
+    }
+
+    fn data(&self) -> PathBuf {
+        self.folder.path().join("data")
+    }
+
+    /// A cluster that does not run yet.
+    fn made(fsync: Fsync) -> Self {
         let folder = TempDir::new().expect("a folder");
         own(folder.path());
         let data = folder.path().join("data");
@@ -75,9 +157,12 @@ impl Cluster {
         ]);
         let made = initdb.output().expect("initdb");
         assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-        let mut cluster = Self { folder, fsync, running: None, databases: Cell::new(0) };
-        cluster.start_again();
-        cluster
+        let fsync = match fsync {
+            Fsync::On => "fsync=on",
+            Fsync::Off => "fsync=off",
+        };
+        let settings = ["listen_addresses=", "max_connections=200", fsync].map(str::to_owned);
+        Self { folder, settings: settings.into(), running: None, databases: Cell::new(0) }
     }
 
     /// Starts it after a stop; returns when it accepts connections.
@@ -98,16 +183,12 @@ impl Cluster {
     /// Starts a server; false if it ended instead of accepting connections.
     fn try_start(&mut self) -> bool {
         let log = std::fs::File::options().create(true).append(true).open(self.log_file());
-        let fsync = match self.fsync {
-            Fsync::On => "fsync=on",
-            Fsync::Off => "fsync=off",
-        };
         let child = command("postgres")
             .arg("-D")
-            .arg(self.folder.path().join("data"))
+            .arg(self.data())
             .arg("-k")
             .arg(self.folder.path())
-            .args(["-c", "listen_addresses=", "-c", "max_connections=200", "-c", fsync])
+            .args(self.settings.iter().flat_map(|setting| ["-c", setting]))
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log.expect("a log"))
@@ -162,7 +243,9 @@ impl Cluster {
     #[must_use]
     pub fn url(&self, name: &str) -> String {
         let host = self.folder.path().display();
-        format!("postgres:///{name}?host={host}&user={USER}")
+        let port = self.settings.iter().find(|setting| setting.starts_with("port="));
+        let port = port.map_or_else(String::new, |port| format!("&{port}"));
+        format!("postgres:///{name}?host={host}&user={USER}{port}")
     }
 
     /// The folder with its socket.
@@ -174,6 +257,8 @@ impl Cluster {
     fn accepts(&self) -> bool {
         let mut ready = Command::new(program("pg_isready"));
         ready.arg("--quiet").arg("--host").arg(self.folder.path()).args(["--username", USER]);
+        let port = self.settings.iter().find_map(|setting| setting.strip_prefix("port="));
+        ready.args(port.map(|port| format!("--port={port}")));
         ready.status().is_ok_and(|status| status.success())
     }
 

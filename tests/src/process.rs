@@ -186,6 +186,14 @@ impl Process {
         started.unwrap_or_else(|log| panic!("a server that becomes ready: {log}"))
     }
 
+    /// As [`Self::start_on`], with further arguments.
+    ///
+    /// # Panics
+    /// If it does not become ready.
+    pub async fn start_with(folder: &Folder, database: &Database, args: &[&str]) -> Self {
+        Self::launch(&["env"], folder, &[&["--database", &database.url()], args].concat()).await
+    }
+
     /// As [`Self::start_on`], or what it logged if it ended instead of becoming ready.
     ///
     /// # Errors

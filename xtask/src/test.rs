@@ -41,9 +41,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         install(&PACKAGES, how_to_install)?;
     }
     let chromium = chromium()?;
-    if !(has_in("/usr/lib/postgresql", "bin/initdb") || on_path(&["initdb"]).is_some())
-        || !has_in("/usr/lib", "faketime/libfaketime.so.1")
-    {
+    if !has_surroundings() {
         install(&SURROUNDINGS, how_to_install_surroundings)?;
     }
     let readers = readers(workspace)?;
@@ -154,9 +152,21 @@ fn install(packages: &[&str], otherwise: fn() -> String) -> Result<()> {
     Ok(())
 }
 
-/// Debian's packages for what surrounds a server in the tests of faults: PostgreSQL, of which they start
-/// servers of their own, and a clock that jumps.
-const SURROUNDINGS: [&str; 2] = ["postgresql", "libfaketime"];
+/// Debian's packages for what surrounds a server in the tests: PostgreSQL, of which they start servers of
+/// their own, a clock that jumps, and the proxies of `docs/deploy`.
+const SURROUNDINGS: [&str; 4] = ["postgresql", "libfaketime", "nginx", "haproxy"];
+
+/// Whether everything that surrounds a server is installed.
+fn has_surroundings() -> bool {
+    // Debian keeps servers where only root looks for programs.
+    let has = |program: &str| {
+        on_path(&[program]).is_some() || Path::new("/usr/sbin").join(program).is_file()
+    };
+    (has_in("/usr/lib/postgresql", "bin/initdb") || has("initdb"))
+        && has_in("/usr/lib", "faketime/libfaketime.so.1")
+        && has("nginx")
+        && has("haproxy")
+}
 
 /// Whether one of the folders in `folder` has a file: Debian keeps PostgreSQL by version, and libraries
 /// by architecture.
@@ -167,7 +177,7 @@ fn has_in(folder: &str, file: &str) -> bool {
 
 fn how_to_install_surroundings() -> String {
     format!(
-        "PostgreSQL and libfaketime are needed: install them (Debian, Ubuntu: apt-get install {})",
+        "PostgreSQL, libfaketime, nginx and HAProxy are needed: install them (Debian, Ubuntu: apt-get install {})",
         SURROUNDINGS.join(" ")
     )
 }
@@ -246,7 +256,10 @@ mod tests {
     #[test]
     fn the_message_says_what_surrounds_a_server() {
         let message = how_to_install_surroundings();
-        assert!(message.contains("apt-get install postgresql libfaketime"), "{message}");
+        assert!(
+            message.contains("apt-get install postgresql libfaketime nginx haproxy"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -135,7 +135,7 @@ pub enum Action {
     Excluded,
     /// Analyses use a participant again; the subject is the participant's number.
     Included,
-    /// A participant's data were deleted on their request; the subject is the participant's number.
+    /// A participant's data were deleted, on their request or after its time; the subject is the participant's number.
     ParticipantDeleted,
     /// An analysis was requested; the subject is its id.
     AnalysisRequested,
@@ -143,13 +143,17 @@ pub enum Action {
     AnalysisCancelled,
     /// An analysis was deleted; the subject is its id.
     AnalysisDeleted,
+    /// Who a participant is was deleted after its time; the subject is the participant's number.
+    IdentityDeleted,
+    /// Old entries of this trail were deleted; the subject is their number.
+    AuditShortened,
     /// The key's right did not suffice; the subject is the method and the route's pattern.
     Refused,
 }
 
 impl Action {
     /// All of them.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 18] = [
         Self::SignedIn,
         Self::KeyMade,
         Self::KeyRevoked,
@@ -165,6 +169,8 @@ impl Action {
         Self::AnalysisRequested,
         Self::AnalysisCancelled,
         Self::AnalysisDeleted,
+        Self::IdentityDeleted,
+        Self::AuditShortened,
         Self::Refused,
     ];
 
@@ -187,6 +193,8 @@ impl Action {
             Self::AnalysisRequested => "analysis_requested",
             Self::AnalysisCancelled => "analysis_cancelled",
             Self::AnalysisDeleted => "analysis_deleted",
+            Self::IdentityDeleted => "identity_deleted",
+            Self::AuditShortened => "audit_shortened",
             Self::Refused => "refused",
         }
     }

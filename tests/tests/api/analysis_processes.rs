@@ -10,20 +10,23 @@ use sidestep::scene::{Evader, SceneParameters};
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep_server::jobs::children::{Children, Ended};
 use sidestep_server::jobs::frames::{FromChild, ToChild};
+use sidestep_tests::postgres::{Cluster, Fsync};
 use sidestep_tests::process::binary;
-use sidestep_tests::{Answer, Driver, Folder, Process, Server, run};
+use sidestep_tests::{Answer, Database, Driver, Folder, Process, Server, run};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 /// A server with a study of people whose analysis takes half a minute.
 async fn with_people(folder: &Folder) -> Process {
-    let (trials, database) = (folder.name("trials.csv"), folder.database("sidestep.db"));
+    with_people_in(folder, &Database::file(folder.root(), "sidestep.db")).await
+}
+
+async fn with_people_in(folder: &Folder, database: &Database) -> Process {
+    let (trials, url) = (folder.name("trials.csv"), database.url());
     let people = ["--participants", "6", "--tasks", "40", "--seed", "3", "--out", &trials];
     run(&[&["simulate"], &people[..]].concat()).await.json();
-    run(&["import", "--study", "default", "--trials", &trials, "--database", &database])
-        .await
-        .json();
-    let mut server = Process::start(folder).await;
+    run(&["import", "--study", "default", "--trials", &trials, "--database", &url]).await.json();
+    let mut server = Process::start_on(folder, database).await;
     let key = server.key().await;
     server.announcement.push(format!("#key={key}"));
     server
@@ -255,4 +258,27 @@ async fn what_would_cost_too_much_is_refused_with_figures() {
     }
     let refused = post(&server, &route, json!({})).await;
     refused.problem(422, "invalid", Some("paper_only"));
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL"]
+async fn the_analysis_of_a_killed_server_is_taken_over() {
+    let cluster = Cluster::new(Fsync::Off).await;
+    let database = cluster.create();
+    let (one, two) = (Folder::default(), Folder::default());
+    let first = with_people_in(&one, &database).await;
+    let (id, process) = under_way(&first).await;
+    let mut second = Process::start_on(&two, &database).await;
+    second.announcement.clone_from(&first.announcement);
+    first.kill().await;
+    gone(process).await;
+    // The lease of the dead runs out, after a minute.
+    let attempts = || database.number("SELECT attempts FROM analysis");
+    let begun = Instant::now();
+    while attempts() == 1 {
+        assert!(begun.elapsed() < Duration::from_secs(90), "nobody takes it over");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    let over = until(&second, &id, |now| now.state.is_over()).await;
+    assert_eq!((over.state, attempts()), (AnalysisState::Done, 2));
 }

@@ -2,11 +2,14 @@
 //! there (`trouble::one_server_a_database`).
 
 use futures_util::future::join_all;
+use rcgen::{CertificateParams, KeyPair};
 use reqwest::Method;
 use sidestep::api::{AnalysisDetail, AnalysisState, AnalysisSummary, routes};
+use sidestep_tests::front::free_port;
 use sidestep_tests::postgres::{Cluster, Fsync, Stop};
+use sidestep_tests::process::{Said, binary};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Driver, Server, behind, driven};
+use sidestep_tests::{Answer, Database, Driver, Folder, Process, Server, behind, driven};
 use std::time::{Duration, Instant};
 
 /// Two servers on one new database.
@@ -91,8 +94,7 @@ async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() 
 #[tokio::test]
 #[ignore = "needs PostgreSQL"]
 async fn a_database_that_is_killed_and_back_loses_nothing() {
-    let start = || (Cluster::start(Fsync::On), ());
-    let (mut cluster, ()) = tokio::task::spawn_blocking(start).await.unwrap();
+    let mut cluster = Cluster::new(Fsync::On).await;
     let database = cluster.create();
     let server = Server::on(database.url(), Some(SHORT_STUDY)).await;
     let driver = Driver::enrol(&server).await;
@@ -134,5 +136,87 @@ async fn a_guesser_gains_nothing_from_several_servers() {
     // Nobody who has the right key waits for that, at either.
     for server in &servers {
         assert_eq!(server.admin(routes::ADMIN_STUDIES).await.status, 200);
+    }
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL"]
+async fn a_standby_takes_over_and_has_everything() {
+    let mut primary = Cluster::new(Fsync::Off).await;
+    let first = primary.create();
+    let (standby, primary_folder) = (primary.standby(), primary.folder().display().to_string());
+    let both = format!("host={primary_folder},{}", standby.folder().display());
+    let url = first.url().replace(&format!("host={primary_folder}"), &both);
+    let server = Server::on(url, Some(SHORT_STUDY)).await;
+    let driver = Driver::enrol(&server).await;
+    let scenes = driver.scenes();
+    for (id, scene) in &scenes[..2] {
+        assert_eq!(driver.send(&server, id, &driven(scene)).await.status, 201);
+    }
+    primary.stop(Stop::Kill);
+    let (id, scene) = &scenes[2];
+    // Until somebody promotes the standby, nothing can be stored, and nothing is promised.
+    let refused = driver.send(&server, id, &driven(scene)).await;
+    assert_eq!(refused.status, 503, "{}", refused.body);
+    standby.promote();
+    let begun = Instant::now();
+    while driver.send(&server, id, &driven(scene)).await.status != 201 {
+        assert!(begun.elapsed() < Duration::from_secs(10), "the server finds the new primary");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    assert_eq!(server.get("/readyz").await.status, 200);
+    for (id, scene) in &scenes[..3] {
+        let again = driver.send(&server, id, &driven(scene)).await;
+        assert_eq!(again.status, 200, "stored before: {}", again.body);
+    }
+    let there = standby.url(first.url().split(['/', '?']).nth(3).unwrap());
+    assert_eq!(Database::Postgres(there).number("SELECT count(*) FROM trial"), 3);
+    server.stop().await;
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL"]
+async fn a_database_is_reached_by_tls_and_a_password() {
+    let folder = Folder::default();
+    let key = KeyPair::generate().unwrap();
+    let params = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
+    let certificate = params.self_signed(&key).unwrap().pem();
+    let other = params.self_signed(&KeyPair::generate().unwrap()).unwrap().pem();
+    let (trusted, other) = (folder.file("cert.pem", &certificate), folder.file("other.pem", other));
+    let port = free_port();
+    let pem = key.serialize_pem();
+    let start = move || (Cluster::encrypted("swordfish", port, &certificate, &pem), ());
+    let (cluster, ()) = tokio::task::spawn_blocking(start).await.unwrap();
+    let Database::Postgres(local) = cluster.create() else { panic!("a database of PostgreSQL") };
+    let name = local.split(['/', '?']).nth(3).unwrap();
+    let url = |root: &str| {
+        format!("postgres://app@localhost:{port}/{name}?sslmode=require&sslrootcert={root}")
+    };
+    let environment = ["env", "PGPASSWORD=swordfish"];
+    let server = Process::start_through(&environment, &folder, &url(&trusted)).await;
+    Driver::enrol(&server).await;
+    let mine = "SELECT count(*) FROM pg_stat_ssl JOIN pg_stat_activity USING (pid) \
+                WHERE application_name LIKE 'sidestep%' AND ssl = ";
+    let database = Database::Postgres(local.clone());
+    assert_eq!(database.number(&format!("{mine} FALSE")), 0);
+    assert!(database.number(&format!("{mine} TRUE")) > 0);
+    server.kill().await;
+
+    // Whatever is wrong is one line, and no password is repeated.
+    let check = async |url: &str, password: &str| {
+        let mut command = tokio::process::Command::new(binary());
+        let command = command.args(["check", "--database", url]).env("PGPASSWORD", password);
+        Said::from(command.output().await.unwrap())
+    };
+    assert_eq!(check(&url(&trusted), "swordfish").await.code, Some(0));
+    for (url, password, word) in [
+        (url(&trusted), "sardine", "password"),
+        (url(&other), "swordfish", "certificate"),
+        (url(&trusted).replace("localhost", "127.0.0.1"), "swordfish", "certificate"),
+        (url(&trusted).replace("require", "disable"), "swordfish", "no pg_hba.conf entry"),
+    ] {
+        let said = check(&url, password).await;
+        said.refused(1, &[word]);
+        assert!(!said.err.contains(password), "{}", said.err);
     }
 }

@@ -1,0 +1,119 @@
+//! What is kept longer than a rule allows, and its deletion.
+
+use super::audit::{self, NewEntry};
+use super::lanes::Lock;
+use super::sql::params;
+use super::{Store, StoreError};
+
+/// What a rule says of participants who were last seen before an instant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Concern {
+    /// Everybody's data.
+    Data,
+    /// The data of those who have not completed, and were not imported.
+    Unfinished,
+    /// What says who somebody is.
+    Identity,
+}
+
+impl Concern {
+    fn condition(self) -> &'static str {
+        match self {
+            Self::Data => "TRUE",
+            Self::Unfinished => "completed_at_ms IS NULL AND import_hash IS NULL",
+            Self::Identity => "(external_id IS NOT NULL OR parameters IS NOT NULL)",
+        }
+    }
+}
+
+/// Somebody of whom something is kept too long.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Due {
+    /// The participant.
+    pub id: String,
+    /// Their number in the study.
+    pub number: i64,
+    /// Whether they are a pilot, who are numbered among themselves.
+    pub pilot: bool,
+}
+
+impl Store {
+    /// The participants of a study whom a rule concerns, last seen before `before_ms`, in the order of their
+    /// numbers.
+    pub async fn participants_due(
+        &self,
+        study_id: i64,
+        concern: Concern,
+        before_ms: i64,
+    ) -> Result<Vec<Due>, StoreError> {
+        self.read_long(move |db| {
+            let query = format!(
+                "SELECT id, number, pilot FROM participant WHERE study_id = ?1 \
+                 AND last_seen_at_ms < ?2 AND data_deleted = FALSE AND {} ORDER BY pilot, number",
+                concern.condition()
+            );
+            let mut statement = db.prepare_cached(&query)?;
+            let due = statement.query_map(params![study_id, before_ms], |row| {
+                Ok(Due { id: row.get(0)?, number: row.get(1)?, pilot: row.get(2)? })
+            })?;
+            Ok(due.collect::<Result<_, _>>()?)
+        })
+        .await
+    }
+
+    /// The ids of a study's analyses that ended before `before_ms`, in their order.
+    pub async fn analyses_due(
+        &self,
+        study_id: i64,
+        before_ms: i64,
+    ) -> Result<Vec<String>, StoreError> {
+        self.read_long(move |db| {
+            let query = "SELECT id FROM analysis WHERE study_id = ?1 AND ended_at_ms < ?2 \
+                         ORDER BY sequence";
+            let mut statement = db.prepare_cached(query)?;
+            let due = statement.query_map([study_id, before_ms], |row| row.get(0))?;
+            Ok(due.collect::<Result<_, _>>()?)
+        })
+        .await
+    }
+
+    /// How many entries of the audit trail are older than `before_ms`.
+    pub async fn audit_due(&self, before_ms: i64) -> Result<i64, StoreError> {
+        self.read_long(move |db| {
+            let query = "SELECT count(*) FROM audit WHERE at_ms < ?1";
+            Ok(db.query_row(query, [before_ms], |row| row.get(0))?)
+        })
+        .await
+    }
+
+    /// Forgets who a participant is: their external id, and what the address of their page said. They can go on
+    /// in the browser in which they began, and nowhere else. What they drove stays.
+    pub async fn forget_identity(&self, id: &str, entry: NewEntry) -> Result<(), StoreError> {
+        let id = id.to_owned();
+        self.write([Lock::Participant(id.clone())], move |db| {
+            let forget = "UPDATE participant SET external_id = NULL, external_key = NULL, \
+                          parameters = NULL WHERE id = ?1";
+            db.execute(forget, [id])?;
+            audit::add(db, &entry)
+        })
+        .await?;
+        self.forget_deleted();
+        Ok(())
+    }
+
+    /// Deletes what the audit trail has from before `before_ms`; its next entry says so. Returns how much it
+    /// was.
+    pub async fn shorten_audit(
+        &self,
+        before_ms: i64,
+        mut entry: NewEntry,
+    ) -> Result<usize, StoreError> {
+        self.write([], move |db| {
+            let deleted = db.execute("DELETE FROM audit WHERE at_ms < ?1", [before_ms])?;
+            entry.subject = Some(deleted.to_string());
+            audit::add(db, &entry)?;
+            Ok(deleted)
+        })
+        .await
+    }
+}
