@@ -43,6 +43,8 @@ pub enum Stop {
 pub struct Cluster {
     folder: TempDir,
     settings: Vec<String>,
+    /// In the name of its socket, and of this machine if `settings` say so.
+    port: u16,
     running: Option<Child>,
     databases: Cell<usize>,
 }
@@ -74,8 +76,24 @@ impl Cluster {
         started.await.expect("a cluster")
     }
 
-    /// As [`Self::new`], at a port of this machine too, where it insists on TLS and a password. The
-    /// certificate is `cert.pem` in its folder.
+    /// As [`Self::start`], at a port of this machine too.
+    ///
+    /// # Panics
+    /// If PostgreSQL is not installed or does not start.
+    #[must_use]
+    pub fn at_port(port: u16) -> Self {
+        let mut cluster = Self::made(Fsync::Off);
+        cluster.listen_at(port);
+        cluster.start_again();
+        cluster
+    }
+
+    fn listen_at(&mut self, port: u16) {
+        self.settings.push("listen_addresses=127.0.0.1".to_owned());
+        self.port = port;
+    }
+
+    /// As [`Self::at_port`], where it insists on TLS and a password.
     ///
     /// # Panics
     /// If PostgreSQL is not installed or does not start.
@@ -91,29 +109,30 @@ impl Cluster {
         std::fs::set_permissions(data.join("server.key"), private).expect("a private key");
         let rules = "local all all trust\nhostssl all all 127.0.0.1/32 scram-sha-256\n";
         std::fs::write(data.join("pg_hba.conf"), rules).expect("rules");
-        cluster.settings.extend(["listen_addresses=127.0.0.1", "ssl=on"].map(str::to_owned));
-        cluster.settings.push(format!("port={port}"));
+        cluster.settings.push("ssl=on".to_owned());
+        cluster.listen_at(port);
         cluster.start_again();
         cluster.database("postgres").change(&format!("ALTER USER {USER} PASSWORD '{password}'"));
         cluster
     }
 
-    /// A standby that follows this cluster, which from now on acknowledges nothing that the standby does not
-    /// have.
+    /// A standby at another port that follows this cluster, which from now on acknowledges nothing that the
+    /// standby does not have.
     ///
     /// # Panics
     /// If it does not follow.
     #[must_use]
-    pub fn standby(&self) -> Self {
+    pub fn standby(&self, port: u16) -> Self {
         let folder = TempDir::new().expect("a folder");
         own(folder.path());
         let mut copy = command("pg_basebackup");
-        copy.arg("--host").arg(self.folder()).args(["--username", USER, "--no-sync"]);
+        copy.arg("--host").arg(self.folder()).arg(format!("--port={}", self.port));
+        copy.args(["--username", USER, "--no-sync"]);
         copy.args(["--checkpoint=fast", "--write-recovery-conf", "--pgdata"]);
         let copied = copy.arg(folder.path().join("data")).output().expect("pg_basebackup");
         assert!(copied.status.success(), "{}", String::from_utf8_lossy(&copied.stderr));
         let settings = self.settings.clone();
-        let mut standby = Self { folder, settings, running: None, databases: Cell::new(0) };
+        let mut standby = Self { folder, settings, port, running: None, databases: Cell::new(0) };
         standby.start_again();
         let primary = self.database("postgres");
         primary.change("ALTER SYSTEM SET synchronous_standby_names = '*'");
@@ -162,7 +181,8 @@ impl Cluster {
             Fsync::Off => "fsync=off",
         };
         let settings = ["listen_addresses=", "max_connections=200", fsync].map(str::to_owned);
-        Self { folder, settings: settings.into(), running: None, databases: Cell::new(0) }
+        let settings = settings.into();
+        Self { folder, settings, port: 5432, running: None, databases: Cell::new(0) }
     }
 
     /// Starts it after a stop; returns when it accepts connections.
@@ -189,6 +209,7 @@ impl Cluster {
             .arg("-k")
             .arg(self.folder.path())
             .args(self.settings.iter().flat_map(|setting| ["-c", setting]))
+            .arg(format!("--port={}", self.port))
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log.expect("a log"))
@@ -243,9 +264,7 @@ impl Cluster {
     #[must_use]
     pub fn url(&self, name: &str) -> String {
         let host = self.folder.path().display();
-        let port = self.settings.iter().find(|setting| setting.starts_with("port="));
-        let port = port.map_or_else(String::new, |port| format!("&{port}"));
-        format!("postgres:///{name}?host={host}&user={USER}{port}")
+        format!("postgres:///{name}?host={host}&user={USER}&port={}", self.port)
     }
 
     /// The folder with its socket.
@@ -257,8 +276,7 @@ impl Cluster {
     fn accepts(&self) -> bool {
         let mut ready = Command::new(program("pg_isready"));
         ready.arg("--quiet").arg("--host").arg(self.folder.path()).args(["--username", USER]);
-        let port = self.settings.iter().find_map(|setting| setting.strip_prefix("port="));
-        ready.args(port.map(|port| format!("--port={port}")));
+        ready.arg(format!("--port={}", self.port));
         ready.status().is_ok_and(|status| status.success())
     }
 

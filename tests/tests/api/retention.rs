@@ -22,7 +22,7 @@ async fn people() -> Server {
         "consent": true, "external_id": "5f0c", "parameters": { "SESSION_ID": "abc" },
     });
     assert_eq!(Driver::ask(&server, called).await.status, 201);
-    let long_ago = "UPDATE participant SET last_seen_at_ms = last_seen_at_ms - 40 * 86400000 \
+    let long_ago = "UPDATE participant SET last_seen_at_ms = last_seen_at_ms - 3456000000 \
                     WHERE number <> 3";
     behind(&server.database()).execute_batch(long_ago).unwrap();
     server
@@ -64,8 +64,9 @@ async fn rules_say_what_they_would_delete_and_delete_it_when_asked_to() {
     assert_eq!(retention(&server, &unfinished).await["rules"][0]["count"], 0);
     let route = routes::admin_participants("default");
     let page: ParticipantPage = server.admin(&route).await.into(200);
-    let at =
-        |stage: Stage| page.stages.iter().find(|it| it.stage == stage).map_or(0, |it| it.participants);
+    let at = |stage: Stage| {
+        page.stages.iter().find(|it| it.stage == stage).map_or(0, |it| it.participants)
+    };
     assert_eq!((at(Stage::Withdrawn), at(Stage::Complete)), (2, 1));
 
     // The trail has each of them, and says when it was shortened itself.

@@ -142,11 +142,17 @@ async fn a_guesser_gains_nothing_from_several_servers() {
 #[tokio::test]
 #[ignore = "needs PostgreSQL"]
 async fn a_standby_takes_over_and_has_everything() {
-    let mut primary = Cluster::new(Fsync::Off).await;
-    let first = primary.create();
-    let (standby, primary_folder) = (primary.standby(), primary.folder().display().to_string());
-    let both = format!("host={primary_folder},{}", standby.folder().display());
-    let url = first.url().replace(&format!("host={primary_folder}"), &both);
+    let ports = [free_port(), free_port()];
+    let both = move || {
+        let primary = Cluster::at_port(ports[0]);
+        let standby = primary.standby(ports[1]);
+        (primary, standby)
+    };
+    let (mut primary, standby) = tokio::task::spawn_blocking(both).await.unwrap();
+    let database = primary.create().url();
+    let name = database.split(['/', '?']).nth(3).unwrap();
+    let hosts = ports.map(|port| format!("127.0.0.1:{port}")).join(",");
+    let url = format!("postgres://app@{hosts}/{name}");
     let server = Server::on(url, Some(SHORT_STUDY)).await;
     let driver = Driver::enrol(&server).await;
     let scenes = driver.scenes();
@@ -169,8 +175,7 @@ async fn a_standby_takes_over_and_has_everything() {
         let again = driver.send(&server, id, &driven(scene)).await;
         assert_eq!(again.status, 200, "stored before: {}", again.body);
     }
-    let there = standby.url(first.url().split(['/', '?']).nth(3).unwrap());
-    assert_eq!(Database::Postgres(there).number("SELECT count(*) FROM trial"), 3);
+    assert_eq!(Database::Postgres(standby.url(name)).number("SELECT count(*) FROM trial"), 3);
     server.stop().await;
 }
 
