@@ -1,7 +1,8 @@
 #!/bin/sh
 # Sends generated requests to a server of its own and checks each answer against the OpenAPI document that the
 # server sends. Needs python3; installs schemathesis into target/schemathesis. Arguments: the program
-# (default: target/release/sidestep with its site), and the number of examples an operation (default: 50).
+# (default: target/release/sidestep with its site), and the number of examples an operation (default: 50). On
+# PostgreSQL, run it within a cluster of its own: target/release/examples/with_postgres tests/schemathesis.sh
 set -eu
 cd "$(dirname "$0")/.."
 program=${1:-target/release/sidestep}
@@ -9,6 +10,8 @@ examples=${2:-50}
 version=4.32.5
 seed=20180918
 folder=$(mktemp -d)
+database=sqlite:$folder/test.db
+[ -z "${SIDESTEP_TEST_POSTGRES:-}" ] || database=$(printf %s "$SIDESTEP_TEST_POSTGRES" | sed 's/DATABASE/postgres/')
 venv=$PWD/target/schemathesis
 [ -x "$venv/bin/schemathesis" ] || { python3 -m venv "$venv"; "$venv/bin/pip" install -q "schemathesis==$version"; }
 
@@ -22,7 +25,7 @@ phases = [
 END
 key=$(python3 -c 'import secrets; print(secrets.token_urlsafe(32))')
 SIDESTEP_ADMIN_KEY=$key RUST_LOG=warn "$program" serve --listen 127.0.0.1:0 \
-  --database "sqlite:$folder/test.db" --study "$folder/study.toml" ${SIDESTEP_SITE:+--static "$SIDESTEP_SITE"} \
+  --database "$database" --study "$folder/study.toml" ${SIDESTEP_SITE:+--static "$SIDESTEP_SITE"} \
   > "$folder/out" 2> "$folder/log" &
 server=$!
 trap 'kill $server 2>/dev/null || true; rm -rf "$folder"' EXIT

@@ -1,6 +1,7 @@
 //! What the server counts and measures of itself, as Prometheus reads it.
 
 use crate::store::Store;
+use crate::store::commits::{Commits, SECONDS};
 use crate::store::overview::Counts;
 use prometheus_client::encoding::{EncodeLabelSet, EncodeLabelValue, text};
 use prometheus_client::metrics::counter::{ConstCounter, Counter};
@@ -10,34 +11,6 @@ use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
 use sidestep::api::DataCheck;
 use std::time::Duration;
-
-/// Bounds of times, s: from what a commit takes to the limit of a request.
-const SECONDS: [f64; 13] =
-    [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0];
-
-/// Bounds of the number of writes in a commit.
-const WRITES: [f64; 8] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
-
-/// The commits of the store.
-#[derive(Clone, Debug)]
-pub struct Commits {
-    writes: Histogram,
-    seconds: Histogram,
-}
-
-impl Default for Commits {
-    fn default() -> Self {
-        Self { writes: Histogram::new(WRITES), seconds: Histogram::new(SECONDS) }
-    }
-}
-
-impl Commits {
-    /// So many writes were stored together, in this time.
-    pub fn note(&self, writes: usize, took: Duration) {
-        self.writes.observe(writes as f64);
-        self.seconds.observe(took.as_secs_f64());
-    }
-}
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Status {
@@ -112,7 +85,7 @@ impl Observed {
         let seconds = self.seconds.clone();
         let help = "Time from the head of a request to the head of its answer";
         all.register_with_unit("http_request", help, Unit::Seconds, seconds);
-        let Commits { writes, seconds } = self.commits.clone();
+        let [writes, seconds] = self.commits.histograms();
         all.register("commit_writes", "Trials and other writes that were stored together", writes);
         let help = "Time that a transaction took, the wait for the disk included";
         all.register_with_unit("commit", help, Unit::Seconds, seconds);

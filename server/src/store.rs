@@ -11,8 +11,9 @@
 mod error;
 mod misfit;
 mod lanes;
-mod operation;
 mod sql;
+mod operation;
+pub mod commits;
 mod sqlite;
 mod postgres;
 pub mod audit;
@@ -42,7 +43,7 @@ pub use error::StoreError;
 pub use misfit::Misfit;
 pub use sqlite::LEAST_FREE_BYTES;
 
-use crate::observed::Commits;
+use commits::Commits;
 use lanes::{Lane, Lock};
 use postgres::Postgres;
 use sidestep::study::StudyConfig;

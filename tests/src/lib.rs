@@ -9,6 +9,7 @@ pub mod driver;
 pub mod folder;
 pub mod front;
 pub mod load;
+pub mod parsers;
 pub mod participant;
 #[cfg(unix)]
 pub mod postgres;

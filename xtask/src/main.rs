@@ -15,6 +15,7 @@ mod python;
 mod build;
 mod check;
 mod search;
+mod fuzz;
 mod serve;
 mod test;
 mod bench;
@@ -44,6 +45,7 @@ enum Task {
     /// Check formatting, dependencies, lints (native and browser) and documentation, without running anything.
     Check,
     Search(search::Options),
+    Fuzz(fuzz::Options),
     Bench(bench::Options),
     Validate(validate::Options),
 }
@@ -67,6 +69,7 @@ fn run(task: Task) -> anyhow::Result<ExitCode> {
         Task::Test(options) => test::run(&workspace, &options),
         Task::Check => check::run(&workspace).map(|()| ExitCode::SUCCESS),
         Task::Search(options) => search::run(&workspace, &options),
+        Task::Fuzz(options) => fuzz::run(&workspace, &options),
         Task::Bench(options) => bench::run(&workspace, &options),
         Task::Validate(options) => validate::run(&workspace, &options).map(|()| ExitCode::SUCCESS),
     }

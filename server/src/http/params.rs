@@ -51,7 +51,11 @@ impl<T: JsonSchema> Input for Params<T> {
     }
 }
 
-fn parse<T: DeserializeOwned>(uri: &Uri) -> Result<T, Invalid> {
+/// The query of an address, as a `T`.
+///
+/// # Errors
+/// [`Invalid`] with the name of the wrong parameter.
+pub fn parse<T: DeserializeOwned>(uri: &Uri) -> Result<T, Invalid> {
     if let Ok(Query(value)) = Query::<T>::try_from_uri(uri) {
         return Ok(value);
     }

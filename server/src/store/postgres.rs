@@ -14,7 +14,7 @@ use super::lanes::{Lane, Lock};
 use super::operation::operation;
 use super::sql::Connection;
 use super::{Missing, OpenError};
-use crate::observed::Commits;
+use crate::store::commits::Commits;
 use address::Address;
 use pool::Pool;
 use std::fmt;

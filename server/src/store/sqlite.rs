@@ -13,7 +13,7 @@ use super::error::{StoreError, reason};
 use super::lanes::Lane;
 use super::sql::Connection;
 use super::{Missing, OpenError};
-use crate::observed::Commits;
+use crate::store::commits::Commits;
 use readers::Readers;
 use rusqlite::ErrorCode;
 use std::fs::File;

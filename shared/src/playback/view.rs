@@ -117,7 +117,8 @@ impl View {
         let usual = Self::default();
         let mut parts = Vec::new();
         if self.time_s > 0.0 {
-            parts.push(format!("t={}", number((1000.0 * self.time_s).round() / 1000.0)));
+            // Whole milliseconds, and digits only: what people write as 5·10⁷ is no number in a link.
+            parts.push(format!("t={}", (1000.0 * self.time_s).round() / 1000.0));
         }
         if self.speed != usual.speed {
             parts.push(format!("speed={}", number(self.speed)));

@@ -8,6 +8,7 @@
 //! It uses one thread. `SIDESTEP_BIN` names the build of the server that is measured.
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
+mod attacks;
 mod baseline;
 mod large;
 mod otree;
@@ -32,7 +33,7 @@ struct Options {
     /// Shorter: a quarter of the people and seconds.
     #[arg(long)]
     quick: bool,
-    /// What is measured [default: all but `start`].
+    /// What is measured [default: all but `attacks` and `start`].
     #[arg(long, value_delimiter = ',', default_values = ["fast", "class", "natural", "otree"])]
     scenarios: Vec<Scenario>,
     /// On which databases, by their names in the output; all whose name contains one of these.
@@ -79,6 +80,8 @@ enum Scenario {
     Natural,
     /// oTree, which stores a field of 4 KB from each page.
     Otree,
+    /// Honest uploads while somebody attacks, and while an analysis is computed.
+    Attacks,
     /// The start of a server on a large database, which is made on first use.
     Start,
 }
@@ -138,6 +141,9 @@ async fn measure(options: &Options, folder: &Folder) -> ExitCode {
             Ok(under) => broken += on(options, under, peer_per_s).await,
             Err(why) => row("  not measured", "", why),
         }
+    }
+    if options.has(Scenario::Attacks) {
+        attacks::measure(folder, options.seconds).await;
     }
     if options.has(Scenario::Start) {
         large::measure(options.trials).await;

@@ -12,7 +12,7 @@
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
-use crate::observed::Commits;
+use crate::store::commits::Commits;
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
 use crate::store::operation::{Batch, Operation, operation};

@@ -1,0 +1,28 @@
+//! Every input that was kept: seeds, what reaches code of its own, and what a parser once failed on. Each is read or
+//! refused (`cargo xtask fuzz` finds more).
+
+#![allow(clippy::unwrap_used)]
+
+use sidestep_tests::parsers::PARSERS;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use zip::ZipArchive;
+
+#[test]
+fn every_kept_input_is_read_or_refused() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/parsers");
+    for (name, parser) in PARSERS {
+        let file = File::open(folder.join(name).with_extension("zip")).expect(name);
+        let mut archive = ZipArchive::new(file).expect(name);
+        assert!(archive.len() > 5, "{name} has inputs");
+        for place in 0..archive.len() {
+            let mut bytes = Vec::new();
+            let mut entry = archive.by_index(place).unwrap();
+            entry.read_to_end(&mut bytes).unwrap();
+            let input = entry.name().unwrap().into_owned();
+            let done = std::panic::catch_unwind(|| parser(&bytes));
+            assert!(done.is_ok(), "{name} fails on {input} of data/parsers/{name}.zip");
+        }
+    }
+}
