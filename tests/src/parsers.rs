@@ -77,12 +77,15 @@ fn written_as_json(value: &impl serde::Serialize) -> String {
     serde_json::to_string(value).expect("JSON")
 }
 
-/// A file of trials, in both ways of reading it, which find the same.
+/// A file of trials, in both ways of reading it, which find the same. Only the first judges a file whose
+/// participants are scattered.
 fn trials(bytes: &[u8]) {
     let parameters = SceneParameters::default();
     let whole = trials_csv::read(bytes, &parameters);
     let order = trials_csv::check(bytes, &parameters);
-    assert_eq!(whole.is_ok(), order.is_ok(), "{:?} {:?}", whole.err(), order.err());
+    if !matches!(order, Ok(Order::Scattered)) {
+        assert_eq!(whole.is_ok(), order.is_ok(), "{:?} {:?}", whole.err(), order.err());
+    }
     let (Ok(whole), Ok(Order::Together)) = (whole, order) else { return };
     let mut one_by_one = Vec::new();
     let each = trials_csv::each(bytes, &parameters, |person| {

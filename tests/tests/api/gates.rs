@@ -309,6 +309,7 @@ async fn a_key_that_was_chosen_and_its_hash() {
     for i in 0..20 {
         sign_in(&server, &format!("a guess with number {i}")).await;
     }
+    // One more turn may have come back meanwhile, and then the answer is 401.
     let status = sign_in(&server, hash).await.status().as_u16();
     assert!([401, 429].contains(&status), "the hash opens nothing, found {status}");
     let right = sign_in(&server, KEY).await;
@@ -324,7 +325,9 @@ async fn a_key_that_was_chosen_and_its_hash() {
     // Another key ends the sessions of this one.
     let server = server.restarted_with(Some("another key that was chosen"), |_| ()).await;
     assert_eq!(session(&server).await, 401);
-    assert_eq!(sign_in(&server, KEY).await.status(), 401);
+    // On PostgreSQL the guesses above are remembered: a wrong key is answered 429 for a while.
+    let status = sign_in(&server, KEY).await.status().as_u16();
+    assert!([401, 429].contains(&status), "the old key opens nothing, found {status}");
 }
 
 /// As many connections that do nothing as the system lets one test open, and half bodies: everybody else is
