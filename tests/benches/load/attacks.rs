@@ -66,7 +66,7 @@ pub(crate) async fn measure(folder: &Folder, seconds: f64) {
     let database = Database::file(folder.root(), "attacks.db");
     // People whom an analysis can compare.
     let trials = own.name("trials.csv");
-    let people = ["simulate", "--participants", "60", "--seed", "1", "--out", &trials];
+    let people = ["simulate", "--participants", "30", "--seed", "1", "--out", &trials];
     run(&people).await.json();
     let url = database.url();
     run(&["import", "--study", "default", "--trials", &trials, "--database", &url]).await.json();
@@ -111,7 +111,7 @@ pub(crate) async fn measure(folder: &Folder, seconds: f64) {
     let route = routes::admin_analysis(asked.body["id"].as_str().expect("an id"));
     let now = Answer::of(server.request(Method::GET, &route).bearer_auth(&key)).await;
     let state = now.body["state"].as_str().unwrap_or("?").to_owned();
-    said("an analysis of 60 people", &beside, format!("; afterwards it is {state}"));
+    said("an analysis of 30 people", &beside, format!("; afterwards it is {state}"));
 }
 
 /// Attacks until it is stopped, on a thread of its own.
