@@ -18,8 +18,8 @@ const DAY_MS: i64 = 86_400_000;
 /// Delete what has been kept long enough, by rules, and say what.
 ///
 /// Without --delete, nothing is deleted: the summary says what would be. The audit trail has an entry for
-/// everything that is deleted. Backups are files of their own: delete them by their age too. Participants who
-/// are still driving count from the last time that they were seen.
+/// everything that is deleted. A participant may be listed under several rules. Backups are files of their own:
+/// delete the old ones too.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]
@@ -32,24 +32,24 @@ pub struct RetentionArgs {
     /// Only the study with this name [default: all studies].
     #[arg(long, value_name = "SLUG", conflicts_with = "audit")]
     pub study: Option<String>,
-    /// Delete everything that participants drove and told, with the results of analyses that used it, so many
-    /// days after they were last seen. Their number remains and counts as withdrawn.
+    /// Delete all data of participants who were last seen more than DAYS days ago, and the results of analyses
+    /// that used these data. Their number remains and counts as withdrawn.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub data: Option<i64>,
-    /// The same, for participants who have not completed.
+    /// The same, only for participants who did not finish the study.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub unfinished: Option<i64>,
-    /// Delete what says who participants are (external ids, and the parameters of a recruitment site), so many
-    /// days after they were last seen. What they drove stays.
+    /// Delete the external ids and recruitment parameters of participants who were last seen more than DAYS days
+    /// ago. Their trials stay.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub identities: Option<i64>,
-    /// Delete analyses with their files, so many days after they ended.
+    /// Delete analyses that ended more than DAYS days ago, with their files.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub analyses: Option<i64>,
-    /// Delete entries of the audit trail that are older than so many days.
+    /// Delete entries of the audit trail that are older than DAYS days.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub audit: Option<i64>,
-    /// Delete it.
+    /// Delete what the rules name, instead of only listing it.
     #[arg(long)]
     pub delete: bool,
 }

@@ -24,7 +24,7 @@ impl Default for Commits {
 }
 
 impl Commits {
-    /// So many writes were stored together, in this time.
+    /// Notes a commit: how many writes it stored, and how long it took.
     pub(super) fn note(&self, writes: usize, took: Duration) {
         self.writes.observe(writes as f64);
         self.seconds.observe(took.as_secs_f64());

@@ -10,7 +10,7 @@ use super::{Store, StoreError};
 pub enum Concern {
     /// Everybody's data.
     Data,
-    /// The data of those who have not completed, and were not imported.
+    /// The data of participants who did not finish the study and were not imported.
     Unfinished,
     /// What says who somebody is.
     Identity,
