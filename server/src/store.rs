@@ -322,9 +322,12 @@ impl Store {
     async fn write_first<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
-        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+        work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        self.write_in(Lane::Trial, locks.into(), work).await
+        match &self.open.database {
+            Database::Sqlite(database) => database.write(Lane::Trial, work).await,
+            Database::Postgres(database) => database.write_trial(locks.into(), work).await,
+        }
     }
 
     /// An operation that a request waits for: its result is returned after the commit.

@@ -4,6 +4,7 @@
 //! and withdraws. Its [ledger](ledger::compare) then compares every trial that was acknowledged with the
 //! database, value by value.
 
+pub mod capacity;
 pub mod figures;
 pub mod http;
 pub mod person;

@@ -39,6 +39,7 @@ const BENCHES: &[(&str, &str)] = &[
     ("learn", "training and inference of each model on real rows"),
     ("learn_svm", "support vector machines: grids, fits, inference"),
     ("load", "thousands who take part at once, against SQLite alone and oTree (Python, from PyPI)"),
+    ("capacity", "servers of other sizes, simulated from what `load` has measured on one machine"),
     ("faults", "a server that is killed and loses power, again and again: nothing is lost"),
     ("peers", "our solver against hj_reachability (Python, installed on first use)"),
     ("wasm", "the solver as WebAssembly in Chromium against the same on this machine"),

@@ -156,19 +156,14 @@ impl Sweep<'_> {
             self.store.participants_due(study.id, concern, before_ms).await?
         {
             let name = if pilot { format!("pilot {number}") } else { number.to_string() };
-            if self.delete {
-                let entry = |action| self.entry(action, Some(slug), Some(name.clone()));
-                match concern {
-                    Concern::Data | Concern::Unfinished => {
-                        let entry = entry(Action::ParticipantDeleted);
-                        self.store.withdraw(&id, true, self.now_ms, Some(entry)).await?;
-                    }
-                    Concern::Identity => {
-                        self.store.forget_identity(&id, entry(Action::IdentityDeleted)).await?;
-                    }
-                }
+            let action = match concern {
+                Concern::Data | Concern::Unfinished => Action::ParticipantDeleted,
+                Concern::Identity => Action::IdentityDeleted,
+            };
+            let entry = self.entry(action, Some(slug), Some(name.clone()));
+            if !self.delete || self.store.delete_due(&id, concern, before_ms, entry).await? {
+                which.push(name);
             }
-            which.push(name);
         }
         let (before, study) = (date_time(before_ms), Some(slug.clone()));
         Ok(Concerned { rule, before, study, count: which.len(), which })

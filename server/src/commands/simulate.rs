@@ -59,8 +59,8 @@ struct Destination {
     /// held in it (rad/s, left is positive); - writes it to stdout, without the summary.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<String>,
-    /// Address of a running server, http://HOST:PORT: the participants enrol there, drive the
-    /// scenes of their plans and complete. Only plain HTTP is supported.
+    /// Address of a running server, http://HOST:PORT or https://HOST: the participants enrol there,
+    /// drive the scenes of their plans and complete.
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 }

@@ -9,7 +9,7 @@ use tokio::sync::oneshot;
 pub(super) trait Operation: Send {
     /// Whether a caller still waits for its answer.
     fn is_wanted(&self) -> bool;
-    /// Runs in a savepoint, which is rolled back on an error.
+    /// Does the work in a transaction. After an error, what it did is rolled back; it may run again then.
     fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
     /// Answers, after the commit has succeeded or failed.
     fn answer(self: Box<Self>, committed: Result<(), StoreError>);
@@ -23,14 +23,14 @@ pub(super) type Answered<T> = oneshot::Receiver<Result<T, StoreError>>;
 
 /// An operation that does this work, and its answer.
 pub(super) fn operation<T: Send + 'static>(
-    work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
 ) -> (Box<dyn Operation>, Answered<T>) {
     let (answer, answered) = oneshot::channel();
-    (Box::new(Waiting { work: Some(work), found: None, answer }), answered)
+    (Box::new(Waiting { work, found: None, answer }), answered)
 }
 
 struct Waiting<T, W> {
-    work: Option<W>,
+    work: W,
     found: Option<Result<T, StoreError>>,
     answer: oneshot::Sender<Result<T, StoreError>>,
 }
@@ -38,15 +38,14 @@ struct Waiting<T, W> {
 impl<T, W> Operation for Waiting<T, W>
 where
     T: Send,
-    W: FnOnce(&Connection) -> Result<T, StoreError> + Send,
+    W: FnMut(&Connection) -> Result<T, StoreError> + Send,
 {
     fn is_wanted(&self) -> bool {
         !self.answer.is_closed()
     }
 
     fn run(&mut self, db: &Connection) -> Result<(), StoreError> {
-        let Some(work) = self.work.take() else { return Ok(()) };
-        let found = catch_unwind(AssertUnwindSafe(|| work(db)));
+        let found = catch_unwind(AssertUnwindSafe(|| (self.work)(db)));
         let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
         let error = found.as_ref().err().cloned();
         self.found = Some(found);

@@ -367,40 +367,8 @@ impl Store {
             if let Some(entry) = &by {
                 audit::add(db, entry)?;
             }
-            db.execute(
-                "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2), \
-                     holds_place = FALSE WHERE id = ?1",
-                params![id, now_ms],
-            )?;
-            if !delete {
-                return Ok(());
-            }
-            analyses::withdraw(db, &id)?;
-            for statement in [
-                "DELETE FROM trial WHERE trial_id IN \
-                     (SELECT trial_id FROM scene WHERE participant_id = ?1)",
-                "DELETE FROM scene WHERE participant_id = ?1",
-                "UPDATE tally SET next_phase = NULL, familiarisation = 0, practice = 0, task = 0, \
-                     late_sample = 0, focus_lost = 0, interrupted = 0, never_steered = 0, \
-                     always_steered = 0, danger_entered = 0, same_timing = 0, waiting = 0 \
-                     WHERE participant_id = ?1",
-                "DELETE FROM note WHERE participant_id = ?1",
-                "DELETE FROM exclusion WHERE participant_id = ?1",
-                "UPDATE participant SET data_deleted = TRUE, external_id = NULL, external_key = NULL, \
-                     request_hash = NULL, locale = NULL, screen = NULL, parameters = NULL, \
-                     consent_language = NULL, consent_hash = NULL, place = NULL, seed = NULL, \
-                     comprehension_attempts = 0, understood_at_ms = NULL, answers = NULL, \
-                     answered_at_ms = NULL, completion_code = NULL, completed_at_ms = NULL, \
-                     screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = ?1",
-                // Their hashes stay: the deletion can be repeated, and every browser of the
-                // participant learns of it.
-                "UPDATE participant_token SET completed = FALSE, check_attempts = 0, created_at_ms = \
-                     (SELECT enrolled_at_ms FROM participant WHERE id = ?1) \
-                     WHERE participant_id = ?1",
-            ] {
-                db.execute(statement, [&id])?;
-            }
-            Ok(())
+            withdraw(db, &id, now_ms)?;
+            if delete { delete_data(db, &id) } else { Ok(()) }
         })
         .await?;
         if delete {
@@ -457,6 +425,46 @@ impl Store {
         })
         .await
     }
+}
+
+/// Ends somebody's participation; their place is free.
+pub(super) fn withdraw(db: &Connection, id: &str, now_ms: i64) -> Result<(), StoreError> {
+    db.execute(
+        "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2), \
+             holds_place = FALSE WHERE id = ?1",
+        params![id, now_ms],
+    )?;
+    Ok(())
+}
+
+/// Deletes all data of somebody who has withdrawn, and what was computed from them.
+pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
+    analyses::withdraw(db, id)?;
+    for statement in [
+        "DELETE FROM trial WHERE trial_id IN \
+             (SELECT trial_id FROM scene WHERE participant_id = ?1)",
+        "DELETE FROM scene WHERE participant_id = ?1",
+        "UPDATE tally SET next_phase = NULL, familiarisation = 0, practice = 0, task = 0, \
+             late_sample = 0, focus_lost = 0, interrupted = 0, never_steered = 0, \
+             always_steered = 0, danger_entered = 0, same_timing = 0, waiting = 0 \
+             WHERE participant_id = ?1",
+        "DELETE FROM note WHERE participant_id = ?1",
+        "DELETE FROM exclusion WHERE participant_id = ?1",
+        "UPDATE participant SET data_deleted = TRUE, external_id = NULL, external_key = NULL, \
+             request_hash = NULL, locale = NULL, screen = NULL, parameters = NULL, \
+             consent_language = NULL, consent_hash = NULL, place = NULL, seed = NULL, \
+             comprehension_attempts = 0, understood_at_ms = NULL, answers = NULL, \
+             answered_at_ms = NULL, completion_code = NULL, completed_at_ms = NULL, \
+             screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = ?1",
+        // Their hashes stay: the deletion can be repeated, and every browser of the participant learns
+        // of it.
+        "UPDATE participant_token SET completed = FALSE, check_attempts = 0, created_at_ms = \
+             (SELECT enrolled_at_ms FROM participant WHERE id = ?1) \
+             WHERE participant_id = ?1",
+    ] {
+        db.execute(statement, [id])?;
+    }
+    Ok(())
 }
 
 /// Notes that a participant has just done something.

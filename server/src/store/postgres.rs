@@ -1,8 +1,9 @@
 //! PostgreSQL: a server that many Sidestep servers share.
 //!
 //! Each operation has a transaction of its own, at the level READ COMMITTED, on a session of the pool; trials
-//! that wait share one. What an operation reads and then depends on, it locks first ([`Lock`]). After an error of the connection the session is thrown away with all idle ones, so
-//! that service resumes as soon as the database, or the one that took its place, is back.
+//! that wait share one. What an operation reads and then depends on, it locks first ([`Lock`]). After an error
+//! of the connection the session is thrown away with all idle ones, so that service resumes as soon as the
+//! database, or the one that took its place, is back.
 
 mod address;
 mod migrations;
@@ -231,7 +232,7 @@ impl Postgres {
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         let kind = match lane {
-            Lane::Trial => return self.write_trial(locks, work).await,
+            Lane::Trial => TRIALS,
             Lane::Request => REQUESTS,
             Lane::Background => JOBS,
         };
@@ -240,11 +241,12 @@ impl Postgres {
         Ok(done)
     }
 
-    /// The same for a trial: whoever gets a session stores all that wait.
-    async fn write_trial<T: Send + 'static>(
+    /// The same for a trial: whoever gets a session stores all that wait. The work is done again if another
+    /// trial of its transaction fails.
+    pub(super) async fn write_trial<T: Send + 'static>(
         &self,
         locks: Vec<Lock>,
-        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+        work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         let (operation, mut answered) = operation(work);
         self.shared.trials.push(locks, operation)?;

@@ -2,8 +2,8 @@
 
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
-use super::sql::params;
-use super::{Store, StoreError};
+use super::sql::{OptionalExtension, params};
+use super::{Store, StoreError, participants};
 
 /// What a rule says of participants who were last seen before an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +37,12 @@ pub struct Due {
     pub pilot: bool,
 }
 
+/// The condition that a rule concerns a participant who was last seen before an instant.
+fn due(before: &str, concern: Concern) -> String {
+    let concerns = concern.condition();
+    format!("last_seen_at_ms < {before} AND data_deleted = FALSE AND {concerns}")
+}
+
 impl Store {
     /// The participants of a study whom a rule concerns, last seen before `before_ms`, in the order of their
     /// numbers.
@@ -48,9 +54,9 @@ impl Store {
     ) -> Result<Vec<Due>, StoreError> {
         self.read_long(move |db| {
             let query = format!(
-                "SELECT id, number, pilot FROM participant WHERE study_id = ?1 \
-                 AND last_seen_at_ms < ?2 AND data_deleted = FALSE AND {} ORDER BY pilot, number",
-                concern.condition()
+                "SELECT id, number, pilot FROM participant WHERE study_id = ?1 AND {} \
+                 ORDER BY pilot, number",
+                due("?2", concern)
             );
             let mut statement = db.prepare_cached(&query)?;
             let due = statement.query_map(params![study_id, before_ms], |row| {
@@ -86,19 +92,46 @@ impl Store {
         .await
     }
 
-    /// Forgets who a participant is: their external id, and what the address of their page said. They can go on
-    /// in the browser in which they began, and nowhere else. What they drove stays.
-    pub async fn forget_identity(&self, id: &str, entry: NewEntry) -> Result<(), StoreError> {
+    /// Deletes what a rule says of somebody, unless they were seen again since `before_ms`. Returns whether it
+    /// was deleted.
+    ///
+    /// Without their identity, participants can go on in the browser in which they began, and nowhere else; what
+    /// they drove stays.
+    pub async fn delete_due(
+        &self,
+        id: &str,
+        concern: Concern,
+        before_ms: i64,
+        entry: NewEntry,
+    ) -> Result<bool, StoreError> {
         let id = id.to_owned();
-        self.write([Lock::Participant(id.clone())], move |db| {
-            let forget = "UPDATE participant SET external_id = NULL, external_key = NULL, \
-                          parameters = NULL WHERE id = ?1";
-            db.execute(forget, [id])?;
-            audit::add(db, &entry)
-        })
-        .await?;
-        self.forget_deleted();
-        Ok(())
+        let locks = [Lock::Analyses, Lock::Participant(id.clone())];
+        let deleted = self.write(locks, move |db| {
+            let query =
+                format!("SELECT 1 FROM participant WHERE id = ?1 AND {}", due("?2", concern));
+            let still = db.prepare_cached(&query)?.query_row(params![id, before_ms], |_| Ok(()));
+            if still.optional()?.is_none() {
+                return Ok(false);
+            }
+            match concern {
+                Concern::Data | Concern::Unfinished => {
+                    participants::withdraw(db, &id, entry.at_ms)?;
+                    participants::delete_data(db, &id)?;
+                }
+                Concern::Identity => {
+                    let forget = "UPDATE participant SET external_id = NULL, external_key = NULL, \
+                                  parameters = NULL WHERE id = ?1";
+                    db.execute(forget, [&id])?;
+                }
+            }
+            audit::add(db, &entry)?;
+            Ok(true)
+        });
+        let deleted = deleted.await?;
+        if deleted {
+            self.forget_deleted();
+        }
+        Ok(deleted)
     }
 
     /// Deletes what the audit trail has from before `before_ms`; its next entry says so. Returns how much it

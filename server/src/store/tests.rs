@@ -3,7 +3,9 @@
 
 use super::audit::NewEntry;
 use super::enrolments::{Enrolment, Gate, NewParticipant};
+use super::lanes::Lock;
 use super::participants::{Completion, Scope};
+use super::retention::Concern;
 use super::scenes::PlannedRow;
 use super::sql::Connection;
 use super::trials::{NewTrial, PutTrial};
@@ -433,6 +435,60 @@ async fn what_one_operation_does_wrong_costs_no_other() {
     assert_eq!(store.slugs().await.unwrap().len(), 2);
 }
 
+#[tokio::test]
+async fn a_trial_that_fails_costs_no_other() {
+    let (_folder, store) = store().await;
+    store.put_study(&StudyConfig::default(), 1).await.unwrap();
+    let mut uploads = tokio::task::JoinSet::new();
+    for number in 0..64_i64 {
+        let store = store.clone();
+        uploads.spawn(async move {
+            let fails = number % 7 == 3;
+            let stored = store.write_first([Lock::Participant(number.to_string())], move |db| {
+                let add =
+                    "INSERT INTO audit (at_ms, who, action) VALUES (?1, 'test', 'key_created')";
+                db.execute(add, [number])?;
+                match number % 14 {
+                    3 => Err(StoreError::Defect("half way".to_owned())),
+                    10 => panic!("on purpose"),
+                    _ => Ok(number),
+                }
+            });
+            (fails, stored.await)
+        });
+    }
+    let mut sound = 0;
+    while let Some(done) = uploads.join_next().await {
+        let (fails, stored) = done.unwrap();
+        assert_eq!(stored.is_err(), fails, "{stored:?}");
+        sound += i64::from(!fails);
+    }
+    let query = "SELECT count(*) FROM audit WHERE who = 'test'";
+    let count: i64 =
+        store.read(move |db| Ok(db.query_row(query, [], |row| row.get(0))?)).await.unwrap();
+    assert_eq!(count, sound, "each sound one once, the others not at all");
+}
+
+#[tokio::test]
+async fn whoever_comes_back_is_kept() {
+    let (_folder, store) = store().await;
+    for name in ["ann", "ben"] {
+        someone(&store, name, Known::default()).await;
+    }
+    let study = store.study("default").await.unwrap().unwrap();
+    let due = store.participants_due(study.id, Concern::Data, 100).await.unwrap();
+    assert_eq!(due.iter().map(|due| due.id.as_str()).collect::<Vec<_>>(), ["ann", "ben"]);
+    let late = NewTrial { received_at_ms: 100, ..trial("ben-0", TurnInput::Left) };
+    store.put_trial("ben", late).await.unwrap();
+    for (due, deleted) in due.iter().zip([true, false]) {
+        let entry = entry(Action::ParticipantDeleted);
+        let found = store.delete_due(&due.id, Concern::Data, 100, entry).await;
+        assert_eq!(found, Ok(deleted), "{due:?}");
+    }
+    assert_eq!(store.trial_ids("ben").await.unwrap(), ["ben-0"]);
+    assert!(store.participants_due(study.id, Concern::Data, 100).await.unwrap().is_empty());
+}
+
 /// The first step of an operation: it waits in the queue, or is refused.
 pub(crate) fn begun<T>(operation: &mut Pin<Box<impl Future<Output = T>>>) -> Poll<T> {
     operation.as_mut().poll(&mut Context::from_waker(Waker::noop()))
@@ -502,7 +558,7 @@ fn noting() -> (Order, impl Fn(&'static str) -> Noted) {
     })
 }
 
-type Noted = Box<dyn FnOnce(&Connection) -> Result<(), StoreError> + Send>;
+type Noted = Box<dyn FnMut(&Connection) -> Result<(), StoreError> + Send>;
 
 #[tokio::test]
 async fn trials_go_ahead_of_a_class_that_enrols() {

@@ -54,15 +54,20 @@ pub(super) fn switch<M>(test_id: &str, is_on: bool, message: M) -> Node<M> {
     button(test_id, message).class("switch").attr("aria-pressed", is_on)
 }
 
-/// What the signs of the picture, or of both pictures, mean.
-pub(super) fn legend<M>(items: Vec<LegendItem>) -> Node<M> {
+/// Most layers whose signs are explained in one column.
+const ONE_COLUMN: usize = 6;
+
+/// What the signs of the picture, or of both pictures, mean. Its width follows from what is switched on, not from
+/// what has come of it, so that the picture beside it keeps its size while a trial opens.
+pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node<M> {
+    let layers = view.shown.iter().filter(|shown| **shown).count();
     let items = items.into_iter().map(|item| {
         let sign = drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true");
         el("li").child(sign).child(el("span").text(item.text))
     });
     // It scrolls in a low window, so the keyboard must be able to reach it.
     el("ul")
-        .class("meaning")
+        .class(if both || layers > ONE_COLUMN { "meaning wide" } else { "meaning" })
         .attrs(&[("aria-label", "Legend"), ("tabindex", "0")])
         .test_id("legend")
         .children(items)

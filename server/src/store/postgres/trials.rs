@@ -4,7 +4,7 @@
 use super::{COMMIT, QUEUE, Shared, begin};
 use crate::store::error::StoreError;
 use crate::store::lanes::Lock;
-use crate::store::operation::{Batch, Operation};
+use crate::store::operation::Operation;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -37,12 +37,10 @@ impl Trials {
     }
 
     /// Takes as many as one transaction stores; none if others have taken them.
-    fn take(&self) -> (Vec<Lock>, Batch) {
+    fn take(&self) -> Vec<Waiting> {
         let mut waiting = self.waiting();
         let count = waiting.len().min(BATCH);
-        let (locks, batch): (Vec<_>, Batch) =
-            waiting.drain(..count).filter(|(_, operation)| operation.is_wanted()).unzip();
-        (locks.concat(), batch)
+        waiting.drain(..count).filter(|(_, operation)| operation.is_wanted()).collect()
     }
 
     fn waiting(&self) -> MutexGuard<'_, VecDeque<Waiting>> {
@@ -51,31 +49,37 @@ impl Trials {
 }
 
 impl Shared {
-    /// Stores trials that wait, each in a savepoint, so that one that fails is undone and the others remain.
+    /// Stores trials that wait, in one transaction. If one of them fails, each is stored in its own: savepoints
+    /// would cost every trial two messages, and each a lock of its own on the row of the study.
     pub(super) fn write_trials(&self) {
-        let (locks, mut batch) = self.trials.take();
+        let mut batch = self.trials.take();
         if batch.is_empty() {
             return;
         }
-        let is_alone = batch.len() == 1;
-        let committed = self.transact([&begin(locks), COMMIT], batch.len(), |db| {
-            for operation in &mut batch {
-                if is_alone {
-                    return operation.run(db);
-                }
-                db.batch("SAVEPOINT operation")?;
-                match operation.run(db) {
-                    Ok(()) => db.batch("RELEASE operation")?,
-                    Err(error) if error.ends_transaction() => return Err(error),
-                    Err(_) => db.batch("ROLLBACK TO operation")?,
+        match self.write_together(&mut batch) {
+            Err(error) if batch.len() > 1 && !error.ends_transaction() => {
+                for alone in batch {
+                    let mut alone = [alone];
+                    let committed = self.write_together(&mut alone);
+                    self.answer(alone, committed);
                 }
             }
-            Ok(())
-        });
+            committed => self.answer(batch, committed),
+        }
+    }
+
+    fn write_together(&self, batch: &mut [Waiting]) -> Result<(), StoreError> {
+        let locks = batch.iter().flat_map(|(locks, _)| locks.clone()).collect();
+        self.transact([&begin(locks), COMMIT], batch.len(), |db| {
+            batch.iter_mut().try_for_each(|(_, operation)| operation.run(db))
+        })
+    }
+
+    fn answer(&self, batch: impl IntoIterator<Item = Waiting>, committed: Result<(), StoreError>) {
         if committed.is_ok() {
             self.committed.send_modify(|commits| *commits += 1);
         }
-        for operation in batch {
+        for (_, operation) in batch {
             operation.answer(committed.clone());
         }
     }

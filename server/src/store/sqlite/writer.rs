@@ -30,8 +30,9 @@ const QUEUE: usize = 1_024;
 /// Most trials in a batch.
 const BATCH: usize = 64;
 
-/// Most other requests in a batch. An enrolment writes a whole plan, as much as ten trials.
-const OTHERS: usize = 8;
+/// Other requests in a batch, at least and at most: as many as trials. An enrolment writes a whole plan, as much
+/// as ten trials, and a trial that comes meanwhile waits for them.
+const OTHERS: [usize; 2] = [2, 8];
 
 /// Pause between two background operations while requests wait.
 const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
@@ -103,7 +104,8 @@ impl Queue {
             if requested {
                 let Lanes { trials, requests, .. } = &mut *lanes;
                 let trials = trials.drain(..trials.len().min(BATCH));
-                let others = requests.drain(..requests.len().min(OTHERS));
+                let others = trials.len().clamp(OTHERS[0], OTHERS[1]);
+                let others = requests.drain(..requests.len().min(others));
                 return Next::Write(trials.chain(others).collect());
             }
             if lanes.closed {
@@ -170,7 +172,12 @@ impl Writer {
         lane: Lane,
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        let (operation, answered) = operation(work);
+        // Nothing runs twice here: each operation has a savepoint.
+        let mut work = Some(work);
+        let (operation, answered) = operation(move |db| match work.take() {
+            Some(work) => work(db),
+            None => Err(StoreError::Defect("it ran twice".to_owned())),
+        });
         self.queue.push(lane, operation)?;
         answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
     }

@@ -45,7 +45,10 @@ fn scene(demo: &Demo) -> Node {
     let picture = el("div")
         .class("seen")
         .child(canvas)
-        .children(demo.shows_legend.then(|| moment::legend(demo.playback.legend(&demo.view))))
+        .children(
+            demo.shows_legend
+                .then(|| moment::legend(demo.playback.legend(&demo.view), &demo.view, false)),
+        )
         .children(card(demo));
     let switches = moment::switches(&demo.view, is_offered, key_of, Msg::Layer);
     el("section").class("view").attr("aria-label", "Scene").child(switches).child(picture)

@@ -21,7 +21,7 @@ fn scene(explorer: &Explorer) -> Node {
     let picture = el("div")
         .class("seen")
         .child(canvas)
-        .child(legend(explorer.playback.legend(&explorer.view)))
+        .child(legend(explorer.playback.legend(&explorer.view), &explorer.view, false))
         .children(explorer.sources.notice(Msg::StopSolving, Msg::SolveAgain));
     el("section")
         .class("view")

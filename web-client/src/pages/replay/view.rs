@@ -56,10 +56,11 @@ fn scene(replay: &Replay) -> Node {
 
 /// What the signs mean, of both pictures if there are two.
 fn legend(replay: &Replay) -> Node {
-    moment::legend(match &replay.beside {
+    let items = match &replay.beside {
         None => replay.playback.legend(&replay.view),
         Some(beside) => legend_of_both(&replay.playback, &beside.playback, &replay.view),
-    })
+    };
+    moment::legend(items, &replay.view, replay.beside.is_some())
 }
 
 fn panel(replay: &Replay) -> Node {

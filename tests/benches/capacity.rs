@@ -1,0 +1,167 @@
+//! What to run for how many participants: `cargo xtask bench capacity`.
+//!
+//! Simulates the queues of servers and of a database with times of service that `cargo xtask bench load` has
+//! measured on one machine, first at the sizes of that machine, so that the simulation can be compared with what
+//! was measured there, and then at others. It neither starts a server nor takes long.
+#![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
+
+use clap::Parser;
+use sidestep_tests::load::capacity::{STAGES, Shown, Site, Work};
+use sidestep_tests::load::figures::row;
+
+/// Simulates servers of other sizes.
+#[derive(Parser)]
+#[command(name = "cargo xtask bench capacity --")]
+struct Options {
+    /// For SQLite: an upload's work on the server and in the writer, ms of a core; a transaction's wait for the
+    /// disk, ms.
+    #[arg(long, value_delimiter = ',', num_args = 3, default_values_t = SQLITE)]
+    sqlite: Vec<f64>,
+    /// The same for PostgreSQL.
+    #[arg(long, value_delimiter = ',', num_args = 3, default_values_t = POSTGRES)]
+    postgres: Vec<f64>,
+    /// How many times the work of an upload an enrolment is.
+    #[arg(long, default_value_t = ENROLMENT)]
+    enrolment: f64,
+    /// Simulated time, s.
+    #[arg(long, default_value_t = 20.0)]
+    seconds: f64,
+    /// Of the arrivals.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[arg(long, hide = true)]
+    discard_baseline: bool,
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// Measured; see docs/operation.md.
+const SQLITE: [f64; 3] = [0.1, 0.04, 1.0];
+const POSTGRES: [f64; 3] = [0.3, 0.5, 1.5];
+const ENROLMENT: f64 = 8.0;
+
+/// Trials of a participant, one of them every 12 s.
+const TRIALS: f64 = 59.0;
+
+/// Trials are to be acknowledged within this time, 99 of 100 of them, ms.
+const WANTED_MS: f64 = 50.0;
+
+/// A share of time in which cores may be busy, so that there is room for pages, reads and bursts.
+const ROOM: f64 = 0.7;
+
+/// So many servers, cores of each, and cores of the database; none for SQLite.
+const SITES: [(usize, usize, Option<usize>); 8] = [
+    (1, 2, None),
+    (1, 4, None),
+    (1, 8, None),
+    (1, 2, Some(2)),
+    (2, 2, Some(4)),
+    (2, 4, Some(8)),
+    (4, 4, Some(16)),
+    (4, 8, Some(32)),
+];
+
+/// Participants who begin in a minute.
+const PER_MINUTE: [f64; 4] = [1.0, 100.0, 1_000.0, 10_000.0];
+
+impl Options {
+    /// The queues of a site, and what an upload costs there.
+    fn site(&self, (servers, cores, database): (usize, usize, Option<usize>)) -> (Site, Work) {
+        let of = |figures: &[f64]| {
+            let work = Work { server_ms: figures[0], database_ms: figures[1] };
+            (work, figures[2])
+        };
+        match database {
+            // The writer is a thread of the server and has a core of it.
+            None => {
+                let (work, commit_ms) = of(&self.sqlite);
+                let site = Site {
+                    server_cores: (cores - 1).max(1),
+                    writers: 1,
+                    batch: 64,
+                    database_cores: 1,
+                    transaction_ms: 0.1,
+                    commit_ms,
+                };
+                (site, work)
+            }
+            Some(database_cores) => {
+                let (work, commit_ms) = of(&self.postgres);
+                let site = Site {
+                    server_cores: servers * cores,
+                    writers: 8 * servers,
+                    batch: 16,
+                    database_cores,
+                    transaction_ms: 0.3,
+                    commit_ms,
+                };
+                (site, work)
+            }
+        }
+    }
+
+    /// The site with so many participants a minute.
+    fn with(&self, (site, work): (Site, Work), per_minute: f64) -> Shown {
+        let [server_ms, database_ms] =
+            [work.server_ms, work.database_ms].map(|ms| self.enrolment * ms);
+        let per_s = per_minute / 60.0;
+        let kinds = [(TRIALS * per_s, work), (per_s, Work { server_ms, database_ms })];
+        site.simulate(&kinds, self.seconds, self.seed)
+    }
+}
+
+fn is_enough(shown: &Shown) -> bool {
+    shown.latencies.quantile_ms(0.99) <= WANTED_MS && shown.busy[..2].iter().all(|it| *it <= ROOM)
+}
+
+fn main() {
+    let options = Options::parse();
+    println!(
+        "99 of 100 trials are to be acknowledged within {WANTED_MS} ms, with cores busy for at most \
+         {:.0} % of the time",
+        100.0 * ROOM
+    );
+    for of in SITES {
+        let (servers, cores, database) = of;
+        let name = match database {
+            None => format!("SQLite, {cores} cores"),
+            Some(database) => {
+                format!("PostgreSQL, {database} cores; {servers} × {cores} cores")
+            }
+        };
+        println!("\n{name}");
+        let site = options.site(of);
+        for per_minute in PER_MINUTE {
+            let shown = options.with(site, per_minute);
+            let [servers, database, writers] = shown.busy.map(|busy| 100.0 * busy);
+            let p99_ms = shown.latencies.quantile_ms(0.99);
+            let figure = match is_enough(&shown) {
+                true => format!("{p99_ms:.1} ms"),
+                false => "too much".to_owned(),
+            };
+            row(
+                &format!("  {per_minute} participants a minute"),
+                figure,
+                format!(
+                    "busy: servers {servers:.0} %, database {database:.0} %, writers {writers:.0} %"
+                ),
+            );
+        }
+        let (mut enough, mut too_many) = (0.0, 100_000.0);
+        while too_many - enough > 0.01 * too_many {
+            let between = 0.5 * (enough + too_many);
+            match is_enough(&options.with(site, between)) {
+                true => enough = between,
+                false => too_many = between,
+            }
+        }
+        let full = options.with(site, 1.3 * enough);
+        let most = full.busy.iter().copied().fold(0.0, f64::max);
+        let first = full.busy.iter().position(|busy| *busy == most).map_or("", |it| STAGES[it]);
+        row(
+            "  at most",
+            format!("{enough:.0} a minute"),
+            format!("{:.0} trials a second; then the {first} are full", enough * TRIALS / 60.0),
+        );
+    }
+}

@@ -1,0 +1,193 @@
+//! What servers of other sizes would store: a simulation of queues, for machines that are not at hand.
+//!
+//! Operations arrive at random (Poisson). Each first takes a core of a server; then it waits for a writer. A
+//! writer that is free takes what waits, up to a batch, works for each on a core of the database, waits for the
+//! disk, and answers them all. Times of service are what one machine measured; they are constant here, so the
+//! tails are those of waiting alone.
+
+use super::figures::Latencies;
+use sidestep::math::SeededRng;
+use std::time::Duration;
+
+/// What an operation costs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Work {
+    /// On a server, ms of a core.
+    pub server_ms: f64,
+    /// In the database, ms of a core.
+    pub database_ms: f64,
+}
+
+/// Servers and a database.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Site {
+    /// Cores of all servers.
+    pub server_cores: usize,
+    /// Transactions at a time.
+    pub writers: usize,
+    /// Most operations of a transaction.
+    pub batch: usize,
+    /// Cores of the database.
+    pub database_cores: usize,
+    /// What a transaction costs besides its operations, ms of a core of the database.
+    pub transaction_ms: f64,
+    /// How long a transaction waits for the disk, ms.
+    pub commit_ms: f64,
+}
+
+/// What a simulation has shown.
+#[derive(Debug)]
+pub struct Shown {
+    /// Of all operations, from their arrival to their answer.
+    pub latencies: Latencies,
+    /// Shares of time in which the cores of the servers, the cores of the database and the writers are busy. At
+    /// more than 1, work piles up.
+    pub busy: [f64; 3],
+}
+
+/// The names of what is busy.
+pub const STAGES: [&str; 3] = ["servers", "database", "writers"];
+
+/// Cores, or writers: when each is free, s.
+struct Free(Vec<f64>);
+
+impl Free {
+    fn new(count: usize) -> Self {
+        Self(vec![0.0; count.max(1)])
+    }
+
+    /// When the first is free, s.
+    fn at_s(&self) -> f64 {
+        self.0.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// Has the first that is free busy until then.
+    fn hold(&mut self, until_s: f64) {
+        if let Some(first) = self.0.iter_mut().min_by(|a, b| a.total_cmp(b)) {
+            *first = until_s;
+        }
+    }
+}
+
+impl Site {
+    /// Has each kind of operation arrive so many times a second (more than none), for so long.
+    #[must_use]
+    pub fn simulate(&self, kinds: &[(f64, Work)], seconds: f64, seed: u64) -> Shown {
+        let mut rng = SeededRng::new(seed);
+        // Arrival, work.
+        let mut arrivals: Vec<(f64, Work)> = Vec::new();
+        for &(per_s, work) in kinds {
+            let mut next_s = || -(1.0 - rng.unit()).ln() / per_s;
+            let mut at_s = next_s();
+            while at_s < seconds {
+                arrivals.push((at_s, work));
+                at_s += next_s();
+            }
+        }
+        arrivals.sort_by(|a, b| a.0.total_cmp(&b.0));
+
+        let mut busy_s = [0.0; 3];
+        let mut cores = Free::new(self.server_cores);
+        // When each is through the server, s; arrival, s; work in the database, s.
+        let mut ready: Vec<(f64, f64, f64)> = Vec::with_capacity(arrivals.len());
+        for (arrived_s, work) in arrivals {
+            let ends_s = arrived_s.max(cores.at_s()) + work.server_ms / 1e3;
+            cores.hold(ends_s);
+            busy_s[0] += work.server_ms / 1e3;
+            ready.push((ends_s, arrived_s, work.database_ms / 1e3));
+        }
+        ready.sort_by(|a, b| a.0.total_cmp(&b.0));
+
+        let mut latencies = Latencies::default();
+        let (mut writers, mut cores) = (Free::new(self.writers), Free::new(self.database_cores));
+        let mut waiting = ready.as_slice();
+        while let [(first_s, ..), ..] = waiting {
+            let begins_s = writers.at_s().max(*first_s);
+            let there = waiting.partition_point(|(ready_s, ..)| *ready_s <= begins_s);
+            let (batch, others) = waiting.split_at(there.min(self.batch.max(1)));
+            waiting = others;
+            let work_s =
+                self.transaction_ms / 1e3 + batch.iter().map(|(.., work_s)| work_s).sum::<f64>();
+            let stored_s = begins_s.max(cores.at_s()) + work_s;
+            cores.hold(stored_s);
+            let ends_s = stored_s + self.commit_ms / 1e3;
+            writers.hold(ends_s);
+            busy_s[1] += work_s;
+            busy_s[2] += ends_s - begins_s;
+            for (_, arrived_s, _) in batch {
+                latencies.note(Duration::from_secs_f64(ends_s - arrived_s));
+            }
+        }
+        let of = [self.server_cores, self.database_cores, self.writers];
+        let busy = std::array::from_fn(|stage| busy_s[stage] / seconds / of[stage].max(1) as f64);
+        Shown { latencies, busy }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOTHING: Work = Work { server_ms: 0.0, database_ms: 0.0 };
+
+    /// A site in which only the servers take time.
+    fn servers(server_cores: usize) -> Site {
+        Site {
+            server_cores,
+            writers: 1,
+            batch: usize::MAX,
+            database_cores: 1,
+            transaction_ms: 0.0,
+            commit_ms: 0.0,
+        }
+    }
+
+    fn mean_ms(latencies: &Latencies) -> f64 {
+        let shares: Vec<f64> = (1..1000).map(|i| f64::from(i) / 1000.0).collect();
+        shares.iter().map(|share| latencies.quantile_ms(*share)).sum::<f64>() / shares.len() as f64
+    }
+
+    #[test]
+    fn one_core_is_the_queue_of_pollaczek_and_khinchine() {
+        let work = Work { server_ms: 1.0, ..NOTHING };
+        for busy in [0.3, 0.6, 0.8] {
+            let shown = servers(1).simulate(&[(1e3 * busy, work)], 400.0, 7);
+            // M/D/1: the mean wait is ρ/(2(1 − ρ)) times of service.
+            let expected_ms = 1.0 + busy / (2.0 * (1.0 - busy));
+            let found_ms = mean_ms(&shown.latencies);
+            assert!((found_ms / expected_ms - 1.0).abs() < 0.03, "{found_ms} for {expected_ms}");
+            assert!((shown.busy[0] - busy).abs() < 0.01);
+        }
+    }
+
+    #[test]
+    fn a_writer_alone_that_takes_one_at_a_time_is_the_same_queue() {
+        let work = Work { database_ms: 0.25, ..NOTHING };
+        let site =
+            Site { batch: 1, transaction_ms: 0.25, commit_ms: 0.5, server_cores: 1, ..servers(1) };
+        let shown = site.simulate(&[(600.0, work)], 400.0, 3);
+        let expected_ms = 1.0 + 0.6 / (2.0 * 0.4);
+        assert!((mean_ms(&shown.latencies) / expected_ms - 1.0).abs() < 0.03);
+        assert!((shown.busy[2] - 0.6).abs() < 0.01 && (shown.busy[1] - 0.3).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_batch_shares_the_wait_for_the_disk() {
+        let (work, per_s) = (Work { database_ms: 0.01, ..NOTHING }, 2_000.0);
+        let alone = Site { batch: 1, commit_ms: 2.0, ..servers(1) };
+        let together = Site { batch: 64, ..alone };
+        assert!(alone.simulate(&[(per_s, work)], 10.0, 1).busy[2] > 3.0, "it piles up");
+        let shown = together.simulate(&[(per_s, work)], 10.0, 1);
+        // Nobody waits for more than the batch that is under way and their own.
+        assert!(shown.latencies.quantile_ms(1.0) < 2.0 * (2.0 + 64.0 * 0.01));
+    }
+
+    #[test]
+    fn the_same_seed_shows_the_same() {
+        let work = Work { server_ms: 0.2, database_ms: 0.1 };
+        let site = Site { writers: 4, batch: 16, commit_ms: 1.0, ..servers(2) };
+        let shown = |seed| site.simulate(&[(3_000.0, work), (20.0, work)], 5.0, seed);
+        assert_eq!(shown(5).busy, shown(5).busy);
+        assert_ne!(shown(5).busy, shown(6).busy);
+    }
+}
