@@ -8,10 +8,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio_postgres_rustls::MakeRustlsConnect;
 
 /// What holds in every session. `synchronous_commit`: an acknowledged trial survives a power cut, whatever
-/// the server's default is. The other limits let nobody wait for ever.
+/// the server's default is. `enable_seqscan`: a session keeps the plans of its statements; one that was made
+/// while a table was nearly empty would read the whole of it for every trial, until PostgreSQL next analyses it.
+/// `jit`: such plans look too dear, and would be compiled. The other limits let nobody wait for ever.
 const SETTINGS: &str = "SET synchronous_commit = on; SET lock_timeout = '10s'; \
                         SET idle_in_transaction_session_timeout = '60s'; \
-                        SET client_min_messages = warning";
+                        SET client_min_messages = warning; \
+                        SET enable_seqscan = off; SET jit = off";
 
 /// The oldest PostgreSQL that is known to work.
 const OLDEST: i32 = 140_000;
