@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Most trials of a transaction.
-const BATCH: usize = 16;
+const BATCH: usize = 32;
 
 type Waiting = (Vec<Lock>, Box<dyn Operation>);
 
