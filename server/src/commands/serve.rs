@@ -133,6 +133,9 @@ pub enum LogFormat {
 /// Enrolments that may wait for their scenes: a lecture hall, twice over.
 const PLANS_WAITING: usize = 2_000;
 
+/// After the scenes of somebody are drawn, nobody's are for so many times as long.
+const DRAWING_PAUSE: u32 = 2;
+
 /// Keys that may wait to be compared with a slow hash.
 const KEYS_WAITING: usize = 64;
 
@@ -246,7 +249,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         environment_key,
         pace: Pace::new(&store),
         guesses: Guesses::new(&store),
-        drawing: Bounded::new(PLANS_WAITING),
+        drawing: Bounded::new(PLANS_WAITING).with_pauses(DRAWING_PAUSE),
         hashing: Bounded::new(KEYS_WAITING),
         observed: Observed::new(&store),
         connections: Arc::clone(&connections),

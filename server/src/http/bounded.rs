@@ -5,7 +5,8 @@ use crate::store::StoreError;
 use anyhow::Context;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use tokio::sync::Semaphore;
+use std::time::Instant;
+use tokio::sync::{Semaphore, oneshot};
 
 /// Runs pieces of work on threads of their own: as many at a time as leave a processor to the
 /// other requests. A client that goes away before its turn costs nothing.
@@ -14,6 +15,8 @@ pub struct Bounded {
     turns: Arc<Semaphore>,
     waiting: AtomicUsize,
     most_waiting: usize,
+    /// How many times as long as a piece of work the pause after it is.
+    pause: u32,
 }
 
 impl Bounded {
@@ -22,7 +25,14 @@ impl Bounded {
     pub fn new(most_waiting: usize) -> Self {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         let turns = Arc::new(Semaphore::new((processors - 1).max(1)));
-        Self { turns, waiting: AtomicUsize::new(0), most_waiting }
+        Self { turns, waiting: AtomicUsize::new(0), most_waiting, pause: 0 }
+    }
+
+    /// The same with a pause after each piece of work, so many times as long as the work: a flood of requests
+    /// then leaves most of the time to others.
+    #[must_use]
+    pub fn with_pauses(self, pause: u32) -> Self {
+        Self { pause, ..self }
     }
 
     /// A place in the line, to be used when there is work.
@@ -34,7 +44,7 @@ impl Bounded {
         if waiting.ahead >= self.most_waiting {
             return Err(StoreError::Busy.into());
         }
-        Ok(InLine { turns: &self.turns, waiting })
+        Ok(InLine { turns: &self.turns, waiting, pause: self.pause })
     }
 }
 
@@ -43,6 +53,7 @@ impl Bounded {
 pub struct InLine<'a> {
     turns: &'a Arc<Semaphore>,
     waiting: Waiting<'a>,
+    pause: u32,
 }
 
 impl InLine<'_> {
@@ -56,12 +67,20 @@ impl InLine<'_> {
     ) -> Result<T, ApiError> {
         let turn = Arc::clone(self.turns).acquire_owned().await.context("a turn")?;
         drop(self.waiting);
-        let done = tokio::task::spawn_blocking(move || {
-            // Held until the work is done, even if no request waits for it any more.
-            let _turn = turn;
-            work()
+        let pause = self.pause;
+        let (answer, answered) = oneshot::channel();
+        // The turn is held until the work and its pause are over, even if no request waits any more.
+        tokio::spawn(async move {
+            let begun = Instant::now();
+            let done = tokio::task::spawn_blocking(work).await;
+            let took = begun.elapsed();
+            // Nobody hears it if the request is gone.
+            let _ = answer.send(done);
+            tokio::time::sleep(took * pause).await;
+            drop(turn);
         });
-        Ok(done.await.context("work for a request")?)
+        let done = answered.await.context("work for a request")?;
+        Ok(done.context("work for a request")?)
     }
 }
 

@@ -69,7 +69,7 @@ pub(crate) async fn measure(folder: &Folder, seconds: f64) {
     let people = ["simulate", "--participants", "30", "--seed", "1", "--out", &trials];
     run(&people).await.json();
     let url = database.url();
-    run(&["import", "--study", "default", "--trials", &trials, "--database", &url]).await.json();
+    run(&["import", "--study", "analysed", "--trials", &trials, "--database", &url]).await.json();
     let mut server = Process::start_with(&own, &database, &["--trusted-proxy", "127.0.0.1"]).await;
     let key = server.key().await;
     let crowd = Crowd::of(&[&server]);
@@ -103,7 +103,7 @@ pub(crate) async fn measure(folder: &Folder, seconds: f64) {
         row("  put off by a 503, problems", crowd.troubles(), "");
         sleep(Duration::from_secs(2)).await;
     }
-    let ask = server.request(Method::POST, &routes::admin_analyses("default")).bearer_auth(&key);
+    let ask = server.request(Method::POST, &routes::admin_analyses("analysed")).bearer_auth(&key);
     let asked = Answer::of(ask.json(&serde_json::json!({}))).await;
     assert_eq!(asked.status, 201, "{}", asked.body);
     sleep(Duration::from_secs(1)).await;
