@@ -68,10 +68,10 @@ pub(crate) async fn measure(folder: &Folder, seconds: f64) {
     let trials = own.name("trials.csv");
     let people = ["simulate", "--participants", "30", "--seed", "1", "--out", &trials];
     run(&people).await.json();
-    let url = database.url();
-    run(&["import", "--study", "analysed", "--trials", &trials, "--database", &url]).await.json();
     let mut server = Process::start_with(&own, &database, &["--trusted-proxy", "127.0.0.1"]).await;
     let key = server.key().await;
+    let url = database.url();
+    run(&["import", "--study", "analysed", "--trials", &trials, "--database", &url]).await.json();
     let crowd = Crowd::of(&[&server]);
     crowd.enrol((HONEST_PER_S * seconds * 12.0 / 59.0) as usize, HONEST, 120.0).await;
     let honest = async || {

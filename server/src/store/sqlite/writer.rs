@@ -6,8 +6,8 @@
 //! the whole batch, so that writing resumes as soon as a full disk or an I/O error is gone.
 //!
 //! There are three queues (lanes). Trials go first, since a browser waits for each. Other requests
-//! follow, a few in each batch, so that a class that enrols at once does not delay participants who
-//! are driving. Background work (files and cells of an analysis, value functions) has transactions of
+//! follow for about as long as the disk takes, so that a class that enrols at once hardly delays participants
+//! who are driving. Background work (files and cells of an analysis, value functions) has transactions of
 //! its own, one operation between two batches, so that requests wait for at most one of them.
 
 use super::connection;
@@ -30,9 +30,8 @@ const QUEUE: usize = 1_024;
 /// Most trials in a batch.
 const BATCH: usize = 64;
 
-/// Other requests in a batch, at least and at most: as many as trials. An enrolment writes a whole plan, as much
-/// as ten trials, and a trial that comes meanwhile waits for them.
-const OTHERS: [usize; 2] = [2, 8];
+/// Most other requests in a batch.
+const OTHERS: usize = 64;
 
 /// Pause between two background operations while requests wait.
 const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
@@ -57,7 +56,8 @@ struct Queue {
 
 /// The thread's next action.
 enum Next {
-    Write(Batch),
+    /// These, the trials first; so many are trials.
+    Write(Batch, usize),
     Background(Batch),
     EmptyLog,
     Stop,
@@ -104,9 +104,9 @@ impl Queue {
             if requested {
                 let Lanes { trials, requests, .. } = &mut *lanes;
                 let trials = trials.drain(..trials.len().min(BATCH));
-                let others = trials.len().clamp(OTHERS[0], OTHERS[1]);
-                let others = requests.drain(..requests.len().min(others));
-                return Next::Write(trials.chain(others).collect());
+                let count = trials.len();
+                let others = requests.drain(..requests.len().min(OTHERS));
+                return Next::Write(trials.chain(others).collect(), count);
             }
             if lanes.closed {
                 return Next::Stop;
@@ -118,6 +118,14 @@ impl Queue {
                 }
                 None => self.changed.wait(lanes).unwrap_or_else(PoisonError::into_inner),
             };
+        }
+    }
+
+    /// Has other requests wait again, before those that came later.
+    fn put_back(&self, others: Batch) {
+        let mut lanes = self.lanes();
+        for other in others.into_iter().rev() {
+            lanes.requests.push_front(other);
         }
     }
 
@@ -158,6 +166,7 @@ impl Writer {
             file,
             expected,
             db,
+            disk: Duration::ZERO,
         };
         let thread = std::thread::Builder::new()
             .name("store-writer".to_owned())
@@ -232,6 +241,8 @@ struct Thread {
     expected: Identity,
     /// None after an error; the next batch opens another connection.
     db: Option<Open>,
+    /// How long the disk took for the last commit.
+    disk: Duration,
 }
 
 /// A connection with the log that it writes to.
@@ -255,9 +266,9 @@ impl Thread {
         let mut last_background = Instant::now();
         loop {
             match self.queue.next(last_background) {
-                Next::Write(batch) => self.write(batch),
+                Next::Write(batch, trials) => self.write(batch, trials),
                 Next::Background(batch) => {
-                    self.write(batch);
+                    self.write(batch, 0);
                     last_background = Instant::now();
                 }
                 Next::EmptyLog => self.empty_log(),
@@ -266,14 +277,18 @@ impl Thread {
         }
     }
 
-    /// Commits a batch, or refuses all of it.
-    fn write(&mut self, mut batch: Batch) {
+    /// Commits a batch that begins with so many trials, or refuses all of it.
+    fn write(&mut self, mut batch: Batch, trials: usize) {
+        let mut others = batch.split_off(trials);
         batch.retain(|operation| operation.is_wanted());
+        others.retain(|operation| operation.is_wanted());
+        let trials = batch.len();
+        batch.append(&mut others);
         if batch.is_empty() {
             return;
         }
         let begun = Instant::now();
-        let committed = self.commit(&mut batch);
+        let committed = self.commit(&mut batch, trials);
         if committed.is_ok() {
             self.observed.note(batch.len(), begun.elapsed());
         }
@@ -295,7 +310,7 @@ impl Thread {
 
     /// Returns whether a row changed. The connection is used again only after a successful commit: a new connection is in no failed
     /// transaction.
-    fn commit(&mut self, batch: &mut Batch) -> Result<bool, StoreError> {
+    fn commit(&mut self, batch: &mut Batch, trials: usize) -> Result<bool, StoreError> {
         let open = match self.db.take() {
             Some(open) => open,
             None => open(&self.file, self.expected)?,
@@ -303,8 +318,23 @@ impl Thread {
         let sqlite = open.sqlite()?;
         let before = sqlite.total_changes();
         sqlite.execute_batch("BEGIN IMMEDIATE")?;
-        run(sqlite, &open.db, batch)?;
+        let (first, others) = batch.split_at_mut(trials);
+        for operation in first {
+            run(sqlite, &open.db, &mut **operation)?;
+        }
+        // At least one, and those for which there is time: a trial that comes meanwhile waits for them.
+        let (begun, mut done) = (Instant::now(), 0);
+        for operation in others {
+            run(sqlite, &open.db, &mut **operation)?;
+            done += 1;
+            if begun.elapsed() >= self.disk {
+                break;
+            }
+        }
+        let begun = Instant::now();
         sqlite.execute_batch("COMMIT")?;
+        self.disk = begun.elapsed();
+        self.queue.put_back(batch.split_off(trials + done));
         let has_changed = sqlite.total_changes() != before;
         // SQLite reports success also for a deleted file, whose content is lost.
         if self.file.identity()? != self.expected || self.file.log_identity()? != open.log {
@@ -340,27 +370,25 @@ fn open(file: &DatabaseFile, expected: Identity) -> Result<Open, StoreError> {
     Ok(Open { db: Connection::Sqlite(db), log })
 }
 
-/// Runs each operation in a savepoint, so that a failed operation is undone and the others remain. An
+/// Runs an operation in a savepoint, so that a failed operation is undone and the others remain. An
 /// error of this function concerns the whole transaction.
 fn run(
     sqlite: &rusqlite::Connection,
     db: &Connection,
-    batch: &mut Batch,
+    operation: &mut dyn Operation,
 ) -> Result<(), StoreError> {
-    for operation in batch {
-        sqlite.prepare_cached("SAVEPOINT operation")?.execute([])?;
-        let done = operation.run(db);
-        if sqlite.is_autocommit() {
-            let lost = || StoreError::Unavailable("a transaction was rolled back".to_owned());
-            return Err(done.err().unwrap_or_else(lost));
-        }
-        if let Err(error) = done {
-            if error.ends_transaction() {
-                return Err(error);
-            }
-            sqlite.prepare_cached("ROLLBACK TO operation")?.execute([])?;
-        }
-        sqlite.prepare_cached("RELEASE operation")?.execute([])?;
+    sqlite.prepare_cached("SAVEPOINT operation")?.execute([])?;
+    let done = operation.run(db);
+    if sqlite.is_autocommit() {
+        let lost = || StoreError::Unavailable("a transaction was rolled back".to_owned());
+        return Err(done.err().unwrap_or_else(lost));
     }
+    if let Err(error) = done {
+        if error.ends_transaction() {
+            return Err(error);
+        }
+        sqlite.prepare_cached("ROLLBACK TO operation")?.execute([])?;
+    }
+    sqlite.prepare_cached("RELEASE operation")?.execute([])?;
     Ok(())
 }
