@@ -18,8 +18,8 @@ const DAY_MS: i64 = 86_400_000;
 /// Delete what has been kept long enough, by rules, and say what.
 ///
 /// Without --delete, nothing is deleted: the summary says what would be. The audit trail has an entry for
-/// everything that is deleted. A participant may be listed under several rules. Backups are files of their own:
-/// delete the old ones too.
+/// everything that is deleted. A participant may be listed under several rules; participants who come back before it
+/// is their turn are kept. Backups are files of their own: delete the old ones too.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]

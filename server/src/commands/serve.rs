@@ -134,7 +134,7 @@ pub enum LogFormat {
 const PLANS_WAITING: usize = 2_000;
 
 /// After the scenes of somebody are drawn, nobody's are for so many times as long.
-const DRAWING_PAUSE: u32 = 8;
+const DRAWING_PAUSE: u32 = 2;
 
 /// Keys that may wait to be compared with a slow hash.
 const KEYS_WAITING: usize = 64;

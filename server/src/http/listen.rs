@@ -24,8 +24,8 @@ use tower::ServiceExt;
 const SEARCH: Duration = Duration::from_secs(1);
 /// Longest wait for running requests when the server stops.
 const FAREWELL: Duration = Duration::from_secs(10);
-/// Longest head of a request, bytes; it also limits what is read ahead of a body.
-const LONGEST_HEAD: usize = 1 << 16;
+/// Longest head of a request, bytes; also what a connection that waits for its next request keeps for reading.
+const LONGEST_HEAD: usize = 1 << 14;
 
 /// What answers, and to whom.
 #[derive(Clone)]
