@@ -36,9 +36,12 @@ struct Options {
 }
 
 /// Measured; see docs/operation.md.
-const SQLITE: [f64; 3] = [0.1, 0.04, 1.0];
-const POSTGRES: [f64; 3] = [0.3, 0.5, 1.5];
-const ENROLMENT: f64 = 8.0;
+const SQLITE: [f64; 3] = [0.11, 0.06, 1.0];
+const POSTGRES: [f64; 3] = [0.31, 0.42, 1.5];
+const ENROLMENT: f64 = 11.0;
+
+/// A transaction itself, ms of a core.
+const TRANSACTION_MS: f64 = 0.1;
 
 /// Trials of a participant, one of them every 12 s.
 const TRIALS: f64 = 59.0;
@@ -80,7 +83,7 @@ impl Options {
                     writers: 1,
                     batch: 64,
                     database_cores: 1,
-                    transaction_ms: 0.1,
+                    transaction_ms: TRANSACTION_MS,
                     commit_ms,
                 };
                 (site, work)
@@ -89,10 +92,10 @@ impl Options {
                 let (work, commit_ms) = of(&self.postgres);
                 let site = Site {
                     server_cores: servers * cores,
-                    writers: 8 * servers,
-                    batch: 16,
+                    writers: 3 * servers,
+                    batch: 32,
                     database_cores,
-                    transaction_ms: 0.3,
+                    transaction_ms: TRANSACTION_MS,
                     commit_ms,
                 };
                 (site, work)
@@ -155,13 +158,16 @@ fn main() {
                 false => too_many = between,
             }
         }
-        let full = options.with(site, 1.3 * enough);
-        let most = full.busy.iter().copied().fold(0.0, f64::max);
-        let first = full.busy.iter().position(|busy| *busy == most).map_or("", |it| STAGES[it]);
+        let full = options.with(site, 1.02 * too_many);
+        let first = STAGES.iter().zip(full.busy).find(|(_, busy)| *busy > ROOM);
+        let first = first.map_or("wait for the disk", |(stage, _)| stage);
         row(
             "  at most",
             format!("{enough:.0} a minute"),
-            format!("{:.0} trials a second; then the {first} are full", enough * TRIALS / 60.0),
+            format!(
+                "{:.0} trials a second; then the {first} becomes too long or too busy",
+                enough * TRIALS / 60.0
+            ),
         );
     }
 }

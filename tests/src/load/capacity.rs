@@ -45,8 +45,8 @@ pub struct Shown {
     pub busy: [f64; 3],
 }
 
-/// The names of what is busy.
-pub const STAGES: [&str; 3] = ["servers", "database", "writers"];
+/// The names of what does work.
+pub const STAGES: [&str; 2] = ["work of the servers", "work of the database"];
 
 /// Cores, or writers: when each is free, s.
 struct Free(Vec<f64>);
