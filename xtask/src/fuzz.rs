@@ -109,6 +109,11 @@ fn search(
     for (hash, bytes) in &kept {
         fs::write(corpus.join(hash), bytes)?;
     }
+    // What an earlier search has found is tried again: it may be mended.
+    for (hash, bytes) in read_folder(&found)? {
+        fs::write(corpus.join(hash), bytes)?;
+    }
+    fs::remove_dir_all(&found).and_then(|()| fs::create_dir(&found))?;
     let log = folder.join("log");
     let fuzz = |more: &[&str], folders: &[&Path]| -> Result<bool> {
         let mut command = Command::new(program);
