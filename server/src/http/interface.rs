@@ -349,9 +349,9 @@ fn operator(table: Table) -> Table {
         )
         .route(
             "/metrics",
-            [get("Counts in Prometheus's text format", metrics::show)
+            [get("Counts for Prometheus, in the text format OpenMetrics", metrics::show)
                 .detail("Programs on the server's own machine need no key; others need one that may read.")
-                .sends("text/plain")],
+                .sends("application/openmetrics-text")],
         )
         .route(
             routes::OPENAPI,
