@@ -44,6 +44,15 @@ pub enum BackupError {
     },
 }
 
+/// What becomes of trials that do not follow from their inputs, or from the numbers stored with them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultyTrials {
+    /// There is no backup with any.
+    Refused,
+    /// They are copied as they are: whatever else was collected is in the backup.
+    Kept,
+}
+
 /// A backup that was written.
 #[derive(Debug)]
 pub struct Written {
@@ -54,6 +63,7 @@ pub struct Written {
 }
 
 /// Writes a backup to `out`, a new file that only its owner can read. Every trial in it has been replayed.
+/// One in which trials are faulty is written only if that is `accepted`; damage of the file never is.
 /// `progress` hears how many participants of how many are copied, where they are copied one by one.
 ///
 /// # Errors
@@ -61,6 +71,7 @@ pub struct Written {
 pub async fn write(
     store: &Store,
     out: &Path,
+    accepted: FaultyTrials,
     cancel: &CancellationToken,
     progress: impl FnMut(usize, usize),
 ) -> Result<Written, BackupError> {
@@ -80,7 +91,7 @@ pub async fn write(
     let report = soundness::report(&copy).await;
     copy.close().await;
     let report = report?;
-    sound(out, &report)?;
+    sound(out, &report, accepted)?;
     File::open(&file)
         .and_then(|written| written.sync_all())
         .and_then(|()| std::fs::hard_link(&file, out))
@@ -90,13 +101,14 @@ pub async fn write(
     Ok(Written { bytes, report })
 }
 
-/// Refuses a database with faults.
+/// Refuses a database with faults, but for those that are accepted.
 ///
 /// # Errors
 /// [`BackupError::Unsound`] with the first of them.
-pub fn sound(file: &Path, report: &Report) -> Result<(), BackupError> {
+pub fn sound(file: &Path, report: &Report, accepted: FaultyTrials) -> Result<(), BackupError> {
     match report.first() {
         None => Ok(()),
+        Some(_) if accepted == FaultyTrials::Kept && report.damage.is_empty() => Ok(()),
         Some(first) => Err(BackupError::Unsound { file: file.to_owned(), first }),
     }
 }

@@ -122,6 +122,16 @@ pub enum OpenError {
     Served(String),
 }
 
+/// What messages say of an address that is none: no password, whatever else it has.
+fn harmless(url: &str) -> String {
+    match url.split_once(':') {
+        Some((kind, _)) if kind.contains('=') || kind.contains('/') => "…".to_owned(),
+        Some((kind, _)) if kind != "sqlite" => format!("{}:…", kind.trim()),
+        None if url.contains('=') => "…".to_owned(),
+        _ => url.to_owned(),
+    }
+}
+
 impl Store {
     /// Opens the database at `url` (`sqlite:FILE` or `postgres://…`) and applies missing migrations.
     ///
@@ -134,7 +144,7 @@ impl Store {
                 true => Database::Postgres(Postgres::open(&url, missing)?),
                 false => {
                     let file = DatabaseFile::of_url(&url)
-                        .map_err(|found| OpenError::Address { url: url.clone(), found })?;
+                        .map_err(|found| OpenError::Address { url: harmless(&url), found })?;
                     Database::Sqlite(Sqlite::open(file, missing)?)
                 }
             })

@@ -1,6 +1,6 @@
 //! Copies of studies between databases: every participant, compared by a hash at the end.
 
-use crate::store::copying::{CopyRefusal, CopyTarget};
+use crate::store::copying::{CopyRefusal, CopyTarget, PutCopy};
 use crate::store::{Store, StoreError};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -38,6 +38,17 @@ pub enum TransferError {
          databases and copy again"
     )]
     Changed {
+        /// The study.
+        slug: String,
+        /// The participant.
+        id: String,
+    },
+    /// The destination has more of a participant.
+    #[error(
+        "study {slug}: participant {id} did more, or was deleted, in the destination since they were copied; \
+         they stay as they are there: copy to another database"
+    )]
+    Ahead {
         /// The study.
         slug: String,
         /// The participant.
@@ -112,8 +123,12 @@ async fn participant(
     let changed = || TransferError::Changed { slug: slug.to_owned(), id: id.to_owned() };
     let rows = from.participant_copy(id).await?.ok_or_else(changed)?;
     let (hash, trials) = (rows.hash(), rows.trials());
-    if !to.put_participant_copy(target, rows).await? {
-        copied.present += 1;
+    match to.put_participant_copy(target, rows).await? {
+        PutCopy::Stored => {}
+        PutCopy::Present => copied.present += 1,
+        PutCopy::Ahead => {
+            return Err(TransferError::Ahead { slug: slug.to_owned(), id: id.to_owned() });
+        }
     }
     for store in [from, to] {
         let again = store.participant_copy(id).await?.ok_or_else(changed)?;

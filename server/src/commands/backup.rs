@@ -3,7 +3,7 @@
 use super::copy::{copying, whole};
 use super::solving::Interrupt;
 use super::{CommandError, print_json};
-use crate::backups::{self, Written};
+use crate::backups::{self, FaultyTrials, Written};
 use crate::soundness::{self, Report};
 use crate::store::{Missing, OpenError, Store};
 use serde::Serialize;
@@ -43,6 +43,11 @@ pub struct RestoreArgs {
     /// Database to make: sqlite:FILE, which must not exist, or postgres://USER@HOST/DATABASE without tables.
     #[arg(long, value_name = "URL")]
     pub database: String,
+
+    /// Restore a backup in which trials are faulty, too: they stay as they are. A server with --backups writes such a
+    /// backup rather than none.
+    #[arg(long)]
+    pub with_faulty_trials: bool,
 }
 
 #[derive(Serialize)]
@@ -67,11 +72,19 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Missing::Refuse).await?;
     let interrupt = Interrupt::listen();
     let (bar, progress) = copying();
-    let written = backups::write(&store, out, &interrupt.token, progress).await;
+    let written =
+        backups::write(&store, out, FaultyTrials::Refused, &interrupt.token, progress).await;
     bar.finish_and_clear();
     store.close().await;
     let Written { bytes, report } = written.map_err(CommandError::failure)?;
     print_json(&Done { file: out, bytes, report })
+}
+
+/// The write-ahead log of a file: what SQLite has not yet written back.
+fn log_of(file: &Path) -> PathBuf {
+    let mut name = file.as_os_str().to_owned();
+    name.push("-wal");
+    name.into()
 }
 
 /// Makes a database of a backup, checks it, and prints what is in it.
@@ -89,6 +102,14 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
             return Err(CommandError::Input(message));
         }
     }
+    if log_of(&args.from).metadata().is_ok_and(|log| log.len() > 0) {
+        let message = format!(
+            "--from {}: expected a backup, found a database that a server uses, or did not close; write one with \
+             'sidestep backup'",
+            args.from.display()
+        );
+        return Err(CommandError::Input(message));
+    }
     let folder = TempDir::new().map_err(CommandError::failure)?;
     // The backup itself stays as it is: an earlier version's is migrated in a copy.
     let file = folder.path().join("backup.db");
@@ -97,12 +118,15 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     })?;
     let backup = Store::open(&format!("sqlite:{}", file.display()), Missing::Refuse).await?;
     let before = soundness::report(&backup).await?;
-    backups::sound(&args.from, &before).map_err(CommandError::failure)?;
+    let accepted = if args.with_faulty_trials { FaultyTrials::Kept } else { FaultyTrials::Refused };
+    backups::sound(&args.from, &before, accepted).map_err(CommandError::failure)?;
     let to = Store::open(&args.database, Missing::Create).await?;
-    whole(&backup, &to, &backup.slugs().await?, true).await?;
+    let name = to.name();
+    whole(&backup, &to, &backup.slugs().await?, true).await.map_err(|error| {
+        CommandError::Failure(format!("{name}: it is not whole, delete it: {error}"))
+    })?;
     let report = soundness::report(&to).await?;
     backup.close().await;
-    let name = to.name();
     to.close().await;
     if report != before {
         let message = format!("{name}: what was restored differs from the backup: delete it");

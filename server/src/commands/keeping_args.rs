@@ -50,6 +50,12 @@ impl KeepingArgs {
     /// # Errors
     /// [`CommandError::Input`] if the folder for backups is none, or no file can be written in it.
     pub(super) fn keeping(&self, database: &str) -> Result<Keeping, CommandError> {
+        if self.backups.is_some() && self.check_every == 0.0 {
+            return Err(CommandError::Input(
+                "--check-every 0: expected a number from 0.01 to 8784 with --backups, found 0, which writes none"
+                    .to_owned(),
+            ));
+        }
         let backups = self.backups.as_ref().map(|folder| {
             let refused = |error: std::io::Error| {
                 CommandError::Input(format!(

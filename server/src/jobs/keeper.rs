@@ -112,7 +112,10 @@ impl Keeping {
         let done = self.in_child(children, file.clone()).await;
         let at_ms = now_ms();
         let pruned = match (&done, &backup) {
-            (Ok(_), Some((folder, keep, _))) => backups::prune(folder, *keep),
+            // While there are faults, older backups may have what the newer ones lack.
+            (Ok((report, _)), Some((folder, keep, _))) if report.faults() == 0 => {
+                backups::prune(folder, *keep)
+            }
             _ => Ok(0),
         };
         if let Err(error) = pruned {

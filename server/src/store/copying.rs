@@ -57,6 +57,20 @@ impl RowsCopy {
         hasher.finalize().into()
     }
 
+    /// Whether a participant has something here that another copy of them lacks: they were seen later, their data
+    /// were deleted, or there are more trials.
+    fn is_ahead_of(&self, other: &Self) -> bool {
+        let number = |copy: &Self, column| {
+            let first = PARTICIPANT_TABLES.iter().zip(&copy.tables).next();
+            first.and_then(|(table, rows)| rows.number(table, column))
+        };
+        let [here, there] = [self, other].map(|copy| number(copy, "last_seen_at_ms"));
+        let [deleted_here, deleted_there] =
+            [self, other].map(|copy| number(copy, "data_deleted") == Some(1));
+        let has_more = self.trials() > other.trials() && !deleted_there;
+        here > there || (deleted_here && !deleted_there) || has_more
+    }
+
     /// How many rows of trials there are.
     #[must_use]
     pub fn trials(&self) -> usize {
@@ -79,6 +93,17 @@ pub struct CopyTarget {
 pub enum CopyRefusal {
     /// There is another study of this name.
     OtherStudy,
+}
+
+/// What became of a participant who was to be copied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PutCopy {
+    /// They were stored.
+    Stored,
+    /// They were there, unchanged.
+    Present,
+    /// They have something there that the copy lacks, and stay as they are.
+    Ahead,
 }
 
 impl Store {
@@ -123,18 +148,21 @@ impl Store {
         self.read_long(move |db| rows_copy(db, ANALYSIS_TABLES, &id)).await
     }
 
-    /// Stores a participant with all rows, in the place of an earlier copy that differs. Returns whether
-    /// anything was stored.
+    /// Stores a participant with all rows, in the place of an earlier copy that differs, unless that has something
+    /// that would be lost.
     pub async fn put_participant_copy(
         &self,
         target: CopyTarget,
         copy: RowsCopy,
-    ) -> Result<bool, StoreError> {
+    ) -> Result<PutCopy, StoreError> {
         let locks = [Lock::Studies, Lock::Study(target.study_id), Lock::Analyses];
         self.write_behind(locks, move |db| {
             if let Some(known) = rows_copy(db, PARTICIPANT_TABLES, &copy.id)? {
                 if known.hash() == copy.hash() {
-                    return Ok(false);
+                    return Ok(PutCopy::Present);
+                }
+                if known.is_ahead_of(&copy) {
+                    return Ok(PutCopy::Ahead);
                 }
                 for table in PARTICIPANT_TABLES.iter().rev() {
                     db.execute(&table.delete(), [&copy.id])?;
@@ -143,7 +171,7 @@ impl Store {
             for (table, rows) in PARTICIPANT_TABLES.iter().zip(&copy.tables) {
                 insert(db, table, rows, target.study_id, target.shift)?;
             }
-            Ok(true)
+            Ok(PutCopy::Stored)
         })
         .await
     }

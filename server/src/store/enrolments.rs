@@ -7,7 +7,7 @@
 //! lowest place of such a person is given to the next one.
 
 use super::lanes::Lock;
-use super::participants::{Participant, Scope, find};
+use super::participants::{self, Participant, Scope, find};
 use super::sql::{Connection, OptionalExtension, params};
 use super::{Store, StoreError};
 
@@ -115,6 +115,7 @@ fn enrol(
             return Ok(Enrolment::Over(participant));
         }
         add_token(db, &participant.id, token_hash, scope, new.enrolled_at_ms)?;
+        participants::seen(db, &participant.id, new.enrolled_at_ms)?;
         return Ok(Enrolment::Known(participant, scope));
     }
     // A closed study can be tried: a pilot is no part of the data.

@@ -401,6 +401,30 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     assert_eq!((more.present, more.trials), (2, 4));
     assert_eq!(copied(&to, &slugs[0]).await, copied(&from, &slugs[0]).await);
 
+    // Whoever has done more there, or was deleted there, stays as they are there.
+    let late = NewTrial { received_at_ms: 9, ..trial("cleo-0", TurnInput::Left) };
+    assert!(matches!(to.put_trial("cleo", late).await, Ok(PutTrial::Withdrawn)));
+    let seen = move |db: &Connection| {
+        let later =
+            "UPDATE participant SET last_seen_at_ms = last_seen_at_ms + 1 WHERE id = 'cleo'";
+        Ok(db.execute(later, [])?)
+    };
+    to.write([], seen).await.unwrap();
+    let refused = transfer::copy(&from, &to, &slugs, &stop, ignore).await;
+    assert!(
+        matches!(&refused, Err(TransferError::Ahead { id, .. }) if id == "cleo"),
+        "{refused:?}"
+    );
+    from.write([], seen).await.unwrap();
+    to.withdraw("bob", true, 20, None).await.unwrap();
+    let refused = transfer::copy(&from, &to, &slugs, &stop, ignore).await;
+    assert!(matches!(&refused, Err(TransferError::Ahead { id, .. }) if id == "bob"), "{refused:?}");
+    assert!(to.trial_ids("bob").await.unwrap().is_empty());
+    // A deletion is copied.
+    from.withdraw("bob", true, 20, None).await.unwrap();
+    transfer::copy(&from, &to, &slugs, &stop, ignore).await.unwrap();
+    assert_eq!(copied(&to, &slugs[0]).await, copied(&from, &slugs[0]).await);
+
     // A study of that name that began at another time is another study.
     let (_folder, other) = file_store().await;
     other.put_study(&StudyConfig::default(), 99).await.unwrap();
@@ -472,15 +496,18 @@ async fn a_trial_that_fails_costs_no_other() {
 #[tokio::test]
 async fn whoever_comes_back_is_kept() {
     let (_folder, store) = store().await;
-    for name in ["ann", "ben"] {
-        someone(&store, name, Known::default()).await;
+    let cid = || Known { external_key: Some("c".to_owned()), ..Known::default() };
+    for (name, known) in [("ann", Known::default()), ("ben", Known::default()), ("cid", cid())] {
+        someone(&store, name, known).await;
     }
     let study = store.study("default").await.unwrap().unwrap();
     let due = store.participants_due(study.id, Concern::Data, 100).await.unwrap();
-    assert_eq!(due.iter().map(|due| due.id.as_str()).collect::<Vec<_>>(), ["ann", "ben"]);
+    assert_eq!(due.iter().map(|due| due.id.as_str()).collect::<Vec<_>>(), ["ann", "ben", "cid"]);
     let late = NewTrial { received_at_ms: 100, ..trial("ben-0", TurnInput::Left) };
     store.put_trial("ben", late).await.unwrap();
-    for (due, deleted) in due.iter().zip([true, false]) {
+    // Who opens the page again is there again.
+    arrives(&store, "again", cid(), OPEN, 100).await;
+    for (due, deleted) in due.iter().zip([true, false, false]) {
         let entry = entry(Action::ParticipantDeleted);
         let found = store.delete_due(&due.id, Concern::Data, 100, entry).await;
         assert_eq!(found, Ok(deleted), "{due:?}");

@@ -46,6 +46,32 @@ async fn a_backup_of_a_server_that_collects_is_restored_whole() {
 }
 
 #[tokio::test]
+async fn a_database_in_use_is_no_backup() {
+    let folder = Folder::default();
+    let server = Server::on(folder.database("used.db"), None).await;
+    let (from, to) = (folder.name("used.db"), folder.database("restored.db"));
+    let restore = ["restore", "--from", &from, "--database", &to];
+    run(&restore).await.refused(2, &["--from", "expected a backup", "sidestep backup"]);
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_password_is_in_no_message() {
+    for url in [
+        "POSTGRES://side:WRONG@h/d",
+        "mysql://side:WRONG@h/d",
+        " postgres://side:WRONG@h/d",
+        "'postgres://side:WRONG@h/d'",
+        "host=h password=WRONG",
+        "postgres://side:p@WRONG@h/d",
+    ] {
+        let refused = run(&["check", "--database", url]).await;
+        assert!(!format!("{refused:?}").contains("WRONG"), "{refused:?}");
+        refused.refused(2, &["--database", "expected"]);
+    }
+}
+
+#[tokio::test]
 async fn a_study_moves_to_another_database() {
     let server = Server::with_study(SHORT_STUDY).await;
     for trials in [5, 2] {

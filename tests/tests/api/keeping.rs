@@ -85,6 +85,32 @@ async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
 }
 
 #[tokio::test]
+async fn a_faulty_trial_is_told_and_ends_no_backups() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::with_study(SHORT_STUDY).await;
+    Driver::enrol(&server).await.drive(&server, 3).await;
+    let faulty = "UPDATE trial SET closest_m = closest_m + 1 \
+                  WHERE trial_id = (SELECT max(trial_id) FROM trial)";
+    behind(&server.database()).execute_batch(faulty).unwrap();
+    let wanted = folder.path().to_owned();
+    let change = |args: &mut ServeArgs| {
+        often(args);
+        args.keeping.backups = Some(wanted.clone());
+    };
+    let server = server.stop().await.start_with(None, change).await;
+    let found = until(&server, |it| it.state == DataCheckState::Done).await;
+    assert_eq!((found.trials, found.fault_count, found.faults.len()), (Some(3), 1, 1));
+    let backup = found.backup.unwrap().name;
+    server.stop().await;
+    let from = folder.path().join(backup).display().to_string();
+    let to = format!("sqlite:{}", folder.path().join("restored.db").display());
+    let restore = ["restore", "--from", &from, "--database", &to];
+    run(&restore).await.refused(1, &["not sound"]);
+    let restored = run(&[&restore[..], &["--with-faulty-trials"]].concat()).await.json();
+    assert_eq!((&restored["trials"], restored["wrong"].as_array().unwrap().len()), (&3.into(), 1));
+}
+
+#[tokio::test]
 async fn a_folder_for_backups_that_is_none_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (database, missing) = (folder.path().join("new.db"), folder.path().join("missing"));
@@ -93,6 +119,9 @@ async fn a_folder_for_backups_that_is_none_is_refused() {
     let refused = run(&["serve", "--database", &database, "--backups", &missing]).await;
     refused.refused(2, &["--backups", "missing", "expected a folder", "No such file"]);
     assert!(!folder.path().join("new.db").exists());
+    let here = folder.path().display().to_string();
+    let never = ["serve", "--database", &database, "--backups", &here, "--check-every", "0"];
+    run(&never).await.refused(2, &["--check-every 0", "--backups"]);
     let refused = run(&["serve", "--check-every", "-1"]).await;
     refused.refused(2, &["--check-every", "expected 0, or a number from 0.01 to 8784"]);
 }

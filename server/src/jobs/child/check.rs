@@ -1,7 +1,7 @@
 //! The check of a database, and its backup.
 
 use super::Server;
-use crate::backups::{self, BackupError, Written};
+use crate::backups::{self, BackupError, FaultyTrials, Written};
 use crate::jobs::frames::FromChild;
 use crate::soundness;
 use crate::store::{Missing, Store};
@@ -22,7 +22,11 @@ pub(super) fn run(server: &Server, database: &str, backup: Option<&Path>) -> io:
 async fn checked(database: &str, backup: Option<&Path>) -> Result<Written, BackupError> {
     let store = Store::open(database, Missing::Refuse).await?;
     let written = match backup {
-        Some(file) => backups::write(&store, file, &CancellationToken::new(), |_, _| ()).await,
+        Some(file) => {
+            // A faulty trial must not end all backups: it is told, and those of before are kept.
+            let kept = FaultyTrials::Kept;
+            backups::write(&store, file, kept, &CancellationToken::new(), |_, _| ()).await
+        }
         None => {
             let report = soundness::report(&store).await;
             report.map(|report| Written { bytes: 0, report }).map_err(BackupError::from)

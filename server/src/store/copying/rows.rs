@@ -42,6 +42,16 @@ impl Rows {
         self.rows.len()
     }
 
+    /// The number, or the truth as 1 or 0, in the only row of a table that has one.
+    pub(super) fn number(&self, table: &Table, column: &str) -> Option<i64> {
+        let place = table.columns.iter().position(|(name, _)| *name == column)?;
+        match self.rows.first()?.get(place)? {
+            Owned::Integer(number) => Some(*number),
+            Owned::Truth(truth) => Some(i64::from(*truth)),
+            _ => None,
+        }
+    }
+
     /// Adds all values to a hash: each with its kind and, if it has any length, with its length.
     pub(super) fn hash(&self, hasher: &mut Sha256) {
         hasher.update((self.rows.len() as u64).to_le_bytes());

@@ -44,6 +44,10 @@ impl Address {
         if config.get_hosts().is_empty() {
             return Err(refuse("no host".to_owned()));
         }
+        let is_cut = |host: &Host| matches!(host, Host::Tcp(name) if name.contains('@'));
+        if config.get_hosts().iter().any(is_cut) {
+            return Err(refuse("a user, password or host with @; write %40 for it".to_owned()));
+        }
         if config.get_dbname().is_none() {
             return Err(refuse("no database".to_owned()));
         }

@@ -23,7 +23,7 @@ impl DatabaseFile {
     /// The file of an address `sqlite:FILE`, or what was found instead.
     pub(in crate::store) fn of_url(url: &str) -> Result<Self, String> {
         let Some(name) = url.strip_prefix("sqlite:") else {
-            return Err(match url.contains(':') {
+            return Err(match url.contains([':', '=']) {
                 true => "another kind of address".to_owned(),
                 false => format!("a file's name; write sqlite:{url}"),
             });
