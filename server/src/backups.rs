@@ -47,9 +47,9 @@ pub enum BackupError {
 /// What becomes of trials that do not follow from their inputs, or from the numbers stored with them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultyTrials {
-    /// There is no backup with any.
+    /// A backup with a faulty trial is refused.
     Refused,
-    /// They are copied as they are: whatever else was collected is in the backup.
+    /// Faulty trials are copied as they are, so that the backup has everything else that was collected.
     Kept,
 }
 

@@ -52,7 +52,7 @@ const WANTED_MS: f64 = 50.0;
 /// A share of time in which cores may be busy, so that there is room for pages, reads and bursts.
 const ROOM: f64 = 0.7;
 
-/// So many servers, cores of each, and cores of the database; none for SQLite.
+/// The number of servers, the cores of each, and the cores of the database (none for SQLite).
 const SITES: [(usize, usize, Option<usize>); 8] = [
     (1, 2, None),
     (1, 4, None),
@@ -103,7 +103,7 @@ impl Options {
         }
     }
 
-    /// The site with so many participants a minute.
+    /// Simulates the site while `per_minute` participants begin in each minute.
     fn with(&self, (site, work): (Site, Work), per_minute: f64) -> Shown {
         let [server_ms, database_ms] =
             [work.server_ms, work.database_ms].map(|ms| self.enrolment * ms);

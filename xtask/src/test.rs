@@ -72,7 +72,9 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     // What servers do with their database is tested on the other kind too.
     let other: [(bool, &[&str]); 2] =
         [(!options.postgres, &["--lib", "--", "store::"]), (!options.postgres, &["--test", "api"])];
-    for (on_postgres, arguments) in [all, other[0], other[1], (false, &["--doc"])] {
+    // On files, the tests that need PostgreSQL are ignored.
+    let only: (bool, &[&str]) = (true, &["--test", "api", "--", "--ignored"]);
+    for (on_postgres, arguments) in [all, other[0], other[1], only, (false, &["--doc"])] {
         let arguments: Vec<OsString> = arguments.iter().map(OsString::from).collect();
         let code = tests(on_postgres, &arguments)?;
         if code != ExitCode::SUCCESS {

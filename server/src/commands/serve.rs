@@ -133,7 +133,7 @@ pub enum LogFormat {
 /// Enrolments that may wait for their scenes: a lecture hall, twice over.
 const PLANS_WAITING: usize = 2_000;
 
-/// After the scenes of somebody are drawn, nobody's are for so many times as long.
+/// The pause after the scenes of an enrolment are drawn, as a multiple of the time that drawing them took.
 const DRAWING_PAUSE: u32 = 2;
 
 /// Keys that may wait to be compared with a slow hash.

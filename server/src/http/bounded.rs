@@ -15,7 +15,7 @@ pub struct Bounded {
     turns: Arc<Semaphore>,
     waiting: AtomicUsize,
     most_waiting: usize,
-    /// How many times as long as a piece of work the pause after it is.
+    /// The pause after a piece of work, as a multiple of the time that the work took.
     pause: u32,
 }
 
@@ -28,8 +28,8 @@ impl Bounded {
         Self { turns, waiting: AtomicUsize::new(0), most_waiting, pause: 0 }
     }
 
-    /// The same with a pause after each piece of work, so many times as long as the work: a flood of requests
-    /// then leaves most of the time to others.
+    /// The same, with a pause after each piece of work that is `pause` times as long as the work. A flood of
+    /// requests then leaves most of the time to other requests.
     #[must_use]
     pub fn with_pauses(self, pause: u32) -> Self {
         Self { pause, ..self }

@@ -427,7 +427,7 @@ impl Store {
     }
 }
 
-/// Ends somebody's participation; their place is free.
+/// Ends a participation and frees its place.
 pub(super) fn withdraw(db: &Connection, id: &str, now_ms: i64) -> Result<(), StoreError> {
     db.execute(
         "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2), \
@@ -437,7 +437,7 @@ pub(super) fn withdraw(db: &Connection, id: &str, now_ms: i64) -> Result<(), Sto
     Ok(())
 }
 
-/// Deletes all data of somebody who has withdrawn, and what was computed from them.
+/// Deletes all data of a participant who has withdrawn, and every result that was computed from these data.
 pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
     analyses::withdraw(db, id)?;
     for statement in [

@@ -92,8 +92,8 @@ impl Store {
         .await
     }
 
-    /// Deletes what a rule says of somebody, unless they were seen again since `before_ms`. Returns whether it
-    /// was deleted.
+    /// Deletes what a rule names of a participant, unless the participant was seen at or after `before_ms`.
+    /// Returns whether it deleted anything.
     ///
     /// Without their identity, participants can go on in the browser in which they began, and nowhere else; what
     /// they drove stays.

@@ -56,8 +56,11 @@ struct Queue {
 
 /// The thread's next action.
 enum Next {
-    /// These, the trials first; so many are trials.
-    Write(Batch, usize),
+    /// Writes a batch whose first `trials` operations store trials.
+    Write {
+        batch: Batch,
+        trials: usize,
+    },
     Background(Batch),
     EmptyLog,
     Stop,
@@ -106,7 +109,7 @@ impl Queue {
                 let trials = trials.drain(..trials.len().min(BATCH));
                 let count = trials.len();
                 let others = requests.drain(..requests.len().min(OTHERS));
-                return Next::Write(trials.chain(others).collect(), count);
+                return Next::Write { batch: trials.chain(others).collect(), trials: count };
             }
             if lanes.closed {
                 return Next::Stop;
@@ -266,7 +269,7 @@ impl Thread {
         let mut last_background = Instant::now();
         loop {
             match self.queue.next(last_background) {
-                Next::Write(batch, trials) => self.write(batch, trials),
+                Next::Write { batch, trials } => self.write(batch, trials),
                 Next::Background(batch) => {
                     self.write(batch, 0);
                     last_background = Instant::now();
@@ -277,7 +280,7 @@ impl Thread {
         }
     }
 
-    /// Commits a batch that begins with so many trials, or refuses all of it.
+    /// Commits a batch whose first `trials` operations store trials, or refuses all of it.
     fn write(&mut self, mut batch: Batch, trials: usize) {
         let mut others = batch.split_off(trials);
         batch.retain(|operation| operation.is_wanted());
