@@ -229,7 +229,7 @@ impl BoundsSettings {
         for (j, &e) in epsilon.iter().enumerate() {
             let least = if j == 0 { 0.0 } else { epsilon[j - 1] };
             if !e.is_finite() || e < least {
-                let expected = format!("a finite number ≥ {least} (ascending)");
+                let expected = format!("{least} rad/s or more: the sets contain each other");
                 return Err(Invalid::new(format!("epsilon[{j}]"), expected, e));
             }
         }

@@ -42,4 +42,4 @@ pub use layers::{Area, Cells, Datum, Group, Layer, Mark, Note, Series, Sign, Swa
 pub use legend::LegendItem;
 pub use plot::{Chart, Frame, Table};
 pub use svg::{ColourStyle, Element};
-pub use text::width_of;
+pub use text::{lowered, width_of};

@@ -360,6 +360,11 @@ impl Playback {
         Ok(())
     }
 
+    /// Predicts no sets at this moment, as long as the settings of the prediction are not valid.
+    pub fn hide_sets(&mut self) {
+        self.probabilities = None;
+    }
+
     /// Paints what the view shows of the moment that was gone to.
     pub fn paint(&mut self, view: &View, picture: &mut Picture) {
         grid::paint(picture, self.window, &self.scale);

@@ -356,6 +356,19 @@ pub fn subscripted<M>(tag: &'static str, letter: &str, below: &str) -> Node<M> {
     el(tag).text(letter).child(el("sub").text(below))
 }
 
+/// Words in which `V_HR` stands for V with HR below, and `F_1` for F with 1 below.
+pub fn with_subscripts<M>(tag: &'static str, words: &str) -> Node<M> {
+    let mut parts = words.split('_');
+    let mut node = el(tag).text(parts.next().unwrap_or_default());
+    for part in parts {
+        let is_below = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit();
+        let (below, rest) = part.split_at(part.find(|c| !is_below(c)).unwrap_or(part.len()));
+        node = if below.is_empty() { node.text("_") } else { node.child(el("sub").text(below)) };
+        node = if rest.is_empty() { node } else { node.text(rest) };
+    }
+    node
+}
+
 /// A drawing of the library as elements of a page.
 #[must_use]
 pub fn drawn<M>(element: Element) -> Node<M> {

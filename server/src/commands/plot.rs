@@ -11,7 +11,7 @@ use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
 use crate::figure::{self, RegionsPanel};
 use crate::formats::atomic_file;
-use sidestep::chart::{Drawing, number};
+use sidestep::chart::{Drawing, lowered, number};
 use sidestep::invalid::Invalid;
 use std::path::{Path, PathBuf};
 
@@ -126,7 +126,8 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
         }
         let title = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let values: Vec<String> = epsilon.iter().map(|value| number(*value)).collect();
-        let settings = format!("ε of F1 to F{}: {} rad/s", values.len(), values.join(", "));
+        let settings =
+            format!("ε of F₁ to F{}: {} rad/s", lowered(values.len()), values.join(", "));
         let words = [title, settings];
         let panel = RegionsPanel::new(words, now, &bounds.sets, &motion, danger_radius_m);
         panels.push(panel.map_err(|invalid| document.complain(&named(invalid)))?);
@@ -143,13 +144,13 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
     Ok(figure::regions("Where the human may be", note, &panels, &names))
 }
 
-/// "F2: ε = 0.15 rad/s"; only "F2" where panels differ, since each has its own ε above it.
+/// "F₂: ε = 0.15 rad/s"; only "F₂" where panels differ, since each has its own ε above it.
 fn region_name(j: usize, epsilons: &[Vec<f64>]) -> String {
     match epsilons {
         [first, others @ ..] if others.iter().all(|other| other == first) => {
-            format!("F{}: ε = {} rad/s", j + 1, number(first[j]))
+            format!("F{}: ε = {} rad/s", lowered(j + 1), number(first[j]))
         }
-        _ => format!("F{}", j + 1),
+        _ => format!("F{}", lowered(j + 1)),
     }
 }
 

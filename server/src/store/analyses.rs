@@ -482,6 +482,29 @@ pub(super) fn withdraw(db: &Connection, participant_id: &str) -> Result<(), Stor
     Ok(())
 }
 
+/// Takes a participant's row out of all analyses, and returns those that had it.
+pub(super) fn leave(db: &Connection, participant_id: &str) -> Result<Vec<i64>, StoreError> {
+    let mut leave = db.prepare_cached(
+        "DELETE FROM analysis_participant WHERE participant_id = ?1 RETURNING analysis",
+    )?;
+    Ok(leave.query_map([participant_id], |row| row.get(0))?.collect::<Result<_, _>>()?)
+}
+
+/// Puts a participant's row back into these analyses.
+pub(super) fn join(
+    db: &Connection,
+    participant_id: &str,
+    analyses: &[i64],
+) -> Result<(), StoreError> {
+    let mut join = db.prepare_cached(
+        "INSERT INTO analysis_participant (analysis, participant_id) VALUES (?1, ?2)",
+    )?;
+    for analysis in analyses {
+        join.execute(params![analysis, participant_id])?;
+    }
+    Ok(())
+}
+
 fn begin(db: &Connection, worker: &str, now_ms: i64) -> Result<Option<Job>, StoreError> {
     let take = format!(
         "UPDATE analysis SET state = 'running', attempts = attempts + 1, started_at_ms = ?1, \

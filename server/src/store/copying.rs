@@ -10,6 +10,7 @@
 mod columns;
 mod rows;
 
+use super::analyses;
 use super::lanes::Lock;
 use super::sql::{Connection, OptionalExtension, params};
 use super::{Store, StoreError};
@@ -60,15 +61,20 @@ impl RowsCopy {
     /// Whether a participant has something here that another copy of them lacks: they were seen later, their data
     /// were deleted, or there are more trials.
     fn is_ahead_of(&self, other: &Self) -> bool {
-        let number = |copy: &Self, column| {
-            let first = PARTICIPANT_TABLES.iter().zip(&copy.tables).next();
-            first.and_then(|(table, rows)| rows.number(table, column))
-        };
-        let [here, there] = [self, other].map(|copy| number(copy, "last_seen_at_ms"));
-        let [deleted_here, deleted_there] =
-            [self, other].map(|copy| number(copy, "data_deleted") == Some(1));
-        let has_more = self.trials() > other.trials() && !deleted_there;
-        here > there || (deleted_here && !deleted_there) || has_more
+        let [here, there] = [self, other].map(|copy| copy.number("last_seen_at_ms"));
+        let has_more = self.trials() > other.trials() && !other.is_deleted();
+        here > there || (self.is_deleted() && !other.is_deleted()) || has_more
+    }
+
+    /// Whether the participant's data were deleted.
+    fn is_deleted(&self) -> bool {
+        self.number("data_deleted") == Some(1)
+    }
+
+    /// A whole number of the participant's own row.
+    fn number(&self, column: &str) -> Option<i64> {
+        let first = PARTICIPANT_TABLES.iter().zip(&self.tables).next();
+        first.and_then(|(table, rows)| rows.number(table, column))
     }
 
     /// How many rows of trials there are.
@@ -164,13 +170,19 @@ impl Store {
                 if known.is_ahead_of(&copy) {
                     return Ok(PutCopy::Ahead);
                 }
-                for table in PARTICIPANT_TABLES.iter().rev() {
-                    db.execute(&table.delete(), [&copy.id])?;
+                if copy.is_deleted() && !known.is_deleted() {
+                    analyses::withdraw(db, &copy.id)?;
                 }
+            }
+            // Analyses that have this participant keep them.
+            let analyses = analyses::leave(db, &copy.id)?;
+            for table in PARTICIPANT_TABLES.iter().rev() {
+                db.execute(&table.delete(), [&copy.id])?;
             }
             for (table, rows) in PARTICIPANT_TABLES.iter().zip(&copy.tables) {
                 insert(db, table, rows, target.study_id, target.shift)?;
             }
+            analyses::join(db, &copy.id, &analyses)?;
             Ok(PutCopy::Stored)
         })
         .await

@@ -395,11 +395,28 @@ async fn a_copy_has_everything_and_can_be_repeated() {
         assert_eq!(store.wrong_tallies().await.unwrap(), Vec::<String>::new());
     }
 
+    // An analysis at the destination keeps its participants when they are copied anew.
+    let study_id = to.study(&slugs[0]).await.unwrap().unwrap().id;
+    to.ask_analysis("first".to_owned(), study_id, &Request::default(), entry()).await.unwrap();
+    let job = to.begin_analysis("a server", 8).await.unwrap().unwrap();
+    let members = async || {
+        let members = |db: &Connection| {
+            let query = "SELECT participant_id FROM analysis_participant ORDER BY participant_id";
+            let mut statement = db.prepare_cached(query)?;
+            Ok(statement.query_map([], |row| row.get(0))?.collect::<Result<Vec<String>, _>>()?)
+        };
+        to.read_long(members).await.unwrap()
+    };
+    assert_eq!(members().await, ["ada", "bob"]);
+
     // Whoever has done more since is copied anew.
     from.put_trial("ada", trial("ada-1", TurnInput::Right)).await.unwrap();
     let more = transfer::copy(&from, &to, &slugs, &stop, ignore).await.unwrap();
     assert_eq!((more.present, more.trials), (2, 4));
     assert_eq!(copied(&to, &slugs[0]).await, copied(&from, &slugs[0]).await);
+
+    assert_eq!(members().await, ["ada", "bob"]);
+    assert!(to.note_progress(&job, [1, 2, 1], 8).await.unwrap());
 
     // Whoever has done more there, or was deleted there, stays as they are there.
     let late = NewTrial { received_at_ms: 9, ..trial("cleo-0", TurnInput::Left) };
@@ -417,12 +434,18 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     );
     from.write([], seen).await.unwrap();
     to.withdraw("bob", true, 20, None).await.unwrap();
+    assert_eq!(members().await, ["ada"]);
+    let job = to.begin_analysis("a server", 21).await.unwrap().unwrap();
     let refused = transfer::copy(&from, &to, &slugs, &stop, ignore).await;
     assert!(matches!(&refused, Err(TransferError::Ahead { id, .. }) if id == "bob"), "{refused:?}");
     assert!(to.trial_ids("bob").await.unwrap().is_empty());
-    // A deletion is copied.
-    from.withdraw("bob", true, 20, None).await.unwrap();
+    // A deletion is copied, and the analyses that have the data begin anew.
+    for name in ["bob", "ada"] {
+        from.withdraw(name, true, 20, None).await.unwrap();
+    }
     transfer::copy(&from, &to, &slugs, &stop, ignore).await.unwrap();
+    assert!(members().await.is_empty());
+    assert!(!to.note_progress(&job, [1, 2, 1], 22).await.unwrap());
     assert_eq!(copied(&to, &slugs[0]).await, copied(&from, &slugs[0]).await);
 
     // A study of that name that began at another time is another study.

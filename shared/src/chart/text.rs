@@ -8,6 +8,13 @@ const ADVANCES: [u8; 95] = [
     63, 63, 28, 28, 58, 28, 97, 63, 61, 63, 63, 41, 52, 39, 63, 59, 82, 59, 59, 52, 64, 34, 64, 84,
 ];
 
+/// The digits of a number as subscripts, as in F₁₀.
+#[must_use]
+pub fn lowered(number: usize) -> String {
+    let low = |digit: char| digit.to_digit(10).and_then(|digit| char::from_u32(0x2080 + digit));
+    number.to_string().chars().filter_map(low).collect()
+}
+
 /// The width of a line of text, px, in the widest of the fonts that are used (DejaVu Sans).
 #[must_use]
 pub fn width_of(text: &str, size: f64, bold: bool) -> f64 {

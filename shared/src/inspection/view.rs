@@ -75,6 +75,26 @@ const FARTHEST_M: f64 = 1e4;
 pub const ZOOM_PERCENT: [u16; 2] = [50, 400];
 
 impl View {
+    /// The names of a link that [`Self::set`] takes.
+    pub const NAMES: [&str; 16] = [
+        "evader-speed",
+        "evader-turn-rate",
+        "pursuer-speed",
+        "pursuer-turn-rate",
+        "radius",
+        "horizon",
+        "method",
+        "accuracy",
+        "show",
+        "psi",
+        "level",
+        "at",
+        "play",
+        "around",
+        "above",
+        "zoom",
+    ];
+
     /// The view that the names and values of a query describe, as far as they are valid, and the first
     /// complaint about one that is not. What is not named is as usual; other names are another's business.
     pub fn of_query<'a>(

@@ -19,6 +19,8 @@ pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     picture.polyline(path.map(|state| state.human.position()), human());
 }
 
-pub(super) fn legend(_: &Playback, _: &Style) -> Vec<LegendItem> {
-    vec![LegendItem::line("what the human did next", Some(human()), None)]
+pub(super) fn legend(playback: &Playback, _: &Style) -> Vec<LegendItem> {
+    let is_known = playback.now.step < playback.recorded.inputs.len();
+    let item = || LegendItem::line("what the human did next", Some(human()), None);
+    is_known.then(item).into_iter().collect()
 }

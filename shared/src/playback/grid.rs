@@ -23,7 +23,7 @@ pub(super) fn paint(picture: &mut Picture, window: Window, words: &Rc<str>) {
     });
     picture.segments(lines, Pen::new(colours::GRID, 1.0));
     // The words stand below the bar.
-    let left = [low[0] + 0.5, low[1] + 2.2];
+    let left = [low[0] + 0.5, low[1] + 3.0];
     let right = [left[0] + EVERY_M, left[1]];
     picture.polyline([left, right], Pen::new(colours::MUTED, 1.5));
     let at = [left[0] + 0.5 * EVERY_M, left[1]];

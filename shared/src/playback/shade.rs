@@ -31,7 +31,7 @@ pub(super) fn robot_legend(playback: &Playback, _: &Style) -> Vec<LegendItem> {
 }
 
 fn legend(playback: &Playback, what: &str, colour: Colour) -> Vec<LegendItem> {
-    let text = format!("{what}: a tone for each metre from 4 m down to −1 m");
+    let text = format!("{what}: each darker tone is 1 m less, from 4 m to −1 m");
     let item = LegendItem::area(&text, Some(colour.at(4.0 * OPACITY)), None);
     playback.safety().map(|_| item).into_iter().collect()
 }

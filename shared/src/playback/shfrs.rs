@@ -2,7 +2,7 @@
 
 use super::style::{Palette, Sets, Style};
 use super::{Playback, PredictedSet, hatch};
-use crate::chart::{Colour, LegendItem, Pen, colours, fixed};
+use crate::chart::{Colour, LegendItem, Pen, colours, fixed, lowered};
 use crate::math::PI;
 use crate::picture::Picture;
 
@@ -89,9 +89,11 @@ pub(super) fn legend(playback: &Playback, style: &Style) -> Vec<LegendItem> {
     let item = |(j, set): (usize, PredictedSet<'_>)| {
         let level = set.level.words();
         let text = match (j, set.level.value()) {
-            (0, _) => format!("F1: where the human may be {when}, {level}"),
-            (_, value) if Some(value) == most => format!("F{}: {level}, the worst case", j + 1),
-            _ => format!("F{}: {level}", j + 1),
+            (0, _) => format!("F₁: where the human may be {when}, {level}"),
+            (_, value) if Some(value) == most => {
+                format!("F{}: {level}, the worst case", lowered(j + 1))
+            }
+            _ => format!("F{}: {level}", lowered(j + 1)),
         };
         LegendItem::region(&text, j + 1, colour(style.palette, j, count))
     };

@@ -253,6 +253,9 @@ impl Default for Source {
 }
 
 impl Source {
+    /// The names of a link that [`Self::of_query`] takes.
+    pub const NAMES: [&str; 4] = ["predictor", "analysis", "file", "beside"];
+
     /// The source of that name: that of a way, or analysis and file with a slash between them.
     ///
     /// # Errors

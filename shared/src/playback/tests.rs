@@ -220,7 +220,7 @@ fn learned_sets_are_shown_without_a_function() {
         assert_eq!((playback.probabilities(), playback.forecast().len()), (None, 0));
         assert_eq!(playback.sets().count(), 5);
         let figure = playback.figure(&view, "").svg();
-        assert!(figure.contains(&format!("F1: where the human may be within 2.0 s, {level} ")));
+        assert!(figure.contains(&format!("F₁: where the human may be within 2.0 s, {level} ")));
         assert!(figure.contains(", the worst case"));
         assert!(!figure.contains("rad/s") && !figure.contains("likely futures"));
         // At the end of a step its input was held; within the next one, that one's.

@@ -38,6 +38,9 @@ impl Default for View {
 }
 
 impl View {
+    /// The names of a link that [`Self::set`] takes.
+    pub const NAMES: [&str; 7] = ["t", "speed", "show", "hr", "rh", "sets", "colours"];
+
     /// The view that the names and values of a query describe. Other names are another's business; what
     /// is not named is as usual.
     ///
@@ -60,7 +63,7 @@ impl View {
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), Invalid> {
         match name {
             "t" => {
-                let expected = "a time of 0 s or more";
+                let expected = "a time in s from 0 on, such as 3.4";
                 let time = decimal(value).filter(|time| *time >= 0.0);
                 self.time_s = time.ok_or_else(|| Invalid::new(name, expected, value))?;
             }
@@ -83,7 +86,7 @@ impl View {
             "hr" | "rh" => {
                 let levels: Option<Vec<f64>> = value.split(',').map(decimal).collect();
                 let levels = levels.filter(|levels| are_levels(levels));
-                let expected = format!("1 to {MOST_LEVELS} rising levels, m, with commas between");
+                let expected = format!("1 to {MOST_LEVELS} rising levels in m, such as 0,0.5,1");
                 let levels = levels.ok_or_else(|| Invalid::new(name, expected, value))?;
                 self.style.levels_m[usize::from(name == "rh")] = levels;
             }
@@ -187,12 +190,19 @@ mod tests {
     }
 
     #[test]
+    fn every_name_is_taken() {
+        for name in View::NAMES {
+            assert_eq!(View::default().set(name, "?").unwrap_err().field, name);
+        }
+    }
+
+    #[test]
     fn what_is_not_valid_is_named() {
         for (query, expected) in [
-            ("t=-1", "a time of 0 s or more"),
-            ("t=NaN", "a time of 0 s or more"),
-            ("t=inf", "a time of 0 s or more"),
-            ("t=", "a time of 0 s or more"),
+            ("t=-1", "a time in s from 0 on"),
+            ("t=NaN", "a time in s from 0 on"),
+            ("t=inf", "a time in s from 0 on"),
+            ("t=", "a time in s from 0 on"),
             ("speed=3", "one of 0.25, 0.5, 1, 2, 4, 8"),
             ("show=v-hr,none", "layers of"),
             ("hr=", "1 to 8 rising levels"),

@@ -3,6 +3,7 @@
 use crate::bounds::{ActionChoice, BoundsSettings, Rollout};
 use crate::document::decimal;
 use crate::invalid::{Invalid, length};
+use core::cmp::Ordering;
 use serde::{Deserialize, Serialize};
 
 /// Settings of predicted sets as people write them, `shfrs-settings.json`: what the laboratory's explorer
@@ -111,6 +112,9 @@ impl From<&BoundsSettings> for ShfrsFile {
 }
 
 impl ShfrsFile {
+    /// The names of a link that [`Self::set`] takes.
+    pub const NAMES: [&str; 5] = ["T", "eps", "k", "tau", "rollout"];
+
     /// The same with these roll-outs.
     #[must_use]
     pub fn with_rollout(self, rollout: Rollout) -> Self {
@@ -167,6 +171,21 @@ impl ShfrsFile {
         }
     }
 
+    /// Widens the set at this place by `epsilon`, rad/s. The sets before it become at most as wide, and those after
+    /// it at least as wide, so that each one still contains the one before. Without such a set, nothing changes.
+    pub fn widen(&mut self, place: usize, epsilon: f64) {
+        if place >= self.epsilon.len() {
+            return;
+        }
+        for (j, other) in self.epsilon.iter_mut().enumerate() {
+            *other = match j.cmp(&place) {
+                Ordering::Less => other.min(epsilon),
+                Ordering::Equal => epsilon,
+                Ordering::Greater => other.max(epsilon),
+            };
+        }
+    }
+
     /// Predicts with the roll-outs and the first set of `first`; smaller sets grow to it.
     pub fn begin_with(&mut self, first: &Self) {
         (self.steps, self.rollout) = (first.steps, first.rollout);
@@ -217,7 +236,7 @@ impl ShfrsFile {
             }
             "eps" => {
                 let epsilon: Option<Vec<f64>> = value.split(',').map(decimal).collect();
-                let expected = "numbers in rad/s, with commas between";
+                let expected = "numbers in rad/s, such as 0,0.4,1";
                 self.epsilon = epsilon.ok_or_else(|| Invalid::new(name, expected, value))?;
             }
             "k" => {
@@ -316,6 +335,28 @@ mod tests {
             assert_eq!(read(&whole(rest)).unwrap().field, field, "{rest}");
         }
         assert_eq!(read(r#"{"format":"other","steps":2,"epsilon":[0]}"#).unwrap().field, "format");
+    }
+
+    #[test]
+    fn every_name_of_a_link_is_taken() {
+        for name in ShfrsFile::NAMES {
+            assert_eq!(paper().set(name, "?").unwrap_err().field, name);
+        }
+    }
+
+    #[test]
+    fn a_set_that_is_widened_moves_its_neighbours() {
+        let widened = |place, epsilon| {
+            let mut file = paper();
+            file.widen(place, epsilon);
+            assert_eq!(file.settings(3).err(), None);
+            file.epsilon
+        };
+        assert_eq!(widened(1, 0.2), [0.0, 0.2, 0.25, 0.4, 1.0]);
+        assert_eq!(widened(1, 0.6), [0.0, 0.6, 0.6, 0.6, 1.0]);
+        assert_eq!(widened(3, 0.1), [0.0, 0.1, 0.1, 0.1, 1.0]);
+        assert_eq!(widened(4, 0.0), [0.0; 5]);
+        assert_eq!(widened(9, 0.3), paper().epsilon);
     }
 
     #[test]

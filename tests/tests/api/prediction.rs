@@ -301,7 +301,7 @@ async fn bounds_names_what_is_wrong() {
     assert_eq!(answer("bounds", &document).await, answer("bounds", &bounds()).await);
     let kind = "predictor.kind: expected boosted, logistic, svm, tree or constant";
     for (pointer, value, words) in [
-        ("/epsilon", json!([0.2, 0.1]), "epsilon[1]: expected a finite number ≥ 0.2"),
+        ("/epsilon", json!([0.2, 0.1]), "epsilon[1]: expected 0.2 rad/s or more"),
         ("/epsilon", json!([]), "epsilon: expected at least one set"),
         ("/k", json!([1, 4]), "k[1]: expected a whole number from 1 to 3, found 4"),
         ("/k", json!([0]), "k[0]: expected"),

@@ -420,7 +420,9 @@ async fn plot_draws_the_picture_of_a_replay() {
     refused(&[], "expected --database URL --trial ID, or --trials").await;
     refused(&["--database", &database, "--trial", "none"], "--trial none: no such trial").await;
     let view = ["--database", &database, "--trial", &trial_id, "--view", "t=soon"];
-    refused(&view, "--view.t: expected a time of 0 s or more, found soon").await;
+    refused(&view, "--view.t: expected a time in s from 0 on, such as 3.4, found soon").await;
+    let view = ["--database", &database, "--trial", &trial_id, "--view", "t=1&speedy=2"];
+    refused(&view, "--view: expected the names t, speed, show, hr, rh, sets, colours").await;
     refused(&[&args[3..6], &["2", "--trial", "1"]].concat(), "no participant of the file").await;
     let view = ["--database", &database, "--trial", &trial_id, "--view", "predictor=best"];
     refused(&view, "--view.predictor: expected earlier, history, learned-disturbance").await;

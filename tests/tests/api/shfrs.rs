@@ -100,7 +100,7 @@ async fn settings_of_a_file_are_those_of_the_flags() {
     let wrong = file("wrong", r#""steps":3,"epsilon":[0.4,0.3],"tau":0.1"#);
     let other = folder.file("other", "{\"format\":\"sidestep-predictor/1\"}");
     for (flags, words) in [
-        (&["--settings", &wrong[..]][..], "wrong: epsilon[1]: expected a finite number ≥ 0.4"),
+        (&["--settings", &wrong[..]][..], "wrong: epsilon[1]: expected 0.4 rad/s or more"),
         (&["--settings", &other[..]], "other: format: expected"),
         (&["--settings", "nowhere.json"], "nowhere.json: cannot read"),
         (&["--settings", &good[..], "--tau", "0.1"], "--settings"),
@@ -114,7 +114,7 @@ async fn what_makes_no_sense_is_refused_in_words() {
     let folder = Folder::default();
     let (out, file) = (folder.name("new/out"), &folder.file("file", "x")[..]);
     for (flags, words) in [
-        (&["--epsilon", "0.2,0.1,1"][..], "--epsilon[1]: expected a finite number ≥ 0.2"),
+        (&["--epsilon", "0.2,0.1,1"][..], "--epsilon[1]: expected 0.2 rad/s or more"),
         (&["--epsilon", "0,0.5"], "--epsilon[1]: expected at least 1 rad/s"),
         (&["--epsilon", "nan,1"], "--epsilon[0]"),
         (&["--k", "2,1"], "--k: expected 10 numbers (--steps), found 2"),

@@ -5,6 +5,7 @@ use crate::evaluation::counting::Question;
 use crate::json;
 use crate::runtime::Answer;
 use crate::view::{Node, el};
+use sidestep::chart::lowered;
 use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::probability::Regions;
 use sidestep::stats::Estimate;
@@ -85,7 +86,9 @@ pub(super) fn worded(said: &str) -> String {
         let parts = said.strip_prefix(field).and_then(|rest| rest.split_once(']'));
         let place = parts.and_then(|(place, rest)| Some((place.parse::<usize>().ok()?, rest)));
         if let Some((place, rest)) = place {
-            return format!("{words}{}{rest}", place + 1);
+            let place = place + 1;
+            let place = if field == "k[" { place.to_string() } else { lowered(place) };
+            return format!("{words}{place}{rest}");
         }
     }
     said.to_owned()

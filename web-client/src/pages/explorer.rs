@@ -218,9 +218,9 @@ pub struct Explorer {
     task: usize,
     sources: Sources<Msg>,
     choice: Choice,
-    /// What the controls say; it may be wrong.
+    /// What the controls say; it may be invalid.
     wanted: ShfrsFile,
-    /// What is wrong with it, if something is.
+    /// What is wrong with it, or with what was entered last, if something is.
     complaint: Option<Invalid>,
     coverage: Coverage,
     areas: Areas,
@@ -234,6 +234,9 @@ pub struct Explorer {
     /// What of the link could not be used.
     misread: Option<String>,
 }
+
+/// The names of a link that the explorer itself takes.
+const NAMES: [&str; 2] = ["trial", "count"];
 
 /// How long the link stays behind, ms: browsers do not let a page change its address at every move.
 const LINK_AFTER_MS: f64 = 250.0;
@@ -268,6 +271,10 @@ impl Explorer {
             }
         }
         misread.extend(fit(&mut view, wanted.steps));
+        misread.extend(parts::unknown(
+            address,
+            &[&NAMES, &ShfrsFile::NAMES, &Choice::NAMES, &View::NAMES],
+        ));
         let counts_all = match address.parameter("count") {
             None | Some("unseen") => false,
             Some("all") => true,
@@ -376,9 +383,7 @@ impl Explorer {
                     let number = number.ok_or_else(|| {
                         Invalid::new(format!("epsilon[{place}]"), "a number", "none")
                     })?;
-                    if let Some(epsilon) = wanted.epsilon.get_mut(place) {
-                        *epsilon = number;
-                    }
+                    wanted.widen(place, number);
                     Ok(())
                 });
             }
@@ -473,7 +478,12 @@ impl Explorer {
         learned.map_or(ACTIONS, |learned| learned.predictor.classes().len())
     }
 
-    /// Changes the settings. As long as they are wrong, the last ones that were right stay in the picture.
+    /// Whether the settings are valid. If they are not, neither the picture nor a number is shown for them.
+    fn is_valid(&self) -> bool {
+        self.wanted.settings(self.actions()).is_ok()
+    }
+
+    /// Changes the settings. What cannot be read changes nothing.
     fn change(
         &mut self,
         change: impl FnOnce(&mut ShfrsFile) -> Result<(), Invalid>,
@@ -487,7 +497,7 @@ impl Explorer {
         self.use_settings()
     }
 
-    /// Predicts with the wanted settings, if they are right.
+    /// Predicts with the wanted settings, if they are valid.
     fn use_settings(&mut self) -> Commands<Msg> {
         let actions = self.actions();
         let settings = self
@@ -502,7 +512,9 @@ impl Explorer {
             }
             Err(invalid) => {
                 self.complaint = Some(invalid);
-                Vec::new()
+                // What is being counted or tuned is for other settings.
+                self.coverage.forget();
+                self.stop_tuning()
             }
         }
     }
@@ -528,6 +540,9 @@ impl Explorer {
     /// Works out what there is to see.
     fn show(&mut self) {
         self.trouble = self.playback.go(&self.view).err().map(|invalid| invalid.to_string());
+        if !self.is_valid() {
+            self.playback.hide_sets();
+        }
         let picture = &mut self.picture;
         picture.begin(CANVAS, self.playback.window());
         picture.tell("data-step", self.playback.now().step);

@@ -3,7 +3,7 @@
 
 use super::parts::{self, button, cell};
 use crate::form::FieldValue;
-use crate::view::{Node, drawn, el, subscripted};
+use crate::view::{Node, drawn, el, subscripted, with_subscripts};
 use sidestep::chart::{ColourStyle, LegendItem, fixed};
 use sidestep::playback::Playback;
 use sidestep::playback::layers::{LAYERS, Layer};
@@ -58,16 +58,22 @@ pub(super) fn switch<M>(test_id: &str, is_on: bool, message: M) -> Node<M> {
 const ONE_COLUMN: usize = 6;
 
 /// What the signs of the picture, or of both pictures, mean. Its width follows from what is switched on, not from
-/// what has come of it, so that the picture beside it keeps its size while a trial opens.
+/// what has come of it, so that the picture beside it keeps its size while a trial opens. Both pictures have it
+/// below them.
 pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node<M> {
     let layers = view.shown.iter().filter(|shown| **shown).count();
+    let place = match (both, layers > ONE_COLUMN) {
+        (true, _) => "meaning below",
+        (false, true) => "meaning wide",
+        (false, false) => "meaning",
+    };
     let items = items.into_iter().map(|item| {
         let sign = drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true");
-        el("li").child(sign).child(el("span").text(item.text))
+        el("li").child(sign).child(with_subscripts("span", &item.text))
     });
     // It scrolls in a low window, so the keyboard must be able to reach it.
     el("ul")
-        .class(if both || layers > ONE_COLUMN { "meaning wide" } else { "meaning" })
+        .class(place)
         .attrs(&[("aria-label", "Legend"), ("tabindex", "0")])
         .test_id("legend")
         .children(items)

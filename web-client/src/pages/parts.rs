@@ -1,5 +1,6 @@
 //! What several pages show alike.
 
+use crate::runtime::Address;
 use crate::view::{Node, el};
 use sidestep::trial::Flag;
 
@@ -31,6 +32,16 @@ pub(super) fn button<M>(test_id: &str, message: M) -> Node<M> {
 /// What went wrong. Screen readers read it out at once.
 pub(super) fn alert<M>(test_id: &str, text: &str) -> Node<M> {
     el("p").class("trouble").attr("role", "alert").test_id(test_id).text(text)
+}
+
+/// A sentence about the first name of the address that is none of these; nothing if there is no such name.
+pub(super) fn unknown(address: &Address, known: &[&[&str]]) -> Option<String> {
+    let is_known = |name: &str| known.iter().any(|names| names.contains(&name));
+    let (name, _) = address.query.iter().find(|(name, _)| !is_known(name))?;
+    Some(format!(
+        "This page has no use for {name} in its link: expected {}.",
+        known.concat().join(", ")
+    ))
 }
 
 /// A name and its value, for a list of facts.

@@ -7,6 +7,7 @@ mod view;
 
 use self::found::Found;
 use self::keys::Key;
+use super::parts;
 use crate::form::{Does, FieldValue, Pointing};
 use crate::runtime::{Address, Command, Commands, Event, Offer, PNG_OF_SVG, Page, Solid, Solving};
 use crate::task::Task;
@@ -110,7 +111,9 @@ impl Reachability {
         let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
         let (view, refused) = View::of_query(query);
         let misread = refused
-            .map(|invalid| ("link".to_owned(), format!("The link is not valid: {invalid}.")));
+            .map(|invalid| format!("The link is not valid: {invalid}."))
+            .or_else(|| parts::unknown(address, &[&View::NAMES]))
+            .map(|why| ("link".to_owned(), why));
         let mut page = Self {
             view,
             misread: misread.into_iter().collect(),

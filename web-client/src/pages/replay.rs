@@ -280,6 +280,8 @@ impl Replay {
         let sources = Source::of_query(query());
         let misread = looked.as_ref().err().or(sources.as_ref().err());
         let misread = misread.map(|invalid| format!("The link is not valid: {invalid}."));
+        let misread =
+            misread.or_else(|| parts::unknown(address, &[&View::NAMES, &Source::NAMES, &["row"]]));
         let (view, (_, beside)) = (looked.unwrap_or_default(), sources.unwrap_or_default());
         let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
         let playback = Playback::new(Recorded { parameters, scene, inputs, states })
@@ -594,8 +596,9 @@ impl Replay {
     fn file_name(&self, ending: &str) -> String {
         let time = self.playback.now().time_s;
         let words = format!("{} {time:.1} s", self.title()).replace(" / ", " ");
-        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '-' };
-        format!("{}.{ending}", words.chars().map(plain).collect::<String>())
+        let words = words.split(|c: char| !c.is_ascii_alphanumeric() && c != '.');
+        let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+        format!("{}.{ending}", words.join("-"))
     }
 }
 

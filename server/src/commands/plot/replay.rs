@@ -175,6 +175,11 @@ impl Looked {
             pairs.map(|(name, value)| (name, decoded(value))).collect();
         let pairs = || pairs.iter().map(|(name, value)| (*name, value.as_str()));
         let wrong = |invalid: Invalid| flagged(invalid.within("view"));
+        let names = [&View::NAMES[..], &Source::NAMES, &["row"]].concat();
+        if let Some((other, _)) = pairs().find(|(name, _)| !names.contains(name)) {
+            let expected = format!("the names {} of a link to a replay", names.join(", "));
+            return Err(flagged(Invalid::new("view", expected, other)));
+        }
         let (source, beside) = Source::of_query(pairs()).map_err(wrong)?;
         let is_named = pairs().any(|(name, _)| ["predictor", "analysis", "file"].contains(&name));
         Ok(Self { view: View::of_query(pairs()).map_err(wrong)?, source, beside, is_named })

@@ -48,10 +48,18 @@ async fn sets_move_while_a_slider_moves() {
     tab.run("document.activeElement.blur()").await;
     tab.key("ArrowRight").await;
     tab.until_step("explorer", 1).await;
-    // What is wrong is told beside the slider, and the picture stays.
+    // A set that grows beyond its neighbours takes them along.
     tab.enter("epsilon-0", "0.6").await;
-    tab.until_says("complaint", "ε of F2").await;
-    assert_eq!(areas().await[1], after[1]);
+    tab.until("location.search.includes('eps=0.6,0.6,0.6,0.6,1')").await;
+    let wide = areas().await;
+    assert!(wide[0] == wide[1] && wide[1] != after[1], "{wide:?}");
+    tab.press("preset-0").await;
+    // What is wrong is told beside its control, and nothing is shown for it.
+    tab.enter("k", "2,2").await;
+    tab.until_says("complaint", "k: expected 10 entries").await;
+    assert_eq!(areas().await, ["—", "—"]);
+    tab.press("preset-0").await;
+    until_counted(&tab).await;
     // A slider that is dragged wildly leaves nothing behind: the last place counts.
     let wild = "for (let i = 0; i < 600; i++) { field.value = (i * 7 % 15) / 100; \
                 field.dispatchEvent(new Event('input', { bubbles: true })) }";
@@ -159,10 +167,10 @@ async fn the_explorer_fits_its_window() {
     tab.enter("time", "3").await;
     tab.until_step("explorer", 15).await;
     take(&tab, "explorer").await;
-    tab.enter("epsilon-1", "0.9").await;
-    tab.until_says("complaint", "ε of F3").await;
+    tab.enter("k", "2,2").await;
+    tab.until_says("complaint", "k: expected 10 entries").await;
     take(&tab, "explorer-wrong").await;
-    tab.enter("epsilon-1", "0.15").await;
+    tab.press("preset-0").await;
     tab.enter("count", "all").await;
     tab.enter("by", "tau").await;
     tab.until_says("seen", "trained the predictor").await;

@@ -1,7 +1,7 @@
 //! Points that teach where the danger zone is, without words: nearness to it pays, entering it takes
 //! everything.
 
-use sidestep::chart::{Pen, colours};
+use sidestep::chart::{LegendItem, Pen, colours};
 use sidestep::picture::{Picture, Shape, stage};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::trial::outcome;
@@ -62,6 +62,12 @@ impl Score {
         if self.is_caught {
             picture.push(stage::danger_zone(robot, radius_m));
         }
+    }
+
+    /// What the band around the robot means.
+    pub(super) fn legend() -> LegendItem {
+        let text = "rings: they earn points, the inner ones more";
+        LegendItem::disc(text, Some(colours::HUMAN.at(0.09)), Pen::new(colours::HUMAN.at(0.4), 0.5))
     }
 
     /// Paints the points beside the human.

@@ -1,6 +1,7 @@
 //! What the demonstration shows around its canvas.
 
 use super::driver::Driver;
+use super::score::Score;
 use super::{CANVAS, Demo, Msg, Stage, is_offered, offered};
 use crate::pages::moment::{self, metres, select, switch};
 use crate::pages::parts::{self, alert, button, cell, fact};
@@ -45,10 +46,11 @@ fn scene(demo: &Demo) -> Node {
     let picture = el("div")
         .class("seen")
         .child(canvas)
-        .children(
-            demo.shows_legend
-                .then(|| moment::legend(demo.playback.legend(&demo.view), &demo.view, false)),
-        )
+        .children(demo.shows_legend.then(|| {
+            let mut items = demo.playback.legend(&demo.view);
+            items.push(Score::legend());
+            moment::legend(items, &demo.view, false)
+        }))
         .children(card(demo));
     let switches = moment::switches(&demo.view, is_offered, key_of, Msg::Layer);
     el("section").class("view").attr("aria-label", "Scene").child(switches).child(picture)

@@ -1,8 +1,8 @@
 //! How much area a coverage costs: SHFRS against simpler predictions, as charts and as tables.
 
-use super::{Explorer, Msg};
+use super::{Explorer, Msg, tuning};
 use crate::evaluation::Report;
-use crate::evaluation::areas::AreaQuestion;
+use crate::evaluation::areas::{AreaQuestion, LEAST_TARGET};
 use crate::json;
 use crate::pages::parts::{self, alert, cell, count};
 use crate::runtime::Answer;
@@ -10,6 +10,7 @@ use crate::view::{self, drawn, el};
 use sidestep::bounds::Rollout;
 use sidestep::chart::{ColourStyle, Element, fixed, number};
 use sidestep::shfrs::file::ShfrsFile;
+use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::panels::{areas, panels};
 use sidestep::shfrs::pareto::{Pareto, ParetoCurve, ParetoRow};
 use sidestep::shfrs::tuning::Parts;
@@ -99,6 +100,13 @@ fn without_epsilon(settings: &ShfrsFile) -> ShfrsFile {
     settings
 }
 
+impl Explorer {
+    /// Why there are too few tasks to compare predictions with, if so.
+    pub(super) fn lacks_tasks_to_compare(&self) -> Option<String> {
+        tuning::lacking(self, Guarantee::Conformal, LEAST_TARGET)
+    }
+}
+
 /// Charts and tables.
 pub(super) fn section(explorer: &Explorer) -> Node {
     let it = &explorer.areas;
@@ -109,13 +117,19 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .attr_if(!is_busy, "class", "done")
         .test_id("compared");
     let nothing = it.found.is_none() && it.trouble.is_none();
-    let waiting = nothing.then(|| {
-        el("p").class("quiet").text("Compared with simpler predictions once the sets are counted.")
+    let waiting = nothing.then(|| match explorer.lacks_tasks_to_compare() {
+        Some(why) => el("p").class("waiting").test_id("not-comparable").text(why),
+        None if !explorer.is_valid() => {
+            el("p").class("quiet").text("Nothing is predicted with these settings.")
+        }
+        None => el("p")
+            .class("quiet")
+            .text("Compared with simpler predictions once the sets are counted."),
     });
     let found = it.found.iter().flat_map(|(pareto, charts)| {
         [
             el("p").class("quiet").test_id("areas-words").text(words(pareto)),
-            grid(it, pareto, charts),
+            grid(it.is_old || !explorer.is_valid(), pareto, charts),
         ]
         .into_iter()
         .chain([twin(pareto)])
@@ -140,7 +154,7 @@ fn words(pareto: &Pareto) -> String {
     )
 }
 
-fn grid(it: &Areas, pareto: &Pareto, charts: &[Element]) -> Node {
+fn grid(is_old: bool, pareto: &Pareto, charts: &[Element]) -> Node {
     let chart = |(curve, chart): (&ParetoCurve, &Element)| {
         let caption = el("figcaption")
             .class(if curve.is_shfrs() { "ours" } else { "" })
@@ -149,7 +163,7 @@ fn grid(it: &Areas, pareto: &Pareto, charts: &[Element]) -> Node {
         el("figure").child(caption).child(drawn(chart.clone()).attr("aria-hidden", "true"))
     };
     el("div")
-        .class(if it.is_old { "panels old" } else { "panels" })
+        .class(if is_old { "panels old" } else { "panels" })
         .test_id("panels")
         .children(pareto.curves.iter().zip(charts).map(chart))
 }

@@ -117,7 +117,7 @@ impl Explorer {
 
     /// Asks how often the sets hold the future. The evaluator drops what it was asked before.
     pub(super) fn ask_coverage(&mut self) -> Commands<Msg> {
-        if self.playback.learned().is_none() || self.complaint.is_some() {
+        if self.playback.learned().is_none() || !self.is_valid() {
             return Vec::new();
         }
         let mut commands = self.stop_tuning();
@@ -132,6 +132,9 @@ impl Explorer {
 
     /// Asks how much area a coverage costs, unless that is known for these settings.
     fn ask_areas(&mut self) -> Commands<Msg> {
+        if self.lacks_tasks_to_compare().is_some() {
+            return Vec::new();
+        }
         let Some(question) = self.areas.ask(&self.wanted, self.choice.parts(&self.drives)) else {
             return Vec::new();
         };
@@ -143,7 +146,7 @@ impl Explorer {
 
     /// Tunes beside the page, with an evaluator that lives as long as that takes.
     pub(super) fn tune(&mut self) -> Commands<Msg> {
-        if self.playback.learned().is_none() {
+        if self.playback.learned().is_none() || !self.is_valid() {
             return Vec::new();
         }
         let mut commands = self.stop_tuning();

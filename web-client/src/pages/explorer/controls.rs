@@ -67,7 +67,7 @@ fn actions(explorer: &Explorer) -> Vec<Node> {
     let wanted = &explorer.wanted;
     let by = [
         ("k".to_owned(), "the k most likely".to_owned()),
-        ("tau".to_owned(), "those of probability τ".to_owned()),
+        ("tau".to_owned(), "those with a probability of τ or more".to_owned()),
     ];
     let chosen = if wanted.tau.is_some() { "tau" } else { "k" };
     let mut nodes = vec![select("by", "Actions that count", by.into(), chosen, Msg::By)];
@@ -81,10 +81,13 @@ fn actions(explorer: &Explorer) -> Vec<Node> {
                 continue;
             }
             let upto = k.iter().take_while(|&&k| k >= least).count();
-            let words =
-                if upto == 0 { "in no step".to_owned() } else { format!("in {upto} steps") };
+            let words = match upto {
+                0 => "in no step".to_owned(),
+                1 => "in step 1".to_owned(),
+                _ => format!("in steps 1–{upto}"),
+            };
             let most = wanted.steps.to_string();
-            let label = if least == 2 { "k of 2 or more" } else { "k of 3" };
+            let label = if least == 2 { "k ≥ 2" } else { "k = 3" };
             let then = move |value| Msg::UpTo(least, value);
             nodes.push(slider(id, label, ["0", &most, "1"], (upto as f64, words), then));
         }
@@ -152,8 +155,8 @@ pub(super) fn file(explorer: &Explorer) -> Node {
         super::FILE,
         explorer.tuning.flags()
     );
-    let is_right = explorer.complaint.is_none();
-    let save = button("save", Msg::Save).attr_if(!is_right, "disabled", "").text("Save as a file");
+    let is_valid = explorer.is_valid();
+    let save = button("save", Msg::Save).attr_if(!is_valid, "disabled", "").text("Save as a file");
     // The command line leaves test runs out.
     let command = (!explorer.drives.pilot).then(|| {
         el("pre").attr("tabindex", "0").child(el("code").test_id("command").text(command))

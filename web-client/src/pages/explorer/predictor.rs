@@ -84,6 +84,17 @@ fn parts(tasks: usize) -> Parts {
 }
 
 impl Choice {
+    /// The names of a link that [`Self::of`] takes.
+    pub(super) const NAMES: [&str; 4] = ["predictor", "features", "analysis", "file"];
+
+    /// The name of the predictor that is trained here.
+    pub(super) const HERE: &str = "here";
+
+    /// The tasks as the predictor that is trained here splits them.
+    pub(super) fn set_aside(drives: &Drives) -> Parts {
+        parts(drives.tasks.len())
+    }
+
     /// The one in the address of the page; without one, that of the command line. What the address names and
     /// there is not becomes a sentence.
     pub(super) fn of(address: &Address) -> (Self, Option<String>) {
@@ -295,7 +306,7 @@ fn list(choice: &Choice, drives: &Drives) -> Node {
         .test_id("choose-predictor")
         .on_input(Msg::Choose)
         .child(group("Of this participant".to_owned()).children([
-            entry("here", &Chosen::Here, "Trained on some tasks, judged on the others"),
+            entry(Choice::HERE, &Chosen::Here, "Trained on some tasks, judged on the others"),
             entry("earlier", &Chosen::Earlier, "Trained on the trials before this one"),
             entry("constant", &Chosen::Constant, "Constant: 1/3 each"),
         ]))

@@ -36,7 +36,7 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
     let epsilon = explorer.wanted.epsilon[j];
     // A prediction that admits every turn rate needs no more.
     let most = 2.0 * explorer.drives.parameters.human.turn_rate_radps;
-    let most = number(most.max(epsilon));
+    let most = number(most.max(explorer.wanted.epsilon.iter().copied().fold(0.0, f64::max)));
     let name = format!("ε of set {}", j + 1);
     let is_wrong =
         explorer.complaint.as_ref().is_some_and(|it| it.field == format!("epsilon[{j}]"));
@@ -50,14 +50,16 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
         .test_id(&format!("epsilon-{j}"))
         .on_input(move |value| Msg::Epsilon(j, value));
     let shown = explorer.playback.sets().nth(j);
-    let area = shown.map_or_else(|| "…".to_owned(), |set| fixed(set.area_m2, 2));
+    let is_valid = explorer.is_valid();
+    let wait = if is_valid { "…" } else { "—" };
+    let area = shown.map_or_else(|| wait.to_owned(), |set| fixed(set.area_m2, 2));
     let regions = explorer.coverage.regions(explorer.wanted.epsilon.len());
     let (mean, p) = match regions {
         Some((regions, _)) => {
             (fixed(regions.mean_area_m2[j], 2), chance(regions.probabilities.inside[j]))
         }
         None if explorer.coverage.trouble.is_some() => ("—".to_owned(), cell("—")),
-        None => ("…".to_owned(), cell("…")),
+        None => (wait.to_owned(), cell(wait)),
     };
     let sign = sign
         .map(|item| drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true"));
@@ -102,12 +104,14 @@ fn counted(explorer: &Explorer) -> Node {
             )
         }
         None if coverage.trouble.is_some() => String::new(),
+        None if !explorer.is_valid() => "Nothing is predicted with these settings.".to_owned(),
         None => "Counting how often the true future stays inside…".to_owned(),
     };
+    let is_done = coverage.done >= 1.0 || coverage.trouble.is_some() || !explorer.is_valid();
     let bar = el("progress")
         .attrs(&[("max", "1"), ("aria-label", "Tasks counted")])
         .attr("value", fixed(coverage.done, 3))
-        .attr_if(coverage.done >= 1.0 || coverage.trouble.is_some(), "class", "done")
+        .attr_if(is_done, "class", "done")
         .test_id("counted");
     let warning = (coverage.counts_all && unseen < all).then(|| {
         el("p").class("waiting").attr("role", "note").test_id("seen").text(

@@ -1,5 +1,6 @@
 //! "Tune for p ≥ …": what is asked for, how far it is, and what was found with its guarantee.
 
+use super::predictor::Choice;
 use super::{Explorer, Msg};
 use crate::evaluation::Report;
 use crate::evaluation::tuning::{Aim, Found};
@@ -126,7 +127,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         ("pac".to_owned(), format!("with confidence {}", number(1.0 - DELTA))),
     ];
     let chosen = if it.is_sure { "pac" } else { "conformal" };
-    let lacking = lacking(explorer);
+    let lacking = lacking(explorer, it.guarantee(), it.p);
     let act = match it.done {
         Some(done) => vec![
             el("progress")
@@ -136,7 +137,8 @@ pub(super) fn section(explorer: &Explorer) -> Node {
             button("stop-tuning", Msg::StopTuning).text("Stop"),
         ],
         None => {
-            let is_possible = lacking.is_none() && explorer.playback.learned().is_some();
+            let is_possible =
+                lacking.is_none() && explorer.playback.learned().is_some() && explorer.is_valid();
             vec![button("tune", Msg::Tune).attr_if(!is_possible, "disabled", "").text("Tune")]
         }
     };
@@ -149,24 +151,42 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .child(slider)
         .child(select("guarantee", "Guaranteed", guarantees, chosen, Msg::Guarantee))
         .children(lacking.map(|why| el("p").class("waiting").test_id("lacking").text(why)))
+        .children(remedy(explorer))
         .child(el("div").class("act").children(act))
         .children(it.trouble.as_deref().map(|why| alert("not-tuned", &format!("{why}."))))
         .children(it.found.as_ref().map(|found| result(explorer, found)))
 }
 
-/// Why there are too few tasks for what is asked, if so.
-fn lacking(explorer: &Explorer) -> Option<String> {
-    let it = &explorer.tuning;
-    let needed = it.guarantee().needed(it.p).ok()?;
-    let all = explorer.drives.tasks.len();
-    let there = explorer.choice.parts(&explorer.drives).calibration.len();
+/// Why there are too few tasks to calibrate a coverage of `p` with, if so.
+pub(super) fn lacking(explorer: &Explorer, guarantee: Guarantee, p: f64) -> Option<String> {
+    let needed = guarantee.needed(p).ok()?;
+    let (choice, drives) = (&explorer.choice, &explorer.drives);
+    let there = choice.parts(drives).calibration.len();
     let in_all = (needed as f64 / Split::USUAL.calibration).ceil();
     (there < needed).then(|| {
         format!(
-            "p ≥ {} takes {} to calibrate with, of about {in_all} in all. This participant has {there} \
-             that did not train the predictor, of {all}.",
-            fixed(it.p, 2),
+            "p ≥ {} takes {} to calibrate with, of about {in_all} in all. Of the {} of this participant, {} did \
+             not train the predictor, and {there} of those are for calibration.",
+            fixed(p, 2),
             count(needed, "task"),
+            count(drives.tasks.len(), "task"),
+            choice.unseen(drives).len(),
+        )
+    })
+}
+
+/// Offers the predictor that leaves tasks aside, where the chosen one leaves too few.
+fn remedy(explorer: &Explorer) -> Option<Node> {
+    let it = &explorer.tuning;
+    let needed = it.guarantee().needed(it.p).ok()?;
+    let (choice, drives) = (&explorer.choice, &explorer.drives);
+    let helps = choice.parts(drives).calibration.len() < needed
+        && Choice::set_aside(drives).calibration.len() >= needed;
+    helps.then(|| {
+        let here = FieldValue::Text(Choice::HERE.to_owned());
+        el("div").class("act").child(
+            button("leave-tasks-aside", Msg::Choose(here))
+                .text("Use a predictor that leaves enough tasks aside"),
         )
     })
 }
@@ -177,19 +197,28 @@ fn result(explorer: &Explorer, found: &Found) -> Node {
     let coverage = found.coverage;
     let measured = match judged {
         0 => "no task was left to measure it".to_owned(),
-        _ => format!(
-            "{} ({}–{}) of {judged} other tasks",
-            fixed(coverage.value, 2),
-            fixed(coverage.low, 2),
-            fixed(coverage.high, 2)
-        ),
+        _ => {
+            let inside = (coverage.value * judged as f64).round();
+            // Few tasks measure coarsely: what they say agrees with p unless the whole interval is below it.
+            let agrees = if coverage.high >= found.p { "agrees with" } else { "is below" };
+            format!(
+                "{inside} of {judged} other tasks stayed inside: {} (95 % interval {}–{}), which {agrees} p ≥ {}",
+                fixed(coverage.value, 2),
+                fixed(coverage.low, 2),
+                fixed(coverage.high, 2),
+                number(found.p),
+            )
+        }
     };
     let facts = [
-        fact("asked", format!("p ≥ {}, {} steps ahead", number(found.p), found.settings.steps)),
+        fact(
+            "guaranteed",
+            format!("p ≥ {}, {} steps ahead", number(found.p), found.settings.steps),
+        ),
         fact("actions", &found.actions),
         fact("ε of the first set", format!("{} rad/s", fixed(found.settings.epsilon[0], 4))),
         fact("mean area", format!("{} m²", fixed(found.mean_area_m2, 3))),
-        fact("coverage", measured),
+        fact("measured", measured),
     ];
     let left_out = match without {
         0 => String::new(),

@@ -76,16 +76,17 @@ fn moment(explorer: &Explorer) -> Node {
 
 fn panel(explorer: &Explorer) -> Node {
     let probabilities = explorer.playback.probabilities();
-    let ahead = fixed(explorer.playback.seconds_ahead(), 1);
+    let steps = explorer.is_valid().then_some(explorer.wanted.steps);
+    let ahead = steps.map(|steps| {
+        let seconds = steps as f64 * explorer.drives.parameters.step_s;
+        el("small").text(format!("where the human may be in {} s", fixed(seconds, 1)))
+    });
     // It scrolls, so the keyboard must be able to reach it.
     el("aside")
         .class("panel")
         .attrs(&[("tabindex", "0"), ("aria-label", "Settings")])
         .child(whose(explorer))
-        .child(
-            parts::heading("Predicted sets")
-                .child(el("small").text(format!("where the human may be in {ahead} s"))),
-        )
+        .child(parts::heading("Predicted sets").children(ahead))
         .children(explorer.misread.as_deref().map(|why| alert("misread", why)))
         .children(explorer.trouble.as_deref().map(|why| alert("trouble", why)))
         .child(controls::presets(explorer))

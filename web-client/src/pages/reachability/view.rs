@@ -2,6 +2,7 @@
 
 use super::found::Found;
 use super::{CANVAS, Msg, Reachability, keys};
+use crate::form::FieldValue;
 use crate::pages::parts::{self, alert, button, fact};
 use crate::view::{self, drawn, el};
 use sidestep::chart::{ColourStyle, fixed, number};
@@ -25,7 +26,7 @@ fn seen(page: &Reachability) -> Node {
     let switch = |(shown, words, title): (Shown, &str, &str)| {
         let word =
             Shown::ALL.iter().find(|(_, known)| *known == shown).map_or("", |(word, _)| word);
-        let text = crate::form::FieldValue::Text(word.to_owned());
+        let text = FieldValue::Text(word.to_owned());
         button(&format!("show-{word}"), Msg::Set("show", text))
             .class("switch")
             .attr("aria-pressed", page.view.shown == shown)
@@ -103,7 +104,7 @@ fn shown(page: &Reachability, found: &Found) -> Node {
     if page.view.shown == Shown::Error && found.closed_form().is_none() {
         let why = match found.function() {
             ValueFunction::Exact(_) => {
-                "This is the closed form. Choose the method polar or cartesian to see what it misses."
+                "This is the closed form. Solve the game on a grid to see what the solver misses of it."
             }
             ValueFunction::Sampled(samples) if samples.horizon_s().is_finite() => {
                 "There is no closed form for a finite horizon, so nothing to compare with."
@@ -114,7 +115,13 @@ fn shown(page: &Reachability, found: &Found) -> Node {
             }
         };
         let words = el("p").test_id("no-closed-form").text(why);
-        return pictures.child(el("div").class("empty").child(words));
+        // Where a closed form serves, what a solver misses of it is one press away.
+        let solve = matches!(found.function(), ValueFunction::Exact(_)).then(|| {
+            let polar = FieldValue::Text("polar".to_owned());
+            button("solve-to-compare", Msg::Set("method", polar)).text("Solve on the polar grid")
+        });
+        let empty = el("div").class("empty").child(words).children(solve);
+        return pictures.child(empty);
     }
     if page.view.shown == Shown::Tube {
         return pictures.child(tube(page, found));

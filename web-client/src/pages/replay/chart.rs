@@ -13,15 +13,15 @@ use sidestep::vehicle::TurnInput;
 type Node = view::Node<Msg>;
 
 const WIDTH: f64 = 1000.0;
-const HEIGHT: f64 = 150.0;
+const HEIGHT: f64 = 158.0;
 const FRAME: Frame = Frame { left: 0.0, top: 4.0, width: WIDTH, height: 96.0 };
 /// The line of the strip above which left turns are, and below which right turns are.
-const MIDDLE: f64 = 116.0;
+const MIDDLE: f64 = 117.0;
 /// Height of the bar of a turn.
-const BAR: f64 = 7.0;
+const BAR: f64 = 8.0;
 /// The strip of predicted probabilities: from its top, left, straight and right fill its height by their
 /// shares.
-const PREDICTED: [f64; 2] = [128.0, 146.0];
+const PREDICTED: [f64; 2] = [134.0, 154.0];
 const LEFT: colours::Colour = colours::HUMAN;
 const RIGHT: colours::Colour = colours::SERIES[1];
 

@@ -42,7 +42,7 @@ fn scene(replay: &Replay) -> Node {
         ],
     };
     let picture = el("div")
-        .class("seen")
+        .class(if replay.beside.is_some() { "seen beside" } else { "seen" })
         .children(canvases)
         .children(replay.shows_legend.then(|| legend(replay)))
         .children(replay.sources.notice(Msg::StopSolving, Msg::SolveAgain));

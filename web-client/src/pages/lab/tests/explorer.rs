@@ -183,6 +183,7 @@ fn what_a_link_names_and_the_explorer_lacks_is_told() {
         ("count=some", "counts some: expected count=all"),
         ("sets=99", "predicted for 10 steps: shown are those after step 10"),
         ("trial=none", "no task of this participant"),
+        ("epsilon=0,1", "no use for epsilon in its link: expected trial, count, T, eps, k, tau"),
         ("predictor=nonsense&count=some", "no predictor nonsense"),
         ("predictor=nonsense&count=some", "counts some"),
     ] {
@@ -196,25 +197,48 @@ fn what_a_link_names_and_the_explorer_lacks_is_told() {
 }
 
 #[test]
-fn wrong_settings_are_told_beside_the_control_and_the_picture_stays() {
+fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     let mut session = opened("/lab/explorer/p");
     let before = (session.areas(), session.words("p-0"));
-    session.slide("epsilon-1", 0.6);
-    let said = session.words("complaint").unwrap();
-    assert!(said.contains("ε of F3: expected a finite number ≥ 0.6 (ascending)"), "{said}");
-    assert_eq!((session.areas(), session.words("p-0")), before);
-    session.slide("epsilon-1", 0.15);
-    assert_eq!(session.words("complaint"), None);
-    for (k, expected) in [
-        ("2,2,1,1,1,1,1,1,1,4", "k of step 10: expected a whole number from 1 to 3, found 4"),
-        ("2,2", "k: expected 10 entries, found 2 entries"),
-        ("2;2", "k: expected whole numbers"),
+    let nothing = (vec!["—".to_owned(); 5], Some("—".to_owned()));
+    for (k, expected, is_read) in [
+        ("2,2,1,1,1,1,1,1,1,4", "k of step 10: expected a whole number from 1 to 3, found 4", true),
+        ("2,2", "k: expected 10 entries, found 2 entries", true),
+        ("2,2,1,1,1,1,1,1,1,1", "", true),
+        // What cannot be read changes nothing.
+        ("2;2", "k: expected whole numbers", false),
     ] {
         session.choose("k", k);
-        let said = session.words("complaint").unwrap();
-        assert!(said.contains(expected), "{said}");
-        assert_eq!(session.areas(), before.0);
+        session.evaluate("evaluator");
+        let said = session.words("complaint").unwrap_or_default();
+        assert!(said.contains(expected) && said.is_empty() == expected.is_empty(), "{said}");
+        let is_valid = expected.is_empty() || !is_read;
+        let numbers = (session.areas(), session.words("p-0"));
+        assert_eq!(numbers, if is_valid { before.clone() } else { nothing.clone() }, "{k}");
+        let view = session.page.view();
+        assert_eq!(view.find("save").unwrap().attribute("disabled").is_none(), is_valid, "{k}");
     }
+    // So it is with a link.
+    let link = "/lab/explorer/p?T=20&eps=0.59,0.39,1";
+    let mut session = opened(link);
+    let said = session.words("complaint").unwrap();
+    assert!(said.contains("ε of F₂: expected 0.59 rad/s or more"), "{said}");
+    assert_eq!(session.areas(), ["—"; 3]);
+    assert_eq!(
+        session.words("counted-words").unwrap(),
+        "Nothing is predicted with these settings."
+    );
+    assert!(session.page.view().find("tune").unwrap().attribute("disabled").is_some());
+    // A slider moves its neighbours, so it mends them.
+    session.slide("epsilon-1", 0.6);
+    session.evaluate("evaluator");
+    assert_eq!(session.words("complaint"), None);
+    assert!(session.linked().contains("T=20&eps=0.59,0.6,1"));
+    session.slide("epsilon-0", 0.8);
+    session.evaluate("evaluator");
+    assert!(session.linked().contains("eps=0.8,0.8,1"));
+    assert!(session.words("p-0").unwrap().contains("0."));
+    let mut session = opened("/lab/explorer/p");
     session.press("preset-0");
     assert_eq!((session.words("complaint"), session.areas()), (None, before.0));
     // One step and a hundred can be predicted; a hundred cannot be counted on tasks of fifty.
@@ -231,7 +255,7 @@ fn wrong_settings_are_told_beside_the_control_and_the_picture_stays() {
     session.slide("epsilon-4", 0.5);
     session.evaluate("evaluator");
     let said = session.words("not-counted").unwrap();
-    assert!(said.contains("ε of F5: expected at least 1 rad/s"), "{said}");
+    assert!(said.contains("ε of F₅: expected at least 1 rad/s"), "{said}");
 }
 
 #[test]

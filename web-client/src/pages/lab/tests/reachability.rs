@@ -137,6 +137,8 @@ fn a_link_holds_the_whole_view() {
     let said = broken.words("misread").unwrap();
     assert!(said.contains("The link is not valid: psi: expected whole degrees"), "{said}");
     assert!(broken.text().contains("180°"));
+    let unknown = signed_in(&format!("{PATH}?radii=2")).words("misread").unwrap();
+    assert!(unknown.contains("no use for radii in its link: expected evader-speed"), "{unknown}");
 }
 
 #[test]

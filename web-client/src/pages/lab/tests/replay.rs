@@ -131,6 +131,8 @@ fn a_link_to_a_step_beyond_the_predicted_ones_shows_the_last_and_says_so() {
     assert!(session.words("legend").unwrap().contains("after 2.0 s"));
     assert_eq!(opened("/lab/replay/t?sets=10").words("misread"), None);
     // Another complaint stays.
+    let unknown = opened("/lab/replay/t?row=yes&times=5").words("misread").unwrap();
+    assert!(unknown.contains("no use for times in its link: expected t, speed, show"), "{unknown}");
     let both = opened("/lab/replay/t?speed=3&sets=5").words("misread").unwrap();
     assert!(both.contains("speed"), "{both}");
 }
@@ -147,7 +149,7 @@ fn a_predictor_that_comes_before_the_trial_waits_for_it() {
     session.send("trial", 200, &trial(SceneParameters::default(), [id.clone(), id]));
     assert!(!session.urls().contains(&asked[1].as_str()), "it is not asked for again");
     session.answer(of(Evader::Human), 200, &function.encode());
-    assert!(session.words("legend").unwrap().contains("F1: where the human may be"));
+    assert!(session.words("legend").unwrap().contains("F₁: where the human may be"));
     assert!(session.words("predictor").unwrap().contains("7"));
 }
 
@@ -199,7 +201,7 @@ fn the_picture_is_offered_as_svg_and_png() {
 fn the_legend_says_what_is_drawn_and_can_be_hidden() {
     let mut session = opened("/lab/replay/t");
     let legend = session.words("legend").unwrap();
-    for expected in ["danger zone: closer to the robot than 3 m", "F1: where the human may be"] {
+    for expected in ["danger zone: closer to the robot than 3 m", "F₁: where the human may be"] {
         assert!(legend.contains(expected), "{legend}");
     }
     session.press("layer-danger-zone");

@@ -105,7 +105,10 @@ fn tuning_is_that_of_the_command_line() {
         if word == "pac" {
             // pⁿ ≤ 0.05 needs five tasks; three are left to calibrate with.
             let said = session.words("lacking").unwrap();
-            assert!(said.contains("takes 5 tasks") && said.contains("has 3"), "{said}");
+            assert!(
+                said.contains("takes 5 tasks") && said.contains("3 of those are for calibration"),
+                "{said}"
+            );
             continue;
         }
         session.press("tune");
@@ -119,7 +122,8 @@ fn tuning_is_that_of_the_command_line() {
             expected.choice.to_string(),
             format!("{} rad/s", fixed(expected.epsilon, 4)),
             format!("{} m²", fixed(expected.mean_area_m2, 3)),
-            format!("{} (", fixed(expected.coverage.value, 2)),
+            format!("other tasks stayed inside: {} (95 %", fixed(expected.coverage.value, 2)),
+            format!("which agrees with p ≥ {p}"),
             "5 tasks chose the actions, 3 others set ε, and 4 others measured".to_owned(),
         ] {
             assert!(found.contains(&words), "{words} in {found}");
@@ -162,12 +166,34 @@ fn too_few_tasks_are_told_in_a_sentence() {
     session.answer(of(Evader::Human), 200, &exact().encode());
     session.evaluate("evaluator");
     session.evaluate("evaluator");
-    session.evaluate("comparer");
-    let said = session.words("not-compared").unwrap();
-    assert!(said.contains("expected at least 3 for p = 0.75 (conformal), found 0"), "{said}");
-    let said = session.words("lacking").unwrap();
-    assert!(said.contains("takes 3 tasks") && said.contains("about 10 in all"), "{said}");
+    assert!(!session.evaluators.contains_key("comparer"));
+    for place in ["not-comparable", "lacking"] {
+        let said = session.words(place).unwrap();
+        assert!(said.contains("takes 3 tasks") && said.contains("about 10 in all"), "{said}");
+        assert!(said.contains("Of the 2 tasks") && said.contains("0 of those are for"), "{said}");
+    }
+    assert!(session.page.view().find("leave-tasks-aside").is_none());
     assert!(session.words("p-4").unwrap().contains("1.000"));
+    // A predictor that trained on almost all of them leaves too few; another one leaves enough.
+    let mut session = arrived("/lab/explorer/p?trial=t11&predictor=earlier");
+    let predictor = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.2, 0.5, 0.3]);
+    let answer = TrainedPredictor {
+        predictor: PredictorFile::from(&predictor.unwrap()),
+        trials: 11,
+        fallback: None,
+        trained_on: (0..11).map(|i| format!("t{i}")).collect(),
+        source: None,
+    };
+    session.send("predictor", 200, &answer);
+    session.evaluate("evaluator");
+    let said = session.words("not-comparable").unwrap();
+    assert!(said.contains("1 did not train the predictor"), "{said}");
+    session.press("leave-tasks-aside");
+    session.evaluate("evaluator");
+    session.evaluate("evaluator");
+    session.evaluate("comparer");
+    assert!(session.words("not-comparable").is_none() && session.words("lacking").is_none());
+    assert!(session.words("areas-words").is_some());
     // Nor is anything compared over more steps than the tasks have.
     let mut session = compared("/lab/explorer/p");
     session.slide("steps", 100.0);
