@@ -182,7 +182,7 @@ fn a_figure_says_what_its_signs_mean() {
     playback.go(&view).unwrap();
     let figure = playback.figure(&view, "study / participant 1 / task 1");
     let svg = figure.svg();
-    for expected in ["participant 1", "t = 3.0 s", "F5: ε = 1.00 rad/s", "best avoidance"] {
+    for expected in ["participant 1", "t = 3.0 s", "F₅: ε = 1.00 rad/s", "best avoidance"] {
         assert!(svg.contains(expected), "{expected}");
     }
     assert_eq!(playback.legend(&View { shown: [false; LAYERS.len()], ..at(3.0) }).len(), 2);
@@ -255,5 +255,5 @@ fn two_pictures_have_one_legend() {
     let both = texts(&first, &second);
     assert_eq!(both[..alone.len()], alone);
     assert_eq!(both.len(), alone.len() + 5);
-    assert_eq!(both.last().unwrap(), "beside: F5: share of futures 1.00, the worst case");
+    assert_eq!(both.last().unwrap(), "beside: F₅: share of futures 1.00, the worst case");
 }

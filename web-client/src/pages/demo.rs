@@ -187,7 +187,7 @@ impl Demo {
         let misread = match (named, &read) {
             (_, Err(invalid)) => Some(format!("The link is not valid: {invalid}.")),
             (None, _) => Some("The link names no driver that there is: you drive.".to_owned()),
-            _ => parts::unknown(address, &[&SEEN, &["driver"]]),
+            _ => parts::unknown(address, &[&View::NAMES, &["driver"]]),
         };
         let scenes = block(&parameters, 0)?;
         let start = Recorded {

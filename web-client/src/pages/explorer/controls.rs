@@ -155,8 +155,8 @@ pub(super) fn file(explorer: &Explorer) -> Node {
         super::FILE,
         explorer.tuning.flags()
     );
-    let is_valid = explorer.is_valid();
-    let save = button("save", Msg::Save).attr_if(!is_valid, "disabled", "").text("Save as a file");
+    let is_right = explorer.complaint.is_none() && explorer.is_valid();
+    let save = button("save", Msg::Save).attr_if(!is_right, "disabled", "").text("Save as a file");
     // The command line leaves test runs out.
     let command = (!explorer.drives.pilot).then(|| {
         el("pre").attr("tabindex", "0").child(el("code").test_id("command").text(command))
