@@ -75,7 +75,7 @@ async fn two_predictors_are_seen_side_by_side() {
     for (way, level) in [("gaussian", "Mahalanobis radius"), ("empirical", "share of futures")] {
         tab.enter("choose-predictor-beside", way).await;
         tab.until_says("predictor-beside", "Trained on the 7 trials before").await;
-        tab.until_says("legend", &format!("beside: F5: {level}")).await;
+        tab.until_says("legend", &format!("beside: F₅: {level}")).await;
         tab.until_says("numbers-beside", "41 windows of 1 task").await;
         for look in LOOKS {
             tab.look(look.0, look.1).await;

@@ -116,7 +116,9 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .attr("value", fixed(it.done, 3))
         .attr_if(!is_busy, "class", "done")
         .test_id("compared");
-    let nothing = it.found.is_none() && it.trouble.is_none();
+    // What was found is for settings that were valid.
+    let found = it.found.as_ref().filter(|_| explorer.is_valid());
+    let nothing = found.is_none() && it.trouble.is_none();
     let waiting = nothing.then(|| match explorer.lacks_tasks_to_compare() {
         Some(why) => el("p").class("waiting").test_id("not-comparable").text(why),
         None if !explorer.is_valid() => {
@@ -126,10 +128,10 @@ pub(super) fn section(explorer: &Explorer) -> Node {
             .class("quiet")
             .text("Compared with simpler predictions once the sets are counted."),
     });
-    let found = it.found.iter().flat_map(|(pareto, charts)| {
+    let found = found.into_iter().flat_map(|(pareto, charts)| {
         [
             el("p").class("quiet").test_id("areas-words").text(words(pareto)),
-            grid(it.is_old || !explorer.is_valid(), pareto, charts),
+            grid(it, pareto, charts),
         ]
         .into_iter()
         .chain([twin(pareto)])
@@ -154,7 +156,7 @@ fn words(pareto: &Pareto) -> String {
     )
 }
 
-fn grid(is_old: bool, pareto: &Pareto, charts: &[Element]) -> Node {
+fn grid(it: &Areas, pareto: &Pareto, charts: &[Element]) -> Node {
     let chart = |(curve, chart): (&ParetoCurve, &Element)| {
         let caption = el("figcaption")
             .class(if curve.is_shfrs() { "ours" } else { "" })
@@ -163,7 +165,7 @@ fn grid(is_old: bool, pareto: &Pareto, charts: &[Element]) -> Node {
         el("figure").child(caption).child(drawn(chart.clone()).attr("aria-hidden", "true"))
     };
     el("div")
-        .class(if is_old { "panels old" } else { "panels" })
+        .class(if it.is_old { "panels old" } else { "panels" })
         .test_id("panels")
         .children(pareto.curves.iter().zip(charts).map(chart))
 }
