@@ -2,8 +2,8 @@
 //! moment, and the probabilities that are counted over the participant's tasks.
 
 mod predictor;
-mod areas;
 mod tuning;
+mod areas;
 mod beside;
 mod controls;
 mod sets;
