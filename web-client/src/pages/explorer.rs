@@ -512,8 +512,11 @@ impl Explorer {
             }
             Err(invalid) => {
                 self.complaint = Some(invalid);
-                // What is being counted or tuned is for other settings.
-                self.coverage.forget();
+                // What is being counted or tuned is for other settings. A predictor that is on its way is still
+                // wanted.
+                if self.playback.learned().is_some() {
+                    self.coverage.forget();
+                }
                 self.stop_tuning()
             }
         }

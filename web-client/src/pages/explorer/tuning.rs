@@ -2,8 +2,8 @@
 
 use super::predictor::Choice;
 use super::{Explorer, Msg};
-use crate::evaluation::Report;
 use crate::evaluation::tuning::{Aim, Found};
+use crate::evaluation::{CONFIDENCE, Report};
 use crate::form::FieldValue;
 use crate::json;
 use crate::pages::moment::select;
@@ -150,8 +150,8 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         ))
         .child(slider)
         .child(select("guarantee", "Guaranteed", guarantees, chosen, Msg::Guarantee))
-        .children(lacking.map(|why| el("p").class("waiting").test_id("lacking").text(why)))
-        .children(remedy(explorer))
+        .children(lacking.iter().map(|why| el("p").class("waiting").test_id("lacking").text(why)))
+        .children(lacking.as_ref().and_then(|_| remedy(explorer)))
         .child(el("div").class("act").children(act))
         .children(it.trouble.as_deref().map(|why| alert("not-tuned", &format!("{why}."))))
         .children(it.found.as_ref().map(|found| result(explorer, found)))
@@ -175,13 +175,11 @@ pub(super) fn lacking(explorer: &Explorer, guarantee: Guarantee, p: f64) -> Opti
     })
 }
 
-/// Offers the predictor that leaves tasks aside, where the chosen one leaves too few.
+/// Offers the predictor that leaves tasks aside, if it leaves enough of them.
 fn remedy(explorer: &Explorer) -> Option<Node> {
     let it = &explorer.tuning;
     let needed = it.guarantee().needed(it.p).ok()?;
-    let (choice, drives) = (&explorer.choice, &explorer.drives);
-    let helps = choice.parts(drives).calibration.len() < needed
-        && Choice::set_aside(drives).calibration.len() >= needed;
+    let helps = Choice::set_aside(&explorer.drives).calibration.len() >= needed;
     helps.then(|| {
         let here = FieldValue::Text(Choice::HERE.to_owned());
         el("div").class("act").child(
@@ -202,8 +200,9 @@ fn result(explorer: &Explorer, found: &Found) -> Node {
             // Few tasks measure coarsely: what they say agrees with p unless the whole interval is below it.
             let agrees = if coverage.high >= found.p { "agrees with" } else { "is below" };
             format!(
-                "{inside} of {judged} other tasks stayed inside: {} (95 % interval {}–{}), which {agrees} p ≥ {}",
+                "{inside} of {judged} other tasks stayed inside: {} ({} % interval {}–{}), which {agrees} p ≥ {}",
                 fixed(coverage.value, 2),
+                number(100.0 * CONFIDENCE),
                 fixed(coverage.low, 2),
                 fixed(coverage.high, 2),
                 number(found.p),

@@ -263,6 +263,17 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
 }
 
 #[test]
+fn a_predictor_arrives_while_settings_are_not_valid() {
+    let mut session = arrived("/lab/explorer/p");
+    session.choose("k", "2,2");
+    session.evaluate("evaluator");
+    assert_eq!(session.areas(), ["—"; 5]);
+    session.press("preset-0");
+    session.evaluate("evaluator");
+    assert!(session.words("p-0").unwrap().contains("0."));
+}
+
+#[test]
 fn a_newer_question_takes_the_place_of_an_older_one() {
     let mut session = arrived("/lab/explorer/p");
     session.evaluate("evaluator");
