@@ -11,8 +11,8 @@ use std::time::Duration;
 use tempfile::TempDir;
 use tokio_util::sync::CancellationToken;
 
-/// How the names of folders begin in which a backup is written.
-const UNFINISHED: &str = ".sidestep-backup-";
+/// How the names of folders begin in which a backup is written or restored.
+pub(crate) const UNFINISHED: &str = ".sidestep-backup-";
 
 /// Why there is no backup.
 #[derive(Debug, thiserror::Error)]
@@ -88,9 +88,9 @@ pub async fn write(
         copy.close().await;
     }
     let copy = Store::open(&url, Missing::Refuse).await?;
-    let report = soundness::report(&copy).await;
+    let report = cancel.run_until_cancelled(soundness::report(&copy)).await;
     copy.close().await;
-    let report = report?;
+    let report = report.ok_or(TransferError::Stopped)??;
     sound(out, &report, accepted)?;
     File::open(&file)
         .and_then(|written| written.sync_all())

@@ -122,6 +122,20 @@ pub enum OpenError {
     Served(String),
 }
 
+impl OpenError {
+    /// The same of a database that its user knows by another name.
+    #[must_use]
+    pub fn named(self, name: String) -> Self {
+        match self {
+            Self::Address { .. } => self,
+            Self::Unusable { reason, .. } => Self::Unusable { database: name, reason },
+            Self::Absent(_) => Self::Absent(name),
+            Self::Version { reason, .. } => Self::Version { database: name, reason },
+            Self::Served(_) => Self::Served(name),
+        }
+    }
+}
+
 /// What messages say of an address that is none: no password, whatever else it has.
 fn harmless(url: &str) -> String {
     match url.split_once(':') {
@@ -169,6 +183,40 @@ impl Store {
         match &self.open.database {
             Database::Sqlite(database) => database.serve_alone(),
             Database::Postgres(_) => Ok(()),
+        }
+    }
+
+    /// The file of a database at `url`; none if that is the address of a server.
+    ///
+    /// # Errors
+    /// [`OpenError::Address`].
+    pub fn file(url: &str) -> Result<Option<PathBuf>, OpenError> {
+        if Postgres::is_address(url) {
+            return Ok(None);
+        }
+        let file = DatabaseFile::of_url(url);
+        let file = file.map_err(|found| OpenError::Address { url: harmless(url), found })?;
+        Ok(Some(file.path().to_owned()))
+    }
+
+    /// Whether a file of SQLite has a log that was not written back: a server uses it, or did not close it.
+    #[must_use]
+    pub fn has_log(file: &Path) -> bool {
+        DatabaseFile::at(file).has_log()
+    }
+
+    /// Whether both are one database, by whatever names.
+    ///
+    /// # Errors
+    /// [`StoreError`] if a database does not say which it is.
+    pub async fn is_same(&self, other: &Self) -> Result<bool, StoreError> {
+        Ok(self.identity().await? == other.identity().await?)
+    }
+
+    async fn identity(&self) -> Result<String, StoreError> {
+        match &self.open.database {
+            Database::Sqlite(database) => database.identity(),
+            Database::Postgres(database) => database.identity().await,
         }
     }
 

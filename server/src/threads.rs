@@ -26,21 +26,47 @@ pub async fn run<T: Send + 'static>(
     threads: Option<usize>,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, ThreadError> {
-    let start = |error: &dyn std::fmt::Display| ThreadError::Start(error.to_string());
     let pool = threads.map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build());
-    let pool = pool.transpose().map_err(|e| start(&e))?;
+    let pool = pool.transpose().map_err(|error| ThreadError::Start(error.to_string()))?;
+    on_a_thread(name, move || match pool {
+        Some(pool) => pool.install(work),
+        None => work(),
+    })
+    .await
+}
+
+/// Runs `work` on a thread called `name` that gives way to every other thread, where the system knows
+/// priorities of threads, and waits for its result.
+///
+/// # Errors
+/// [`ThreadError`] if no thread can be started, or `work` panicked.
+pub async fn run_in_spare_time<T: Send + 'static>(
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, ThreadError> {
+    on_a_thread(name, move || {
+        // Elsewhere this would be the priority of the whole process.
+        #[cfg(target_os = "linux")]
+        let _ = rustix::process::setpriority_process(None, LOW_PRIORITY);
+        work()
+    })
+    .await
+}
+
+/// As for the command nice: about a tenth of the time that another thread gets, if both want it.
+#[cfg(target_os = "linux")]
+const LOW_PRIORITY: i32 = 10;
+
+async fn on_a_thread<T: Send + 'static>(
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, ThreadError> {
     let (answer, answered) = oneshot::channel();
     std::thread::Builder::new()
         .name(name.to_owned())
-        .spawn(move || {
-            let found = match pool {
-                Some(pool) => pool.install(work),
-                None => work(),
-            };
-            // The receiver is gone only if the caller has stopped waiting.
-            let _ = answer.send(found);
-        })
-        .map_err(|e| start(&e))?;
+        // The receiver is gone only if the caller has stopped waiting.
+        .spawn(move || drop(answer.send(work())))
+        .map_err(|error| ThreadError::Start(error.to_string()))?;
     answered.await.map_err(|_| ThreadError::Panicked)
 }
 

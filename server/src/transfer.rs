@@ -55,7 +55,7 @@ pub enum TransferError {
         id: String,
     },
     /// Somebody stopped it.
-    #[error("stopped; the same command goes on where it was")]
+    #[error("stopped")]
     Stopped,
     /// A database refuses.
     #[error("{0}")]

@@ -70,11 +70,15 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     // Without a selection cargo would also compile every example, and run nothing of it.
     let all: (bool, &[&str]) = (options.postgres, &["--lib", "--bins", "--tests"]);
     // What servers do with their database is tested on the other kind too.
-    let other: [(bool, &[&str]); 2] =
-        [(!options.postgres, &["--lib", "--", "store::"]), (!options.postgres, &["--test", "api"])];
+    let other: [(bool, &[&str]); 3] = [
+        (!options.postgres, &["--lib", "--", "store::"]),
+        (!options.postgres, &["--test", "api"]),
+        (!options.postgres, &["--test", "browser"]),
+    ];
     // On files, the tests that need PostgreSQL are ignored.
     let only: (bool, &[&str]) = (true, &["--test", "api", "--", "--ignored"]);
-    for (on_postgres, arguments) in [all, other[0], other[1], only, (false, &["--doc"])] {
+    let doc: (bool, &[&str]) = (false, &["--doc"]);
+    for (on_postgres, arguments) in [all, other[0], other[1], other[2], only, doc] {
         let arguments: Vec<OsString> = arguments.iter().map(OsString::from).collect();
         let code = tests(on_postgres, &arguments)?;
         if code != ExitCode::SUCCESS {

@@ -6,7 +6,9 @@ use super::{CommandError, print_json};
 use crate::backups::{self, FaultyTrials, Written};
 use crate::soundness::{self, Report};
 use crate::store::{Missing, OpenError, Store};
+use crate::transfer::TransferError;
 use serde::Serialize;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -80,13 +82,6 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
     print_json(&Done { file: out, bytes, report })
 }
 
-/// The write-ahead log of a file: what SQLite has not yet written back.
-fn log_of(file: &Path) -> PathBuf {
-    let mut name = file.as_os_str().to_owned();
-    name.push("-wal");
-    name.into()
-}
-
 /// Makes a database of a backup, checks it, and prints what is in it.
 ///
 /// # Errors
@@ -102,7 +97,7 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
             return Err(CommandError::Input(message));
         }
     }
-    if log_of(&args.from).metadata().is_ok_and(|log| log.len() > 0) {
+    if Store::has_log(&args.from) {
         let message = format!(
             "--from {}: expected a backup, found a database that a server uses, or did not close; write one with \
              'sidestep backup'",
@@ -110,27 +105,74 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
         );
         return Err(CommandError::Input(message));
     }
-    let folder = TempDir::new().map_err(CommandError::failure)?;
-    // The backup itself stays as it is: an earlier version's is migrated in a copy.
-    let file = folder.path().join("backup.db");
-    std::fs::copy(&args.from, &file).map_err(|error| {
-        CommandError::Input(format!("--from {}: cannot read: {error}", args.from.display()))
-    })?;
-    let backup = Store::open(&format!("sqlite:{}", file.display()), Missing::Refuse).await?;
-    let before = soundness::report(&backup).await?;
+    let interrupt = Interrupt::listen();
+    let Some(file) = Store::file(&args.database)? else {
+        let folder = TempDir::new().map_err(CommandError::failure)?;
+        return print_json(&fill(&args, folder.path(), &args.database, &interrupt).await?);
+    };
+    // The database is complete and checked before it gets its name.
+    let unwritable =
+        |error| CommandError::Failure(format!("{}: cannot write: {error}", file.display()));
+    if Store::has_log(&file) {
+        let message = format!(
+            "--database {}: expected no database, found the write-ahead log of one, which may have data that only \
+             it has; move it to another folder",
+            file.display()
+        );
+        return Err(CommandError::Input(message));
+    }
+    let parent = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let parent = parent.unwrap_or(Path::new("."));
+    let folder = TempDir::with_prefix_in(backups::UNFINISHED, parent).map_err(unwritable)?;
+    let made = folder.path().join("restored.db");
+    let url = format!("sqlite:{}", made.display());
+    let report = fill(&args, folder.path(), &url, &interrupt).await?;
+    // An empty file counts as no database.
+    if file.metadata().is_ok_and(|found| found.len() == 0) {
+        fs::remove_file(&file).map_err(unwritable)?;
+    }
+    File::open(&made)
+        .and_then(|made| made.sync_all())
+        .and_then(|()| fs::hard_link(&made, &file))
+        .and_then(|()| File::open(parent)?.sync_all())
+        .map_err(unwritable)?;
+    print_json(&report)
+}
+
+/// Fills a new database with everything in the backup, compares the two, and says what is in them. `folder` is for
+/// a copy of the backup, which stays as it is: an earlier version's is migrated.
+async fn fill(
+    args: &RestoreArgs,
+    folder: &Path,
+    url: &str,
+    interrupt: &Interrupt,
+) -> Result<Report, CommandError> {
+    let named = args.from.display().to_string();
+    let file = folder.join("backup.db");
+    fs::copy(&args.from, &file)
+        .map_err(|error| CommandError::Input(format!("--from {named}: cannot read: {error}")))?;
+    let backup = Store::open(&format!("sqlite:{}", file.display()), Missing::Refuse).await;
+    let backup = backup.map_err(|error| error.named(named))?;
+    let before = interrupt.unless_stopped(soundness::report(&backup)).await??;
     let accepted = if args.with_faulty_trials { FaultyTrials::Kept } else { FaultyTrials::Refused };
     backups::sound(&args.from, &before, accepted).map_err(CommandError::failure)?;
-    let to = Store::open(&args.database, Missing::Create).await?;
-    let name = to.name();
-    whole(&backup, &to, &backup.slugs().await?, true).await.map_err(|error| {
-        CommandError::Failure(format!("{name}: it is not whole, delete it: {error}"))
-    })?;
-    let report = soundness::report(&to).await?;
+    let to = Store::open(url, Missing::Create).await?;
+    let filling = async {
+        whole(&backup, &to, &backup.slugs().await?, true, interrupt).await?;
+        Ok::<_, TransferError>(soundness::report(&to).await?)
+    };
+    let filled = interrupt.token.run_until_cancelled(filling).await;
+    let report = filled.unwrap_or(Err(TransferError::Stopped));
     backup.close().await;
     to.close().await;
-    if report != before {
-        let message = format!("{name}: what was restored differs from the backup: delete it");
-        return Err(CommandError::Failure(message));
-    }
-    print_json(&report)
+    let failure = match report {
+        Ok(report) if report == before => return Ok(report),
+        Ok(_) => "what was restored differs from the backup".to_owned(),
+        Err(error) => error.to_string(),
+    };
+    // A file is deleted with its folder.
+    Err(CommandError::Failure(match to.is_shared() {
+        true => format!("{}: it is not whole, delete it: {failure}", to.name()),
+        false => format!("nothing was restored: {failure}"),
+    }))
 }

@@ -4,7 +4,7 @@ use super::solving::Interrupt;
 use super::solving::bar;
 use super::{CommandError, print_json, study_named};
 use crate::store::{Missing, Store};
-use crate::transfer;
+use crate::transfer::{self, TransferError};
 use indicatif::ProgressBar;
 
 /// Copy studies from one database to another, from SQLite to PostgreSQL or back.
@@ -35,17 +35,24 @@ pub struct CopyArgs {
 /// # Errors
 /// [`CommandError`] for an unknown study (input), or if a database refuses (failure).
 pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
-    if args.from == args.to {
-        let message = "--to: expected another database than that of --from, found the same";
-        return Err(CommandError::Input(message.to_owned()));
-    }
     let from = Store::open(&args.from, Missing::Refuse).await?;
     let slugs = match &args.study {
         Some(slug) => vec![study_named(&from, slug).await?.slug],
         None => from.slugs().await?,
     };
     let to = Store::open(&args.to, Missing::Create).await?;
-    let copied = whole(&from, &to, &slugs, args.study.is_none()).await?;
+    if from.is_same(&to).await? {
+        let message = "--to: expected another database than that of --from, found the same";
+        return Err(CommandError::Input(message.to_owned()));
+    }
+    let access = args.study.is_none();
+    let interrupt = Interrupt::listen();
+    let copied = whole(&from, &to, &slugs, access, &interrupt).await.map_err(|error| {
+        CommandError::Failure(match error {
+            TransferError::Stopped => format!("{error}; the same command goes on where it was"),
+            other => other.to_string(),
+        })
+    })?;
     from.close().await;
     to.close().await;
     print_json(&copied)
@@ -57,12 +64,12 @@ pub(super) async fn whole(
     to: &Store,
     slugs: &[String],
     access: bool,
-) -> Result<transfer::Copied, CommandError> {
-    let interrupt = Interrupt::listen();
+    interrupt: &Interrupt,
+) -> Result<transfer::Copied, TransferError> {
     let (bar, progress) = copying();
     let copied = transfer::copy(from, to, slugs, &interrupt.token, progress).await;
     bar.finish_and_clear();
-    let copied = copied.map_err(CommandError::failure)?;
+    let copied = copied?;
     if access {
         to.put_access_copy(from.access_copy().await?).await?;
     }

@@ -2,6 +2,7 @@
 
 use crate::http::error::ApiError;
 use crate::store::StoreError;
+use crate::threads;
 use anyhow::Context;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -72,7 +73,7 @@ impl InLine<'_> {
         // The turn is held until the work and its pause are over, even if no request waits any more.
         tokio::spawn(async move {
             let begun = Instant::now();
-            let done = tokio::task::spawn_blocking(work).await;
+            let done = threads::run_in_spare_time("for-a-request", work).await;
             let took = begun.elapsed();
             // Nobody hears it if the request is gone.
             let _ = answer.send(done);

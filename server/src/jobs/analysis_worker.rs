@@ -152,7 +152,10 @@ impl Worker {
         match ending {
             _ if !wanted => tracing::info!(study = job.study, "an analysis came too late"),
             Ok(_) => tracing::info!(study = job.study, "an analysis is done"),
-            Err(reason) => tracing::warn!(study = job.study, reason, "an analysis failed"),
+            // The laboratory shows why; that may name a participant, so the log does not.
+            Err(_) => {
+                tracing::warn!(study = job.study, analysis = job.sequence, "an analysis failed")
+            }
         }
         Ok(())
     }

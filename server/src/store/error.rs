@@ -87,8 +87,8 @@ impl From<rusqlite::Error> for StoreError {
     }
 }
 
-impl From<postgres::Error> for StoreError {
-    fn from(error: postgres::Error) -> Self {
+impl From<tokio_postgres::Error> for StoreError {
+    fn from(error: tokio_postgres::Error) -> Self {
         let Some(found) = error.as_db_error() else {
             return match error.is_closed() || error.source().is_some_and(|it| it.is::<io::Error>())
             {
@@ -123,7 +123,7 @@ impl From<postgres::Error> for StoreError {
 }
 
 /// What an error of PostgreSQL's client says, with its cause, in one line.
-fn cause(error: &postgres::Error) -> String {
+fn cause(error: &tokio_postgres::Error) -> String {
     let source = error.source().map_or_else(String::new, |source| format!(": {source}"));
     format!("{error}{source}").replace('\n', " ")
 }

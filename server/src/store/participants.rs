@@ -470,7 +470,7 @@ pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
 /// Notes that a participant has just done something.
 pub(super) fn seen(db: &Connection, participant_id: &str, now_ms: i64) -> Result<(), StoreError> {
     db.prepare_cached("UPDATE participant SET last_seen_at_ms = ?2 WHERE id = ?1")?
-        .execute(params![participant_id, now_ms])?;
+        .execute_later(params![participant_id, now_ms])?;
     Ok(())
 }
 

@@ -146,6 +146,14 @@ impl Postgres {
         task::spawn(watch_commits(shared));
     }
 
+    /// What tells this database from every other one, by whatever address it is reached: its number, and when its
+    /// server was started.
+    pub(super) async fn identity(&self) -> Result<String, StoreError> {
+        let asked = "SELECT oid || ' ' || extract(epoch FROM pg_postmaster_start_time()) \
+                     FROM pg_database WHERE datname = current_database()";
+        self.read(move |db| Ok(db.query_row(asked, [], |row| row.get(0))?)).await
+    }
+
     pub(super) fn name(&self) -> &str {
         &self.name
     }
@@ -296,7 +304,8 @@ impl Shared {
         let db = self.pool.begin(begin)?;
         let found = catch_unwind(AssertUnwindSafe(|| work(&db)));
         let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
-        let ended = db.batch(if found.is_ok() { commit } else { "ROLLBACK" });
+        let found = found.and_then(|found| db.settle().map(|()| found).map_err(StoreError::from));
+        let ended = if found.is_ok() { db.batch(commit) } else { db.roll_back() };
         match ended {
             Ok(()) => self.pool.give_back(db),
             Err(_) => self.pool.forget(),

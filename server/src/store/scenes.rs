@@ -55,7 +55,7 @@ pub(super) fn insert(
              human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) \
          VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
     )?
-    .execute(params![
+    .execute_later(params![
         planned.trial_id,
         participant_id,
         planned.ordinal,

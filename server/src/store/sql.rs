@@ -19,6 +19,7 @@ use std::vec::IntoIter;
 
 pub(super) use row::Row;
 use session::Session;
+use tokio_postgres_rustls::MakeRustlsConnect;
 pub(super) use value::{Kind, ToSql, Value};
 
 /// The error of a statement.
@@ -51,8 +52,8 @@ impl From<rusqlite::Error> for Error {
     }
 }
 
-impl From<postgres::Error> for Error {
-    fn from(error: postgres::Error) -> Self {
+impl From<tokio_postgres::Error> for Error {
+    fn from(error: tokio_postgres::Error) -> Self {
         Self::Store(error.into())
     }
 }
@@ -140,8 +141,11 @@ pub(super) enum Connection {
 
 impl Connection {
     /// A connection to PostgreSQL.
-    pub(super) fn to_server(client: postgres::Client) -> Self {
-        Self::Postgres(Box::new(Session::new(client)))
+    pub(super) fn to_server(
+        config: &tokio_postgres::Config,
+        tls: MakeRustlsConnect,
+    ) -> Result<Self> {
+        Ok(Self::Postgres(Box::new(Session::begin(config, tls)?)))
     }
 
     /// Whether it can be used no more.
@@ -158,6 +162,22 @@ impl Connection {
             Self::Sqlite(db) => Ok(db.execute_batch(sql)?),
             Self::Postgres(session) => session.batch(sql),
         }
+    }
+
+    /// Waits for what was [put off](Statement::execute_later), and returns the first error of it.
+    pub(super) fn settle(&self) -> Result<()> {
+        match self {
+            Self::Sqlite(_) => Ok(()),
+            Self::Postgres(session) => session.settle(),
+        }
+    }
+
+    /// Undoes a transaction of PostgreSQL, with what was put off in it.
+    pub(super) fn roll_back(&self) -> Result<()> {
+        if let Self::Postgres(session) = self {
+            session.forget_later();
+        }
+        self.batch("ROLLBACK")
     }
 
     /// What this database says differently.
@@ -209,6 +229,15 @@ impl Statement<'_> {
                 Ok(statement.raw_execute()?)
             }
             Self::Postgres(session, text) => session.execute(text, &params.values()),
+        }
+    }
+
+    /// Executes it, without a result. PostgreSQL hears of it together with the next statement, so that nobody
+    /// waits for its answer alone; an error comes with that statement, or when the transaction ends.
+    pub(super) fn execute_later(&mut self, params: impl Params) -> Result<()> {
+        match self {
+            Self::Sqlite(_) => self.execute(params).map(drop),
+            Self::Postgres(session, text) => session.execute_later(text, &params.values()),
         }
     }
 

@@ -98,6 +98,12 @@ impl Sqlite {
         Ok(self.file.folder().to_owned())
     }
 
+    /// What tells this file from every other one, whatever it is called.
+    pub(super) fn identity(&self) -> Result<String, StoreError> {
+        let (device, inode) = self.file.identity()?;
+        Ok(format!("{device} {inode}"))
+    }
+
     pub(super) fn name(&self) -> String {
         self.file.path().display().to_string()
     }

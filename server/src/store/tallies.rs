@@ -25,12 +25,6 @@ pub(super) struct Counted<'a> {
 
 /// Adds a trial that is about to be stored. Its scene is stored already.
 pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result<(), StoreError> {
-    let is_same = match trial.key_timing {
-        Some(timing) => db
-            .prepare_cached("SELECT 1 FROM trial WHERE study_id = ?1 AND key_timing = ?2 LIMIT 1")?
-            .exists([study_id, timing])?,
-        None => false,
-    };
     let has = |flag| trial.flags.contains(&flag);
     let always = trial.inputs.iter().all(|&input| input != TurnInput::Straight);
     db.prepare_cached(
@@ -46,11 +40,12 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
              never_steered = never_steered + CAST(phase = 'task' AND ?5 AS INTEGER), \
              always_steered = always_steered + CAST(phase = 'task' AND ?6 AS INTEGER), \
              danger_entered = danger_entered + CAST(phase = 'task' AND ?7 AS INTEGER), \
-             same_timing = same_timing + CAST(phase = 'task' AND ?8 AS INTEGER), \
+             same_timing = same_timing + CAST(phase = 'task' AND EXISTS (SELECT 1 FROM trial \
+                 WHERE trial.study_id = ?10 AND trial.key_timing = ?8) AS INTEGER), \
              waiting = ?9 \
          FROM scene WHERE scene.trial_id = ?1 AND tally.participant_id = scene.participant_id",
     )?
-    .execute(params![
+    .execute_later(params![
         trial.trial_id,
         has(Flag::LateSample),
         has(Flag::FocusLost),
@@ -58,8 +53,9 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
         trial.outcome.avoidance.is_none(),
         always,
         trial.outcome.first_step_in_danger.is_some(),
-        is_same,
+        trial.key_timing,
         trial.waiting,
+        study_id,
     ])?;
     Ok(())
 }

@@ -461,7 +461,7 @@ pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(
              key_timing) \
          VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19)",
     )?
-    .execute(params![
+    .execute_later(params![
         new.trial_id,
         study_id,
         new.recipe.number(),

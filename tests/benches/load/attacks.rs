@@ -9,11 +9,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use crate::subject::Subject;
 use reqwest::Method;
 use sidestep::api::routes;
 use sidestep_tests::load::crowd::{Crowd, Pace};
 use sidestep_tests::load::figures::{at_most, row};
-use sidestep_tests::{Answer, Database, Folder, Process, run};
+use sidestep_tests::{Answer, Folder, Process, run};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::task::JoinSet;
@@ -59,11 +60,11 @@ const ATTACKS: [(&str, Attack); 8] = [
     ),
 ];
 
-/// Measures on a new SQLite database.
-pub(crate) async fn measure(folder: &Folder, seconds: f64) {
-    println!("\nunder attack (SQLite; {HONEST_PER_S} honest uploads a second)");
+/// Measures one server on a new database.
+pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64) {
+    println!("\nunder attack ({}; {HONEST_PER_S} honest uploads a second)", subject.name);
     let own = Folder::default();
-    let database = Database::file(folder.root(), "attacks.db");
+    let (database, _cluster) = subject.database(folder, "attacks.db");
     // People whom an analysis can compare.
     let trials = own.name("trials.csv");
     let people = ["simulate", "--participants", "30", "--seed", "1", "--out", &trials];

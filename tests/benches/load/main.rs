@@ -143,7 +143,9 @@ async fn measure(options: &Options, folder: &Folder) -> ExitCode {
         }
     }
     if options.has(Scenario::Attacks) {
-        attacks::measure(folder, options.seconds).await;
+        for subject in SUBJECTS.iter().filter(is_chosen).filter(|subject| subject.is_alone()) {
+            attacks::measure(subject, folder, options.seconds).await;
+        }
     }
     if options.has(Scenario::Start) {
         large::measure(options.trials).await;

@@ -41,16 +41,26 @@ pub(crate) struct Under {
 }
 
 impl Subject {
-    /// Starts the servers on a new database in a folder; or says why they do not start.
-    pub(crate) async fn start(&self, folder: &Folder) -> Result<Under, String> {
-        let (database, cluster) = match self.kind {
-            Kind::Sqlite => (Database::file(folder.root(), "load.db"), None),
+    /// A new database, with the cluster that it is in.
+    pub(crate) fn database(&self, folder: &Folder, file: &str) -> (Database, Option<Cluster>) {
+        match self.kind {
+            Kind::Sqlite => (Database::file(folder.root(), file), None),
             Kind::Postgres => {
                 // As in production, every commit waits for the disk.
                 let cluster = Cluster::start(Fsync::On);
                 (cluster.create(), Some(cluster))
             }
-        };
+        }
+    }
+
+    /// Whether one server uses the database alone.
+    pub(crate) fn is_alone(&self) -> bool {
+        self.servers == 1
+    }
+
+    /// Starts the servers on a new database in a folder; or says why they do not start.
+    pub(crate) async fn start(&self, folder: &Folder) -> Result<Under, String> {
+        let (database, cluster) = self.database(folder, "load.db");
         let folders: Vec<Folder> = (0..self.servers).map(|_| Folder::default()).collect();
         let mut servers = Vec::new();
         for folder in &folders {

@@ -39,10 +39,47 @@ async fn a_backup_of_a_server_that_collects_is_restored_whole() {
     let broken = folder.file("broken.db", "no database");
     let elsewhere = folder.database("elsewhere.db");
     let restore = ["restore", "--from", &broken, "--database", &elsewhere];
-    run(&restore).await.refused(1, &["not a database"]);
+    run(&restore).await.refused(1, &["broken.db: ", "not a database"]);
     let restore = ["restore", "--from", "nowhere.db", "--database", &elsewhere];
     run(&restore).await.refused(2, &["--from nowhere.db", "cannot read"]);
-    assert!(!folder.names().contains(&"elsewhere.db".to_owned()));
+    let left = folder.names();
+    assert!(!left.iter().any(|name| name == "elsewhere.db" || name.starts_with('.')), "{left:?}");
+}
+
+#[tokio::test]
+async fn what_a_lost_database_left_in_its_log_is_not_lost() {
+    let folder = Folder::default();
+    let server = Server::with_study(SHORT_STUDY).await;
+    let out = folder.name("backup.db");
+    run(&["backup", "--database", &server.database(), "--out", &out]).await.json();
+    folder.file("lost.db-wal", "the only copy of a trial");
+    let to = format!("sqlite:{}", folder.name("lost.db"));
+    let restore = ["restore", "--from", &out, "--database", &to];
+    run(&restore).await.refused(2, &["--database", "lost.db", "write-ahead log", "move it"]);
+    assert_eq!(folder.text("lost.db-wal"), "the only copy of a trial");
+    // An empty file is no database.
+    std::fs::remove_file(folder.name("lost.db-wal")).unwrap();
+    folder.file("lost.db", "");
+    assert_eq!(run(&restore).await.json()["studies"], 1);
+    run(&["check", "--database", &to]).await.json();
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn a_file_is_used_by_the_name_of_a_link_too() {
+    let folder = Folder::default();
+    let file = format!("sqlite:{}", folder.name("file.db"));
+    let link = format!("sqlite:{}", folder.name("link.db"));
+    std::os::unix::fs::symlink(folder.name("file.db"), folder.name("link.db")).unwrap();
+    let simulate = ["simulate", "--participants", "1", "--seed", "1", "--out"];
+    let trials = folder.name("trials.csv");
+    run(&[&simulate[..], &[&trials]].concat()).await.json();
+    let import = ["import", "--study", "linked", "--trials", &trials, "--database"];
+    run(&[&import[..], &[&link]].concat()).await.refused(1, &["link.db", "cannot open"]);
+    run(&[&import[..], &[&file]].concat()).await.json();
+    let by_link = run(&["check", "--database", &link]).await.json();
+    assert_eq!(by_link, run(&["check", "--database", &file]).await.json());
+    run(&["copy", "--from", &file, "--to", &link]).await.refused(2, &["--to", "another database"]);
 }
 
 #[tokio::test]
@@ -88,5 +125,10 @@ async fn a_study_moves_to_another_database() {
     run(&["check", "--database", &to]).await.json();
     let unknown = ["copy", "--from", &from, "--to", &to, "--study", "other"];
     run(&unknown).await.refused(2, &["--study other", "no such study", "default"]);
-    run(&["copy", "--from", &from, "--to", &from]).await.refused(2, &["--to", "another database"]);
+    // Under another spelling of its address it is the same.
+    let same = match from.strip_prefix("sqlite:") {
+        Some(file) => format!("sqlite://{file}"),
+        None => from.replacen("postgres:", "postgresql:", 1),
+    };
+    run(&["copy", "--from", &from, "--to", &same]).await.refused(2, &["--to", "another database"]);
 }

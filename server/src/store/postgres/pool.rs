@@ -2,9 +2,9 @@
 
 use crate::store::error::StoreError;
 use crate::store::sql::Connection;
-use postgres::Config;
 use rustls::ClientConfig;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use tokio_postgres::Config;
 use tokio_postgres_rustls::MakeRustlsConnect;
 
 /// What holds in every session. `synchronous_commit`: an acknowledged trial survives a power cut, whatever
@@ -49,7 +49,7 @@ impl Pool {
     /// Begins a session.
     pub(super) fn connect(&self) -> Result<Connection, StoreError> {
         let tls = MakeRustlsConnect::new(self.tls.clone());
-        let db = Connection::to_server(self.config.connect(tls)?);
+        let db = Connection::to_server(&self.config, tls)?;
         db.batch(SETTINGS)?;
         let version = "SELECT CAST(current_setting('server_version_num') AS INTEGER), \
                            current_setting('server_version')";
@@ -70,7 +70,7 @@ impl Pool {
                 // The database was restarted meanwhile; nothing was done yet.
                 Err(StoreError::Unavailable(_)) => self.forget(),
                 Err(error) => {
-                    if db.batch("ROLLBACK").is_ok() {
+                    if db.roll_back().is_ok() {
                         self.give_back(db);
                     }
                     return Err(error);

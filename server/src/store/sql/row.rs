@@ -2,15 +2,15 @@
 
 use super::{Error, Result};
 use crate::store::error::StoreError;
-use postgres::types::Type;
 use rusqlite::types::ValueRef;
+use tokio_postgres::types::Type;
 
 /// A row.
 pub(in crate::store) enum Row<'a> {
     /// Of a file.
     Sqlite(&'a rusqlite::Row<'a>),
     /// Of a server.
-    Postgres(&'a postgres::Row),
+    Postgres(&'a tokio_postgres::Row),
 }
 
 /// What stands in a column of a row.

@@ -1,23 +1,45 @@
 //! A session of PostgreSQL with the statements that it has prepared.
 
 use super::placeholders::Translated;
-use super::value::{Kind, Value};
+use super::value::{Kind, Owned, Value};
 use super::{Error, Result};
 use crate::store::error::StoreError;
-use postgres::types::{ToSql, Type};
-use postgres::{Client, Row, Statement};
+use futures_util::future::{MaybeDone, maybe_done};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::fmt;
+use std::future::poll_fn;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::Poll;
+use std::time::Duration;
+use tokio::runtime::Runtime;
+use tokio::task::JoinHandle;
+use tokio_postgres::types::{ToSql, Type};
+use tokio_postgres::{Client, Config, Row, Statement};
+use tokio_postgres_rustls::MakeRustlsConnect;
 
 /// Most statements that stay prepared; the store has fewer, but for lists that are filtered in many ways.
 const MOST_PREPARED: usize = 256;
 
-/// A session.
+/// Most statements that are put off; then they are settled.
+const MOST_LATER: usize = 256;
+
+/// How long a session may take to say goodbye.
+const GOODBYE: Duration = Duration::from_secs(1);
+
+/// A statement that is put off, with its parameters.
+type Later = Pin<Box<dyn Future<Output = Result<u64, tokio_postgres::Error>> + Send>>;
+
+/// A session. Its thread drives the connection while it waits for an answer.
 pub(in crate::store) struct Session {
-    client: RefCell<Client>,
+    runtime: Runtime,
+    /// None when it ends.
+    client: Option<Arc<Client>>,
+    /// Ends with the connection.
+    connection: Option<JoinHandle<()>>,
     known: RefCell<HashMap<String, Known>>,
+    later: RefCell<Vec<Later>>,
 }
 
 /// A statement, prepared for each combination of types that it was used with.
@@ -32,19 +54,87 @@ impl fmt::Debug for Session {
     }
 }
 
+impl Drop for Session {
+    fn drop(&mut self) {
+        // The connection says goodbye when nobody has its client any more.
+        self.forget_later();
+        self.client = None;
+        if let Some(connection) = self.connection.take() {
+            let goodbye = async { tokio::time::timeout(GOODBYE, connection).await };
+            // Nothing is lost if the server does not hear it.
+            let _ = self.runtime.block_on(goodbye);
+        }
+    }
+}
+
 impl Session {
-    pub(super) fn new(client: Client) -> Self {
-        Self { client: RefCell::new(client), known: RefCell::default() }
+    pub(super) fn begin(config: &Config, tls: MakeRustlsConnect) -> Result<Self> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let runtime = runtime.map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        let (client, connection) = runtime.block_on(config.connect(tls))?;
+        // Whoever waits for an answer hears that the connection is lost.
+        let connection = runtime.spawn(async move { drop(connection.await) });
+        Ok(Self {
+            runtime,
+            client: Some(Arc::new(client)),
+            connection: Some(connection),
+            known: RefCell::default(),
+            later: RefCell::default(),
+        })
     }
 
     /// Whether it can be used no more.
     pub(super) fn is_closed(&self) -> bool {
-        self.client.borrow().is_closed()
+        self.client.as_ref().is_none_or(|client| client.is_closed())
+    }
+
+    fn client(&self) -> Result<&Arc<Client>> {
+        let ended = || Error::Store(StoreError::Unavailable("the session has ended".to_owned()));
+        self.client.as_ref().ok_or_else(ended)
     }
 
     /// Statements without parameters and rows, in one message.
     pub(super) fn batch(&self, sql: &str) -> Result<()> {
-        Ok(self.client.borrow_mut().batch_execute(sql)?)
+        self.answer(self.client()?.batch_execute(sql))
+    }
+
+    /// Waits for what was put off; the first error of it.
+    pub(super) fn settle(&self) -> Result<()> {
+        match self.later.borrow().is_empty() {
+            true => Ok(()),
+            false => self.answer(std::future::ready(Ok(()))),
+        }
+    }
+
+    /// Forgets what was put off; the transaction is undone.
+    pub(super) fn forget_later(&self) {
+        self.later.borrow_mut().clear();
+    }
+
+    /// The answer to a statement, which goes out behind those that were put off. If one of these fails, so does
+    /// every later statement of the transaction; its own error says why.
+    fn answer<T>(
+        &self,
+        asked: impl Future<Output = Result<T, tokio_postgres::Error>>,
+    ) -> Result<T> {
+        let later = self.later.take();
+        self.runtime.block_on(async {
+            let mut later: Vec<MaybeDone<Later>> = later.into_iter().map(maybe_done).collect();
+            // Each goes out when it is first polled: in their order, and before `asked`.
+            for statement in &mut later {
+                poll_fn(|context| {
+                    let _ = Pin::new(&mut *statement).poll(context);
+                    Poll::Ready(())
+                })
+                .await;
+            }
+            let answer = asked.await;
+            for mut statement in later {
+                Pin::new(&mut statement).await;
+                Pin::new(&mut statement).take_output().transpose()?;
+            }
+            Ok(answer?)
+        })
     }
 
     /// The statement as PostgreSQL writes it.
@@ -70,8 +160,29 @@ impl Session {
     ) -> Result<usize> {
         let values = in_order(text, values)?;
         let statement = self.prepared(text, &values)?;
-        let changed = self.client.borrow_mut().execute(&statement, &references(&values))?;
+        let changed = self.answer(self.client()?.execute(&statement, &references(&values)))?;
         Ok(usize::try_from(changed).unwrap_or(usize::MAX))
+    }
+
+    /// The same, together with the next statement.
+    pub(super) fn execute_later(
+        &self,
+        text: &Translated,
+        values: &[(Option<&str>, Value<'_>)],
+    ) -> Result<()> {
+        let values = in_order(text, values)?;
+        let statement = self.prepared(text, &values)?;
+        let values: Vec<Owned> = values.iter().map(Value::owned).collect();
+        let client = Arc::clone(self.client()?);
+        let count = {
+            let mut later = self.later.borrow_mut();
+            later.push(Box::pin(async move {
+                let values: Vec<Value<'_>> = values.iter().map(Owned::value).collect();
+                client.execute(&statement, &references(&values)).await
+            }));
+            later.len()
+        };
+        if count >= MOST_LATER { self.settle() } else { Ok(()) }
     }
 
     /// The rows that a statement finds.
@@ -82,7 +193,7 @@ impl Session {
     ) -> Result<Vec<Row>> {
         let values = in_order(text, values)?;
         let statement = self.prepared(text, &values)?;
-        Ok(self.client.borrow_mut().query(&statement, &references(&values))?)
+        self.answer(self.client()?.query(&statement, &references(&values)))
     }
 
     fn prepared(&self, text: &Translated, values: &[Value<'_>]) -> Result<Statement> {
@@ -93,7 +204,7 @@ impl Session {
             return Ok(statement.clone());
         }
         let types: Vec<Type> = kinds.iter().map(|kind| kind.postgres()).collect();
-        let statement = self.client.borrow_mut().prepare_typed(&text.text, &types)?;
+        let statement = self.answer(self.client()?.prepare_typed(&text.text, &types))?;
         if let Some(known) = self.known.borrow_mut().get_mut(&text.source) {
             known.prepared.push((kinds, statement.clone()));
         }

@@ -1,9 +1,9 @@
 //! Values of parameters.
 
 use bytes::BytesMut;
-use postgres::types::{self, IsNull, Type};
 use rusqlite::types::{ToSqlOutput, ValueRef};
 use std::error::Error;
+use tokio_postgres::types::{self, IsNull, Type};
 
 /// The type of a value in PostgreSQL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +50,41 @@ pub(in crate::store) enum Value<'a> {
     Truth(bool),
 }
 
+/// A value that keeps its text or bytes.
+#[derive(Clone, Debug)]
+pub(super) enum Owned {
+    /// A text.
+    Text(String),
+    /// Bytes.
+    Bytes(Vec<u8>),
+    /// Anything else.
+    Plain(Value<'static>),
+}
+
+impl Owned {
+    /// The value again.
+    pub(super) fn value(&self) -> Value<'_> {
+        match self {
+            Self::Text(text) => Value::Text(text),
+            Self::Bytes(bytes) => Value::Bytes(bytes),
+            Self::Plain(value) => *value,
+        }
+    }
+}
+
 impl Value<'_> {
+    /// The same, kept.
+    pub(super) fn owned(&self) -> Owned {
+        match *self {
+            Self::Null(kind) => Owned::Plain(Value::Null(kind)),
+            Self::Integer(number) => Owned::Plain(Value::Integer(number)),
+            Self::Real(number) => Owned::Plain(Value::Real(number)),
+            Self::Truth(truth) => Owned::Plain(Value::Truth(truth)),
+            Self::Text(text) => Owned::Text(text.to_owned()),
+            Self::Bytes(bytes) => Owned::Bytes(bytes.to_owned()),
+        }
+    }
+
     /// Its type.
     pub(super) fn kind(&self) -> Kind {
         match self {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// Free space, bytes, below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 
-/// The file of a database, with the write-ahead log beside it.
+/// The file of a database, with the write-ahead log.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct DatabaseFile {
     path: PathBuf,
@@ -36,22 +36,26 @@ impl DatabaseFile {
     }
 
     /// The file at a path.
-    pub(super) fn at(path: &Path) -> Self {
-        let mut log = path.as_os_str().to_owned();
+    pub(in crate::store) fn at(path: &Path) -> Self {
+        // SQLite keeps the log beside the file itself, also if the path is that of a symbolic link.
+        let mut log = path.canonicalize().unwrap_or_else(|_| path.to_owned()).into_os_string();
         log.push("-wal");
         Self { path: path.to_owned(), log: log.into() }
     }
 
-    pub(super) fn path(&self) -> &Path {
+    /// Whether there is something in the log: a server uses the file, or did not close it.
+    pub(in crate::store) fn has_log(&self) -> bool {
+        std::fs::metadata(&self.log).is_ok_and(|log| log.len() > 0)
+    }
+
+    pub(in crate::store) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Whether there is nothing yet: no file, or an empty one without a log.
     pub(super) fn is_empty(&self) -> bool {
-        let bytes = |path: &Path| std::fs::metadata(path).map(|file| file.len());
-        match bytes(&self.path) {
-            Ok(0) => bytes(&self.log).unwrap_or(0) == 0,
-            Ok(_) => false,
+        match std::fs::metadata(&self.path) {
+            Ok(file) => file.len() == 0 && !self.has_log(),
             Err(error) => error.kind() == io::ErrorKind::NotFound,
         }
     }
