@@ -208,6 +208,16 @@ pub struct BoundsSettings {
     actions: usize,
 }
 
+/// The turn rate of the paper's human, rad/s, to which its ε belong.
+const PAPERS_TURN_RATE_RADPS: f64 = 0.5;
+
+/// The paper's widenings, rad/s, for a human of this turn rate: as wide in proportion to it. Their last one, twice the
+/// turn rate, admits every turn.
+#[must_use]
+pub fn in_proportion(epsilon: &[f64], turn_rate_radps: f64) -> Vec<f64> {
+    epsilon.iter().map(|epsilon| epsilon * (turn_rate_radps / PAPERS_TURN_RATE_RADPS)).collect()
+}
+
 impl BoundsSettings {
     /// Settings for `epsilon.len()` sets (rad/s, ascending from ≥ 0) over the
     /// steps of `choice`, for a model of `actions` actions.

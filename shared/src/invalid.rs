@@ -81,6 +81,43 @@ pub fn all_finite(field: &str, values: &[f64]) -> Result<(), Invalid> {
     wrong.map_or(Ok(()), |i| finite(&format!("{field}[{i}]"), values[i]).map(|_| ()))
 }
 
+/// The largest number of a model: sums of products of three of them stay finite.
+const MOST_OF_MODEL: f64 = 1e100;
+
+/// Accepts a number of a model from whose products no infinity or NaN can come.
+///
+/// # Errors
+/// [`Invalid`] for a number beyond 10¹⁰⁰.
+pub fn moderate(field: &str, value: f64) -> Result<(), Invalid> {
+    // NaN is in no range.
+    if (-MOST_OF_MODEL..=MOST_OF_MODEL).contains(&value) {
+        return Ok(());
+    }
+    Err(Invalid::new(field, "a number from -1e100 to 1e100", value))
+}
+
+/// Accepts a list of such numbers.
+///
+/// # Errors
+/// [`Invalid`] naming the first one beyond 10¹⁰⁰.
+pub fn all_moderate(field: &str, values: &[f64]) -> Result<(), Invalid> {
+    (0_usize..).zip(values).try_for_each(|(i, &value)| match moderate(field, value) {
+        Err(invalid) => Err(Invalid { field: format!("{field}[{i}]"), ..invalid }),
+        fine => fine,
+    })
+}
+
+/// Accepts a divisor of a model, from whose quotients no infinity can come.
+///
+/// # Errors
+/// [`Invalid`] for a number that is not from 10⁻¹⁰⁰ to 10¹⁰⁰.
+pub fn moderate_divisor(field: &str, value: f64) -> Result<(), Invalid> {
+    if (MOST_OF_MODEL.recip()..=MOST_OF_MODEL).contains(&value) {
+        return Ok(());
+    }
+    Err(Invalid::new(field, "a number from 1e-100 to 1e100", value))
+}
+
 /// Accepts a list of exactly `expected` entries.
 ///
 /// # Errors

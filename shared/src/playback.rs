@@ -52,6 +52,19 @@ pub struct Recorded {
     pub states: Vec<JointState>,
 }
 
+impl Recorded {
+    /// What the trial and its goal need, with room for the human to go so far from each position, m.
+    fn window(&self, reach_m: f64) -> Window {
+        let goal = self.scene.goal;
+        let begin = Window { low: goal, high: goal }.including(goal, MARGIN_M);
+        self.states.iter().fold(begin, |window, state| {
+            window
+                .including(state.human.position(), reach_m.max(MARGIN_M))
+                .including(state.robot.position(), MARGIN_M)
+        })
+    }
+}
+
 /// A learned function G, and how sets are predicted with it.
 #[derive(Clone, Debug)]
 pub struct Learned {
@@ -107,14 +120,9 @@ impl Playback {
     /// # Errors
     /// [`Invalid`] if there is not one state more than inputs.
     pub fn new(recorded: Recorded) -> Result<Self, Invalid> {
-        let Recorded { scene, inputs, states, .. } = &recorded;
+        let Recorded { inputs, states, .. } = &recorded;
         one_more(inputs, states)?;
-        let goal = scene.goal;
-        let positions = states.iter().flat_map(|s| [s.human.position(), s.robot.position()]);
-        let window =
-            positions.chain([goal]).fold(Window { low: goal, high: goal }, |window, position| {
-                window.including(position, MARGIN_M)
-            });
+        let window = recorded.window(0.0);
         let now = Now { time_s: 0.0, step: 0, state: states[0] };
         Ok(Self {
             recorded,
@@ -148,6 +156,12 @@ impl Playback {
     /// Shows this part of the world from now on.
     pub fn show_window(&mut self, window: Window) {
         self.window = window;
+    }
+
+    /// Shows from now on what the trial and its goal need, and sets of so many steps ahead of the human.
+    pub fn make_room(&mut self, steps: usize) {
+        let SceneParameters { human, step_s, .. } = self.recorded.parameters;
+        self.window = self.recorded.window(human.speed_mps * step_s * steps as f64);
     }
 
     /// Takes over what was driven so far of a trial that is under way. The last step may differ from what

@@ -10,7 +10,7 @@ pub mod svm;
 mod file;
 
 use crate::features::FeatureSet;
-use crate::invalid::{Invalid, all_finite, length};
+use crate::invalid::{Invalid, all_moderate, length};
 use boosting::Boosted;
 pub use file::{ModelFile, PredictorFile};
 use logistic::Logistic;
@@ -87,7 +87,7 @@ impl Predictor {
     /// [`Invalid`] if there is not one finite rate a class, in rising order.
     pub fn with_actions(self, actions: Vec<f64>) -> Result<Self, Invalid> {
         length("actions", self.classes.len(), actions.len())?;
-        all_finite("actions", &actions)?;
+        all_moderate("actions", &actions)?;
         if !actions.is_sorted_by(|a, b| a < b) {
             let expected = "turn rates in rising order";
             return Err(Invalid::new("actions", expected, format!("{actions:?}")));
@@ -142,7 +142,7 @@ impl Predictor {
 fn flat(field: &str, width: usize, rows: &[Vec<f64>]) -> Result<Vec<f64>, Invalid> {
     for (i, row) in rows.iter().enumerate() {
         length(&format!("{field}[{i}]"), width, row.len())?;
-        all_finite(&format!("{field}[{i}]"), row)?;
+        all_moderate(&format!("{field}[{i}]"), row)?;
     }
     Ok(rows.concat())
 }

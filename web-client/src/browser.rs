@@ -74,6 +74,7 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
             on_resize: None,
             listeners: Vec::new(),
             down: Vec::new(),
+            has_pointed: false,
             guard: None,
             claims: Vec::new(),
             underway: Vec::new(),
@@ -207,6 +208,8 @@ struct Shell<P: Page> {
     listeners: Vec<listen::Listener>,
     /// The keys that are down, by their places.
     down: Vec<String>,
+    /// Whether the pointer was used last, and not a key.
+    has_pointed: bool,
     /// Asks users who leave, while it is there.
     guard: Option<listen::Listener>,
     claims: Vec<tabs::Claim>,

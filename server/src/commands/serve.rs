@@ -322,7 +322,7 @@ impl Running {
             let _ = write!(
                 text,
                 "\n  sign in with  {origin}/lab#key={key}\n\
-                 The key is shown this once: keep the link, or make another key with --new-admin-key."
+                 The key is shown at this start only: keep the link, or make another key with --new-admin-key."
             );
         }
         if self.fills_demo {

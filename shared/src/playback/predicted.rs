@@ -1,9 +1,12 @@
 //! What predicts the human, and the sets that are predicted.
 
 use super::Learned;
+use crate::bounds::{BoundsSettings, in_proportion};
 use crate::chart::fixed;
+use crate::invalid::Invalid;
 use crate::shfrs::NestedSet;
 use crate::shfrs::baselines::{EmpiricalFamily, EmpiricalSet, EmpiricalSets};
+use crate::vehicle::VehicleModel;
 
 /// What predicts where the human may be.
 #[allow(
@@ -15,6 +18,25 @@ pub enum Method {
     Learned(Learned),
     /// Sets that were learned from recorded futures. They know no probabilities of inputs.
     Empirical(Box<EmpiricalSets>),
+}
+
+impl Method {
+    /// The paper's settings in proportion to the human's turn rate, so that the widest set admits every turn.
+    ///
+    /// # Errors
+    /// As of [`BoundsSettings::new`].
+    pub fn for_human(mut self, human: &VehicleModel) -> Result<Self, Invalid> {
+        if let Self::Learned(learned) = &mut self {
+            let usual = &learned.settings.bounds;
+            learned.settings.bounds = BoundsSettings::new(
+                in_proportion(usual.epsilon(), human.turn_rate_radps),
+                usual.choice().clone(),
+                usual.rollout(),
+                learned.predictor.classes().len(),
+            )?;
+        }
+        Ok(self)
+    }
 }
 
 impl From<Learned> for Method {

@@ -41,6 +41,9 @@ impl View {
     /// The names of a link that [`Self::set`] takes.
     pub const NAMES: [&str; 7] = ["t", "speed", "show", "hr", "rh", "sets", "colours"];
 
+    /// The names of a link that only the page itself needs: whether trials are shown in a row, and legend and numbers.
+    pub const PAGE_NAMES: [&str; 3] = ["row", "legend", "numbers"];
+
     /// The view that the names and values of a query describe. Other names are another's business; what
     /// is not named is as usual.
     ///

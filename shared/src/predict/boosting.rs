@@ -4,7 +4,7 @@
 use super::logistic::softmax;
 use super::scale::Scale;
 use super::tree::{Questions, QuestionsFile};
-use crate::invalid::{Invalid, all_finite, length};
+use crate::invalid::{Invalid, all_moderate, length};
 use serde::{Deserialize, Serialize};
 
 /// Trees whose leaves hold numbers.
@@ -75,7 +75,7 @@ impl BoostedFile {
     pub fn check(&self, width: usize, classes: usize) -> Result<Boosted, Invalid> {
         let scores = scores_of(classes);
         length("intercepts", scores, self.intercepts.len())?;
-        all_finite("intercepts", &self.intercepts)?;
+        all_moderate("intercepts", &self.intercepts)?;
         if !self.trees.len().is_multiple_of(scores) {
             let expected = format!("{scores} trees a round");
             return Err(Invalid::new("trees", expected, format!("{} trees", self.trees.len())));
@@ -93,7 +93,7 @@ impl SummandFile {
     fn check(&self, width: usize) -> Result<Summand, Invalid> {
         let questions = self.questions.check(width)?;
         length("value", questions.0.len(), self.value.len())?;
-        all_finite("value", &self.value)?;
+        all_moderate("value", &self.value)?;
         Ok(Summand { questions, values: self.value.clone() })
     }
 }

@@ -2,7 +2,7 @@
 //! [`learn::logistic`](crate::learn::logistic) trains it.
 
 use super::scale::Scale;
-use crate::invalid::{Invalid, all_finite, length};
+use crate::invalid::{Invalid, all_moderate, length};
 use crate::math::exp;
 use serde::{Deserialize, Serialize};
 
@@ -64,7 +64,7 @@ impl Logistic {
     ) -> Result<Self, Invalid> {
         length("intercepts", coefficients.len(), intercepts.len())?;
         let weights = super::flat("coefficients", width, coefficients)?;
-        all_finite("intercepts", &intercepts)?;
+        all_moderate("intercepts", &intercepts)?;
         Ok(Self { width, weights, intercepts })
     }
 

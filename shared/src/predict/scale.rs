@@ -1,6 +1,6 @@
 //! Standardisation: zero mean and unit population standard deviation.
 
-use crate::invalid::{Invalid, finite, length, positive};
+use crate::invalid::{Invalid, length, moderate, moderate_divisor};
 
 /// What is subtracted from each feature, and what it is then divided by.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,12 +13,12 @@ impl Scale {
     /// A scale from its numbers.
     ///
     /// # Errors
-    /// [`Invalid`] if lengths differ, a number is not finite or a divisor not > 0.
+    /// [`Invalid`] if lengths differ, a number is beyond 10¹⁰⁰ or a divisor not > 10⁻¹⁰⁰.
     pub fn new(mean: Vec<f64>, scale: Vec<f64>) -> Result<Self, Invalid> {
         length("scale", mean.len(), scale.len())?;
         for (i, (&mean, &scale)) in mean.iter().zip(&scale).enumerate() {
-            finite(&format!("mean[{i}]"), mean)?;
-            positive(&format!("scale[{i}]"), scale)?;
+            moderate(&format!("mean[{i}]"), mean)?;
+            moderate_divisor(&format!("scale[{i}]"), scale)?;
         }
         Ok(Self { mean, scale })
     }

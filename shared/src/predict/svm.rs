@@ -12,7 +12,7 @@ mod support;
 use super::flat;
 use super::scale::Scale;
 use crate::document::from_value;
-use crate::invalid::{Invalid, all_finite, length, positive};
+use crate::invalid::{Invalid, all_moderate, length, positive};
 use crate::math::exp;
 pub use pairs::{pair_count, pairs, vote};
 use serde::{Deserialize, Serialize};
@@ -250,10 +250,10 @@ impl Svm {
             return Err(Invalid::new("classes", "at least 2 classes", classes));
         }
         length("intercepts", pair_count(classes), intercepts.len())?;
-        all_finite("intercepts", &intercepts)?;
+        all_moderate("intercepts", &intercepts)?;
         length("sigmoids", intercepts.len(), sigmoids.len())?;
         for (pair, sigmoid) in sigmoids.iter().enumerate() {
-            all_finite(&format!("sigmoids[{pair}]"), &[sigmoid.a, sigmoid.b])?;
+            all_moderate(&format!("sigmoids[{pair}]"), &[sigmoid.a, sigmoid.b])?;
         }
         Ok(Self { width, classes, pairwise, intercepts, sigmoids })
     }

@@ -1,6 +1,6 @@
 //! Settings of predicted sets as a file and as part of a link.
 
-use crate::bounds::{ActionChoice, BoundsSettings, Rollout};
+use crate::bounds::{ActionChoice, BoundsSettings, Rollout, in_proportion};
 use crate::document::decimal;
 use crate::invalid::{Invalid, length};
 use core::cmp::Ordering;
@@ -91,6 +91,15 @@ impl Preset {
             tau: None,
             rollout: usual_rollout(),
         }
+    }
+}
+
+impl ShfrsFile {
+    /// The paper's ε as wide in proportion to the turn rate of this human, see [`in_proportion`].
+    #[must_use]
+    pub fn for_turn_rate(mut self, turn_rate_radps: f64) -> Self {
+        self.epsilon = in_proportion(&self.epsilon, turn_rate_radps);
+        self
     }
 }
 
@@ -186,7 +195,8 @@ impl ShfrsFile {
         }
     }
 
-    /// Predicts with the roll-outs and the first set of `first`; smaller sets grow to it.
+    /// Predicts with the roll-outs and the first set of `first`. Sets that were not wider are spread evenly between it
+    /// and the next wider one.
     pub fn begin_with(&mut self, first: &Self) {
         (self.steps, self.rollout) = (first.steps, first.rollout);
         (self.k, self.tau) = (first.k.clone(), first.tau);
@@ -194,7 +204,16 @@ impl ShfrsFile {
         if self.epsilon.len() < 2 {
             self.epsilon.insert(0, least);
         }
-        self.epsilon.iter_mut().for_each(|epsilon| *epsilon = epsilon.max(least));
+        let wider = self.epsilon.iter().skip(1).position(|&epsilon| epsilon > least);
+        let (count, next) = match wider {
+            Some(count) => (count, self.epsilon[count + 1]),
+            None => (self.epsilon.len() - 1, least),
+        };
+        for (j, epsilon) in self.epsilon.iter_mut().take(count + 1).enumerate() {
+            // To the hundredth, as sliders go.
+            let between = least + (next - least) * j as f64 / (count + 1) as f64;
+            *epsilon = (100.0 * between).round().max(100.0 * least) / 100.0;
+        }
         self.epsilon[0] = least;
     }
 
@@ -391,7 +410,8 @@ mod tests {
         let mut first = PRESETS[2].settings(3);
         (first.epsilon, first.k, first.tau, first.steps) = (vec![0.3], None, Some(0.2), 7);
         for (epsilon, expected) in [
-            (vec![0.0, 0.15, 0.4, 1.0], vec![0.3, 0.3, 0.4, 1.0]),
+            (vec![0.0, 0.15, 0.4, 1.0], vec![0.3, 0.35, 0.4, 1.0]),
+            (vec![0.0, 0.1, 0.2, 0.2, 1.0], vec![0.3, 0.48, 0.65, 0.83, 1.0]),
             (vec![0.5, 1.0], vec![0.3, 1.0]),
             (vec![1.0], vec![0.3, 1.0]),
             (vec![0.1], vec![0.3, 0.3]),

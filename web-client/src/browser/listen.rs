@@ -79,7 +79,20 @@ impl<P: Page + 'static> Pump<P> {
             if !pump.used(event, |handler| matches!(handler, Handler::Press(_))) && P::navigates() {
                 pump.link(event);
             }
+            // A press by a key has no clicks.
+            let pressed = event.dyn_ref::<MouseEvent>().is_some_and(|press| press.detail() > 0);
+            if P::has_short_cuts() && pressed {
+                give_up_keys(event, "button, a, summary, [type=checkbox], [type=radio]");
+            }
         });
+        if P::has_short_cuts() {
+            self.on(&root, "pointerdown", |pump, _| pump.shell.borrow_mut().has_pointed = true);
+            self.on(&root, "change", |pump, event| {
+                if pump.shell.borrow().has_pointed {
+                    give_up_keys(event, "select");
+                }
+            });
+        }
         self.on(&root, "input", |pump, event| {
             pump.used(event, |handler| matches!(handler, Handler::Input(_)));
         });
@@ -135,10 +148,12 @@ impl<P: Page + 'static> Pump<P> {
         }
         let code = event.code();
         // The compiler leaves this out of the program of a page without short cuts.
-        if P::has_short_cuts() && down && is_needed(event, &code) {
-            return;
-        }
-        if self.shell.borrow().page.owns_key(&code) {
+        if P::has_short_cuts() && is_needed(event, &code) {
+            if down {
+                self.shell.borrow_mut().has_pointed = false;
+                return;
+            }
+        } else if self.shell.borrow().page.owns_key(&code) {
             event.prevent_default();
         }
         if event.repeat() && !P::has_short_cuts() {
@@ -272,6 +287,16 @@ impl<P: Page + 'static> Pump<P> {
         if self.visit(&url, t_ms) {
             event.prevent_default();
         }
+    }
+}
+
+/// Gives the keys back to the page after a control was used with the pointer: whoever has chosen a speed with the
+/// mouse presses Space to play. Whoever uses keys alone stays at the control.
+fn give_up_keys(event: &web_sys::Event, controls: &str) {
+    let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
+    let control = target.and_then(|target| target.closest(controls).ok().flatten());
+    if let Some(control) = control.and_then(|control| control.dyn_into::<HtmlElement>().ok()) {
+        let _ = control.blur();
     }
 }
 

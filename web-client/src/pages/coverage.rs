@@ -91,7 +91,10 @@ pub(super) fn worded(said: &str) -> String {
             return format!("{words}{place}{rest}");
         }
     }
-    said.to_owned()
+    match said.strip_prefix("steps: ") {
+        Some(rest) => format!("Steps ahead, T: {rest}"),
+        None => said.to_owned(),
+    }
 }
 
 /// A probability with its interval, as a number and as a bar.

@@ -172,6 +172,9 @@ const NUMBERS_EVERY_MS: f64 = 60.0;
 /// How long a synthetic driver's scene stays before the next one begins, ms.
 const REST_MS: f64 = 2500.0;
 
+/// Room around both vehicles for the predicted sets and the danger disc, m.
+const ROOM_M: f64 = 4.5;
+
 /// Scenes are drawn this many at a time.
 const BLOCK: usize = 12;
 
@@ -398,6 +401,8 @@ impl Demo {
             self.go_to(now_ms)?;
             self.points.push(self.score.points);
             self.model.learn(&self.playback, &self.safety)?;
+            // The panel shows at once what was learned.
+            self.playback.use_learned(Some(self.model.learned.clone()))?;
             self.stage = Stage::Over(now_ms);
         }
         self.show()
@@ -407,7 +412,9 @@ impl Demo {
     fn show(&mut self) -> Result<(), Invalid> {
         self.playback.go(&self.view)?;
         let now = self.playback.now();
-        self.playback.show_window(drive::window(&self.scenes[self.index], now.state));
+        let [human, robot] = [now.state.human, now.state.robot].map(|pose| pose.position());
+        let window = drive::window(&self.scenes[self.index], now.state);
+        self.playback.show_window(window.including(human, ROOM_M).including(robot, ROOM_M));
         let picture = &mut self.picture;
         picture.begin(CANVAS, self.playback.window());
         picture.tell("data-step", now.step);

@@ -23,7 +23,7 @@ use crate::runtime::{
 };
 use crate::view::Node;
 use sidestep::api::{Drives, routes, trial_heading};
-use sidestep::document::is_too_deep;
+use sidestep::document::{from_value, is_too_deep};
 use sidestep::invalid::Invalid;
 use sidestep::picture::Picture;
 use sidestep::playback::Playback;
@@ -263,7 +263,8 @@ impl Explorer {
         let Some(drive) = drives.tasks.get(task) else {
             return Err("This participant has no tasks yet.".to_owned());
         };
-        let mut wanted = PRESETS[0].settings(ACTIONS);
+        let turn_rate = drives.parameters.human.turn_rate_radps;
+        let mut wanted = PRESETS[0].settings(ACTIONS).for_turn_rate(turn_rate);
         let mut view = View::default();
         for (name, value) in &address.query {
             if let Err(invalid) = wanted.set(name, value).and_then(|()| view.set(name, value)) {
@@ -362,10 +363,12 @@ impl Explorer {
             Msg::UseFound => return self.use_found(),
             Msg::Preset(place) => {
                 let actions = self.actions();
+                let turn_rate = self.drives.parameters.human.turn_rate_radps;
                 return self.change(|wanted| {
                     if let Some(preset) = PRESETS.get(place) {
+                        let suited = preset.settings(actions).for_turn_rate(turn_rate);
                         // Roll-outs are a choice of their own.
-                        *wanted = preset.settings(actions).with_rollout(wanted.rollout);
+                        *wanted = suited.with_rollout(wanted.rollout);
                     }
                     Ok(())
                 });
@@ -412,9 +415,11 @@ impl Explorer {
             Msg::Json(value) => {
                 return self.change(|wanted| {
                     let text = Some(value.text()).filter(|text| !is_too_deep(text));
-                    let read = text.and_then(|text| json::read(text.as_bytes()));
+                    let read: Option<serde_json::Value> =
+                        text.and_then(|text| json::read(text.as_bytes()));
                     let expected = "settings as the file has them";
-                    *wanted = read.ok_or_else(|| Invalid::new("JSON", expected, "other text"))?;
+                    let read = read.ok_or_else(|| Invalid::new("JSON", expected, "other text"))?;
+                    *wanted = from_value(&read).map_err(|invalid| invalid.within("JSON"))?;
                     Ok(())
                 });
             }
@@ -546,6 +551,7 @@ impl Explorer {
         if !self.is_valid() {
             self.playback.hide_sets();
         }
+        self.playback.make_room(self.wanted.steps);
         let picture = &mut self.picture;
         picture.begin(CANVAS, self.playback.window());
         picture.tell("data-step", self.playback.now().step);

@@ -6,6 +6,7 @@ use crate::view::{Node, el};
 use sidestep::api::{
     AnalysisPage, AnalysisState, PredictorPage, PredictorSource, PredictorSummary, routes,
 };
+use sidestep::chart::fixed;
 
 /// A model of an analysis.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -105,7 +106,14 @@ impl Offered {
         let Self::Models(analysis, models) = self else { return Vec::new() };
         let named = |it: &PredictorSummary| {
             let named = Named { analysis: analysis.clone(), file: it.file.clone() };
-            (named, format!("{}, {:.0} % right", name(it), 100.0 * it.test_accuracy))
+            (
+                named,
+                format!(
+                    "{}, {} % of inputs foreseen",
+                    name(it),
+                    fixed(100.0 * it.test_accuracy, 1)
+                ),
+            )
         };
         models.iter().map(named).collect()
     }
@@ -161,7 +169,7 @@ pub(super) fn groups<M>(
     let analysed = (!listed.is_empty()).then(|| {
         let options = listed.iter().map(|(it, words)| entry(it, words.clone()));
         let words =
-            format!("Participant {number} in the newest analysis: share of test steps right");
+            format!("Participant {number} in the newest analysis: share of the inputs of test steps that it foresaw");
         group(words).children(options)
     });
     analysed.into_iter().chain(other).collect()

@@ -279,9 +279,13 @@ impl Replay {
         let looked = View::of_query(query());
         let sources = Source::of_query(query());
         let misread = looked.as_ref().err().or(sources.as_ref().err());
-        let misread = misread.map(|invalid| format!("The link is not valid: {invalid}."));
-        let misread =
-            misread.or_else(|| parts::unknown(address, &[&View::NAMES, &Source::NAMES, &["row"]]));
+        let misread = misread.map(|invalid| {
+            let what = if looked.is_err() { "view" } else { "choice of predictors" };
+            format!("The link is not valid, so the usual {what} is shown: {invalid}.")
+        });
+        let misread = misread.or_else(|| {
+            parts::unknown(address, &[&View::NAMES, &Source::NAMES, &View::PAGE_NAMES])
+        });
         let (view, (_, beside)) = (looked.unwrap_or_default(), sources.unwrap_or_default());
         let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
         let playback = Playback::new(Recorded { parameters, scene, inputs, states })
@@ -303,8 +307,8 @@ impl Replay {
             in_a_row,
             playing: None,
             filming: false,
-            shows_legend: true,
-            shows_numbers: false,
+            shows_legend: address.parameter("legend") != Some("no"),
+            shows_numbers: address.parameter("numbers") == Some("yes"),
             picture: Picture::default(),
             trouble: None,
             misread,
@@ -444,9 +448,13 @@ impl Replay {
     }
 
     fn link(&self, trial_id: &str, view: &View) -> String {
-        let row = if self.in_a_row { "row=yes".to_owned() } else { String::new() };
+        let said =
+            |name: &str, differs: bool| if differs { name.to_owned() } else { String::new() };
+        let row = said("row=yes", self.in_a_row);
+        let legend = said("legend=no", !self.shows_legend);
+        let numbers = said("numbers=yes", self.shows_numbers);
         let beside = self.beside.as_ref().map_or_else(String::new, |it| it.choice.query());
-        let parts = [self.choice.query(), beside, view.query(), row];
+        let parts = [self.choice.query(), beside, view.query(), row, legend, numbers];
         let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         let mark = if parts.is_empty() { "" } else { "?" };
         format!("/lab/replay/{trial_id}{mark}{}", parts.join("&"))

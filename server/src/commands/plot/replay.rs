@@ -101,7 +101,7 @@ pub(super) async fn replay(
     let pane = |method: Method| {
         let mut playback = Playback::new(found.recorded.clone())?;
         playback.use_safety(safety.clone())?;
-        playback.use_method(Some(method))?;
+        playback.use_method(Some(method.for_human(&found.recorded.parameters.human)?))?;
         playback.go(&view)?;
         Ok::<_, Invalid>(playback)
     };
@@ -175,7 +175,7 @@ impl Looked {
             pairs.map(|(name, value)| (name, decoded(value))).collect();
         let pairs = || pairs.iter().map(|(name, value)| (*name, value.as_str()));
         let wrong = |invalid: Invalid| flagged(invalid.within("view"));
-        let names = [&View::NAMES[..], &Source::NAMES, &["row"]].concat();
+        let names = [&View::NAMES[..], &Source::NAMES, &View::PAGE_NAMES].concat();
         if let Some((other, _)) = pairs().find(|(name, _)| !names.contains(name)) {
             let expected = format!("the names {} of a link to a replay", names.join(", "));
             return Err(flagged(Invalid::new("view", expected, other)));

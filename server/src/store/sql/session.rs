@@ -100,10 +100,8 @@ impl Session {
 
     /// Waits for what was put off; the first error of it.
     pub(super) fn settle(&self) -> Result<()> {
-        match self.later.borrow().is_empty() {
-            true => Ok(()),
-            false => self.answer(std::future::ready(Ok(()))),
-        }
+        let is_settled = self.later.borrow().is_empty();
+        if is_settled { Ok(()) } else { self.answer(std::future::ready(Ok(()))) }
     }
 
     /// Forgets what was put off; the transaction is undone.

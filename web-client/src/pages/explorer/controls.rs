@@ -17,7 +17,9 @@ type Node = view::Node<Msg>;
 pub(super) fn presets(explorer: &Explorer) -> Node {
     let button = |(place, preset): (usize, &sidestep::shfrs::file::Preset)| {
         let wanted = &explorer.wanted;
-        let is_on = *wanted == preset.settings(explorer.actions()).with_rollout(wanted.rollout);
+        let turn_rate = explorer.drives.parameters.human.turn_rate_radps;
+        let suited = preset.settings(explorer.actions()).for_turn_rate(turn_rate);
+        let is_on = *wanted == suited.with_rollout(wanted.rollout);
         switch(&format!("preset-{place}"), is_on, Msg::Preset(place))
             .attr("title", preset.meaning)
             .text(preset.name)
@@ -149,9 +151,11 @@ pub(super) fn file(explorer: &Explorer) -> Node {
         .test_id("json")
         .on_input(Msg::Json);
     let (study, number) = (&explorer.drives.study, explorer.drives.number);
+    let flags = explorer.choice.flags();
     let command = format!(
-        "sidestep shfrs --database DATABASE --study {study} --participant {number} \
+        "sidestep shfrs --database DATABASE --study {study} --participant {number}{} \
          --settings {} {} --out shfrs",
+        flags.as_deref().unwrap_or_default(),
         super::FILE,
         explorer.tuning.flags()
     );
@@ -163,15 +167,23 @@ pub(super) fn file(explorer: &Explorer) -> Node {
     });
     let words = match command {
         Some(_) => {
-            "The link of this page has them. So has this file, for the command line, where DATABASE is what \
-             the server was started with, such as sqlite:sidestep.db:"
+            "The link of this page has all settings but those of Tune. The file has those of the sets, for the \
+             command line, where DATABASE is what the server was started with, such as sqlite:sidestep.db:"
         }
-        None => "The link of this page has them. So has this file.",
+        None => {
+            "The link of this page has all settings but those of Tune; the file has those of the sets."
+        }
     };
+    let other = (command.is_some() && flags.is_none()).then(|| {
+        el("p").class("quiet").text(
+            "The command trains a predictor of its own, so its numbers are not those of the predictor chosen above.",
+        )
+    });
     el("section")
         .child(el("h2").text("Keep these settings"))
         .child(el("p").class("quiet").text(words))
         .children(command)
+        .children(other)
         .child(el("p").child(save))
         .child(
             el("details")

@@ -133,6 +133,29 @@ impl Choice {
         (choice, misread)
     }
 
+    /// Whether there is no predictor, and none on its way.
+    pub(super) fn is_refused(&self) -> bool {
+        self.refused.is_some()
+    }
+
+    /// What the command line is asked for the same predictor with; nothing if it cannot train it.
+    pub(super) fn flags(&self) -> Option<String> {
+        let (usual, ..) = FEATURES[0];
+        let set = FEATURES.iter().find(|(name, ..)| *name == self.features);
+        match (&self.chosen, set) {
+            (Chosen::Here, Some((name, ..))) if *name == usual => Some(String::new()),
+            (Chosen::Here, Some((_, names, _))) => {
+                let names = names.join(",");
+                Some(if names.is_empty() {
+                    " --features ''".into()
+                } else {
+                    format!(" --features {names}")
+                })
+            }
+            _ => None,
+        }
+    }
+
     /// Asks for what there is to choose from.
     pub(super) fn begin(&self, drives: &Drives) -> Commands<Msg> {
         vec![Offered::ask(&drives.study, Msg::Analyses)]

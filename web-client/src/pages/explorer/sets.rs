@@ -50,7 +50,7 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
         .test_id(&format!("epsilon-{j}"))
         .on_input(move |value| Msg::Epsilon(j, value));
     let shown = explorer.playback.sets().nth(j);
-    let is_valid = explorer.is_valid();
+    let is_valid = explorer.is_valid() && !explorer.choice.is_refused();
     let wait = if is_valid { "…" } else { "—" };
     let area = shown.map_or_else(|| wait.to_owned(), |set| fixed(set.area_m2, 2));
     let regions = explorer.coverage.regions(explorer.wanted.epsilon.len());

@@ -41,11 +41,20 @@ impl Default for Tuning {
 
 impl Tuning {
     pub(super) fn set_p(&mut self, value: &FieldValue) {
-        self.p = value.number().unwrap_or(self.p).clamp(0.01, 0.99);
+        let p = value.number().unwrap_or(self.p).clamp(0.01, 0.99);
+        self.aim(p, self.is_sure);
     }
 
     pub(super) fn set_guarantee(&mut self, value: &FieldValue) {
-        self.is_sure = value.text() == "pac";
+        self.aim(self.p, value.text() == "pac");
+    }
+
+    /// Asks for another promise: what was found for the one before is not an answer to it.
+    fn aim(&mut self, p: f64, is_sure: bool) {
+        if (p, is_sure) != (self.p, self.is_sure) {
+            (self.p, self.is_sure) = (p, is_sure);
+            self.forget();
+        }
     }
 
     /// Whether the tuner works.

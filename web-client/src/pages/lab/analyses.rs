@@ -320,7 +320,7 @@ impl Analyses {
                     "Models of three kinds learn each participant’s next input from features with \
                      and without the safety levels; tests say what helps. Only tasks are used, no \
                      familiarisation or practice. Test runs, participants whom an experimenter \
-                     excluded, and deleted data are left out.",
+                     excluded, and deleted data are left out. Participants who withdrew without having their data deleted are included.",
                 ))
                 .child(tick(
                     "leakage",

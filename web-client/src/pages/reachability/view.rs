@@ -330,12 +330,16 @@ fn origin(page: &Reachability, found: &Found) -> Node {
         Some(seconds) => format!("{}, solved here in {} s", found.how(), fixed(seconds, 2)),
         None => found.how(),
     };
+    let game = found.function().game();
+    let why = match game.pursuer.speed_mps > game.evader.speed_mps {
+        true => " This is expected when the pursuer is faster.",
+        false => "",
+    };
     let doubt = found.function().unsettled_m().map(|moved| {
         let moved = number(moved);
         el("p").class("waiting").attr("role", "note").test_id("not-converged").text(format!(
             "This value function did not converge: the solver stopped while it still changed by \
-             {moved} m, so V may be too high, above all far away. This is expected when the \
-             pursuer is faster."
+             {moved} m, so V may be too high, above all far away.{why}"
         ))
     });
     let state = if page.solving.is_some() { "of the game before" } else { "" };
@@ -372,13 +376,21 @@ fn numbers(page: &Reachability, found: &Found) -> Node {
     let outside = (!state.inside)
         .then(|| el("p").class("quiet").text("Outside the solved grid: V is extrapolated."));
     let radius_m = found.function().game().radius_m;
+    // A finite horizon says nothing of what comes after it.
+    let within = match found.function() {
+        ValueFunction::Sampled(samples) if samples.horizon_s().is_finite() => {
+            format!(" for {} s", number(samples.horizon_s()))
+        }
+        _ => String::new(),
+    };
     let verdict = if hypot(x, y) <= radius_m {
         "The pursuer is within the danger radius: the evader is caught already.".to_owned()
     } else if value <= 0.0 {
-        "Not safe: the pursuer can force a collision.".to_owned()
+        let within = within.replace(" for ", " within ");
+        format!("Not safe: the pursuer can force a collision{within}.")
     } else {
         let kept = fixed(value + radius_m, 2);
-        format!("Safe: the evader can keep the pursuer at least {kept} m away.")
+        format!("Safe{within}: the evader can keep the pursuer at least {kept} m away.")
     };
     let words = if page.view.plays { "Forget the game" } else { "Play from here" };
     let action = button("play", Msg::Play)
@@ -392,7 +404,7 @@ fn numbers(page: &Reachability, found: &Found) -> Node {
         .child(heading)
         .child(facts)
         .children(outside)
-        .child(el("p").test_id("verdict").text(verdict))
+        .children(state.inside.then(|| el("p").test_id("verdict").text(verdict)))
         .child(action)
         .children(game)
 }

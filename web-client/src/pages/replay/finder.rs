@@ -12,6 +12,7 @@ use sidestep::api::{
     AnalysisPage, AnalysisState, AnalysisSummary, PredictorPage, PredictorSummary, StudySummary,
     routes,
 };
+use sidestep::chart::fixed;
 
 type Node = view::Node<Whole>;
 
@@ -211,7 +212,11 @@ impl Finder {
     fn models(&self, page: &PredictorPage) -> Node {
         let total = self.found(page).count();
         let entry = |it: &PredictorSummary| {
-            let words = format!("{}, {:.0} % right", words(it), 100.0 * it.test_accuracy);
+            let words = format!(
+                "{}, {} % of inputs foreseen",
+                words(it),
+                fixed(100.0 * it.test_accuracy, 1)
+            );
             let named = Named { analysis: self.analysis.clone(), file: it.file.clone() };
             let message = Whole::Choose(self.pane, FieldValue::Text(named.value()));
             let button = button("found-model", message).class("plain").text(words);

@@ -85,7 +85,9 @@ impl Replay {
     pub(super) fn take(&mut self, pane: Pane, method: Result<Method, String>) {
         let Some((choice, playback)) = self.pane(pane) else { return };
         let used = method.and_then(|method| {
-            playback.use_method(Some(method)).map_err(|invalid| invalid.to_string())
+            let human = playback.recorded().parameters.human;
+            let used = method.for_human(&human).and_then(|it| playback.use_method(Some(it)));
+            used.map_err(|invalid| invalid.to_string())
         });
         if let Err(why) = used {
             choice.refuse(&why);

@@ -252,7 +252,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     session.slide("steps", 100.0);
     session.evaluate("evaluator");
     let said = session.words("not-counted").unwrap();
-    assert!(said.contains("steps: expected at most 50"), "{said}");
+    assert!(said.contains("Steps ahead, T: expected at most 50"), "{said}");
     assert!(session.areas()[4].parse::<f64>().unwrap() > 100.0);
     // Nor can sets of which the last does not hold everything.
     session.slide("steps", 10.0);
@@ -370,13 +370,13 @@ fn models_of_an_analysis_count_what_did_not_train_them() {
         session.send("predictor", 200, &model);
         let said = session.words("refused").unwrap();
         assert!(said.contains(words), "{said}");
-        assert!(session.areas().iter().all(|area| area == "…"));
+        assert!(session.areas().iter().all(|area| area == "—"));
     }
     // A model that is gone is told, and there are no sets of another one.
     session.choose("choose-predictor", "a/other.json");
     session.answer("predictor", 404, br#"{"code":"not_found","message":"there is no such model"}"#);
     assert!(session.words("refused").unwrap().contains("no such model"));
-    assert!(session.areas().iter().all(|area| area == "…"));
+    assert!(session.areas().iter().all(|area| area == "—"));
 }
 
 #[test]

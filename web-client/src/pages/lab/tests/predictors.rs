@@ -164,7 +164,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
     assert!(session.words("predictor").unwrap().contains("trained on the 7 trials before"));
     assert_eq!(right(&session).as_deref(), Some("90 %"));
     let options = session.words("choose-predictor").unwrap();
-    for expected in ["Decision tree on hrd, 71 %", "Logistic regression on hrd, 71 %"] {
+    for expected in ["Decision tree on hrd, 71.2 %", "Logistic regression on hrd, 71.2 %"] {
         assert!(options.contains(expected), "{options}");
     }
     session.tell(session.page.view().enter("slider", FieldValue::Number(Some(2.4))).unwrap());
