@@ -452,6 +452,23 @@ impl Tab {
         self.run(&format!("{element}.click()")).await;
     }
 
+    /// Waits for an element, and clicks on its middle with the mouse, as a hand does.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn click(&self, test_id: &str) {
+        let element = Self::at(test_id);
+        self.until(&format!("{element} && !{element}.disabled")).await;
+        let middle = format!(
+            "(box => [box.left + box.width / 2, box.top + box.height / 2])\
+             ({element}.getBoundingClientRect())"
+        );
+        let middle: [f64; 2] = self.eval(&middle).await;
+        for does in [Mouse::Move, Mouse::Press, Mouse::Release] {
+            self.mouse(does, middle).await;
+        }
+    }
+
     /// Waits for an element's words.
     pub async fn words(&self, test_id: &str) -> String {
         let element = Self::at(test_id);

@@ -11,7 +11,7 @@ use crate::secrets;
 use crate::store::StoreError;
 use crate::store::enrolments::{self, Gate, NewParticipant};
 use crate::store::participants::Participant;
-use crate::store::scenes::PlannedRow;
+use crate::store::scenes::{PlannedRow, trial_ids};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
@@ -135,8 +135,11 @@ fn plan_rows(config: &StudyConfig, place: u64) -> Result<Vec<PlannedRow>, StoreE
         let in_phase = move |(index, scene)| (phase.phase, index, scene);
         scenes.into_iter().enumerate().map(in_phase)
     });
-    let row = |(ordinal, (phase, index, planned)): (i64, (_, _, StratifiedScene))| PlannedRow {
-        trial_id: Uuid::new_v4().to_string(),
+    let row = |((ordinal, (phase, index, planned)), trial_id): (
+        (i64, (_, _, StratifiedScene)),
+        String,
+    )| PlannedRow {
+        trial_id,
         ordinal,
         phase,
         index,
@@ -144,7 +147,7 @@ fn plan_rows(config: &StudyConfig, place: u64) -> Result<Vec<PlannedRow>, StoreE
         scene: planned.scene,
         stored: false,
     };
-    Ok((0..).zip(scenes).map(row).collect())
+    Ok((0..).zip(scenes).zip(trial_ids()).map(row).collect())
 }
 
 /// The plan for the participant's page, from its rows: phases in the configuration's order.

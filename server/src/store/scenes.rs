@@ -5,6 +5,7 @@ use super::sql::{self, Connection, OptionalExtension, Row, params};
 use sidestep::scene::Scene;
 use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
+use uuid::Uuid;
 
 /// One planned scene.
 #[derive(Clone, Debug)]
@@ -24,6 +25,20 @@ pub struct PlannedRow {
     /// Whether its trial is stored.
     pub stored: bool,
 }
+
+/// Ids for the trials of a plan. They are random and say nothing of the time; but they begin alike, so that they are
+/// neighbours in the database's index. A plan would otherwise change a page of it for each trial.
+pub fn trial_ids() -> impl Iterator<Item = String> {
+    let (plan, _) = Uuid::new_v4().as_u64_pair();
+    std::iter::repeat_with(move || {
+        let mut bytes = *Uuid::new_v4().as_bytes();
+        bytes[..SHARED].copy_from_slice(&plan.to_be_bytes()[..SHARED]);
+        uuid::Builder::from_random_bytes(bytes).into_uuid().to_string()
+    })
+}
+
+/// The bytes with which the ids of a plan begin; ten bytes are left to chance.
+const SHARED: usize = 6;
 
 /// The columns that [`scene_of`] reads.
 pub(super) const SCENE: &str = "human_x, human_y, human_psi, robot_x, robot_y, robot_psi, \

@@ -61,7 +61,8 @@ const ATTACKS: [(&str, Attack); 8] = [
 ];
 
 /// Measures one server on a new database.
-pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64) {
+pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64, chosen: &[String]) {
+    let is_chosen = |name: &str| chosen.iter().any(|part| name.contains(part.as_str()));
     println!("\nunder attack ({}; {HONEST_PER_S} honest uploads a second)", subject.name);
     let own = Folder::default();
     let (database, _cluster) = subject.database(folder, "attacks.db");
@@ -90,7 +91,7 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64) {
         row(name, figure, format!("{}; {beside}{more}", at_most(ratio, 2.0, "×")));
     };
     let address: SocketAddr = server.origin.trim_start_matches("http://").parse().expect("a port");
-    for (name, attack) in ATTACKS {
+    for (name, attack) in ATTACKS.into_iter().filter(|(name, _)| is_chosen(name)) {
         let (stop, count) = (CancellationToken::new(), Arc::new(AtomicU64::new(0)));
         let (stopped, counted) = (stop.clone(), Arc::clone(&count));
         let attackers = std::thread::spawn(move || attackers(address, attack, &stopped, counted));
@@ -104,6 +105,10 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64) {
         row("  put off by a 503, problems", crowd.troubles(), "");
         sleep(Duration::from_secs(2)).await;
     }
+    const ANALYSIS: &str = "an analysis of 30 people";
+    if !is_chosen(ANALYSIS) {
+        return;
+    }
     let ask = server.request(Method::POST, &routes::admin_analyses("analysed")).bearer_auth(&key);
     let asked = Answer::of(ask.json(&serde_json::json!({}))).await;
     assert_eq!(asked.status, 201, "{}", asked.body);
@@ -112,7 +117,7 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64) {
     let route = routes::admin_analysis(asked.body["id"].as_str().expect("an id"));
     let now = Answer::of(server.request(Method::GET, &route).bearer_auth(&key)).await;
     let state = now.body["state"].as_str().unwrap_or("?").to_owned();
-    said("an analysis of 30 people", &beside, format!("; afterwards it is {state}"));
+    said(ANALYSIS, &beside, format!("; afterwards it is {state}"));
 }
 
 /// Attacks until it is stopped, on a thread of its own.

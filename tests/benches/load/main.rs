@@ -39,6 +39,9 @@ struct Options {
     /// On which databases, by their names in the output; all whose name contains one of these.
     #[arg(long, value_delimiter = ',', default_value = "")]
     databases: Vec<String>,
+    /// Which attacks; all whose name contains one of these.
+    #[arg(long, value_delimiter = ',', default_value = "")]
+    attacks: Vec<String>,
     /// Connections that upload as fast as they are answered.
     #[arg(long, default_value_t = 64)]
     connections: usize,
@@ -144,7 +147,7 @@ async fn measure(options: &Options, folder: &Folder) -> ExitCode {
     }
     if options.has(Scenario::Attacks) {
         for subject in SUBJECTS.iter().filter(is_chosen).filter(|subject| subject.is_alone()) {
-            attacks::measure(subject, folder, options.seconds).await;
+            attacks::measure(subject, folder, options.seconds, &options.attacks).await;
         }
     }
     if options.has(Scenario::Start) {

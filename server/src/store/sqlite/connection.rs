@@ -34,6 +34,8 @@ pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
     // Deleted rows are overwritten.
     db.pragma_update(None, "secure_delete", true)?;
     db.pragma_update(None, "wal_autocheckpoint", CHECKPOINT_PAGES)?;
+    // What undoes an operation is kept in memory, and not in a file that is made and deleted for each batch.
+    db.pragma_update(None, "temp_store", "MEMORY")?;
     db.set_prepared_statement_cache_capacity(128);
     Ok(db)
 }

@@ -28,6 +28,13 @@ async fn anybody_drives_and_is_predicted() {
     tab.until_says("model", "trained on 1 scene").await;
     assert!(tab.words("total").await.contains("1 scene"));
     take(&tab, "demo-over").await;
+    // Space presses a button that was reached by keys, and begins a scene after one was clicked.
+    let pressed = format!("{}.ariaPressed", Tab::at("legend-switch"));
+    tab.run(&format!("{}.focus()", Tab::at("legend-switch"))).await;
+    tab.key(" ").await;
+    tab.until(&format!("{pressed} === 'true'")).await;
+    tab.click("legend-switch").await;
+    tab.until(&format!("{pressed} === 'false'")).await;
     tab.key(" ").await;
     tab.until_step("demo", 2).await;
     assert_eq!(tab.attribute("demo", "data-scene").await.as_deref(), Some("1"));
