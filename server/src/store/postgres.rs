@@ -29,8 +29,8 @@ use tokio::task;
 use trials::Trials;
 
 /// Sessions for each purpose. Few write trials, so that many trials share a transaction and the database has few
-/// writers to serve; at half a millisecond from the database they store about a thousand trials a second.
-const SESSIONS: [usize; 5] = [3, 4, 1, 6, 4];
+/// writers to serve.
+const SESSIONS: [usize; 5] = [2, 4, 1, 6, 4];
 
 /// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, and to
 /// read many.
@@ -286,21 +286,24 @@ impl Postgres {
         let working = task::spawn_blocking(move || {
             // The caller may have gone: the turn stays with the work.
             let _turn = turn;
-            shared.transact([&begin, commit], 1, work)
+            let begun = Instant::now();
+            let done = shared.transact([&begin, commit], work)?;
+            if commit == COMMIT {
+                shared.observed.note(1, begun.elapsed());
+            }
+            Ok(done)
         });
         working.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 }
 
 impl Shared {
-    /// A transaction; if it writes, so many operations together.
+    /// A transaction.
     fn transact<T>(
         &self,
         [begin, commit]: [&str; 2],
-        operations: usize,
         work: impl FnOnce(&Connection) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let begun = Instant::now();
         let db = self.pool.begin(begin)?;
         let found = catch_unwind(AssertUnwindSafe(|| work(&db)));
         let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
@@ -312,23 +315,23 @@ impl Shared {
         }
         let found = found?;
         ended?;
-        if commit == COMMIT {
-            self.observed.note(operations, begun.elapsed());
-        }
         Ok(found)
     }
 }
 
 /// Begins a transaction with these locks. Everybody takes locks in the same order, so nobody waits for each
 /// other.
-fn begin(mut locks: Vec<Lock>) -> String {
+fn begin(locks: Vec<Lock>) -> String {
+    format!("BEGIN{}", taking(locks))
+}
+
+/// Further statements, which take these locks.
+fn taking(mut locks: Vec<Lock>) -> String {
     locks.sort();
     locks.dedup();
-    let mut begin = "BEGIN".to_owned();
-    for [kind, number] in locks.iter().map(Lock::numbers) {
-        begin += &format!("; SELECT pg_advisory_xact_lock({kind}, {number})");
-    }
-    begin
+    let one =
+        |[kind, number]: [i32; 2]| format!("; SELECT pg_advisory_xact_lock({kind}, {number})");
+    locks.iter().map(Lock::numbers).map(one).collect()
 }
 
 /// Says that something was stored whenever a server has committed something.

@@ -1,12 +1,14 @@
 //! Trials that wait for a session: one transaction stores all that wait, so that many share the work of a
 //! transaction and the wait for the disk.
 
-use super::{COMMIT, QUEUE, Shared, begin};
+use super::{COMMIT, QUEUE, Shared, taking};
 use crate::store::error::StoreError;
 use crate::store::lanes::Lock;
 use crate::store::operation::Operation;
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 /// Most trials of a transaction.
 const BATCH: usize = 32;
@@ -15,7 +17,11 @@ type Waiting = (Vec<Lock>, Box<dyn Operation>);
 
 /// The trials that wait, the oldest first.
 #[derive(Default)]
-pub(super) struct Trials(Mutex<VecDeque<Waiting>>);
+pub(super) struct Trials {
+    waiting: Mutex<VecDeque<Waiting>>,
+    /// How many transactions were begun.
+    turns: AtomicUsize,
+}
 
 impl Trials {
     pub(super) fn push(
@@ -44,35 +50,69 @@ impl Trials {
     }
 
     fn waiting(&self) -> MutexGuard<'_, VecDeque<Waiting>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// The kind of the locks of which a transaction that stores trials has one; see [`Lock::numbers`] for the others.
+const TURN: i32 = 1_000;
+
+/// Begins a transaction when it is its turn: of all servers together, two store trials at a time. One waits for the disk
+/// while the other one works; with more of them, each takes longer, and trials share fewer transactions.
+fn begin_in_turn(waits_for: usize) -> String {
+    format!(
+        "BEGIN; SELECT CASE WHEN pg_try_advisory_xact_lock({TURN}, 0) THEN 0 \
+         WHEN pg_try_advisory_xact_lock({TURN}, 1) THEN 1 \
+         ELSE (SELECT 2 FROM pg_advisory_xact_lock({TURN}, {})) END",
+        waits_for % 2
+    )
 }
 
 impl Shared {
     /// Stores trials that wait, in one transaction. If one of them fails, each is stored in its own: savepoints
     /// would cost every trial two messages, and each a lock of its own on the row of the study.
     pub(super) fn write_trials(&self) {
-        let mut batch = self.trials.take();
-        if batch.is_empty() {
+        if self.trials.count() == 0 {
             return;
         }
-        match self.write_together(&mut batch) {
+        let mut batch = Vec::new();
+        let committed = self.write_together(|| self.trials.take(), &mut batch);
+        if batch.is_empty() && committed.is_err() {
+            // It was nobody's turn: the database is away.
+            batch = self.trials.take();
+        }
+        match committed {
             Err(error) if batch.len() > 1 && !error.ends_transaction() => {
                 for alone in batch {
-                    let mut alone = [alone];
-                    let committed = self.write_together(&mut alone);
-                    self.answer(alone, committed);
+                    let mut stored = Vec::new();
+                    let mut alone = Some(alone);
+                    let committed =
+                        self.write_together(|| alone.take().into_iter().collect(), &mut stored);
+                    // It is still here if its turn never came.
+                    stored.extend(alone);
+                    self.answer(stored, committed);
                 }
             }
             committed => self.answer(batch, committed),
         }
     }
 
-    fn write_together(&self, batch: &mut [Waiting]) -> Result<(), StoreError> {
-        let locks = batch.iter().flat_map(|(locks, _)| locks.clone()).collect();
-        self.transact([&begin(locks), COMMIT], batch.len(), |db| {
+    /// Stores what `take` gives once it is this transaction's turn, and leaves it in `batch`.
+    fn write_together(
+        &self,
+        take: impl FnOnce() -> Vec<Waiting>,
+        batch: &mut Vec<Waiting>,
+    ) -> Result<(), StoreError> {
+        let turn = self.trials.turns.fetch_add(1, Ordering::Relaxed);
+        let begun = Instant::now();
+        self.transact([&begin_in_turn(turn), COMMIT], |db| {
+            *batch = take();
+            let locks = batch.iter().flat_map(|(locks, _)| locks.clone()).collect();
+            db.batch(&taking(locks))?;
             batch.iter_mut().try_for_each(|(_, operation)| operation.run(db))
-        })
+        })?;
+        self.observed.note(batch.len(), begun.elapsed());
+        Ok(())
     }
 
     fn answer(&self, batch: impl IntoIterator<Item = Waiting>, committed: Result<(), StoreError>) {
