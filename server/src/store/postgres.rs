@@ -28,9 +28,8 @@ use tokio::sync::{Semaphore, watch};
 use tokio::task;
 use trials::Trials;
 
-/// Sessions for each purpose. Few write trials, so that many trials share a transaction and the database has few
-/// writers to serve.
-const SESSIONS: [usize; 5] = [2, 4, 1, 6, 4];
+/// Most sessions for each purpose. Those that write trials take turns with those of other servers.
+const SESSIONS: [usize; 5] = [4, 4, 1, 6, 4];
 
 /// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, and to
 /// read many.
@@ -130,7 +129,10 @@ impl Postgres {
         }
         migrations::apply(&db).map_err(misfit)?;
         pool.give_back(db);
-        let kinds = SESSIONS.map(|sessions| Kind {
+        let mut sessions = SESSIONS;
+        // More would only wait for a turn.
+        sessions[TRIALS] = sessions[TRIALS].min(pool.writers());
+        let kinds = sessions.map(|sessions| Kind {
             free: Arc::new(Semaphore::new(sessions)),
             sessions: sessions as u32,
             waiting: AtomicUsize::new(0),

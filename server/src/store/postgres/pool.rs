@@ -3,6 +3,7 @@
 use crate::store::error::StoreError;
 use crate::store::sql::Connection;
 use rustls::ClientConfig;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio_postgres::Config;
 use tokio_postgres_rustls::MakeRustlsConnect;
@@ -19,8 +20,16 @@ const SETTINGS: &str = "SET synchronous_commit = on; SET lock_timeout = '10s'; \
 /// The oldest PostgreSQL that is known to work.
 const OLDEST: i32 = 140_000;
 
+/// How many transactions store trials at a time unless the database says otherwise: as PostgreSQL on two cores does best.
+const WRITERS: usize = 2;
+
+/// Most that count.
+const MOST_WRITERS: usize = 64;
+
 /// Idle sessions, and how to begin one.
 pub(super) struct Pool {
+    /// How many transactions of all servers store trials at a time: the database's setting `sidestep.writers`.
+    writers: AtomicUsize,
     config: Config,
     tls: ClientConfig,
     /// None once the store is closed.
@@ -43,7 +52,8 @@ fn end(sessions: Option<Vec<Connection>>) {
 
 impl Pool {
     pub(super) fn new(config: Config, tls: ClientConfig) -> Self {
-        Self { config, tls, idle: Mutex::new(Some(Vec::new())) }
+        let writers = AtomicUsize::new(WRITERS);
+        Self { writers, config, tls, idle: Mutex::new(Some(Vec::new())) }
     }
 
     /// Begins a session.
@@ -51,15 +61,23 @@ impl Pool {
         let tls = MakeRustlsConnect::new(self.tls.clone());
         let db = Connection::to_server(&self.config, tls)?;
         db.batch(SETTINGS)?;
-        let version = "SELECT CAST(current_setting('server_version_num') AS INTEGER), \
-                           current_setting('server_version')";
-        let (number, words): (i64, String) =
-            db.query_row(version, [], |row| Ok((row.get(0)?, row.get(1)?)))?;
+        let about = "SELECT CAST(current_setting('server_version_num') AS INTEGER), \
+                         current_setting('server_version'), \
+                         coalesce(current_setting('sidestep.writers', TRUE), '')";
+        let (number, words, writers): (i64, String, String) =
+            db.query_row(about, [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)))?;
+        let writers = writers.trim().parse().unwrap_or(WRITERS).clamp(1, MOST_WRITERS);
+        self.writers.store(writers, Ordering::Relaxed);
         if number < OLDEST.into() {
             let old = format!("expected PostgreSQL {} or newer, found {words}", OLDEST / 10_000);
             return Err(StoreError::Unavailable(old));
         }
         Ok(db)
+    }
+
+    /// How many transactions of all servers store trials at a time.
+    pub(super) fn writers(&self) -> usize {
+        self.writers.load(Ordering::Relaxed)
     }
 
     /// A session in which the statements of `begin` were run.

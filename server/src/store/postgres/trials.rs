@@ -57,14 +57,17 @@ impl Trials {
 /// The kind of the locks of which a transaction that stores trials has one; see [`Lock::numbers`] for the others.
 const TURN: i32 = 1_000;
 
-/// Begins a transaction when it is its turn: of all servers together, two store trials at a time. One waits for the disk
-/// while the other one works; with more of them, each takes longer, and trials share fewer transactions.
-fn begin_in_turn(waits_for: usize) -> String {
+/// Begins a transaction when it is its turn: of all servers together, `writers` store trials at a time. With more of them
+/// than PostgreSQL has cores, each takes longer, and trials share fewer transactions. It tries the turns from `first` on,
+/// and waits for that one if all are taken.
+fn begin_in_turn(writers: usize, first: usize) -> String {
+    let turns = (0..writers).map(|i| (first + i) % writers);
+    let tries: String = turns
+        .map(|turn| format!("WHEN pg_try_advisory_xact_lock({TURN}, {turn}) THEN 1 "))
+        .collect();
+    let first = first % writers;
     format!(
-        "BEGIN; SELECT CASE WHEN pg_try_advisory_xact_lock({TURN}, 0) THEN 0 \
-         WHEN pg_try_advisory_xact_lock({TURN}, 1) THEN 1 \
-         ELSE (SELECT 2 FROM pg_advisory_xact_lock({TURN}, {})) END",
-        waits_for % 2
+        "BEGIN; SELECT CASE {tries}ELSE (SELECT 1 FROM pg_advisory_xact_lock({TURN}, {first})) END"
     )
 }
 
@@ -105,7 +108,7 @@ impl Shared {
     ) -> Result<(), StoreError> {
         let turn = self.trials.turns.fetch_add(1, Ordering::Relaxed);
         let begun = Instant::now();
-        self.transact([&begin_in_turn(turn), COMMIT], |db| {
+        self.transact([&begin_in_turn(self.pool.writers(), turn), COMMIT], |db| {
             *batch = take();
             let locks = batch.iter().flat_map(|(locks, _)| locks.clone()).collect();
             db.batch(&taking(locks))?;
