@@ -88,7 +88,8 @@ impl<P: Page + 'static> Pump<P> {
         if P::has_short_cuts() {
             self.on(&root, "pointerdown", |pump, _| pump.shell.borrow_mut().has_pointed = true);
             self.on(&root, "change", |pump, event| {
-                if pump.shell.borrow().has_pointed {
+                // While a view is being shown, a field that loses the focus to a new one says so, too.
+                if pump.shell.try_borrow().is_ok_and(|shell| shell.has_pointed) {
                     give_up_keys(event, "select");
                 }
             });
