@@ -158,7 +158,7 @@ impl Playback {
         self.window = window;
     }
 
-    /// Shows from now on what the trial and its goal need, and sets of so many steps ahead of the human.
+    /// Makes the window large enough for the trial, its goal, and sets that reach `steps` steps ahead of the human.
     pub fn make_room(&mut self, steps: usize) {
         let SceneParameters { human, step_s, .. } = self.recorded.parameters;
         self.window = self.recorded.window(human.speed_mps * step_s * steps as f64);
