@@ -7,6 +7,7 @@ mod file;
 mod connection;
 mod migrations;
 mod readers;
+mod write_back;
 mod writer;
 
 use super::error::{StoreError, reason};

@@ -11,9 +11,6 @@ const WRITE_PATIENCE: Duration = Duration::from_secs(5);
 /// How long a read waits; it blocks a thread that serves requests.
 const READ_PATIENCE: Duration = Duration::from_millis(250);
 
-/// Pages of the write-ahead log after which SQLite writes them back to the database.
-const CHECKPOINT_PAGES: i64 = 4_000;
-
 /// A connection that only reads, and changes no file even when it is closed.
 pub(super) fn untouching(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
@@ -33,7 +30,6 @@ pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
     db.pragma_update(None, "foreign_keys", true)?;
     // Deleted rows are overwritten.
     db.pragma_update(None, "secure_delete", true)?;
-    db.pragma_update(None, "wal_autocheckpoint", CHECKPOINT_PAGES)?;
     // What undoes an operation is kept in memory, and not in a file that is made and deleted for each batch.
     db.pragma_update(None, "temp_store", "MEMORY")?;
     db.set_prepared_statement_cache_capacity(128);
@@ -48,6 +44,11 @@ pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
     db.pragma_update(None, "query_only", true)?;
     db.set_prepared_statement_cache_capacity(64);
     Ok(db)
+}
+
+/// Writes back as much of the log as readers allow, and returns how many pages it had at the beginning.
+pub(super) fn write_back(db: &Connection) -> rusqlite::Result<i64> {
+    db.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |row| row.get(1))
 }
 
 /// Writes the whole log back and empties it, unless a reader uses it. Returns whether it was emptied.

@@ -12,6 +12,7 @@
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
+use super::write_back::{self, WriteBack};
 use crate::store::commits::Commits;
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
@@ -160,6 +161,7 @@ impl Writer {
         let expected = file.identity()?;
         let db = Some(open(&file, expected)?);
         let queue = Arc::new(Queue { lanes: Mutex::default(), changed: Condvar::new() });
+        let log = WriteBack::start(file.clone(), expected)?;
         let committed = watch::Sender::new(0);
         let observed = Commits::default();
         let thread = Thread {
@@ -169,6 +171,7 @@ impl Writer {
             file,
             expected,
             db,
+            log,
             disk: Duration::ZERO,
         };
         let thread = std::thread::Builder::new()
@@ -244,6 +247,7 @@ struct Thread {
     expected: Identity,
     /// None after an error; the next batch opens another connection.
     db: Option<Open>,
+    log: WriteBack,
     /// How long the disk took for the last commit.
     disk: Duration,
 }
@@ -266,6 +270,10 @@ impl Open {
 
 impl Thread {
     fn run(mut self) {
+        // The hook belongs to the thread that commits.
+        if let Some(Ok(sqlite)) = self.db.as_ref().map(Open::sqlite) {
+            write_back::watch(sqlite);
+        }
         let mut last_background = Instant::now();
         loop {
             match self.queue.next(last_background) {
@@ -309,6 +317,9 @@ impl Thread {
         for operation in batch {
             operation.answer(committed.clone().map(|_| ()));
         }
+        if let Some(Ok(sqlite)) = self.db.as_ref().map(Open::sqlite) {
+            self.log.after_commit(sqlite);
+        }
     }
 
     /// Returns whether a row changed. The connection is used again only after a successful commit: a new connection is in no failed
@@ -316,7 +327,11 @@ impl Thread {
     fn commit(&mut self, batch: &mut Batch, trials: usize) -> Result<bool, StoreError> {
         let open = match self.db.take() {
             Some(open) => open,
-            None => open(&self.file, self.expected)?,
+            None => {
+                let open = open(&self.file, self.expected)?;
+                write_back::watch(open.sqlite()?);
+                open
+            }
         };
         let sqlite = open.sqlite()?;
         let before = sqlite.total_changes();

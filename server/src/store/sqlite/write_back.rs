@@ -1,0 +1,132 @@
+//! Writing the write-ahead log back to the database while the writer goes on.
+//!
+//! SQLite would do it in the commit that makes the log long, and everybody who waits for the writer
+//! would wait for two syncs of many pages. So a thread with a connection of its own does it, again and again until few
+//! pages are left. These the writer writes back itself between two batches: only with nothing left SQLite begins the log
+//! anew.
+
+use super::connection;
+use super::file::{DatabaseFile, Identity};
+use crate::store::error::StoreError;
+use std::cell::Cell;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+/// Pages of the log after which it is written back.
+const LONG: i32 = 4_000;
+
+/// Pages after which the writer does not wait for the thread.
+const TOO_LONG: i32 = 10 * LONG;
+
+/// So few pages are left to the writer.
+const FEW: i64 = 64;
+
+/// Rounds of the thread. Each writes back what came during the one before.
+const MOST_ROUNDS: usize = 8;
+
+thread_local! {
+    /// Pages of the log after the last commit of this thread.
+    static LOG_PAGES: Cell<i32> = const { Cell::new(0) };
+}
+
+/// Has SQLite tell how long the log is, instead of writing it back in a commit.
+pub(super) fn watch(db: &rusqlite::Connection) {
+    LOG_PAGES.set(0);
+    db.wal_hook(Some(|_, pages| {
+        LOG_PAGES.set(pages);
+        Ok(())
+    }));
+}
+
+/// Whose turn it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Turn {
+    /// Nobody's: the log is short, or was left as it is.
+    Nobody,
+    /// The thread writes back.
+    Thread,
+    /// Only few pages are left, for the writer.
+    Writer,
+}
+
+/// The writer's handle.
+pub(super) struct WriteBack {
+    begin: Option<SyncSender<()>>,
+    turn: Arc<Mutex<Turn>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl WriteBack {
+    /// Starts the thread. It touches no other file than the expected one.
+    pub(super) fn start(file: DatabaseFile, expected: Identity) -> Result<Self, StoreError> {
+        let turn = Arc::new(Mutex::new(Turn::Nobody));
+        let (begin, asked) = sync_channel(1);
+        let next = Arc::clone(&turn);
+        let thread = std::thread::Builder::new()
+            .name("store-log".to_owned())
+            .spawn(move || {
+                for () in asked {
+                    let written = write_back(&file, expected);
+                    if let Err(error) = &written {
+                        tracing::warn!(%error, "the write-ahead log was not written back");
+                    }
+                    set(&next, if written == Ok(true) { Turn::Writer } else { Turn::Nobody });
+                }
+            })
+            .map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        Ok(Self { begin: Some(begin), turn, thread: Some(thread) })
+    }
+
+    /// Has a long log written back. To be called by the writer's thread after a commit.
+    pub(super) fn after_commit(&self, db: &rusqlite::Connection) {
+        let pages = LOG_PAGES.get();
+        if pages < LONG {
+            return;
+        }
+        let turn = *self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        if turn == Turn::Writer || (turn == Turn::Nobody && pages >= TOO_LONG) {
+            set(&self.turn, Turn::Nobody);
+            if let Err(error) = connection::write_back(db) {
+                tracing::warn!(%error, "the write-ahead log was not written back");
+            }
+        } else if turn == Turn::Nobody
+            && let Some(begin) = &self.begin
+            && begin.try_send(()).is_ok()
+        {
+            set(&self.turn, Turn::Thread);
+        }
+    }
+}
+
+fn set(turn: &Mutex<Turn>, to: Turn) {
+    *turn.lock().unwrap_or_else(PoisonError::into_inner) = to;
+}
+
+impl Drop for WriteBack {
+    fn drop(&mut self) {
+        self.begin = None;
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the thread that writes the log back ended badly");
+        }
+    }
+}
+
+/// Writes back what is in the log. Returns whether only few pages are left, which came meanwhile.
+fn write_back(file: &DatabaseFile, expected: Identity) -> Result<bool, StoreError> {
+    if file.identity()? != expected {
+        return Err(StoreError::Gone);
+    }
+    let db = connection::writing(file.path())?;
+    let mut before = 0;
+    for _ in 0..MOST_ROUNDS {
+        let pages = connection::write_back(&db)?;
+        if pages - before <= FEW {
+            return Ok(true);
+        }
+        before = pages;
+    }
+    Ok(false)
+}
