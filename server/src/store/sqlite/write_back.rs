@@ -130,3 +130,30 @@ fn write_back(file: &DatabaseFile, expected: Identity) -> Result<bool, StoreErro
     }
     Ok(false)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_log_begins_anew_while_commits_go_on() {
+        const COMMITS: usize = 3_000;
+        let folder = tempfile::tempdir().unwrap();
+        let file = DatabaseFile::at(&folder.path().join("log.db"));
+        file.create().unwrap();
+        let db = connection::writing(file.path()).unwrap();
+        db.execute_batch("CREATE TABLE page (bytes BLOB NOT NULL) STRICT").unwrap();
+        watch(&db);
+        let log = WriteBack::start(file.clone(), file.identity().unwrap()).unwrap();
+        let mut longest = 0;
+        let began_anew = (0..COMMITS).any(|_| {
+            db.execute("INSERT INTO page VALUES (zeroblob(100000))", []).unwrap();
+            let pages = LOG_PAGES.get();
+            log.after_commit(&db);
+            longest = longest.max(pages);
+            pages < longest
+        });
+        assert!(began_anew, "{longest} pages");
+        assert!((LONG..=TOO_LONG + LONG).contains(&longest), "{longest} pages");
+    }
+}
