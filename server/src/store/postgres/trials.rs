@@ -45,9 +45,7 @@ impl Trials {
     /// Takes as many as one transaction stores; none if others have taken them.
     fn take(&self) -> Vec<Waiting> {
         let mut waiting = self.waiting();
-        let count = waiting
-            .len()
-            .min(std::env::var("X_BATCH").ok().and_then(|p| p.parse().ok()).unwrap_or(BATCH));
+        let count = waiting.len().min(BATCH);
         waiting.drain(..count).filter(|(_, operation)| operation.is_wanted()).collect()
     }
 

@@ -46,9 +46,13 @@ pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
     Ok(db)
 }
 
-/// Writes back as much of the log as readers allow, and returns how many pages it had at the beginning.
-pub(super) fn write_back(db: &Connection) -> rusqlite::Result<i64> {
-    db.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |row| row.get(1))
+/// Writes back as much of the log as readers allow, and returns how many pages it had at the beginning; none if
+/// another connection is writing it back.
+pub(super) fn write_back(db: &Connection) -> rusqlite::Result<Option<i64>> {
+    db.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |row| {
+        let (busy, pages): (bool, i64) = (row.get(0)?, row.get(1)?);
+        Ok((!busy).then_some(pages))
+    })
 }
 
 /// Writes the whole log back and empties it, unless a reader uses it. Returns whether it was emptied.

@@ -1,9 +1,9 @@
 //! Writing the write-ahead log back to the database while the writer goes on.
 //!
 //! SQLite would do it in the commit that makes the log long, and everybody who waits for the writer
-//! would wait for two syncs of many pages. So a thread with a connection of its own does it, again and again until few
-//! pages are left. These the writer writes back itself between two batches: only with nothing left SQLite begins the log
-//! anew.
+//! would wait for two syncs of many pages. So a thread with a connection of its own does it, in rounds
+//! until few pages are left. The writer writes these back itself between two batches: SQLite begins the
+//! log anew only when nothing is left in it.
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
@@ -30,9 +30,8 @@ thread_local! {
     static LOG_PAGES: Cell<i32> = const { Cell::new(0) };
 }
 
-/// Has SQLite tell how long the log is, instead of writing it back in a commit.
+/// Has SQLite tell the thread that commits how long the log is, instead of writing it back in a commit.
 pub(super) fn watch(db: &rusqlite::Connection) {
-    LOG_PAGES.set(0);
     db.wal_hook(Some(|_, pages| {
         LOG_PAGES.set(pages);
         Ok(())
@@ -54,6 +53,8 @@ enum Turn {
 pub(super) struct WriteBack {
     begin: Option<SyncSender<()>>,
     turn: Arc<Mutex<Turn>>,
+    /// Pages at which the log is written back next: after an error or a round that left much, not at every commit.
+    due: i32,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -75,26 +76,30 @@ impl WriteBack {
                 }
             })
             .map_err(|error| StoreError::Unavailable(error.to_string()))?;
-        Ok(Self { begin: Some(begin), turn, thread: Some(thread) })
+        Ok(Self { begin: Some(begin), turn, due: LONG, thread: Some(thread) })
     }
 
     /// Has a long log written back. To be called by the writer's thread after a commit.
-    pub(super) fn after_commit(&self, db: &rusqlite::Connection) {
+    pub(super) fn after_commit(&mut self, db: &rusqlite::Connection) {
         let pages = LOG_PAGES.get();
         if pages < LONG {
-            return;
+            self.due = LONG;
         }
         let turn = *self.turn.lock().unwrap_or_else(PoisonError::into_inner);
-        if turn == Turn::Writer || (turn == Turn::Nobody && pages >= TOO_LONG) {
+        let is_due = pages >= self.due && turn == Turn::Nobody;
+        if turn == Turn::Writer || (is_due && pages >= TOO_LONG) {
+            self.due = pages.saturating_add(LONG);
             set(&self.turn, Turn::Nobody);
             if let Err(error) = connection::write_back(db) {
                 tracing::warn!(%error, "the write-ahead log was not written back");
             }
-        } else if turn == Turn::Nobody
-            && let Some(begin) = &self.begin
-            && begin.try_send(()).is_ok()
-        {
+        } else if is_due && let Some(begin) = &self.begin {
+            self.due = pages.saturating_add(LONG);
+            // First: the thread may be done before this one goes on.
             set(&self.turn, Turn::Thread);
+            if begin.try_send(()).is_err() {
+                set(&self.turn, Turn::Nobody);
+            }
         }
     }
 }
@@ -122,7 +127,9 @@ fn write_back(file: &DatabaseFile, expected: Identity) -> Result<bool, StoreErro
     let db = connection::writing(file.path())?;
     let mut before = 0;
     for _ in 0..MOST_ROUNDS {
-        let pages = connection::write_back(&db)?;
+        let Some(pages) = connection::write_back(&db)? else {
+            return Ok(false);
+        };
         if pages - before <= FEW {
             return Ok(true);
         }
@@ -144,7 +151,7 @@ mod tests {
         let db = connection::writing(file.path()).unwrap();
         db.execute_batch("CREATE TABLE page (bytes BLOB NOT NULL) STRICT").unwrap();
         watch(&db);
-        let log = WriteBack::start(file.clone(), file.identity().unwrap()).unwrap();
+        let mut log = WriteBack::start(file.clone(), file.identity().unwrap()).unwrap();
         let mut longest = 0;
         let began_anew = (0..COMMITS).any(|_| {
             db.execute("INSERT INTO page VALUES (zeroblob(100000))", []).unwrap();

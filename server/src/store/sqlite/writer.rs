@@ -247,6 +247,7 @@ struct Thread {
     expected: Identity,
     /// None after an error; the next batch opens another connection.
     db: Option<Open>,
+    /// Keeps the log short.
     log: WriteBack,
     /// How long the disk took for the last commit.
     disk: Duration,
@@ -270,10 +271,6 @@ impl Open {
 
 impl Thread {
     fn run(mut self) {
-        // The hook belongs to the thread that commits.
-        if let Some(Ok(sqlite)) = self.db.as_ref().map(Open::sqlite) {
-            write_back::watch(sqlite);
-        }
         let mut last_background = Instant::now();
         loop {
             match self.queue.next(last_background) {
@@ -327,11 +324,7 @@ impl Thread {
     fn commit(&mut self, batch: &mut Batch, trials: usize) -> Result<bool, StoreError> {
         let open = match self.db.take() {
             Some(open) => open,
-            None => {
-                let open = open(&self.file, self.expected)?;
-                write_back::watch(open.sqlite()?);
-                open
-            }
+            None => open(&self.file, self.expected)?,
         };
         let sqlite = open.sqlite()?;
         let before = sqlite.total_changes();
@@ -382,6 +375,7 @@ fn open(file: &DatabaseFile, expected: Identity) -> Result<Open, StoreError> {
         return Err(StoreError::Gone);
     }
     let db = connection::writing(file.path())?;
+    write_back::watch(&db);
     // SQLite creates the log at the first read.
     db.query_row("SELECT count(*) FROM study", [], |_| Ok(()))?;
     let log = file.log_identity()?;
