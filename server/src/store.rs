@@ -47,7 +47,7 @@ use commits::Commits;
 use lanes::{Lane, Lock};
 use postgres::Postgres;
 use sidestep::study::StudyConfig;
-use sql::Connection;
+use sql::{Connection, Question};
 use sqlite::{DatabaseFile, Sqlite};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -376,15 +376,19 @@ impl Store {
         }
     }
 
-    /// As [`Self::write`], ahead of all others: for trials.
+    /// As [`Self::write`], ahead of all others: for trials. Where many are stored together, those that ask the database
+    /// a `question` have it answered ahead, together with those of the others.
     async fn write_first<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
+        question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         match &self.open.database {
             Database::Sqlite(database) => database.write(Lane::Trial, work).await,
-            Database::Postgres(database) => database.write_trial(locks.into(), work).await,
+            Database::Postgres(database) => {
+                database.write_trial(locks.into(), question, work).await
+            }
         }
     }
 

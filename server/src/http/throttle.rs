@@ -28,6 +28,9 @@ pub struct SharedThrottle {
     kind: &'static str,
     /// The database, if it is shared.
     store: Option<Store>,
+    /// Until when it told some to wait. They are not asked for there before: a flood that is refused costs the
+    /// database nothing.
+    told: Mutex<HashMap<IpAddr, Instant>>,
 }
 
 impl SharedThrottle {
@@ -35,7 +38,7 @@ impl SharedThrottle {
     #[must_use]
     pub fn new(store: &Store, kind: &'static str, burst: u32, pause: Duration) -> Self {
         let store = store.is_shared().then(|| store.clone());
-        Self { here: Throttle::new(burst, pause), kind, store }
+        Self { here: Throttle::new(burst, pause), kind, store, told: Mutex::default() }
     }
 
     fn allowed(&self) -> Allowance {
@@ -52,13 +55,35 @@ impl SharedThrottle {
     /// # Errors
     /// The time after which they may, if they may not now; then nothing is counted.
     pub async fn take(&self, who: IpAddr) -> Result<(), Duration> {
-        if let Some(store) = &self.store
-            && let Ok(taken) = store.take_turn(self.allowed(), hashed(who)).await
-        {
-            return taken.map_err(|ms| Duration::from_millis(ms.unsigned_abs()));
+        let Some(store) = &self.store else { return self.here.take(who) };
+        if let Some(wait) = self.told_to_wait(who, Instant::now()) {
+            return Err(wait);
         }
-        // While the database is away, each server counts alone.
-        self.here.take(who)
+        match store.take_turn(self.allowed(), hashed(who)).await {
+            Ok(taken) => taken.map_err(|ms| {
+                let wait = Duration::from_millis(ms.unsigned_abs());
+                self.tell_to_wait(who, Instant::now(), wait);
+                wait
+            }),
+            // While the database is away, each server counts alone.
+            Err(_) => self.here.take(who),
+        }
+    }
+
+    /// How long they still have to wait, if the database said so.
+    fn told_to_wait(&self, who: IpAddr, now: Instant) -> Option<Duration> {
+        let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        told.get(&who)?.checked_duration_since(now).filter(|wait| !wait.is_zero())
+    }
+
+    fn tell_to_wait(&self, who: IpAddr, now: Instant, wait: Duration) {
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if told.len() >= MANY {
+            told.retain(|_, until| *until > now);
+        }
+        if told.len() < MANY {
+            told.insert(who, now + wait);
+        }
     }
 
     /// Whether they may do nothing more now.
@@ -145,6 +170,26 @@ mod tests {
         let later = begin + Duration::from_secs(13);
         assert_eq!([(); 3].map(|()| throttle.take_at("here", later).is_ok()), [true, true, false]);
         assert_eq!(seconds(pause), 7);
+    }
+
+    #[tokio::test]
+    async fn who_was_told_to_wait_is_refused_until_then() {
+        let folder = tempfile::tempdir().unwrap();
+        let url = format!("sqlite:{}", folder.path().join("study.db").display());
+        let store = Store::open(&url, crate::store::Missing::Create).await.unwrap();
+        let throttle = SharedThrottle::new(&store, "tries", 1, Duration::from_secs(1));
+        let [who, other] = [1, 2].map(|last| IpAddr::from([127, 0, 0, last]));
+        let now = Instant::now();
+        assert_eq!(throttle.told_to_wait(who, now), None);
+        let second = Duration::from_secs(1);
+        throttle.tell_to_wait(who, now, second);
+        assert_eq!(throttle.told_to_wait(who, now + second / 4), Some(second * 3 / 4));
+        assert_eq!(throttle.told_to_wait(who, now + second * 2), None);
+        assert_eq!(throttle.told_to_wait(other, now), None);
+        for last in 0..30_000_u32 {
+            throttle.tell_to_wait(std::net::Ipv4Addr::from(last).into(), now, second);
+        }
+        assert!(throttle.told.lock().unwrap().len() <= MANY);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::lanes::Lock;
 use super::scenes::{self, PlannedRow};
 use super::sql::{Connection, params};
 use super::studies::{self, StoredStudy};
-use super::trials::{self, NewTrial};
+use super::trials::{self, Driven, NewTrial};
 use super::{Store, StoreError};
 use sidestep::study::StudyConfig;
 use std::collections::HashSet;
@@ -158,7 +158,13 @@ fn import(
         .execute(params![person.id, study.id, study.config_hash, person.hash, now_ms])?;
         for (scene, trial) in &person.trials {
             scenes::insert(db, &person.id, scene)?;
-            trials::insert(db, study.id, trial)?;
+            let driven = Driven {
+                study_id: study.id,
+                participant_id: &person.id,
+                phase: scene.phase,
+                next_phase: None,
+            };
+            trials::insert(db, &driven, trial)?;
         }
     }
     Ok(Import::Done { skipped })

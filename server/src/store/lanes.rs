@@ -18,7 +18,7 @@ pub(super) enum Lane {
 /// SQLite has one writer, which makes every operation alone, so it needs none of these. PostgreSQL has
 /// many writers on many servers: an operation takes its locks before its first statement, in the order
 /// of this list, and gives them back with its commit. An operation of a single statement needs none.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Lock {
     /// Which studies there are, and their configurations.
     Studies,

@@ -3,7 +3,7 @@
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
 use super::scenes::{self, PlannedRow};
-use super::sql::{self, Connection, OptionalExtension, Row, params};
+use super::sql::{self, Connection, OptionalExtension, Row, Rows, params};
 use super::{Store, StoreError, analyses};
 use sidestep::api::ComprehensionResult;
 
@@ -469,10 +469,13 @@ pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
 
 /// Notes that a participant has just done something.
 pub(super) fn seen(db: &Connection, participant_id: &str, now_ms: i64) -> Result<(), StoreError> {
-    db.prepare_cached("UPDATE participant SET last_seen_at_ms = ?2 WHERE id = ?1")?
-        .execute_later(params![participant_id, now_ms])?;
-    Ok(())
+    Ok(db.execute_row_later(&SEEN, participant_id, params![participant_id, now_ms])?)
 }
+
+const SEEN: Rows = Rows {
+    before: "UPDATE participant SET last_seen_at_ms = given.column2 FROM (VALUES ",
+    after: ") AS given WHERE id = given.column1",
+};
 
 /// The participant with this value in a column.
 pub(super) fn find(

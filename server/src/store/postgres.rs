@@ -13,7 +13,7 @@ mod trials;
 use super::error::StoreError;
 use super::lanes::{Lane, Lock};
 use super::operation::operation;
-use super::sql::Connection;
+use super::sql::{Connection, Question};
 use super::{Missing, OpenError};
 use crate::store::commits::Commits;
 use address::Address;
@@ -26,10 +26,10 @@ use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, watch};
 use tokio::task;
-use trials::Trials;
+use trials::{Trials, Waiting};
 
 /// Most sessions for each purpose. Those that write trials take turns with those of other servers.
-const SESSIONS: [usize; 5] = [4, 4, 1, 6, 4];
+const SESSIONS: [usize; 5] = [4, 2, 1, 6, 4];
 
 /// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, and to
 /// read many.
@@ -259,10 +259,11 @@ impl Postgres {
     pub(super) async fn write_trial<T: Send + 'static>(
         &self,
         locks: Vec<Lock>,
+        question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         let (operation, mut answered) = operation(work);
-        self.shared.trials.push(locks, operation)?;
+        self.shared.trials.push(Waiting { locks, question, operation })?;
         let lost = |_| Err(StoreError::Defect("a transaction ended without an answer".to_owned()));
         let turn = tokio::select! {
             answer = &mut answered => return answer.unwrap_or_else(lost),

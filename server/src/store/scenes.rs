@@ -1,7 +1,7 @@
 //! The scenes that participants are to drive.
 
 use super::StoreError;
-use super::sql::{self, Connection, OptionalExtension, Row, params};
+use super::sql::{self, Connection, OptionalExtension, Row, Rows, params};
 use sidestep::scene::Scene;
 use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
@@ -58,6 +58,12 @@ pub(super) fn phase_of(word: &str) -> Result<Phase, StoreError> {
     Phase::from_word(word).ok_or_else(|| StoreError::unknown_word(word))
 }
 
+const INSERT: Rows = Rows {
+    before: "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, attempt, human_x, \
+                 human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) VALUES ",
+    after: "",
+};
+
 /// Stores a planned scene.
 pub(super) fn insert(
     db: &Connection,
@@ -65,12 +71,7 @@ pub(super) fn insert(
     planned: &PlannedRow,
 ) -> Result<(), StoreError> {
     let Scene { human, robot, goal } = planned.scene;
-    db.prepare_cached(
-        "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, attempt, human_x, \
-             human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
-    )?
-    .execute_later(params![
+    let row = params![
         planned.trial_id,
         participant_id,
         planned.ordinal,
@@ -85,8 +86,8 @@ pub(super) fn insert(
         robot.psi,
         goal[0],
         goal[1],
-    ])?;
-    Ok(())
+    ];
+    Ok(db.execute_row_later(&INSERT, &planned.trial_id, row)?)
 }
 
 /// Adds the scene of a trial to the end of its participant's plan, as the next attempt.

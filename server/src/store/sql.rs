@@ -10,6 +10,7 @@
 mod value;
 mod row;
 mod placeholders;
+mod rows;
 mod session;
 
 use super::error::StoreError;
@@ -18,6 +19,7 @@ use std::sync::Arc;
 use std::vec::IntoIter;
 
 pub(super) use row::Row;
+pub(super) use rows::{Question, Rows};
 use session::Session;
 use tokio_postgres_rustls::MakeRustlsConnect;
 pub(super) use value::{Kind, ToSql, Value};
@@ -164,11 +166,42 @@ impl Connection {
         }
     }
 
-    /// Waits for what was [put off](Statement::execute_later), and returns the first error of it.
+    /// Waits for what was [put off](Self::execute_row_later), and returns the first error of it.
     pub(super) fn settle(&self) -> Result<()> {
         match self {
             Self::Sqlite(_) => Ok(()),
             Self::Postgres(session) => session.settle(),
+        }
+    }
+
+    /// Executes a statement for one row of parameters, without a result. PostgreSQL does so for many rows at once,
+    /// together with the next statement that is not like that, or when the transaction ends; an error comes then. The
+    /// rows of one statement have different targets: what it changes for one of them hangs on nothing that it changes
+    /// for another. Statements for rows are executed in the order of their first rows.
+    pub(super) fn execute_row_later(
+        &self,
+        rows: &'static Rows,
+        target: &str,
+        params: impl Params,
+    ) -> Result<()> {
+        match self {
+            Self::Sqlite(_) => {
+                let values = params.values();
+                self.prepare_cached(&rows.text(1, values.len()))?.execute(params).map(drop)
+            }
+            Self::Postgres(session) => session.execute_row_later(rows, target, &params.values()),
+        }
+    }
+
+    /// Has PostgreSQL answer questions, all at once. A query that asks one of them finds its answer here, if it is
+    /// asked before the transaction ends; until then nobody may change the answer.
+    pub(super) fn ask_ahead<'q>(
+        &self,
+        questions: impl Iterator<Item = &'q Question>,
+    ) -> Result<()> {
+        match self {
+            Self::Sqlite(_) => Ok(()),
+            Self::Postgres(session) => session.ask_ahead(questions),
         }
     }
 
@@ -229,15 +262,6 @@ impl Statement<'_> {
                 Ok(statement.raw_execute()?)
             }
             Self::Postgres(session, text) => session.execute(text, &params.values()),
-        }
-    }
-
-    /// Executes it, without a result. PostgreSQL hears of it together with the next statement, so that nobody
-    /// waits for its answer alone; an error comes with that statement, or when the transaction ends.
-    pub(super) fn execute_later(&mut self, params: impl Params) -> Result<()> {
-        match self {
-            Self::Sqlite(_) => self.execute(params).map(drop),
-            Self::Postgres(session, text) => session.execute_later(text, &params.values()),
         }
     }
 

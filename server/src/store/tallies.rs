@@ -2,15 +2,19 @@
 //! participant, exclusions and trials; the list would be slow if it read them. Triggers of the database
 //! copy what concerns the participant; what concerns trials is counted here.
 
-use super::sql::{Connection, params};
+use super::sql::{Connection, Rows, params};
 use super::{Store, StoreError};
-use sidestep::trial::{Flag, Outcome};
+use sidestep::trial::{Flag, Outcome, Phase};
 use sidestep::vehicle::TurnInput;
 
 /// What is counted of a trial.
 pub(super) struct Counted<'a> {
-    /// The trial.
-    pub(super) trial_id: &'a str,
+    /// Its participant.
+    pub(super) participant_id: &'a str,
+    /// Its phase.
+    pub(super) phase: Phase,
+    /// The phase of the scene after it, if there is one.
+    pub(super) next_phase: Option<Phase>,
     /// Its input in each step.
     pub(super) inputs: &'a [TurnInput],
     /// Its flags.
@@ -23,41 +27,51 @@ pub(super) struct Counted<'a> {
     pub(super) waiting: u32,
 }
 
+/// Adds trials that are about to be stored: whose columns are the participant, the phase after it, what to add to
+/// the counts, the number of its key times, what waits, and the study.
+const ADD: Rows = Rows {
+    before: "UPDATE tally SET \
+                 next_phase = given.column2, \
+                 familiarisation = familiarisation + given.column3, \
+                 practice = practice + given.column4, \
+                 task = task + given.column5, \
+                 late_sample = late_sample + given.column6, \
+                 focus_lost = focus_lost + given.column7, \
+                 interrupted = interrupted + given.column8, \
+                 never_steered = never_steered + given.column9, \
+                 always_steered = always_steered + given.column10, \
+                 danger_entered = danger_entered + given.column11, \
+                 same_timing = same_timing + CASE WHEN EXISTS (SELECT 1 FROM trial \
+                     WHERE trial.study_id = given.column14 AND trial.key_timing = given.column12) \
+                     THEN given.column5 ELSE 0 END, \
+                 waiting = given.column13 \
+             FROM (VALUES ",
+    after: ") AS given WHERE tally.participant_id = given.column1",
+};
+
 /// Adds a trial that is about to be stored. Its scene is stored already.
 pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result<(), StoreError> {
-    let has = |flag| trial.flags.contains(&flag);
+    let is_in = |phase| i64::from(trial.phase == phase);
+    let counts = |holds: bool| i64::from(holds && trial.phase == Phase::Task);
+    let has = |flag| counts(trial.flags.contains(&flag));
     let always = trial.inputs.iter().all(|&input| input != TurnInput::Straight);
-    db.prepare_cached(
-        "UPDATE tally SET \
-             next_phase = (SELECT phase FROM scene AS next \
-                 WHERE next.participant_id = scene.participant_id AND next.ordinal = scene.ordinal + 1), \
-             familiarisation = familiarisation + CAST(phase = 'familiarisation' AS INTEGER), \
-             practice = practice + CAST(phase = 'practice' AS INTEGER), \
-             task = task + CAST(phase = 'task' AS INTEGER), \
-             late_sample = late_sample + CAST(phase = 'task' AND ?2 AS INTEGER), \
-             focus_lost = focus_lost + CAST(phase = 'task' AND ?3 AS INTEGER), \
-             interrupted = interrupted + CAST(phase = 'task' AND ?4 AS INTEGER), \
-             never_steered = never_steered + CAST(phase = 'task' AND ?5 AS INTEGER), \
-             always_steered = always_steered + CAST(phase = 'task' AND ?6 AS INTEGER), \
-             danger_entered = danger_entered + CAST(phase = 'task' AND ?7 AS INTEGER), \
-             same_timing = same_timing + CAST(phase = 'task' AND EXISTS (SELECT 1 FROM trial \
-                 WHERE trial.study_id = ?10 AND trial.key_timing = ?8) AS INTEGER), \
-             waiting = ?9 \
-         FROM scene WHERE scene.trial_id = ?1 AND tally.participant_id = scene.participant_id",
-    )?
-    .execute_later(params![
-        trial.trial_id,
+    let row = params![
+        trial.participant_id,
+        trial.next_phase.map(Phase::word),
+        is_in(Phase::Familiarisation),
+        is_in(Phase::Practice),
+        is_in(Phase::Task),
         has(Flag::LateSample),
         has(Flag::FocusLost),
         has(Flag::Interrupted),
-        trial.outcome.avoidance.is_none(),
-        always,
-        trial.outcome.first_step_in_danger.is_some(),
+        counts(trial.outcome.avoidance.is_none()),
+        counts(always),
+        counts(trial.outcome.first_step_in_danger.is_some()),
         trial.key_timing,
         trial.waiting,
         study_id,
-    ])?;
-    Ok(())
+    ];
+    Ok(db.execute_row_later(&ADD, trial.participant_id, row)?)
 }
 
 /// Records how many further trials wait in the participant's browser, when a trial was uploaded again.

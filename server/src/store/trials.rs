@@ -3,7 +3,7 @@
 use super::lanes::Lock;
 use super::participants::{self, COLUMNS, TOKEN, Visitor};
 use super::scenes::{self, SCENE, phase_of, scene_of};
-use super::sql::{Connection, OptionalExtension, Row, params};
+use super::sql::{Connection, OptionalExtension, Question, Row, Rows, params};
 use super::tallies::{self, Counted};
 use super::{Store, StoreError};
 use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
@@ -194,7 +194,8 @@ impl Store {
     ) -> Result<PutTrial, StoreError> {
         let participant_id = participant_id.to_owned();
         let locks = [Lock::Participant(participant_id.clone())];
-        self.write_first(locks, move |db| put(db, &participant_id, &trial)).await
+        let place = Question::new(PLACE, params![participant_id, trial.trial_id]);
+        self.write_first(locks, Some(place), move |db| put(db, &participant_id, &trial)).await
     }
 
     /// At most `limit` trials of a study, newest first, from before `before`; none of pilots.
@@ -369,24 +370,29 @@ struct Place {
     /// trials before it are stored.
     its_turn: bool,
     next: Option<String>,
+    phase: Phase,
+    next_phase: Option<Phase>,
 }
 
+/// Where a trial is in its participant's plan: of the participant `?1`, the trial `?2`.
+const PLACE: &str = "SELECT participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
+         trial.content_version, trial.content_hash, \
+         scene.ordinal = 0 OR EXISTS (SELECT 1 FROM scene AS ahead \
+             JOIN trial ON trial.trial_id = ahead.trial_id \
+             WHERE ahead.participant_id = ?1 AND ahead.ordinal = scene.ordinal - 1), \
+         after.trial_id, scene.phase, after.phase \
+     FROM scene JOIN participant ON participant.id = scene.participant_id \
+     LEFT JOIN trial ON trial.trial_id = scene.trial_id \
+     LEFT JOIN scene AS after \
+         ON after.participant_id = scene.participant_id AND after.ordinal = scene.ordinal + 1 \
+     WHERE scene.trial_id = ?2 AND scene.participant_id = ?1";
+
 fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTrial, StoreError> {
-    let mut statement = db.prepare_cached(
-        "SELECT participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
-             trial.content_version, trial.content_hash, \
-             scene.ordinal = 0 OR EXISTS (SELECT 1 FROM scene AS ahead \
-                 JOIN trial ON trial.trial_id = ahead.trial_id \
-                 WHERE ahead.participant_id = ?1 AND ahead.ordinal = scene.ordinal - 1), \
-             (SELECT after.trial_id FROM scene AS after \
-                 WHERE after.participant_id = ?1 AND after.ordinal = scene.ordinal + 1) \
-         FROM scene JOIN participant ON participant.id = scene.participant_id \
-         LEFT JOIN trial ON trial.trial_id = scene.trial_id \
-         WHERE scene.trial_id = ?2 AND scene.participant_id = ?1",
-    )?;
-    let place = statement.query_row(params![participant_id, trial.trial_id], |row| {
+    let mut statement = db.prepare_cached(PLACE)?;
+    let mut found = statement.query_and_then(params![participant_id, trial.trial_id], |row| {
         let version: Option<i64> = row.get(2)?;
-        Ok(Place {
+        let phase = |word: Option<String>| word.as_deref().map(phase_of).transpose();
+        Ok::<_, StoreError>(Place {
             study_id: row.get(0)?,
             withdrawn: row.get(1)?,
             stored: match version {
@@ -395,9 +401,11 @@ fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTri
             },
             its_turn: row.get(4)?,
             next: row.get(5)?,
+            phase: phase_of(&row.get::<_, String>(6)?)?,
+            next_phase: phase(row.get(7)?)?,
         })
-    });
-    let Some(place) = place.optional()? else {
+    })?;
+    let Some(place) = found.next().transpose()? else {
         return Ok(match is_withdrawn(db, participant_id)? {
             true => PutTrial::Withdrawn,
             false => PutTrial::Unknown,
@@ -425,7 +433,13 @@ fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTri
         let next = next.ok_or_else(|| StoreError::corrupt("a plan without a next trial"))?;
         return Ok(PutTrial::OutOfOrder { next });
     }
-    insert(db, place.study_id, trial)?;
+    let whose = Driven {
+        study_id: place.study_id,
+        participant_id,
+        phase: place.phase,
+        next_phase: place.next_phase,
+    };
+    insert(db, &whose, trial)?;
     participants::seen(db, participant_id, trial.received_at_ms)?;
     let Some(again) = &trial.repeated_as else {
         return Ok(PutTrial::Stored { next: place.next });
@@ -441,29 +455,48 @@ fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreErro
     Ok(found.optional()?.unwrap_or(false))
 }
 
+/// Whose trial it is, and where in their plan.
+pub(super) struct Driven<'a> {
+    /// The study's row.
+    pub(super) study_id: i64,
+    /// The participant.
+    pub(super) participant_id: &'a str,
+    /// The phase of the trial.
+    pub(super) phase: Phase,
+    /// The phase of the scene after it, if there is one.
+    pub(super) next_phase: Option<Phase>,
+}
+
+const INSERT: Rows = Rows {
+    before: "INSERT INTO trial (trial_id, study_id, content_version, content_hash, received_at_ms, \
+                 started_at_ms, inputs, states, sampled_at_ms, key_events, page_events, exposures, \
+                 display, flags, closest_m, first_step_in_danger, avoidance_first, avoidance_last, \
+                 key_timing) VALUES ",
+    after: "",
+};
+
 /// Stores a trial.
-pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(), StoreError> {
+pub(super) fn insert(
+    db: &Connection,
+    whose: &Driven<'_>,
+    new: &NewTrial,
+) -> Result<(), StoreError> {
     let step = |step: Option<usize>| step.map(|step| step as i64);
     let (content, avoidance) = (&new.content, new.outcome.avoidance);
     let counted = Counted {
-        trial_id: &new.trial_id,
+        participant_id: whose.participant_id,
+        phase: whose.phase,
+        next_phase: whose.next_phase,
         inputs: &content.inputs,
         flags: &new.flags,
         outcome: &new.outcome,
         key_timing: new.key_timing,
         waiting: new.waiting,
     };
-    tallies::add(db, study_id, &counted)?;
-    db.prepare_cached(
-        "INSERT INTO trial (trial_id, study_id, content_version, content_hash, received_at_ms, \
-             started_at_ms, inputs, states, sampled_at_ms, key_events, page_events, exposures, \
-             display, flags, closest_m, first_step_in_danger, avoidance_first, avoidance_last, \
-             key_timing) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19)",
-    )?
-    .execute_later(params![
+    tallies::add(db, whose.study_id, &counted)?;
+    let row = params![
         new.trial_id,
-        study_id,
+        whose.study_id,
         new.recipe.number(),
         new.content_hash,
         new.received_at_ms,
@@ -481,6 +514,6 @@ pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(
         step(avoidance.map(|(first, _)| first)),
         step(avoidance.map(|(_, last)| last)),
         new.key_timing,
-    ])?;
-    Ok(())
+    ];
+    Ok(db.execute_row_later(&INSERT, &new.trial_id, row)?)
 }

@@ -13,7 +13,7 @@ struct Migration {
     sql: &'static str,
 }
 
-const MIGRATIONS: [Migration; 2] = [
+const MIGRATIONS: [Migration; 3] = [
     Migration {
         version: 1,
         name: "schema",
@@ -23,6 +23,11 @@ const MIGRATIONS: [Migration; 2] = [
         version: 2,
         name: "throttles",
         sql: include_str!("../../../../migrations/postgres/0002_throttles.sql"),
+    },
+    Migration {
+        version: 3,
+        name: "tallies_of_many",
+        sql: include_str!("../../../../migrations/postgres/0003_tallies_of_many.sql"),
     },
 ];
 

@@ -5,7 +5,8 @@ use super::{COMMIT, QUEUE, Shared, taking};
 use crate::store::error::StoreError;
 use crate::store::lanes::Lock;
 use crate::store::operation::Operation;
-use std::collections::VecDeque;
+use crate::store::sql::Question;
+use std::collections::{HashSet, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -13,7 +14,15 @@ use std::time::Instant;
 /// Most trials of a transaction.
 const BATCH: usize = 32;
 
-type Waiting = (Vec<Lock>, Box<dyn Operation>);
+/// A trial that waits to be stored.
+pub(super) struct Waiting {
+    /// What its storing depends on.
+    pub(super) locks: Vec<Lock>,
+    /// What it asks the database, under its locks.
+    pub(super) question: Option<Question>,
+    /// Stores it.
+    pub(super) operation: Box<dyn Operation>,
+}
 
 /// The trials that wait, the oldest first.
 #[derive(Default)]
@@ -24,16 +33,12 @@ pub(super) struct Trials {
 }
 
 impl Trials {
-    pub(super) fn push(
-        &self,
-        locks: Vec<Lock>,
-        operation: Box<dyn Operation>,
-    ) -> Result<(), StoreError> {
+    pub(super) fn push(&self, trial: Waiting) -> Result<(), StoreError> {
         let mut waiting = self.waiting();
         if waiting.len() >= QUEUE {
             return Err(StoreError::Busy);
         }
-        waiting.push_back((locks, operation));
+        waiting.push_back(trial);
         Ok(())
     }
 
@@ -42,11 +47,28 @@ impl Trials {
         self.waiting().len()
     }
 
-    /// Takes as many as one transaction stores; none if others have taken them.
+    /// Takes as many as one transaction stores; none if others have taken them. No two of them depend on the same:
+    /// one would change what the other was told ahead. Whoever waits for the later one comes for it.
     fn take(&self) -> Vec<Waiting> {
         let mut waiting = self.waiting();
-        let count = waiting.len().min(BATCH);
-        waiting.drain(..count).filter(|(_, operation)| operation.is_wanted()).collect()
+        let (mut taken, mut left, mut locks) = (Vec::new(), VecDeque::new(), HashSet::new());
+        while taken.len() < BATCH
+            && let Some(trial) = waiting.pop_front()
+        {
+            if !trial.operation.is_wanted() {
+                continue;
+            }
+            match trial.locks.iter().any(|lock| locks.contains(lock)) {
+                true => left.push_back(trial),
+                false => {
+                    locks.extend(trial.locks.clone());
+                    taken.push(trial);
+                }
+            }
+        }
+        left.append(&mut waiting);
+        *waiting = left;
+        taken
     }
 
     fn waiting(&self) -> MutexGuard<'_, VecDeque<Waiting>> {
@@ -110,9 +132,10 @@ impl Shared {
         let begun = Instant::now();
         self.transact([&begin_in_turn(self.pool.writers(), turn), COMMIT], |db| {
             *batch = take();
-            let locks = batch.iter().flat_map(|(locks, _)| locks.clone()).collect();
+            let locks = batch.iter().flat_map(|trial| trial.locks.clone()).collect();
             db.batch(&taking(locks))?;
-            batch.iter_mut().try_for_each(|(_, operation)| operation.run(db))
+            db.ask_ahead(batch.iter().filter_map(|trial| trial.question.as_ref()))?;
+            batch.iter_mut().try_for_each(|trial| trial.operation.run(db))
         })?;
         self.observed.note(batch.len(), begun.elapsed());
         Ok(())
@@ -122,8 +145,8 @@ impl Shared {
         if committed.is_ok() {
             self.committed.send_modify(|commits| *commits += 1);
         }
-        for (_, operation) in batch {
-            operation.answer(committed.clone());
+        for trial in batch {
+            trial.operation.answer(committed.clone());
         }
     }
 }

@@ -1,10 +1,11 @@
 //! A session of PostgreSQL with the statements that it has prepared.
 
 use super::placeholders::Translated;
+use super::rows::Ahead;
 use super::value::{Kind, Owned, Value};
 use super::{Error, Result};
 use crate::store::error::StoreError;
-use futures_util::future::{MaybeDone, maybe_done};
+use futures_util::future::{MaybeDone, maybe_done, try_join_all};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::fmt;
@@ -40,6 +41,8 @@ pub(in crate::store) struct Session {
     connection: Option<JoinHandle<()>>,
     known: RefCell<HashMap<String, Known>>,
     later: RefCell<Vec<Later>>,
+    /// What is to be put off as statements for many rows, and answers to questions that were asked ahead.
+    pub(super) ahead: RefCell<Ahead>,
 }
 
 /// A statement, prepared for each combination of types that it was used with.
@@ -80,6 +83,7 @@ impl Session {
             connection: Some(connection),
             known: RefCell::default(),
             later: RefCell::default(),
+            ahead: RefCell::default(),
         })
     }
 
@@ -95,17 +99,22 @@ impl Session {
 
     /// Statements without parameters and rows, in one message.
     pub(super) fn batch(&self, sql: &str) -> Result<()> {
+        self.put_off_rows()?;
+        // It may end the transaction in which questions were answered.
+        self.ahead.borrow_mut().forget();
         self.answer(self.client()?.batch_execute(sql))
     }
 
     /// Waits for what was put off; the first error of it.
     pub(super) fn settle(&self) -> Result<()> {
+        self.put_off_rows()?;
         let is_settled = self.later.borrow().is_empty();
         if is_settled { Ok(()) } else { self.answer(std::future::ready(Ok(()))) }
     }
 
     /// Forgets what was put off; the transaction is undone.
     pub(super) fn forget_later(&self) {
+        self.ahead.borrow_mut().forget();
         self.later.borrow_mut().clear();
     }
 
@@ -156,21 +165,17 @@ impl Session {
         text: &Translated,
         values: &[(Option<&str>, Value<'_>)],
     ) -> Result<usize> {
+        self.put_off_rows()?;
         let values = in_order(text, values)?;
         let statement = self.prepared(text, &values)?;
         let changed = self.answer(self.client()?.execute(&statement, &references(&values)))?;
         Ok(usize::try_from(changed).unwrap_or(usize::MAX))
     }
 
-    /// The same, together with the next statement.
-    pub(super) fn execute_later(
-        &self,
-        text: &Translated,
-        values: &[(Option<&str>, Value<'_>)],
-    ) -> Result<()> {
-        let values = in_order(text, values)?;
-        let statement = self.prepared(text, &values)?;
-        let values: Vec<Owned> = values.iter().map(Value::owned).collect();
+    /// Puts a statement off.
+    pub(super) fn put_off(&self, text: &Translated, values: Vec<Owned>) -> Result<()> {
+        let statement =
+            self.prepared(text, &values.iter().map(Owned::value).collect::<Vec<_>>())?;
         let client = Arc::clone(self.client()?);
         let count = {
             let mut later = self.later.borrow_mut();
@@ -180,7 +185,7 @@ impl Session {
             }));
             later.len()
         };
-        if count >= MOST_LATER { self.settle() } else { Ok(()) }
+        if count >= MOST_LATER { self.answer(std::future::ready(Ok(()))) } else { Ok(()) }
     }
 
     /// The rows that a statement finds.
@@ -190,11 +195,27 @@ impl Session {
         values: &[(Option<&str>, Value<'_>)],
     ) -> Result<Vec<Row>> {
         let values = in_order(text, values)?;
+        if let Some(answer) = self.ahead.borrow_mut().answer(&text.source, &values) {
+            return Ok(answer);
+        }
+        self.put_off_rows()?;
         let statement = self.prepared(text, &values)?;
         self.answer(self.client()?.query(&statement, &references(&values)))
     }
 
-    fn prepared(&self, text: &Translated, values: &[Value<'_>]) -> Result<Statement> {
+    /// The rows that each of many statements finds, asked for all at once.
+    pub(super) fn query_all<'q, 'v: 'q>(
+        &self,
+        asked: impl Iterator<Item = (&'q Statement, &'q Vec<Value<'v>>)>,
+    ) -> Result<Vec<Vec<Row>>> {
+        let client = self.client()?;
+        let one = |(statement, values): (&'q Statement, &'q Vec<Value<'v>>)| async move {
+            client.query(statement, &references(values)).await
+        };
+        self.answer(try_join_all(asked.map(one)))
+    }
+
+    pub(super) fn prepared(&self, text: &Translated, values: &[Value<'_>]) -> Result<Statement> {
         let kinds: Vec<Kind> = values.iter().map(Value::kind).collect();
         if let Some(known) = self.known.borrow().get(&text.source)
             && let Some((_, statement)) = known.prepared.iter().find(|(known, _)| *known == kinds)
