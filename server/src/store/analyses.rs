@@ -322,8 +322,8 @@ impl Store {
     }
 
     /// Ends an analysis that is still wanted: done with a result, or failed with a message. Once it
-    /// is done, the study's cells under keys other than `used` are deleted. Returns whether the
-    /// analysis was wanted.
+    /// is done, the study's cells under keys other than `used` are deleted; the files of one that failed
+    /// are. Returns whether the analysis was wanted.
     pub async fn end_analysis(
         &self,
         job: &Job,
@@ -343,8 +343,11 @@ impl Store {
                  WHERE sequence = ?1 AND state = 'running' AND attempts = ?2",
                 params![sequence, attempt, state.word(), now_ms, message, result],
             )?;
-            if updated > 0 && done {
-                keep_cells_only(db, study_id, &used)?;
+            match (updated > 0, done) {
+                (true, true) => keep_cells_only(db, study_id, &used)?,
+                // It wrote some before it failed, which nobody will see.
+                (true, false) => delete_files(db, sequence)?,
+                (false, _) => (),
             }
             Ok(updated > 0)
         })

@@ -339,6 +339,11 @@ async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
     let again = store.begin_analysis("a server", 5).await.unwrap().unwrap();
     assert_eq!((again.sequence, again.attempt), (job.sequence, 2));
     assert!(store.put_analysis_file(&again, "long", 5, long, 5).await.unwrap());
+    assert!(store.end_analysis(&again, &failed, Default::default(), 6).await.unwrap());
+    let parts = store.read(|db| {
+        Ok(db.query_row("SELECT count(*) FROM analysis_file", [], |row| row.get::<_, i64>(0))?)
+    });
+    assert_eq!(parts.await.unwrap(), 0, "an analysis that failed keeps no file");
 }
 
 /// An entry of the audit trail.
