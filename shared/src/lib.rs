@@ -120,6 +120,7 @@ pub mod training;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;
+pub mod planner;
 pub mod playback;
 pub mod comparison;
 pub mod api;

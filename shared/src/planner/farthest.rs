@@ -1,0 +1,256 @@
+//! How far the human can get in a direction: a number that no drive exceeds, and a drive that comes
+//! close.
+//!
+//! The distance along direction α is v∫cos(θ − α), θ(t) being the heading. In each piece of time the
+//! cosine is replaced by a line above it, over all headings that are possible there. What is left is
+//! linear in the headings at the ends of pieces, and dynamic programming finds its maximum exactly: the
+//! gain still possible (the value function) is concave and piecewise linear in the heading. The
+//! maximum is a bound **whichever lines are chosen**, as long as they lie above the cosine; good lines
+//! touch it where the best drive is.
+
+use super::headings::{Piece, Tube};
+use crate::math::{PI, TAU, sin_cos, sinc};
+use core::f64::consts::FRAC_PI_2;
+
+/// A linear function of the heading.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    at_zero: f64,
+    slope: f64,
+}
+
+impl Line {
+    fn through(x: f64, y: f64, slope: f64) -> Self {
+        Self { at_zero: y - slope * x, slope }
+    }
+
+    /// The tangent of the cosine at x.
+    fn tangent(x: f64) -> Self {
+        let (sin, cos) = sin_cos(x);
+        Self::through(x, cos, -sin)
+    }
+
+    fn at(self, x: f64) -> f64 {
+        self.at_zero + self.slope * x
+    }
+
+    /// A line that is nowhere below the cosine in [lo, hi]; if possible, the tangent at `touch`.
+    fn above_cosine(lo: f64, hi: f64, touch: f64) -> Self {
+        if hi - lo >= PI || (lo <= 0.0 && 0.0 <= hi && touch == 0.0) {
+            return Self { at_zero: 1.0, slope: 0.0 };
+        }
+        if lo + hi < 0.0 {
+            let mirrored = Self::above_cosine(-hi, -lo, -touch);
+            return Self { slope: -mirrored.slope, ..mirrored };
+        }
+        // Now −π/2 < lo and hi < 3π/2, given a middle of at most π. Up to π/2 the cosine is concave
+        // and below its tangents, and beyond it is convex: a tangent at a place of the concave part
+        // is above it if it is so at the end.
+        let nearest = 0.0_f64.clamp(lo, hi);
+        for place in [touch.clamp(lo, hi), nearest] {
+            if place.abs() <= FRAC_PI_2 {
+                let line = Self::tangent(place);
+                if hi <= FRAC_PI_2 || line.at(hi) >= sin_cos(hi).1 {
+                    return line;
+                }
+            }
+        }
+        // The nearest place is the lower end then, and from it on the chord is above the cosine.
+        let (at_lo, at_hi) = (sin_cos(lo).1, sin_cos(hi).1);
+        let width = hi - lo;
+        if width < NO_WIDTH_RAD {
+            return Self { at_zero: at_lo + width, slope: 0.0 };
+        }
+        Self::through(lo, at_lo, (at_hi - at_lo) / width)
+    }
+}
+
+/// In a range this narrow the cosine is constant, rad.
+const NO_WIDTH_RAD: f64 = 1e-9;
+
+/// A linear part of a concave function.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    slope: f64,
+    length: f64,
+}
+
+/// A concave function on an interval: its slopes fall.
+#[derive(Clone, Debug, Default)]
+struct Concave {
+    from: f64,
+    /// Its value there.
+    value: f64,
+    segments: Vec<Segment>,
+}
+
+impl Concave {
+    fn set_zero(&mut self, from: f64, to: f64) {
+        (self.from, self.value) = (from, 0.0);
+        self.segments.clear();
+        self.segments.push(Segment { slope: 0.0, length: to - from });
+    }
+
+    /// Adds slope · θ.
+    fn tilt(&mut self, slope: f64) {
+        self.value += slope * self.from;
+        self.segments.iter_mut().for_each(|segment| segment.slope += slope);
+    }
+
+    /// The maximum over a turn δ of this function of θ + δ and of what the turn itself gains: nothing
+    /// at either end of [least, most], and up to `gain` per rad in between (a tent).
+    fn turn(&mut self, least: f64, most: f64, gain: f64) {
+        self.from -= most;
+        let half = 0.5 * (most - least);
+        if half > 0.0 {
+            for slope in [gain, -gain] {
+                let place = self.segments.partition_point(|segment| segment.slope > slope);
+                self.segments.insert(place, Segment { slope, length: half });
+            }
+        }
+    }
+
+    /// Leaves out what is not in [from, to], which is in the domain but for rounding.
+    fn clip(&mut self, from: f64, to: f64) {
+        let mut left_out = 0;
+        for segment in &mut self.segments {
+            let cut = (from - self.from).min(segment.length);
+            if cut <= 0.0 {
+                break;
+            }
+            self.from += cut;
+            self.value += segment.slope * cut;
+            segment.length -= cut;
+            left_out += usize::from(segment.length <= 0.0);
+        }
+        self.segments.drain(..left_out);
+        let mut length = to - self.from;
+        for segment in &mut self.segments {
+            segment.length = segment.length.min(length.max(0.0));
+            length -= segment.length;
+        }
+        while self.segments.last().is_some_and(|segment| segment.length <= 0.0) {
+            self.segments.pop();
+        }
+    }
+
+    /// Between which arguments it is largest.
+    fn best(&self) -> (f64, f64) {
+        let mut place = self.from;
+        let mut best = (place, place);
+        for segment in &self.segments {
+            if segment.slope < -SAME_SLOPE {
+                break;
+            }
+            place += segment.length;
+            best.1 = place;
+            if segment.slope > SAME_SLOPE {
+                best.0 = place;
+            }
+        }
+        best
+    }
+}
+
+/// Slopes that differ by less are the same.
+const SAME_SLOPE: f64 = 1e-12;
+
+/// A bound on how far drives get in a direction, with memory that is used again.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Farthest {
+    gain: Concave,
+    lines: Vec<Line>,
+    /// Where the gain is largest, after each piece.
+    best: Vec<(f64, f64)>,
+    /// The headings of the drive, at the start and after each piece.
+    drive: Vec<f64>,
+    /// Where lines should touch the cosine; none at first.
+    touch: Vec<f64>,
+}
+
+/// The heading relative to a direction, with its middle in (−π, π]: how much to take off.
+pub(super) fn turns_away(alpha: f64, (lo, hi): (f64, f64)) -> f64 {
+    let middle = 0.5 * (lo + hi) - alpha;
+    alpha + TAU * ((middle - PI) / TAU).ceil()
+}
+
+impl Farthest {
+    /// Forgets where lines should touch.
+    pub(super) fn begin(&mut self) {
+        self.touch.clear();
+    }
+
+    /// The next lines touch the cosine nearer to the last drive.
+    pub(super) fn touch_drive(&mut self) {
+        let middles = self.drive.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+        if self.touch.len() == self.drive.len() - 1 {
+            self.touch.iter_mut().zip(middles).for_each(|(touch, middle)| *touch += 0.5 * (middle - *touch));
+        } else {
+            self.touch.clear();
+            self.touch.extend(middles);
+        }
+    }
+
+    /// A number that ∫cos(θ − α) exceeds for no drive in the tube, s of travel. It also finds a drive
+    /// that comes close to it.
+    pub(super) fn bound(&mut self, tube: &Tube, alpha: f64) -> f64 {
+        let pieces = &tube.pieces;
+        self.lines.clear();
+        for (k, &(lo, hi)) in tube.within.iter().enumerate() {
+            let shift = turns_away(alpha, (lo, hi));
+            let touch = match self.touch.get(k) {
+                Some(touch) => touch - shift,
+                None => 0.0_f64.clamp(lo - shift, hi - shift),
+            };
+            let line = Line::above_cosine(lo - shift, hi - shift, touch);
+            self.lines.push(Line { at_zero: line.at(-shift), ..line });
+        }
+        let n = pieces.len();
+        self.gain.set_zero(tube.lo[n], tube.hi[n]);
+        self.best.clear();
+        self.best.resize(n + 1, (0.0, 0.0));
+        let mut constant = 0.0;
+        for k in (0..n).rev() {
+            let Piece { seconds, lo, hi } = pieces[k];
+            let line = self.lines[k];
+            constant += line.at_zero * seconds;
+            // The integral of a heading is that of the chord between its ends, and at most as much
+            // more as by turning one way first: a parabola of the turn, below this tent.
+            let half = 0.5 * seconds * line.slope;
+            self.gain.tilt(half);
+            self.best[k + 1] = self.gain.best();
+            self.gain.turn(lo * seconds, hi * seconds, half.abs());
+            self.gain.tilt(half);
+            self.gain.clip(tube.lo[k], tube.hi[k]);
+        }
+        self.find_drive(tube, alpha);
+        constant + self.gain.value
+    }
+
+    /// Follows the largest gains from the start; of several, the one nearest to the direction.
+    fn find_drive(&mut self, tube: &Tube, alpha: f64) {
+        self.drive.clear();
+        let mut heading = tube.lo[0];
+        self.drive.push(heading);
+        for (k, piece) in tube.pieces.iter().enumerate() {
+            let (least, most) = self.best[k + 1];
+            let toward = turns_away(alpha, (least, most));
+            let aim = toward.max(least).min(most);
+            let lo = tube.lo[k + 1].max(heading + piece.lo * piece.seconds);
+            let hi = tube.hi[k + 1].min(heading + piece.hi * piece.seconds);
+            heading = aim.max(lo).min(hi);
+            self.drive.push(heading);
+        }
+    }
+
+    /// Where the drive ends, s of travel from its start in the world's axes, and its last heading.
+    pub(super) fn end(&self, tube: &Tube) -> ([f64; 2], f64) {
+        let mut place = [0.0; 2];
+        for (piece, pair) in tube.pieces.iter().zip(self.drive.windows(2)) {
+            let chord = piece.seconds * sinc(0.5 * (pair[1] - pair[0]));
+            let (sin, cos) = sin_cos(0.5 * (pair[0] + pair[1]));
+            place = [place[0] + chord * cos, place[1] + chord * sin];
+        }
+        (place, self.drive[self.drive.len() - 1])
+    }
+}

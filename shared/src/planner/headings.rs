@@ -1,0 +1,197 @@
+//! Which headings a human may have at each instant: a tube that the bounds on the turn rate give, and
+//! that branching narrows.
+
+use crate::bounds::InputBounds;
+
+/// A time during which the bounds on the turn rate are constant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    pub(super) seconds: f64,
+    /// rad/s.
+    pub(super) lo: f64,
+    pub(super) hi: f64,
+}
+
+/// The largest turn in a piece, rad: within one, the cosine is taken to be linear.
+const MOST_TURN_RAD: f64 = 0.15;
+
+/// A later instant: so many whole steps and a share of the next one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Instant {
+    pub(super) step: usize,
+    pub(super) share: f64,
+}
+
+/// The bounds of all steps, cut into pieces.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Pieces {
+    all: Vec<Piece>,
+    /// Of each step.
+    count: usize,
+    straight: bool,
+}
+
+impl Pieces {
+    pub(super) fn set(&mut self, bounds: &InputBounds, step_s: f64) {
+        let rates = || bounds.lo().iter().zip(bounds.hi());
+        let most = rates().map(|(lo, hi)| lo.abs().max(hi.abs())).fold(0.0, f64::max);
+        self.count = ((most * step_s / MOST_TURN_RAD).ceil() as usize).max(1);
+        self.straight = rates().all(|(lo, hi)| *lo <= 0.0 && 0.0 <= *hi);
+        let seconds = step_s / self.count as f64;
+        self.all.clear();
+        for (&lo, &hi) in rates() {
+            self.all.extend(core::iter::repeat_n(Piece { seconds, lo, hi }, self.count));
+        }
+    }
+
+    /// Whether driving straight is admissible in every step.
+    pub(super) fn straight(&self) -> bool {
+        self.straight
+    }
+
+    /// The piece in which an instant lies, or that begins then.
+    pub(super) fn at(&self, instant: Instant) -> Piece {
+        self.all[instant.step * self.count]
+    }
+
+    /// The whole pieces before an instant, and the part of the next one that is over, s.
+    fn before(&self, instant: Instant) -> (usize, f64) {
+        let pieces = instant.share * self.count as f64;
+        let whole = (pieces as usize).min(self.count - 1);
+        let rest = (pieces - whole as f64) * self.at(instant).seconds;
+        (instant.step * self.count + whole, rest)
+    }
+}
+
+/// A part of all drives: those whose heading at the end of a piece is in a range, rad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Cut {
+    /// Number of pieces until then, ≥ 1.
+    pub(super) knot: usize,
+    pub(super) lo: f64,
+    pub(super) hi: f64,
+}
+
+/// Most ranges that a part of all drives is described by.
+pub(super) const MOST_CUTS: usize = 8;
+
+/// The cuts that describe a part.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cuts {
+    list: [Cut; MOST_CUTS],
+    len: usize,
+}
+
+impl Cuts {
+    pub(super) const NONE: Self =
+        Self { list: [Cut { knot: 0, lo: 0.0, hi: 0.0 }; MOST_CUTS], len: 0 };
+
+    /// With one more cut, or with a narrower one at the same knot. None if there are too many.
+    pub(super) fn with(mut self, cut: Cut) -> Option<Self> {
+        let same = self.list[..self.len].iter().position(|other| other.knot == cut.knot);
+        let place = same.unwrap_or(self.len);
+        *self.list.get_mut(place)? = cut;
+        self.len = self.len.max(place + 1);
+        Some(self)
+    }
+}
+
+/// The headings, rad in the world frame and not wrapped, that drives can have at the end of each piece
+/// until some instant. From each heading in the tube, a drive within it leads to the end.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tube {
+    pub(super) pieces: Vec<Piece>,
+    /// At the start and after each piece.
+    pub(super) lo: Vec<f64>,
+    pub(super) hi: Vec<f64>,
+    /// Lowest and highest heading within each piece.
+    pub(super) within: Vec<(f64, f64)>,
+    /// Whether the last piece ends between knots.
+    rest: bool,
+}
+
+/// Ranges that miss each other by less meet, rad.
+const ROUNDING_RAD: f64 = 1e-12;
+
+impl Tube {
+    /// The tube of the drives from heading `psi` until `instant` that satisfy the cuts; false if there
+    /// is none.
+    pub(super) fn set(&mut self, psi: f64, pieces: &Pieces, instant: Instant, cuts: &Cuts) -> bool {
+        let (whole, rest) = pieces.before(instant);
+        self.pieces.clear();
+        self.pieces.extend_from_slice(&pieces.all[..whole]);
+        self.rest = rest > 0.0;
+        if self.rest {
+            self.pieces.push(Piece { seconds: rest, ..pieces.all[whole] });
+        }
+        self.lo.clear();
+        self.hi.clear();
+        let (mut lo, mut hi) = (psi, psi);
+        for knot in 0..=self.pieces.len() {
+            if let Some(piece) = knot.checked_sub(1).map(|before| self.pieces[before]) {
+                (lo, hi) = (lo + piece.lo * piece.seconds, hi + piece.hi * piece.seconds);
+            }
+            let ends_between = self.rest && knot == self.pieces.len();
+            for cut in &cuts.list[..cuts.len] {
+                if cut.knot == knot && !ends_between {
+                    (lo, hi) = (lo.max(cut.lo), hi.min(cut.hi));
+                }
+            }
+            if lo > hi + ROUNDING_RAD {
+                return false;
+            }
+            self.lo.push(lo.min(hi));
+            self.hi.push(hi);
+        }
+        self.narrow();
+        true
+    }
+
+    /// Leaves out headings from which no drive leads to the end.
+    fn narrow(&mut self) {
+        for (k, piece) in self.pieces.iter().enumerate().rev() {
+            self.lo[k] = self.lo[k].max(self.lo[k + 1] - piece.hi * piece.seconds);
+            self.hi[k] = self.hi[k].min(self.hi[k + 1] - piece.lo * piece.seconds);
+            // Both are the same but for rounding.
+            if self.lo[k] > self.hi[k] {
+                self.lo[k] = self.hi[k];
+            }
+        }
+        self.within.clear();
+        for (k, piece) in self.pieces.iter().enumerate() {
+            let highest = highest(piece, self.hi[k], self.hi[k + 1]);
+            let mirrored = Piece { seconds: piece.seconds, lo: -piece.hi, hi: -piece.lo };
+            let lowest = -self::highest(&mirrored, -self.lo[k], -self.lo[k + 1]);
+            self.within.push((lowest, highest));
+        }
+    }
+
+    /// The range of headings at the end.
+    pub(super) fn end(&self) -> (f64, f64) {
+        (self.lo[self.pieces.len()], self.hi[self.pieces.len()])
+    }
+
+    /// The knot at which headings differ most, and the two halves of the tube there.
+    pub(super) fn halves(&self) -> Option<[Cut; 2]> {
+        let knots = self.pieces.len() - usize::from(self.rest);
+        let width = |&knot: &usize| self.hi[knot] - self.lo[knot];
+        let knot = (1..=knots).max_by(|a, b| width(a).total_cmp(&width(b)))?;
+        let (lo, hi) = (self.lo[knot], self.hi[knot]);
+        let middle = 0.5 * (lo + hi);
+        let halves = [Cut { knot, lo, hi: middle }, Cut { knot, lo: middle, hi }];
+        (width(&knot) > 1e-6).then_some(halves)
+    }
+}
+
+/// The highest heading within a piece that begins at most at `from` and ends at most at `to`: drives
+/// turn left as long as they can, then right.
+fn highest(piece: &Piece, from: f64, to: f64) -> f64 {
+    if piece.hi <= 0.0 {
+        return from;
+    }
+    if piece.lo >= 0.0 {
+        return to;
+    }
+    let left_s = (to - from - piece.lo * piece.seconds) / (piece.hi - piece.lo);
+    from + piece.hi * left_s.clamp(0.0, piece.seconds)
+}

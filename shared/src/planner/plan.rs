@@ -1,0 +1,334 @@
+//! What a robot plans to do, and the ground that it covers.
+
+use crate::invalid::{Invalid, positive};
+use crate::math::{TAU, hypot, sin_cos, sinc, wrap_angle};
+use crate::reach::polygon::signed_distance;
+use crate::vehicle::{Pose, dubins};
+
+/// What the robot can do. A plan that needs more jumps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanLimits {
+    /// Greatest speed along the path, forward or backward, m/s.
+    pub most_speed_mps: f64,
+    /// Greatest turn rate, rad/s.
+    pub most_turn_rate_radps: f64,
+}
+
+/// Poses may exceed a limit by this share: they were rounded.
+const ROUNDING: f64 = 1e-9;
+
+impl PlanLimits {
+    /// Accepts limits that are finite and > 0.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        positive("most_speed_mps", self.most_speed_mps)?;
+        positive("most_turn_rate_radps", self.most_turn_rate_radps)?;
+        Ok(())
+    }
+}
+
+/// The robot's planned trajectory: its poses (world frame) now and after each step ahead.
+///
+/// # Between the poses
+/// In each step the robot turns at a constant rate, by the smaller angle, and drives at a constant
+/// speed on the circular arc (or the line) between the two positions. A vehicle that holds speed and
+/// turn rate within steps drives exactly so. For any other robot, grow the footprint by how far it may
+/// deviate ([`Footprint::grown`]); a robot that drives straight between the positions instead deviates
+/// by at most an eighth of the step's length times its turn in rad.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    step_s: f64,
+    limits: PlanLimits,
+    poses: Vec<Pose>,
+}
+
+impl Plan {
+    /// The plan through `poses`, the first of which is the robot's present pose; each step takes
+    /// `step_s` s.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there are fewer than two poses, a coordinate is not finite or beyond
+    /// [`Pose::MOST`], a step exceeds the limits (naming the pose to which it jumps), or
+    /// `step_s` or a limit is not > 0.
+    pub fn new(poses: Vec<Pose>, step_s: f64, limits: PlanLimits) -> Result<Self, Invalid> {
+        positive("step_s", step_s)?;
+        limits.check().map_err(|invalid| invalid.within("limits"))?;
+        check(&poses, step_s, &limits)?;
+        Ok(Self { step_s, limits, poses })
+    }
+
+    /// The plan through `positions`, m, for a robot that is round: its heading stays 0, so that it
+    /// drives straight from each position to the next.
+    ///
+    /// # Errors
+    /// The errors of [`Self::new`].
+    pub fn of_positions(
+        positions: &[[f64; 2]],
+        step_s: f64,
+        limits: PlanLimits,
+    ) -> Result<Self, Invalid> {
+        let poses = positions.iter().map(|&[x, y]| Pose { x, y, psi: 0.0 }).collect();
+        Self::new(poses, step_s, limits)
+    }
+
+    /// The plan of a vehicle that holds a speed, m/s (negative: backward), and a turn rate, rad/s, in
+    /// each step.
+    ///
+    /// # Errors
+    /// The errors of [`Self::new`]; and [`Invalid`] if the vehicle turns by more than half a turn in
+    /// a step, which poses cannot tell from a smaller turn.
+    pub fn driven(
+        start: Pose,
+        inputs: &[(f64, f64)],
+        step_s: f64,
+        limits: PlanLimits,
+    ) -> Result<Self, Invalid> {
+        let mut poses = vec![start];
+        let mut pose = start;
+        for (i, &(speed, rate)) in inputs.iter().enumerate() {
+            if !((rate * step_s).abs() <= 0.5 * TAU) {
+                let expected = format!("at most half a turn in a step of {step_s} s");
+                let found = format!("{rate} rad/s");
+                return Err(Invalid::new(format!("inputs[{i}].turn_rate"), expected, found));
+            }
+            pose = dubins::arc(pose, speed, rate, step_s);
+            poses.push(pose);
+        }
+        Self::new(poses, step_s, limits)
+    }
+
+    /// Replaces the poses; step and limits stay. With no more poses than there ever were, nothing is
+    /// allocated. After an error the plan is unchanged.
+    ///
+    /// # Errors
+    /// The errors of [`Self::new`].
+    pub fn replace(&mut self, poses: &[Pose]) -> Result<(), Invalid> {
+        check(poses, self.step_s, &self.limits)?;
+        self.poses.clear();
+        self.poses.extend_from_slice(poses);
+        Ok(())
+    }
+
+    /// Number of steps, ≥ 1: one less than poses.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.poses.len() - 1
+    }
+
+    /// Length of a step, s.
+    #[must_use]
+    pub fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
+    /// The poses, world frame, from the present one on.
+    #[must_use]
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
+    }
+
+    /// The pose `seconds` after now, from 0 to the end of the plan; before and after, the pose there.
+    #[must_use]
+    pub fn pose_at(&self, seconds: f64) -> Pose {
+        let steps = (seconds / self.step_s).clamp(0.0, self.steps() as f64);
+        let step = (steps as usize).min(self.steps() - 1);
+        self.leg(step).pose(steps - step as f64)
+    }
+
+    /// What the robot does in a step, counted from 0.
+    pub(super) fn leg(&self, step: usize) -> Leg {
+        Leg::new(self.poses[step], self.poses[step + 1])
+    }
+}
+
+fn check(poses: &[Pose], step_s: f64, limits: &PlanLimits) -> Result<(), Invalid> {
+    if poses.len() < 2 {
+        return Err(Invalid::new("poses", "the present one and one for each step", poses.len()));
+    }
+    for (i, pose) in poses.iter().enumerate() {
+        pose.check().map_err(|invalid| invalid.within(&format!("poses[{i}]")))?;
+    }
+    for (i, pair) in poses.windows(2).enumerate() {
+        let leg = Leg::new(pair[0], pair[1]);
+        let most = |limit: f64| limit * step_s * (1.0 + ROUNDING);
+        let to = format!("poses[{}]", i + 1);
+        if leg.length_m > most(limits.most_speed_mps) + ROUNDING {
+            let metres = limits.most_speed_mps * step_s;
+            let expected = format!("at most {metres} m after poses[{i}], as the limits allow");
+            return Err(Invalid::new(to, expected, format!("{} m", leg.length_m)));
+        }
+        if leg.turn_rad.abs() > most(limits.most_turn_rate_radps) + ROUNDING {
+            let rad = limits.most_turn_rate_radps * step_s;
+            let expected = format!("a turn of at most {rad} rad after poses[{i}]");
+            return Err(Invalid::new(to, expected, format!("{} rad", leg.turn_rad)));
+        }
+    }
+    Ok(())
+}
+
+/// One step of a plan: an arc.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    from: Pose,
+    /// From the first position to the last, m.
+    chord: [f64; 2],
+    pub(super) turn_rad: f64,
+    /// Along the arc.
+    pub(super) length_m: f64,
+}
+
+impl Leg {
+    fn new(from: Pose, to: Pose) -> Self {
+        let chord = [to.x - from.x, to.y - from.y];
+        let turn_rad = wrap_angle(to.psi - from.psi);
+        let length_m = hypot(chord[0], chord[1]) / sinc(0.5 * turn_rad);
+        Self { from, chord, turn_rad, length_m }
+    }
+
+    /// The pose after a share of the step, from 0 to 1. The arc so far has a chord of length
+    /// ∝ share · sinc(share · turn/2), turned back by half of the turn that is left.
+    pub(super) fn pose(&self, share: f64) -> Pose {
+        let half = 0.5 * self.turn_rad;
+        let scale = share * sinc(share * half) / sinc(half);
+        let (sin, cos) = sin_cos((share - 1.0) * half);
+        let [x, y] = self.chord;
+        Pose {
+            x: self.from.x + scale * (cos * x - sin * y),
+            y: self.from.y + scale * (sin * x + cos * y),
+            psi: self.from.psi + share * self.turn_rad,
+        }
+    }
+
+    /// How far a point fixed to the robot, `reach_m` from its position, can be from the chord of its
+    /// own path in a part of the step, m: an eighth of the acceleration times the time squared.
+    pub(super) fn bulge_m(&self, reach_m: f64, part: f64) -> f64 {
+        let turn = self.turn_rad.abs();
+        turn * (self.length_m + turn * reach_m) * part * part / 8.0
+    }
+}
+
+/// The ground that a robot covers: everything within a margin of a convex polygon that is fixed to it.
+/// A disc is the margin of a single corner.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Footprint {
+    /// Counter-clockwise, in the robot's frame (x ahead, y to the left), m.
+    corners: Vec<[f64; 2]>,
+    margin_m: f64,
+    /// Of the corner farthest from the robot's position, m.
+    reach_m: f64,
+}
+
+/// The largest length of a footprint, m.
+const MOST_M: f64 = 1e4;
+
+impl Footprint {
+    /// A disc about the robot's position.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the radius is not from 0 to 10⁴ m.
+    pub fn disc(radius_m: f64) -> Result<Self, Invalid> {
+        let point = Self { corners: vec![[0.0; 2]], margin_m: 0.0, reach_m: 0.0 };
+        Ok(Self { margin_m: length("radius_m", radius_m)?, ..point })
+    }
+
+    /// The convex hull of points in the robot's frame (x ahead, y to the left), m.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no point, or one is not within 10⁴ m.
+    pub fn polygon(points: &[[f64; 2]]) -> Result<Self, Invalid> {
+        if points.is_empty() {
+            return Err(Invalid::new("points", "at least one", "none"));
+        }
+        let mut reach_m = 0.0_f64;
+        for (i, &[x, y]) in points.iter().enumerate() {
+            reach_m = reach_m.max(length(&format!("points[{i}]"), hypot(x, y))?);
+        }
+        Ok(Self { corners: hull(points), margin_m: 0.0, reach_m })
+    }
+
+    /// The same, grown on all sides: by the radius of a person's body, or by how far the robot may
+    /// deviate from its plan.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the margin is not from 0 to 10⁴ m.
+    pub fn grown(mut self, margin_m: f64) -> Result<Self, Invalid> {
+        self.margin_m = length("margin_m", self.margin_m + length("margin_m", margin_m)?)?;
+        Ok(self)
+    }
+
+    /// The corners of the polygon, counter-clockwise in the robot's frame, m.
+    #[must_use]
+    pub fn corners(&self) -> &[[f64; 2]] {
+        &self.corners
+    }
+
+    /// How far it extends beyond the polygon, m.
+    #[must_use]
+    pub fn margin_m(&self) -> f64 {
+        self.margin_m
+    }
+
+    pub(super) fn reach_m(&self) -> f64 {
+        self.reach_m
+    }
+
+    /// Distance, m, of a position (world frame) from the robot at `pose`; ≤ 0 if it is covered.
+    #[must_use]
+    pub fn distance_m(&self, pose: Pose, [x, y]: [f64; 2]) -> f64 {
+        let (dx, dy) = (x - pose.x, y - pose.y);
+        let (sin, cos) = sin_cos(pose.psi);
+        let seen = [cos * dx + sin * dy, -sin * dx + cos * dy];
+        -signed_distance(&self.corners, seen) - self.margin_m
+    }
+
+    /// The part of the polygon at `pose` that lies least far along a direction (unit vector, world
+    /// frame): where, m from `origin`.
+    pub(super) fn least_along(&self, pose: Pose, origin: [f64; 2], along: [f64; 2]) -> [f64; 2] {
+        let (sin, cos) = sin_cos(pose.psi);
+        let (ahead, left) = (cos * along[0] + sin * along[1], cos * along[1] - sin * along[0]);
+        let mut least = (f64::INFINITY, [0.0; 2]);
+        for &[x, y] in &self.corners {
+            let far = ahead * x + left * y;
+            if far < least.0 {
+                least = (far, [cos * x - sin * y, sin * x + cos * y]);
+            }
+        }
+        [pose.x - origin[0] + least.1[0], pose.y - origin[1] + least.1[1]]
+    }
+}
+
+fn length(field: &str, metres: f64) -> Result<f64, Invalid> {
+    if (0.0..=MOST_M).contains(&metres) {
+        return Ok(metres);
+    }
+    Err(Invalid::new(field, format!("a length from 0 to {MOST_M} m"), metres))
+}
+
+/// The convex hull, counter-clockwise (Andrew's monotone chain).
+fn hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    sorted.dedup();
+    if sorted.len() < 3 {
+        return sorted;
+    }
+    let left = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0
+    };
+    let mut hull: Vec<[f64; 2]> = Vec::new();
+    let there_and_back = sorted.iter().chain(sorted.iter().rev().skip(1));
+    let mut least = 2;
+    for (i, &point) in there_and_back.enumerate() {
+        while hull.len() >= least && !left(hull[hull.len() - 2], hull[hull.len() - 1], point) {
+            hull.pop();
+        }
+        hull.push(point);
+        if i + 1 == sorted.len() {
+            least = hull.len() + 1;
+        }
+    }
+    hull.pop();
+    hull
+}

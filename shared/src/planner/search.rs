@@ -1,0 +1,278 @@
+//! Branch and bound: the clearance from one set in one step.
+
+use super::clearance::{Clearance, ClearanceSettings};
+use super::farthest::{Farthest, turns_away};
+use super::headings::{Cuts, Instant, Piece, Pieces, Tube};
+use super::plan::{Footprint, Leg, Plan};
+use crate::bounds::InputBounds;
+use crate::math::{TAU, atan2, hypot, sin_cos, sinc};
+use crate::vehicle::Pose;
+use core::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// What is the same for all sets and steps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Setting<'a> {
+    pub(super) start: Pose,
+    pub(super) speed_mps: f64,
+    pub(super) step_s: f64,
+    pub(super) plan: &'a Plan,
+    pub(super) footprint: &'a Footprint,
+    pub(super) settings: ClearanceSettings,
+}
+
+/// Some of the drives, during a part of a step.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    cuts: Cuts,
+    /// The part of the step, as shares.
+    from: f64,
+    to: f64,
+    /// The direction from human to robot that told most, rad.
+    alpha: f64,
+    /// No drive of the part comes nearer, m.
+    at_least_m: f64,
+    /// Whether halving the drives promises more than halving the time.
+    halve_drives: bool,
+}
+
+/// The part with the smallest bound comes first.
+impl Ord for Part {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.at_least_m.total_cmp(&self.at_least_m)
+    }
+}
+
+impl PartialOrd for Part {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Part {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Part {}
+
+/// Directions that are tried for a part.
+const MOST_DIRECTIONS: usize = 5;
+
+/// The shortest part of a step.
+const LEAST_SHARE: f64 = 1.0 / 4096.0;
+
+/// Numbers are rounded by less, m and as a share of the distance.
+const ROUNDING_M: f64 = 1e-9;
+const ROUNDING: f64 = 1e-12;
+
+/// The memory of a search.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Search {
+    pieces: Pieces,
+    tube: Tube,
+    farthest: Farthest,
+    open: BinaryHeap<Part>,
+    /// The direction that told most in the step before.
+    alpha: Option<f64>,
+}
+
+impl Search {
+    /// Turns to the set of other bounds.
+    pub(super) fn begin(&mut self, bounds: &InputBounds, step_s: f64) {
+        self.pieces.set(bounds, step_s);
+        self.alpha = None;
+    }
+
+    /// The clearance in step `step`, from 0; it is known to be `at_least_m`.
+    pub(super) fn step(&mut self, on: &Setting<'_>, step: usize, at_least_m: f64) -> Clearance {
+        let ClearanceSettings { accuracy_m, enough_m, most_parts } = on.settings;
+        self.open.clear();
+        let leg = on.plan.leg(step);
+        let alpha = self.alpha.unwrap_or_else(|| {
+            let robot = leg.pose(0.5);
+            atan2(robot.y - on.start.y, robot.x - on.start.x)
+        });
+        let (cuts, halve_drives) = (Cuts::NONE, false);
+        let whole = Part { cuts, from: 0.0, to: 1.0, alpha, at_least_m, halve_drives };
+        let mut at_most_m = f64::INFINITY;
+        // The least bound of the parts that need no search any more.
+        let mut settled_m = f64::INFINITY;
+        let mut parts = 0;
+        self.examine(on, step, &leg, whole, &mut at_most_m);
+        self.alpha = self.open.peek().map(|part| part.alpha);
+        while let Some(part) = self.open.pop() {
+            let known = part.at_least_m;
+            let goal = (at_most_m - accuracy_m).min(enough_m);
+            if known >= goal || at_most_m <= 0.0 || parts >= most_parts {
+                settled_m = settled_m.min(known);
+                break;
+            }
+            parts += 1;
+            match self.halves(on, step, &part) {
+                Some(halves) => {
+                    for half in halves {
+                        self.examine(on, step, &leg, half, &mut at_most_m);
+                    }
+                }
+                None => settled_m = settled_m.min(known),
+            }
+        }
+        // All drives and the whole time were in some part.
+        Clearance { at_least_m: settled_m.min(at_most_m), at_most_m }
+    }
+
+    /// Halves the drives of a part, or its time.
+    fn halves(&mut self, on: &Setting<'_>, step: usize, part: &Part) -> Option<[Part; 2]> {
+        let middle = 0.5 * (part.from + part.to);
+        let in_time = [Part { to: middle, ..*part }, Part { from: middle, ..*part }];
+        let in_time = (part.to - part.from > LEAST_SHARE).then_some(in_time);
+        let by_drives = |search: &mut Self| {
+            let instant = Instant { step, share: part.from };
+            if !search.tube.set(on.start.psi, &search.pieces, instant, &part.cuts) {
+                return None;
+            }
+            let [low, high] = search.tube.halves()?;
+            let half = |cut| Some(Part { cuts: part.cuts.with(cut)?, ..*part });
+            Some([half(low)?, half(high)?])
+        };
+        if part.halve_drives {
+            by_drives(self).or(in_time)
+        } else {
+            in_time.or_else(|| by_drives(self))
+        }
+    }
+
+    /// Bounds the clearance of a part from below, and that of all drives from above; keeps the part
+    /// for later, unless it is empty.
+    fn examine(
+        &mut self,
+        on: &Setting<'_>,
+        step: usize,
+        leg: &Leg,
+        mut part: Part,
+        at_most_m: &mut f64,
+    ) {
+        let instant = Instant { step, share: part.from };
+        if !self.tube.set(on.start.psi, &self.pieces, instant, &part.cuts) {
+            return;
+        }
+        self.farthest.begin();
+        let look = Look::new(on, leg, &part, self.pieces.at(instant));
+        let (mut alpha, mut before) = (part.alpha, None);
+        let goal = on.settings.enough_m;
+        for _ in 0..MOST_DIRECTIONS {
+            let ends = look.along(alpha, &self.tube, &mut self.farthest);
+            let least = ends[0].at_least_m.min(ends[1].at_least_m) - look.bulge_m;
+            let most = ends[0].at_most_m.min(ends[1].at_most_m);
+            *at_most_m = at_most_m.min(most);
+            if least > part.at_least_m {
+                (part.at_least_m, part.alpha) = (least, alpha);
+            }
+            part.halve_drives = ends[0].at_most_m - ends[0].at_least_m > 0.5 * (most - least);
+            if part.at_least_m >= goal.min(*at_most_m - on.settings.accuracy_m) {
+                break;
+            }
+            let nearer = if ends[0].at_least_m <= ends[1].at_least_m { ends[0] } else { ends[1] };
+            let aim = nearest_to_origin(before.unwrap_or(nearer.apart), nearer.apart);
+            before = Some(nearer.apart);
+            if hypot(aim[0], aim[1]) < ROUNDING_M {
+                break;
+            }
+            alpha = atan2(aim[1], aim[0]);
+            if !self.pieces.straight() {
+                self.farthest.touch_drive();
+            }
+        }
+        self.open.push(part);
+    }
+}
+
+/// What is seen of human and robot at one end of a part's time.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    /// Along the direction, the robot is at least this far ahead of the human, m.
+    at_least_m: f64,
+    /// Between the robot and the drive that was found, m.
+    at_most_m: f64,
+    /// From the end of that drive to the nearest corner of the robot, m.
+    apart: [f64; 2],
+}
+
+/// A part's time, in which lines between human and robot are sought.
+struct Look<'a> {
+    on: &'a Setting<'a>,
+    /// Of the robot, at both ends.
+    poses: [Pose; 2],
+    /// Between both ends, s.
+    seconds: f64,
+    /// The human's turn rates in between, rad/s.
+    rates: (f64, f64),
+    /// How far the robot's corners are from the chords of their paths, m.
+    bulge_m: f64,
+}
+
+impl<'a> Look<'a> {
+    fn new(on: &'a Setting<'a>, leg: &Leg, part: &Part, piece: Piece) -> Self {
+        let share = part.to - part.from;
+        Self {
+            on,
+            poses: [leg.pose(part.from), leg.pose(part.to)],
+            seconds: share * on.step_s,
+            rates: (piece.lo, piece.hi),
+            bulge_m: leg.bulge_m(on.footprint.reach_m(), share),
+        }
+    }
+
+    /// Both ends, seen along direction `alpha` from human to robot. Between the ends, the human gets
+    /// on by at most the largest cosine of a heading, so that the true gap is above the line between
+    /// both gaps, but for the bulge of the robot's path.
+    fn along(&self, alpha: f64, tube: &Tube, farthest: &mut Farthest) -> [End; 2] {
+        let (sin, cos) = sin_cos(alpha);
+        let v = self.on.speed_mps;
+        let far_m = v * farthest.bound(tube, alpha);
+        let (lo, hi) = tube.end();
+        let (lo, hi) =
+            (lo + self.rates.0.min(0.0) * self.seconds, hi + self.rates.1.max(0.0) * self.seconds);
+        let onward_m = v * self.seconds * most_cosine(lo - alpha, hi - alpha);
+        let (place, heading) = farthest.end(tube);
+        let toward = turns_away(alpha, (heading, heading)) - heading;
+        let turn = toward.max(self.rates.0 * self.seconds).min(self.rates.1 * self.seconds);
+        let chord = self.seconds * sinc(0.5 * turn);
+        let (up, on) = sin_cos(heading + 0.5 * turn);
+        let later = [place[0] + chord * on, place[1] + chord * up];
+        let end = |pose: Pose, place: [f64; 2], far_m: f64| {
+            let start = [self.on.start.x, self.on.start.y];
+            let human = [v * place[0], v * place[1]];
+            let corner = self.on.footprint.least_along(pose, start, [cos, sin]);
+            let margin_m = self.on.footprint.margin_m();
+            let gap_m = corner[0] * cos + corner[1] * sin - margin_m - far_m;
+            let rounding_m = ROUNDING_M + ROUNDING * (start[0].abs() + start[1].abs() + far_m.abs());
+            let here = [start[0] + human[0], start[1] + human[1]];
+            End {
+                at_least_m: gap_m - rounding_m,
+                at_most_m: self.on.footprint.distance_m(pose, here),
+                apart: [corner[0] - human[0], corner[1] - human[1]],
+            }
+        };
+        [end(self.poses[0], place, far_m), end(self.poses[1], later, far_m + onward_m)]
+    }
+}
+
+/// The largest cosine of an angle in [lo, hi].
+fn most_cosine(lo: f64, hi: f64) -> f64 {
+    if (lo / TAU).ceil() <= (hi / TAU).floor() {
+        return 1.0;
+    }
+    sin_cos(lo).1.max(sin_cos(hi).1)
+}
+
+/// The place nearest to the origin on the line from a to b.
+fn nearest_to_origin(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    let d = [b[0] - a[0], b[1] - a[1]];
+    let square = d[0] * d[0] + d[1] * d[1];
+    let share = if square > 0.0 { -(a[0] * d[0] + a[1] * d[1]) / square } else { 0.0 };
+    let share = share.clamp(0.0, 1.0);
+    [a[0] + share * d[0], a[1] + share * d[1]]
+}
