@@ -126,6 +126,20 @@ impl FeatureSet {
         self.features().any(|of| of.name == level || of.name.starts_with(slopes))
     }
 
+    /// How many states the features need, the current one among them: of a longer history only the
+    /// last ones count. None if one feature looks back to the beginning of the drive.
+    #[must_use]
+    pub fn states_needed(&self) -> Option<usize> {
+        let needed = |of: &Feature| match of.name {
+            "turned_1" => Some(2),
+            "turned_2" => Some(3),
+            "turned_5" => Some(6),
+            "turned" => None,
+            _ => Some(1),
+        };
+        self.features().map(needed).try_fold(1, |most, of| Some(most.max(of?)))
+    }
+
     /// The number of features.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -156,6 +170,9 @@ impl TryFrom<Vec<String>> for FeatureSet {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::SceneParameters;
+    use crate::vehicle::{Pose, TurnInput};
+    use core::ops::ControlFlow;
 
     #[test]
     fn the_papers_sets() {
@@ -178,6 +195,35 @@ mod tests {
         }
         assert_eq!(of(&FeatureSet::of(&["dv_r_turn"]).unwrap()), [false, true]);
         assert_eq!(of(&FeatureSet::all()), [true; 2]);
+    }
+
+    /// Each feature alone: with as many states as it says it has its value, and it looks back so far.
+    #[test]
+    fn features_look_back_as_far_as_they_say() {
+        let parameters = SceneParameters::default();
+        let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
+        let (human, robot) = (Pose::new(0.0, 0.0, 0.4), Pose::new(9.0, 1.0, 3.0));
+        let mut history = vec![JointState { human, robot }];
+        for step in 0..30 {
+            let input = TurnInput::ALL[step * step / 3 % 3];
+            history.push(history[step].advance(&parameters, input, 0.17 + 0.01 * step as f64));
+        }
+        for feature in FEATURES {
+            let set = FeatureSet::of(&[feature.name]).unwrap();
+            let value = |states: usize| {
+                let mut row = [f64::NAN];
+                set.compute_into(&history[history.len() - states..], &safety, &mut row);
+                row[0].to_bits()
+            };
+            let needed = set.states_needed().unwrap_or(history.len());
+            for states in needed..=history.len() {
+                assert_eq!(value(states), value(history.len()), "{}", feature.name);
+            }
+            assert!(needed == 1 || value(needed - 1) != value(needed), "{}", feature.name);
+        }
+        assert_eq!(FeatureSet::all().states_needed(), None);
+        assert_eq!(FeatureSet::with_history().unwrap().states_needed(), Some(6));
+        assert_eq!(FeatureSet::none().states_needed(), Some(1));
     }
 
     #[test]

@@ -6,6 +6,10 @@ mod headings;
 mod farthest;
 mod search;
 mod clearance;
+mod coverage;
+mod online;
 
 pub use clearance::{Clearance, ClearanceFinder, ClearanceSettings, Clearances, HumanFuture};
+pub use coverage::{CollisionBound, CoverageBounds};
+pub use online::{Continuity, OnlinePredictor};
 pub use plan::{Footprint, Plan, PlanLimits};

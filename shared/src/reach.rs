@@ -35,6 +35,7 @@ mod membership;
 pub use boundary::Workspace;
 pub use membership::{Side, StateMargins, Tolerance};
 pub use minkowski::minkowski_disc;
+pub(crate) use paths::NEARLY_ZERO;
 pub use sampling::PolygonSettings;
 pub use set::ReachableSet;
 pub use start::{PositionUncertainty, StartSet};

@@ -86,6 +86,12 @@ impl Algorithm1 {
         Ok(&self.found)
     }
 
+    /// What the last run found; nothing before the first. After an error it is incomplete.
+    #[must_use]
+    pub fn found(&self) -> &PredictedBounds {
+        &self.found
+    }
+
     /// Empties everything but its memory.
     fn start(&mut self, history: &[JointState], sets: usize) {
         for path in [&mut self.low, &mut self.high] {

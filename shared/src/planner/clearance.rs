@@ -11,8 +11,8 @@ use crate::vehicle::Pose;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ClearanceSettings {
-    /// [`Clearance::at_most_m`] exceeds [`Clearance::at_least_m`] by no more than this, m, unless one
-    /// of the limits below ends the search.
+    /// [`Clearance::at_most_m`] exceeds [`Clearance::at_least_m`] (if negative: 0) by no more than
+    /// this, m, unless one of the limits below ends the search.
     pub accuracy_m: f64,
     /// A clearance that is at least this, m, needs no accuracy.
     pub enough_m: f64,
@@ -53,6 +53,13 @@ impl ClearanceSettings {
             return Ok(Self { most_parts, ..self });
         }
         Err(Invalid::new("most_parts", "a whole number from 1 to 1000000", most_parts))
+    }
+}
+
+impl ClearanceSettings {
+    /// The bound from below that suffices beside one from above, m.
+    pub(super) fn goal(&self, at_most_m: f64) -> f64 {
+        self.enough_m.min(at_most_m - self.accuracy_m)
     }
 }
 
@@ -246,7 +253,7 @@ impl ClearanceFinder {
         for (j, set) in future.sets.iter().enumerate().rev() {
             let (start, speed_mps, step_s) = (future.start, future.speed_mps, future.step_s);
             let setting = Setting { start, speed_mps, step_s, plan, footprint, settings };
-            self.search.begin(set, step_s);
+            self.search.begin(set, &setting);
             for step in 0..steps {
                 let larger = self.found.all.get((j + 1) * steps + step).copied();
                 let at_least = larger.map_or(f64::NEG_INFINITY, |larger| larger.at_least_m);

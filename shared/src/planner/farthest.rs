@@ -97,16 +97,22 @@ impl Concave {
         self.segments.iter_mut().for_each(|segment| segment.slope += slope);
     }
 
-    /// The maximum over a turn δ of this function of θ + δ and of what the turn itself gains: nothing
-    /// at either end of [least, most], and up to `gain` per rad in between (a tent).
+    /// The maximum over a turn δ of this function of θ + δ and of what the turn itself gains: a
+    /// parabola that is 0 at both ends of [least, most], where its slopes are ±`gain` per rad. It is
+    /// replaced by tangents, the envelope of which is above it.
     fn turn(&mut self, least: f64, most: f64, gain: f64) {
         self.from -= most;
-        let half = 0.5 * (most - least);
-        if half > 0.0 {
-            for slope in [gain, -gain] {
-                let place = self.segments.partition_point(|segment| segment.slope > slope);
-                self.segments.insert(place, Segment { slope, length: half });
-            }
+        let between = (most - least) / (TANGENTS - 1) as f64;
+        if between <= 0.0 {
+            return;
+        }
+        let mut place = 0;
+        for i in 0..TANGENTS {
+            let slope = gain * (1.0 - 2.0 * i as f64 / (TANGENTS - 1) as f64);
+            let length = if i == 0 || i == TANGENTS - 1 { 0.5 * between } else { between };
+            let behind = &self.segments[place..];
+            place += behind.partition_point(|segment| segment.slope > slope);
+            self.segments.insert(place, Segment { slope, length });
         }
     }
 
@@ -152,6 +158,9 @@ impl Concave {
     }
 }
 
+/// Tangents of a parabola, at equal distances.
+const TANGENTS: usize = 5;
+
 /// Slopes that differ by less are the same.
 const SAME_SLOPE: f64 = 1e-12;
 
@@ -164,6 +173,8 @@ pub(super) struct Farthest {
     best: Vec<(f64, f64)>,
     /// The headings of the drive, at the start and after each piece.
     drive: Vec<f64>,
+    /// Two drives that were kept.
+    kept: [Vec<f64>; 2],
     /// Where lines should touch the cosine; none at first.
     touch: Vec<f64>,
 }
@@ -172,6 +183,19 @@ pub(super) struct Farthest {
 pub(super) fn turns_away(alpha: f64, (lo, hi): (f64, f64)) -> f64 {
     let middle = 0.5 * (lo + hi) - alpha;
     alpha + TAU * ((middle - PI) / TAU).ceil()
+}
+
+/// The end of the drive through headings, at a constant rate in each piece; and the last heading.
+fn follow(pieces: &[Piece], mut headings: impl Iterator<Item = f64>) -> ([f64; 2], f64) {
+    let mut place = [0.0; 2];
+    let mut from = headings.next().unwrap_or(0.0);
+    for (piece, to) in pieces.iter().zip(headings) {
+        let chord = piece.seconds * sinc(0.5 * (to - from));
+        let (sin, cos) = sin_cos(0.5 * (from + to));
+        place = [place[0] + chord * cos, place[1] + chord * sin];
+        from = to;
+    }
+    (place, from)
 }
 
 impl Farthest {
@@ -200,7 +224,12 @@ impl Farthest {
             let shift = turns_away(alpha, (lo, hi));
             let touch = match self.touch.get(k) {
                 Some(touch) => touch - shift,
-                None => 0.0_f64.clamp(lo - shift, hi - shift),
+                // In the middle of the piece, a drive that keeps as near to the direction as it can
+                // has the mean of these headings.
+                None => {
+                    let nearest = |knot: usize| shift.max(tube.lo[knot]).min(tube.hi[knot]);
+                    0.5 * (nearest(k) + nearest(k + 1)) - shift
+                }
             };
             let line = Line::above_cosine(lo - shift, hi - shift, touch);
             self.lines.push(Line { at_zero: line.at(-shift), ..line });
@@ -215,7 +244,7 @@ impl Farthest {
             let line = self.lines[k];
             constant += line.at_zero * seconds;
             // The integral of a heading is that of the chord between its ends, and at most as much
-            // more as by turning one way first: a parabola of the turn, below this tent.
+            // more as by turning one way first: a parabola of the turn.
             let half = 0.5 * seconds * line.slope;
             self.gain.tilt(half);
             self.best[k + 1] = self.gain.best();
@@ -245,12 +274,19 @@ impl Farthest {
 
     /// Where the drive ends, s of travel from its start in the world's axes, and its last heading.
     pub(super) fn end(&self, tube: &Tube) -> ([f64; 2], f64) {
-        let mut place = [0.0; 2];
-        for (piece, pair) in tube.pieces.iter().zip(self.drive.windows(2)) {
-            let chord = piece.seconds * sinc(0.5 * (pair[1] - pair[0]));
-            let (sin, cos) = sin_cos(0.5 * (pair[0] + pair[1]));
-            place = [place[0] + chord * cos, place[1] + chord * sin];
-        }
-        (place, self.drive[self.drive.len() - 1])
+        follow(&tube.pieces, self.drive.iter().copied())
+    }
+
+    /// Keeps the drive, as the first or the second.
+    pub(super) fn keep(&mut self, place: usize) {
+        self.kept[place].clone_from(&self.drive);
+    }
+
+    /// The end of a drive between the first (share 0) and the second (1) that were kept, both in this
+    /// tube: bounds on headings and their rates admit all between two that they admit.
+    pub(super) fn end_between(&self, tube: &Tube, share: f64) -> ([f64; 2], f64) {
+        let [first, second] = &self.kept;
+        let between = |(a, b): (&f64, &f64)| a + share * (b - a);
+        follow(&tube.pieces, first.iter().zip(second).map(between))
     }
 }

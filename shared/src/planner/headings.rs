@@ -12,9 +12,6 @@ pub(super) struct Piece {
     pub(super) hi: f64,
 }
 
-/// The largest turn in a piece, rad: within one, the cosine is taken to be linear.
-const MOST_TURN_RAD: f64 = 0.15;
-
 /// A later instant: so many whole steps and a share of the next one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Instant {
@@ -32,10 +29,11 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    pub(super) fn set(&mut self, bounds: &InputBounds, step_s: f64) {
+    /// In a piece, a drive turns by at most `most_turn_rad`.
+    pub(super) fn set(&mut self, bounds: &InputBounds, step_s: f64, most_turn_rad: f64) {
         let rates = || bounds.lo().iter().zip(bounds.hi());
         let most = rates().map(|(lo, hi)| lo.abs().max(hi.abs())).fold(0.0, f64::max);
-        self.count = ((most * step_s / MOST_TURN_RAD).ceil() as usize).max(1);
+        self.count = ((most * step_s / most_turn_rad).ceil() as usize).max(1);
         self.straight = rates().all(|(lo, hi)| *lo <= 0.0 && 0.0 <= *hi);
         let seconds = step_s / self.count as f64;
         self.all.clear();
@@ -169,6 +167,15 @@ impl Tube {
     /// The range of headings at the end.
     pub(super) fn end(&self) -> (f64, f64) {
         (self.lo[self.pieces.len()], self.hi[self.pieces.len()])
+    }
+
+    /// The integral of the squared width, rad²·s.
+    pub(super) fn spread(&self) -> f64 {
+        let square = |(k, piece): (usize, &Piece)| {
+            let width = self.hi[k + 1] - self.lo[k + 1];
+            piece.seconds * width * width
+        };
+        self.pieces.iter().enumerate().map(square).sum()
     }
 
     /// The knot at which headings differ most, and the two halves of the tube there.

@@ -5,7 +5,7 @@ use super::farthest::{Farthest, turns_away};
 use super::headings::{Cuts, Instant, Piece, Pieces, Tube};
 use super::plan::{Footprint, Leg, Plan};
 use crate::bounds::InputBounds;
-use crate::math::{TAU, atan2, hypot, sin_cos, sinc};
+use crate::math::{TAU, atan2, sin_cos, sinc, wrap_angle};
 use crate::vehicle::Pose;
 use core::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -60,6 +60,13 @@ impl Eq for Part {}
 /// Directions that are tried for a part.
 const MOST_DIRECTIONS: usize = 5;
 
+/// In a piece of time, a drive turns by so much, rad.
+const LEAST_TURN_RAD: f64 = 0.02;
+const MOST_TURN_RAD: f64 = 0.5;
+
+/// Directions that differ by less are the same, rad.
+const SAME_RAD: f64 = 1e-6;
+
 /// The shortest part of a step.
 const LEAST_SHARE: f64 = 1.0 / 4096.0;
 
@@ -80,14 +87,18 @@ pub(super) struct Search {
 
 impl Search {
     /// Turns to the set of other bounds.
-    pub(super) fn begin(&mut self, bounds: &InputBounds, step_s: f64) {
-        self.pieces.set(bounds, step_s);
+    pub(super) fn begin(&mut self, bounds: &InputBounds, on: &Setting<'_>) {
+        // Where a drive turns by a in a piece, the cosine is above its line by a²/24 on average:
+        // together at most a quarter of the accuracy.
+        let length_m = on.speed_mps * on.step_s * bounds.steps() as f64;
+        let turn_rad = (6.0 * on.settings.accuracy_m / length_m).sqrt();
+        self.pieces.set(bounds, on.step_s, turn_rad.clamp(LEAST_TURN_RAD, MOST_TURN_RAD));
         self.alpha = None;
     }
 
     /// The clearance in step `step`, from 0; it is known to be `at_least_m`.
     pub(super) fn step(&mut self, on: &Setting<'_>, step: usize, at_least_m: f64) -> Clearance {
-        let ClearanceSettings { accuracy_m, enough_m, most_parts } = on.settings;
+        let ClearanceSettings { accuracy_m, most_parts, .. } = on.settings;
         self.open.clear();
         let leg = on.plan.leg(step);
         let alpha = self.alpha.unwrap_or_else(|| {
@@ -104,8 +115,7 @@ impl Search {
         self.alpha = self.open.peek().map(|part| part.alpha);
         while let Some(part) = self.open.pop() {
             let known = part.at_least_m;
-            let goal = (at_most_m - accuracy_m).min(enough_m);
-            if known >= goal || at_most_m <= 0.0 || parts >= most_parts {
+            if known >= on.settings.goal(at_most_m) || at_most_m <= accuracy_m || parts >= most_parts {
                 settled_m = settled_m.min(known);
                 break;
             }
@@ -160,31 +170,48 @@ impl Search {
         }
         self.farthest.begin();
         let look = Look::new(on, leg, &part, self.pieces.at(instant));
-        let (mut alpha, mut before) = (part.alpha, None);
-        let goal = on.settings.enough_m;
+        let (mut alpha, mut bracket) = (part.alpha, [None; 2]);
         for _ in 0..MOST_DIRECTIONS {
             let ends = look.along(alpha, &self.tube, &mut self.farthest);
             let least = ends[0].at_least_m.min(ends[1].at_least_m) - look.bulge_m;
-            let most = ends[0].at_most_m.min(ends[1].at_most_m);
-            *at_most_m = at_most_m.min(most);
+            *at_most_m = at_most_m.min(ends[0].at_most_m).min(ends[1].at_most_m);
             if least > part.at_least_m {
                 (part.at_least_m, part.alpha) = (least, alpha);
             }
-            part.halve_drives = ends[0].at_most_m - ends[0].at_least_m > 0.5 * (most - least);
-            if part.at_least_m >= goal.min(*at_most_m - on.settings.accuracy_m) {
+            if part.at_least_m >= on.settings.goal(*at_most_m) {
                 break;
             }
-            let nearer = if ends[0].at_least_m <= ends[1].at_least_m { ends[0] } else { ends[1] };
-            let aim = nearest_to_origin(before.unwrap_or(nearer.apart), nearer.apart);
-            before = Some(nearer.apart);
-            if hypot(aim[0], aim[1]) < ROUNDING_M {
+            let nearer = usize::from(ends[1].at_least_m < ends[0].at_least_m);
+            let apart = ends[nearer].apart;
+            // The bound grows toward where the line from human to robot points.
+            let (sin, cos) = sin_cos(alpha);
+            let side = usize::from(cos * apart[1] - sin * apart[0] < 0.0);
+            bracket[side] = Some((alpha, apart));
+            self.farthest.keep(side);
+            let aim = match bracket {
+                [Some((low, a)), Some((high, b))] => {
+                    let (share, aim) = nearest_to_origin(a, b);
+                    let most = look.between(share, &self.tube, &self.farthest);
+                    *at_most_m = at_most_m.min(most);
+                    let ahead = wrap_angle(atan2(aim[1], aim[0]) - low);
+                    let inside = 0.0 < ahead && ahead < high - low;
+                    low + if inside { ahead } else { 0.5 * (high - low) }
+                }
+                _ => alpha + wrap_angle(atan2(apart[1], apart[0]) - alpha),
+            };
+            if (aim - alpha).abs() < SAME_RAD {
                 break;
             }
-            alpha = atan2(aim[1], aim[0]);
+            alpha = aim;
             if !self.pieces.straight() {
                 self.farthest.touch_drive();
             }
         }
+        // What the differences of headings and of places within the part may cost, roughly.
+        let drives_m = self.tube.spread() * on.speed_mps / 16.0;
+        let moved_m = (part.to - part.from) * (on.speed_mps * on.step_s + leg.length_m);
+        let time_m = moved_m * moved_m / (8.0 * at_most_m.max(0.25 * moved_m));
+        part.halve_drives = drives_m > time_m;
         self.open.push(part);
     }
 }
@@ -258,6 +285,13 @@ impl<'a> Look<'a> {
         };
         [end(self.poses[0], place, far_m), end(self.poses[1], later, far_m + onward_m)]
     }
+
+    /// Distance, m, of the robot at first from the end of a drive between the two that were kept.
+    fn between(&self, share: f64, tube: &Tube, farthest: &Farthest) -> f64 {
+        let ([x, y], _) = farthest.end_between(tube, share);
+        let Setting { start, speed_mps, footprint, .. } = self.on;
+        footprint.distance_m(self.poses[0], [start.x + speed_mps * x, start.y + speed_mps * y])
+    }
 }
 
 /// The largest cosine of an angle in [lo, hi].
@@ -268,11 +302,11 @@ fn most_cosine(lo: f64, hi: f64) -> f64 {
     sin_cos(lo).1.max(sin_cos(hi).1)
 }
 
-/// The place nearest to the origin on the line from a to b.
-fn nearest_to_origin(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+/// The place nearest to the origin on the line from a (share 0) to b (1).
+fn nearest_to_origin(a: [f64; 2], b: [f64; 2]) -> (f64, [f64; 2]) {
     let d = [b[0] - a[0], b[1] - a[1]];
     let square = d[0] * d[0] + d[1] * d[1];
-    let share = if square > 0.0 { -(a[0] * d[0] + a[1] * d[1]) / square } else { 0.0 };
+    let share = if square > 0.0 { -(a[0] * d[0] + a[1] * d[1]) / square } else { 1.0 };
     let share = share.clamp(0.0, 1.0);
-    [a[0] + share * d[0], a[1] + share * d[1]]
+    (share, [a[0] + share * d[0], a[1] + share * d[1]])
 }

@@ -159,7 +159,7 @@ impl Path {
 /// Bounds that forbid driving straight by less than this, rad/s, are taken for zero: extremals
 /// would diverge there by more than numbers can tell. In a step of 0.2 s this allows 2·10⁻⁵ rad
 /// more.
-const NEARLY_ZERO: f64 = 1e-4;
+pub(crate) const NEARLY_ZERO: f64 = 1e-4;
 
 /// The bounds and their two outermost paths.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,0 +1,160 @@
+//! From a calibration to a bound on the probability of a collision.
+//!
+//! A human touches a robot whose plan is clear of F_j only if the human's trajectory leaves F_j. With
+//! c_j a lower bound of the share of trajectories that stay inside, the bound is U = 1 − c_J, where F_J is
+//! the largest set of which the plan is clear; without such a set U = 1. F_J depends on the scene.
+//! Still, for every α: U ≤ α only if the plan is clear of the smallest set with 1 − c_j ≤ α, for the sets
+//! contain each other. Hence P(touch, and U ≤ α) ≤ α.
+//!
+//! # Between the recorded states
+//! Calibration tests the recorded states after each step, within a tolerance. Between two of them, within
+//! half a step of one, a human whose turn rate is in the vehicle's range deviates from a drive of the set
+//! by the tolerance and by at most v(τ/2)²/2 times the range. So much clearance is the margin that a plan
+//! needs; the human must drive at the constant speed v.
+
+use super::clearance::Clearances;
+use crate::invalid::{Invalid, length};
+use crate::reach::{NEARLY_ZERO, Tolerance};
+use crate::scene::SceneParameters;
+use crate::shfrs::scores::Scores;
+use crate::shfrs::tuning::Tuned;
+use crate::stats::{beta_quantile, open_probability};
+
+/// For each set, a bound on the share of trajectories that leave it, with the words that belong to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CoverageBounds {
+    /// Falling, from the smallest set to the largest.
+    outside: Vec<f64>,
+    margin_m: f64,
+    statement: String,
+}
+
+/// A bound on the probability of a collision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CollisionBound {
+    /// The human comes within the footprint at some instant of the plan with at most this probability:
+    /// see [`CoverageBounds::statement`].
+    pub at_most: f64,
+    /// The set whose coverage says so, from 0; none if the plan is clear of none.
+    pub set: Option<usize>,
+}
+
+/// What every bound assumes.
+const ASSUMED: &str = "This holds on average over windows that are drawn as those of the \
+    calibration, of people who drive like its vehicle, at its speed and within its turn rates, and who \
+    react to the robot's plan as they did to the robot there; for a plan that is chosen without knowing \
+    the future. It is no guarantee for one scene or one person, and for several plans of a drive the \
+    probabilities add.";
+
+impl CoverageBounds {
+    /// The bounds that `tuned` guarantees, for a prediction whose first of `sets` nested sets has the
+    /// tuned choice of actions, roll-outs and ε: larger sets hold at least as much. `parameters` are
+    /// those of the tuning.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no set.
+    pub fn of_tuned(
+        tuned: &Tuned,
+        parameters: &SceneParameters,
+        sets: usize,
+    ) -> Result<Self, Invalid> {
+        if sets == 0 {
+            return Err(Invalid::new("sets", "at least one", sets));
+        }
+        let tolerance =
+            Tolerance { position_m: tuned.tolerance_m, heading_rad: tuned.tolerance_rad };
+        let margin_m = margin_m(parameters, tolerance, tuned.steps);
+        let share = 1.0 - tuned.p;
+        let statement = format!(
+            "{} A plan that stays more than {margin_m:.3} m away from every position in the set is \
+             touched by the human with probability at most {share:.4}. {ASSUMED}",
+            tuned.statement
+        );
+        Ok(Self { outside: vec![share; sets], margin_m, statement })
+    }
+
+    /// The bounds that hold for all sets at once with confidence 1 − `delta`: for each set those of
+    /// Clopper and Pearson with δ divided by the number of sets. `scores` are those of calibration
+    /// trajectories for the choice of actions of the prediction, with `base` roll-outs and `tolerance`;
+    /// `epsilon` are the sets' widenings, rad/s, rising. A set that admits every turn rate is left with
+    /// probability 0.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no set, the widenings do not rise, or δ is not in (0, 1).
+    pub fn of_scores(
+        scores: &Scores,
+        epsilon: &[f64],
+        delta: f64,
+        parameters: &SceneParameters,
+        tolerance: Tolerance,
+        steps: usize,
+    ) -> Result<Self, Invalid> {
+        open_probability("delta", delta)?;
+        if epsilon.is_empty() {
+            return Err(Invalid::new("epsilon", "at least one set", "none"));
+        }
+        if let Some(j) = (1..epsilon.len()).find(|&j| !(epsilon[j - 1] <= epsilon[j])) {
+            let expected = format!("{} rad/s or more", epsilon[j - 1]);
+            return Err(Invalid::new(format!("epsilon[{j}]"), expected, epsilon[j]));
+        }
+        let n = scores.len();
+        let full = 2.0 * parameters.human.turn_rate_radps;
+        let outside = |&level: &f64| {
+            if level >= full {
+                return 0.0;
+            }
+            let inside = scores.sorted().partition_point(|&score| score <= level);
+            let tail = delta / epsilon.len() as f64;
+            match inside {
+                0 => 1.0,
+                _ => 1.0 - beta_quantile(tail, inside as f64, (n - inside + 1) as f64),
+            }
+        };
+        let margin_m = margin_m(parameters, tolerance, steps);
+        let statement = format!(
+            "With confidence {} in the calibration with {n} trajectories: a plan that stays more than \
+             {margin_m:.3} m away from every position in a set is touched by the human with at most the \
+             probability given for the set. {ASSUMED}",
+            1.0 - delta
+        );
+        Ok(Self { outside: epsilon.iter().map(outside).collect(), margin_m, statement })
+    }
+
+    /// For each set, the bound on the share of trajectories that leave it.
+    #[must_use]
+    pub fn outside(&self) -> &[f64] {
+        &self.outside
+    }
+
+    /// How clear of a set a plan must be, m, so that the bound of the set counts.
+    #[must_use]
+    pub fn margin_m(&self) -> f64 {
+        self.margin_m
+    }
+
+    /// What the bounds say and assume, to print beside them.
+    #[must_use]
+    pub fn statement(&self) -> &str {
+        &self.statement
+    }
+
+    /// The bound for a plan with these clearances from the calibrated sets.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there are more or fewer sets.
+    pub fn collision(&self, clearances: &Clearances) -> Result<CollisionBound, Invalid> {
+        length("clearances", self.outside.len(), clearances.sets())?;
+        let set = clearances.largest_clear(self.margin_m);
+        Ok(CollisionBound { at_most: set.map_or(1.0, |set| self.outside[set]), set })
+    }
+}
+
+/// How far, m, a trajectory whose recorded states are inside can be from the set in between.
+fn margin_m(parameters: &SceneParameters, tolerance: Tolerance, steps: usize) -> f64 {
+    let (v, half_s) = (parameters.human.speed_mps, 0.5 * parameters.step_s);
+    let range = 2.0 * parameters.human.turn_rate_radps;
+    // Membership takes bounds that nearly admit straight driving to admit it.
+    let ahead_s = steps as f64 * parameters.step_s;
+    let nearly = 0.5 * v * NEARLY_ZERO * ahead_s * ahead_s;
+    tolerance.position_m + v * half_s * (tolerance.heading_rad + 0.5 * range * half_s) + nearly
+}

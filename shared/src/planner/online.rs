@@ -1,0 +1,209 @@
+//! Predictions state by state, as a robot's loop needs them.
+
+use super::clearance::{ClearanceFinder, ClearanceSettings, Clearances, HumanFuture};
+use super::plan::{Footprint, Plan};
+use crate::bounds::{Algorithm1, BoundsSettings, InputBounds, Motion, Rollout};
+use crate::invalid::Invalid;
+use crate::math::{hypot, wrap_angle};
+use crate::predict::Predictor;
+use crate::safety::SafetyLevels;
+use crate::scene::{JointState, SceneParameters};
+use crate::shfrs::PredictedHuman;
+use crate::shfrs::tuning::Tuned;
+use std::sync::Arc;
+
+/// Whether a state followed from those before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Continuity {
+    /// The history goes on, or begins.
+    Continues,
+    /// The human jumped: the history was forgotten and begins with this state.
+    Restarted,
+}
+
+/// A prediction that owns what it needs and keeps its own history: push each new state, then predict,
+/// then ask for the clearance of plans. It keeps as many states as the features look back. After a first
+/// round, further rounds with no longer plans allocate nothing.
+#[derive(Clone, Debug)]
+pub struct OnlinePredictor {
+    predictor: Arc<Predictor>,
+    safety: Arc<SafetyLevels>,
+    parameters: SceneParameters,
+    settings: BoundsSettings,
+    /// How many states the features need.
+    needed: usize,
+    history: Vec<JointState>,
+    algorithm: Algorithm1,
+    finder: ClearanceFinder,
+    /// Whether the algorithm ran on the present history.
+    predicted: bool,
+}
+
+/// A human who gets on or turns more than this many times as much as the vehicle can in a step jumps.
+const JUMP: f64 = 2.0;
+
+impl OnlinePredictor {
+    /// Predicts the human of `parameters` with `settings`. In the roll-outs the robot drives straight on,
+    /// at the speed of `parameters`.
+    ///
+    /// # Errors
+    /// [`Invalid`] if a parameter is not valid, the predictor's classes are not understood or their
+    /// number is not that of the settings, or a feature looks back to the beginning of the drive.
+    pub fn new(
+        predictor: impl Into<Arc<Predictor>>,
+        safety: impl Into<Arc<SafetyLevels>>,
+        parameters: SceneParameters,
+        settings: BoundsSettings,
+    ) -> Result<Self, Invalid> {
+        let (predictor, safety) = (predictor.into(), safety.into());
+        parameters.check().map_err(|invalid| invalid.within("parameters"))?;
+        PredictedHuman::new(&predictor, &safety, &parameters)?;
+        let classes = predictor.classes().len();
+        if classes != settings.actions() {
+            let expected = format!("settings for the predictor's {classes} actions");
+            return Err(Invalid::new("settings.actions", expected, settings.actions()));
+        }
+        let Some(needed) = predictor.features().states_needed() else {
+            let expected = "features that look back a fixed number of steps";
+            return Err(Invalid::new("features", expected, "one since the beginning of the drive"));
+        };
+        Ok(Self {
+            predictor,
+            safety,
+            parameters,
+            settings,
+            needed,
+            history: Vec::with_capacity(needed),
+            algorithm: Algorithm1::default(),
+            finder: ClearanceFinder::default(),
+            predicted: false,
+        })
+    }
+
+    /// Predicts with what was tuned: its choice of actions, its roll-outs and its ε for F_1. Further sets
+    /// are wider by `further`, rad/s, rising and larger than the tuned ε.
+    ///
+    /// # Errors
+    /// The errors of [`Self::new`] and of [`BoundsSettings::new`].
+    pub fn tuned(
+        tuned: &Tuned,
+        further: &[f64],
+        predictor: impl Into<Arc<Predictor>>,
+        safety: impl Into<Arc<SafetyLevels>>,
+        parameters: SceneParameters,
+    ) -> Result<Self, Invalid> {
+        let predictor = predictor.into();
+        let rollout = [Rollout::Base, Rollout::Paper];
+        let Some(rollout) = rollout.into_iter().find(|rollout| rollout.word() == tuned.rollout)
+        else {
+            return Err(Invalid::new("tuned.rollout", "base or paper", &tuned.rollout));
+        };
+        let epsilon = [&[tuned.epsilon], further].concat();
+        let actions = predictor.classes().len();
+        let settings = BoundsSettings::new(epsilon, tuned.choice.clone(), rollout, actions)?;
+        Self::new(predictor, safety, parameters, settings)
+    }
+
+    /// The same with other settings of the clearance.
+    #[must_use]
+    pub fn with_clearance(self, settings: ClearanceSettings) -> Self {
+        Self { finder: ClearanceFinder::new(settings), ..self }
+    }
+
+    /// The settings of the sets.
+    #[must_use]
+    pub fn settings(&self) -> &BoundsSettings {
+        &self.settings
+    }
+
+    /// The vehicles, and the length of a step.
+    #[must_use]
+    pub fn parameters(&self) -> &SceneParameters {
+        &self.parameters
+    }
+
+    /// How many states a prediction needs.
+    #[must_use]
+    pub fn states_needed(&self) -> usize {
+        self.needed
+    }
+
+    /// The latest states, at most as many as are needed, the present one last.
+    #[must_use]
+    pub fn history(&self) -> &[JointState] {
+        &self.history
+    }
+
+    /// Forgets all states.
+    pub fn reset(&mut self) {
+        self.history.clear();
+        self.predicted = false;
+    }
+
+    /// Appends the state one step after the last one. If the human moved or turned more than twice as
+    /// much as the vehicle can in a step, the states before are forgotten.
+    ///
+    /// # Errors
+    /// [`Invalid`] if a coordinate is not finite or beyond [`Pose::MOST`](crate::vehicle::Pose::MOST); the history is then
+    /// unchanged.
+    pub fn push(&mut self, state: JointState) -> Result<Continuity, Invalid> {
+        state.check().map_err(|invalid| invalid.within("state"))?;
+        self.predicted = false;
+        let jumped = self.history.last().is_some_and(|last| self.jumped(last, &state));
+        if jumped {
+            self.history.clear();
+        }
+        if self.history.len() == self.needed {
+            self.history.remove(0);
+        }
+        self.history.push(state);
+        Ok(if jumped { Continuity::Restarted } else { Continuity::Continues })
+    }
+
+    fn jumped(&self, last: &JointState, state: &JointState) -> bool {
+        let (human, step_s) = (self.parameters.human, self.parameters.step_s);
+        let moved = hypot(state.human.x - last.human.x, state.human.y - last.human.y);
+        let turned = wrap_angle(state.human.psi - last.human.psi).abs();
+        moved > JUMP * human.speed_mps * step_s || turned > JUMP * human.turn_rate_radps * step_s
+    }
+
+    /// The bounds of each set F_1 ⊆ F_2 ⊆ … from the states so far.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there are fewer states than the features need, or Algorithm 1 fails
+    /// ([`Algorithm1::run`]).
+    pub fn predict(&mut self) -> Result<&[InputBounds], Invalid> {
+        let held = self.history.len();
+        if held < self.needed {
+            let expected = format!("at least {} states, as the features look back", self.needed);
+            return Err(Invalid::new("history", expected, held));
+        }
+        self.predicted = false;
+        let human = PredictedHuman::new(&self.predictor, &self.safety, &self.parameters)?;
+        let motion = Motion::from(&self.parameters);
+        let straight_on = |_: &[JointState]| 0.0;
+        let found =
+            self.algorithm.run(&self.history, &motion, &human, straight_on, &self.settings)?;
+        self.predicted = true;
+        Ok(&found.sets)
+    }
+
+    /// The clearance of a plan that begins now from each predicted set, in each step.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no prediction since the last state was pushed; and the errors of
+    /// [`ClearanceFinder::find`].
+    pub fn clear(&mut self, plan: &Plan, footprint: &Footprint) -> Result<&Clearances, Invalid> {
+        if !self.predicted {
+            return Err(Invalid::new("predict", "a prediction from the latest state", "none"));
+        }
+        let found = self.algorithm.found();
+        let future = HumanFuture {
+            start: found.low[0].human,
+            sets: &found.sets,
+            speed_mps: self.parameters.human.speed_mps,
+            step_s: self.parameters.step_s,
+        };
+        self.finder.find(&future, plan, footprint)
+    }
+}
