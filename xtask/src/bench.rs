@@ -36,6 +36,7 @@ const BENCHES: &[(&str, &str)] = &[
     ("learning", "the paper's comparison against scikit-learn (Python, installed on first use)"),
     ("files", "import and export of a million steps, against sqlite3 with one table"),
     ("features", "features of a million steps, two threads against one and state by state"),
+    ("planner", "a robot's round at 10 Hz: five sets over ten steps and a plan's clearance"),
     ("learn", "training and inference of each model on real rows"),
     ("learn_svm", "support vector machines: grids, fits, inference"),
     ("load", "thousands who take part at once, against SQLite alone and oTree (Python, from PyPI)"),

@@ -208,7 +208,10 @@ impl Farthest {
     pub(super) fn touch_drive(&mut self) {
         let middles = self.drive.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
         if self.touch.len() == self.drive.len() - 1 {
-            self.touch.iter_mut().zip(middles).for_each(|(touch, middle)| *touch += 0.5 * (middle - *touch));
+            self.touch
+                .iter_mut()
+                .zip(middles)
+                .for_each(|(touch, middle)| *touch += 0.5 * (middle - *touch));
         } else {
             self.touch.clear();
             self.touch.extend(middles);

@@ -94,6 +94,8 @@ impl Search {
         let turn_rad = (6.0 * on.settings.accuracy_m / length_m).sqrt();
         self.pieces.set(bounds, on.step_s, turn_rad.clamp(LEAST_TURN_RAD, MOST_TURN_RAD));
         self.alpha = None;
+        self.open.clear();
+        self.open.reserve(on.settings.most_parts + 2);
     }
 
     /// The clearance in step `step`, from 0; it is known to be `at_least_m`.
@@ -115,7 +117,10 @@ impl Search {
         self.alpha = self.open.peek().map(|part| part.alpha);
         while let Some(part) = self.open.pop() {
             let known = part.at_least_m;
-            if known >= on.settings.goal(at_most_m) || at_most_m <= accuracy_m || parts >= most_parts {
+            if known >= on.settings.goal(at_most_m)
+                || at_most_m <= accuracy_m
+                || parts >= most_parts
+            {
                 settled_m = settled_m.min(known);
                 break;
             }
@@ -275,7 +280,8 @@ impl<'a> Look<'a> {
             let corner = self.on.footprint.least_along(pose, start, [cos, sin]);
             let margin_m = self.on.footprint.margin_m();
             let gap_m = corner[0] * cos + corner[1] * sin - margin_m - far_m;
-            let rounding_m = ROUNDING_M + ROUNDING * (start[0].abs() + start[1].abs() + far_m.abs());
+            let rounding_m =
+                ROUNDING_M + ROUNDING * (start[0].abs() + start[1].abs() + far_m.abs());
             let here = [start[0] + human[0], start[1] + human[1]];
             End {
                 at_least_m: gap_m - rounding_m,

@@ -4,6 +4,8 @@
 #![allow(clippy::print_stdout, reason = "the measured figures are worth reading")]
 
 mod clearance;
+mod plan;
+mod online;
 
 use sidestep::bounds::InputBounds;
 use sidestep::math::SeededRng;
@@ -80,8 +82,7 @@ fn any_drive(
 /// A plan with any speeds, also backward, and turn rates, from somewhere near the origin.
 fn any_plan(class: Class, rng: &mut SeededRng) -> Plan {
     let far = class.speed_mps * class.step_s * class.steps as f64;
-    let start =
-        Pose::new(rng.uniform(-far, far), rng.uniform(-far, far), rng.uniform(-3.0, 3.0));
+    let start = Pose::new(rng.uniform(-far, far), rng.uniform(-far, far), rng.uniform(-3.0, 3.0));
     let mut inputs = vec![(0.0, 0.0)];
     while inputs.len() <= class.steps {
         let last = inputs[inputs.len() - 1];

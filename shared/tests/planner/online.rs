@@ -1,0 +1,249 @@
+//! The online predictor, and what its calibration says about collisions.
+
+use sidestep::bounds::{
+    ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
+};
+use sidestep::features::FeatureSet;
+use sidestep::math::SeededRng;
+use sidestep::planner::{
+    ClearanceFinder, Continuity, CoverageBounds, Footprint, HumanFuture, OnlinePredictor, Plan,
+};
+use sidestep::predict::Predictor;
+use sidestep::predict::logistic::Logistic;
+use sidestep::predict::scale::Scale;
+use sidestep::reach::Tolerance;
+use sidestep::safety::SafetyLevels;
+use sidestep::scene::{JointState, SceneParameters};
+use sidestep::shfrs::PredictedHuman;
+use sidestep::shfrs::family::Family;
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::scores::{Scores, ShfrsFamily};
+use sidestep::shfrs::widened::widened;
+use sidestep::shfrs::window::{Trajectory, Window};
+use sidestep::vehicle::{Pose, TurnInput, dubins};
+use std::ops::ControlFlow;
+
+fn safety(parameters: &SceneParameters) -> SafetyLevels {
+    SafetyLevels::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+/// A model of the distance and of what the human did in the five steps before.
+fn predictor() -> Predictor {
+    let features = FeatureSet::of(&["distance", "turned_5", "turned_1"]).unwrap();
+    let rows = [vec![-0.1, 3.0, 1.0], vec![0.3, 0.0, -0.5], vec![-0.1, -3.0, -1.0]];
+    let model = Logistic::new(3, &rows, vec![0.1, 0.0, 0.0]).unwrap();
+    let scale = Scale::new(vec![9.0, 0.0, 0.0], vec![3.0, 0.2, 0.1]).unwrap();
+    Predictor::logistic(features, vec![-1, 0, 1], scale, model)
+}
+
+fn settings() -> BoundsSettings {
+    let choice = ActionChoice::TopK(vec![2, 2, 1, 1, 1, 1, 1, 1, 1, 1]);
+    BoundsSettings::new(vec![0.0, 0.15, 0.25, 0.4, 1.0], choice, Rollout::Base, 3).unwrap()
+}
+
+fn online() -> OnlinePredictor {
+    let parameters = SceneParameters::default();
+    OnlinePredictor::new(predictor(), safety(&parameters), parameters, settings()).unwrap()
+}
+
+fn drive() -> Vec<JointState> {
+    let parameters = SceneParameters::default();
+    let mut state =
+        JointState { human: Pose::new(-8.0, 0.0, 0.1), robot: Pose::new(8.0, 1.0, 3.1) };
+    let mut states = vec![state];
+    for step in 0..40_usize {
+        state = state.advance(&parameters, TurnInput::ALL[step * step / 7 % 3], 0.2);
+        states.push(state);
+    }
+    states
+}
+
+/// A bounded history gives the bounds of the whole one.
+#[test]
+fn it_predicts_what_the_whole_history_does() {
+    let parameters = SceneParameters::default();
+    let (predictor, safety) = (predictor(), safety(&parameters));
+    let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
+    let mut online = online();
+    assert_eq!(online.states_needed(), 6);
+    let states = drive();
+    for now in 0..states.len() {
+        assert_eq!(online.push(states[now]), Ok(Continuity::Continues));
+        if now < 5 {
+            let said = online.predict().unwrap_err();
+            assert_eq!((said.field.as_str(), said.found), ("history", (now + 1).to_string()));
+            continue;
+        }
+        let history = &states[..=now];
+        let found = input_bounds(history, &parameters, &human, |_| 0.0, &settings()).unwrap();
+        assert_eq!(online.predict().unwrap(), found.sets);
+        assert_eq!(online.history(), &history[now - 5..]);
+    }
+}
+
+#[test]
+fn a_jump_begins_a_new_history() {
+    let mut online = online();
+    let states = drive();
+    for state in &states[..8] {
+        online.push(*state).unwrap();
+    }
+    let plan = Plan::of_positions(&[[8.0, 1.0]; 11], 0.2, super::FREE).unwrap();
+    let footprint = Footprint::disc(0.5).unwrap();
+    assert_eq!(online.clear(&plan, &footprint).unwrap_err().field, "predict");
+    online.predict().unwrap();
+    online.clear(&plan, &footprint).unwrap();
+    let nowhere = JointState { human: Pose { x: f64::NAN, y: 0.0, psi: 0.0 }, ..states[8] };
+    assert_eq!(online.push(nowhere).unwrap_err().field, "state.human.x");
+    online.clear(&plan, &footprint).unwrap();
+    let mut far = states[8];
+    far.human.x += 3.0;
+    assert_eq!(online.push(far), Ok(Continuity::Restarted));
+    assert_eq!(online.history(), [far]);
+    assert_eq!(online.clear(&plan, &footprint).unwrap_err().field, "predict");
+    let turned = JointState { human: Pose { psi: far.human.psi + 1.0, ..far.human }, ..far };
+    assert_eq!(online.push(turned), Ok(Continuity::Restarted));
+    online.reset();
+    assert!(online.history().is_empty());
+    assert_eq!(online.predict().unwrap_err().field, "history");
+}
+
+#[test]
+fn models_that_cannot_be_used_online_are_refused() {
+    let parameters = SceneParameters::default();
+    let complain = |predictor: Predictor, parameters: SceneParameters| {
+        let safety = safety(&SceneParameters::default());
+        OnlinePredictor::new(predictor, safety, parameters, settings()).unwrap_err().field
+    };
+    let features = FeatureSet::of(&["turned"]).unwrap();
+    let whole = Predictor::constant(features, vec![-1, 0, 1], vec![0.2, 0.6, 0.2]).unwrap();
+    assert_eq!(complain(whole, parameters), "features");
+    let two = Predictor::constant(FeatureSet::none(), vec![0, 1], vec![0.5, 0.5]).unwrap();
+    assert_eq!(complain(two, parameters), "settings.actions");
+    let two = Predictor::constant(FeatureSet::none(), vec![0, 2], vec![0.5, 0.5]).unwrap();
+    assert_eq!(complain(two, parameters), "classes[1]");
+    let stopped = SceneParameters { step_s: 0.0, ..parameters };
+    assert_eq!(complain(predictor(), stopped), "parameters.step_s");
+}
+
+const STEPS: usize = 10;
+
+/// The same probabilities always.
+struct Always;
+
+impl ActionModel for Always {
+    fn actions(&self) -> &[f64] {
+        &[-0.5, 0.0, 0.5]
+    }
+
+    fn probabilities(&self, _: &[JointState], out: &mut [f64]) {
+        out.copy_from_slice(&[0.1, 0.8, 0.1]);
+    }
+}
+
+/// A human who mostly drives straight on and may turn for a while, at any rate.
+fn behave(rng: &mut SeededRng) -> Trajectory {
+    let robot = Pose::new(40.0, 0.0, 0.0);
+    let (from, turn) =
+        (rng.below(STEPS), [-0.5, 0.0, 0.0, 0.0, rng.uniform(-0.5, 0.5)][rng.below(5)]);
+    let upto = from + rng.below(STEPS);
+    let rates: Vec<f64> =
+        (0..STEPS).map(|i| if (from..upto).contains(&i) { turn } else { 0.0 }).collect();
+    let mut states = vec![JointState { human: Pose::new(0.0, 0.0, 0.0), robot }];
+    for &rate in &rates {
+        let human = dubins::arc(states[states.len() - 1].human, 2.0, rate, 0.2);
+        states.push(JointState { human, robot });
+    }
+    Trajectory::new(states, rates).unwrap()
+}
+
+/// Robots that choose plans without knowing the future are touched no more often than the bound says:
+/// for every α, a touch where the bound is at most α has at most the probability α, but for the
+/// calibrations that fail.
+#[test]
+fn touches_are_as_rare_as_the_bound_says() {
+    const EPSILON: [f64; 5] = [0.0, 0.15, 0.25, 0.4, 1.0];
+    let delta = 0.1;
+    let parameters = SceneParameters::default();
+    let prediction = Prediction::new(&parameters, &Always);
+    let choice = ActionChoice::TopK(vec![1; STEPS]);
+    let mut rng = SeededRng::new(31);
+    let sets: Vec<InputBounds> =
+        EPSILON.map(|epsilon| widened(&[(0.0, 0.0); STEPS], epsilon, (-0.5, 0.5)).unwrap()).into();
+    let start = Pose::new(0.0, 0.0, 0.0);
+    let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
+    let footprint = Footprint::disc(0.3).unwrap();
+    let mut finder = ClearanceFinder::default();
+    let (calibrations, scenes) = (60, 40);
+    let many = f64::from(calibrations * scenes);
+    let alphas = [0.0, 0.2, 0.3, 0.5, 0.7];
+    let (mut touched, mut said) = ([0.0; 5], [0.0; 5]);
+    for _ in 0..calibrations {
+        let mut family = ShfrsFamily::new(prediction, &choice).unwrap();
+        let score = |trajectory: Trajectory| {
+            family.score(&Window::new(&trajectory, 0, STEPS).unwrap()).unwrap()
+        };
+        let scores = (0..60).map(|_| behave(&mut rng)).map(score).collect();
+        let scores = Scores::new(scores).unwrap();
+        let tolerance = Tolerance::default();
+        let bounds =
+            CoverageBounds::of_scores(&scores, &EPSILON, delta, &parameters, tolerance, STEPS);
+        let bounds = bounds.unwrap();
+        assert!(bounds.outside().is_sorted_by(|a, b| a >= b) && bounds.outside()[4] == 0.0);
+        for _ in 0..scenes {
+            let robot =
+                Pose::new(rng.uniform(1.0, 5.0), rng.uniform(-2.5, 2.5), rng.uniform(-3.0, 3.0));
+            let speed = rng.uniform(0.0, 1.0);
+            let plan = Plan::driven(robot, &[(speed, 0.2); STEPS], 0.2, super::FREE).unwrap();
+            let found = finder.find(&future, &plan, &footprint).unwrap();
+            let bound = bounds.collision(found).unwrap();
+            let human = behave(&mut rng);
+            let touches = (0..STEPS * 20).any(|i| {
+                let (step, part_s) = (i / 20, 0.01 * (i % 20) as f64);
+                let from = human.states()[step].human;
+                let at = dubins::arc(from, 2.0, human.turn_rates()[step], part_s);
+                let robot = plan.pose_at(0.2 * step as f64 + part_s);
+                footprint.distance_m(robot, at.position()) <= 0.0
+            });
+            for ((alpha, touched), said) in alphas.iter().zip(&mut touched).zip(&mut said) {
+                *touched += f64::from(touches && bound.at_most <= *alpha) / many;
+                *said += f64::from(bound.at_most <= *alpha) / many;
+            }
+        }
+    }
+    println!("{alphas:?}: {touched:.4?} touched, {said:.3?} of all plans");
+    for ((alpha, touched), said) in alphas.iter().zip(touched).zip(said) {
+        assert!(
+            touched <= alpha + 3.0 * (alpha * (1.0 - alpha) / many).sqrt(),
+            "{alpha} {touched}"
+        );
+        assert!(said > 0.02, "{alpha}: is anything promised?");
+    }
+}
+
+#[test]
+fn bounds_say_what_they_assume_and_refuse_bad_input() {
+    let parameters = SceneParameters::default();
+    let scores = Scores::new((0..100).map(|i| 0.01 * f64::from(i)).collect()).unwrap();
+    let of = |epsilon: &[f64], delta| {
+        let tolerance = Tolerance::default();
+        CoverageBounds::of_scores(&scores, epsilon, delta, &parameters, tolerance, 10)
+    };
+    let bounds = of(&[0.5, 0.94], 0.05).unwrap();
+    // 51 and 95 of 100 inside; the tail of each is 0.025: R, binom.test(51, 100)$conf.int[1].
+    assert!((bounds.outside()[0] - (1.0 - 0.408_043_8)).abs() < 1e-3, "{:?}", bounds.outside());
+    assert!(bounds.statement().contains("confidence 0.95") && bounds.margin_m() < 0.02);
+    assert_eq!(of(&[], 0.05).unwrap_err().field, "epsilon");
+    assert_eq!(of(&[0.3, 0.2], 0.05).unwrap_err().field, "epsilon[1]");
+    assert_eq!(of(&[0.3, f64::NAN], 0.05).unwrap_err().field, "epsilon[1]");
+    assert_eq!(of(&[0.3], 1.0).unwrap_err().field, "delta");
+    let plan = Plan::of_positions(&[[50.0, 0.0]; 4], 0.2, super::FREE).unwrap();
+    let start = Pose::new(0.0, 0.0, 0.0);
+    let sets = [super::bounds(&[-0.1; 3], &[0.1; 3])];
+    let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
+    let mut finder = ClearanceFinder::default();
+    let found = finder.find(&future, &plan, &Footprint::disc(0.3).unwrap()).unwrap();
+    assert_eq!(bounds.collision(found).unwrap_err().field, "clearances");
+    let one = of(&[0.94], 0.05).unwrap().collision(found).unwrap();
+    assert_eq!((one.set, one.at_most < 0.12), (Some(0), true));
+}
