@@ -50,6 +50,9 @@
 //! | Family | predicted sets that grow with a level (for SHFRS the level is ε) |
 //! | score | the least level whose set contains a window's trajectory |
 //! | coverage | the share of windows whose trajectory a set contains |
+//! | Plan | the robot's planned poses, step by step |
+//! | footprint | the ground that the robot covers |
+//! | clearance | the distance between footprint and human at the same instant, over all drives in a set |
 //!
 //! # Example
 //! A human turns left or drives straight on, each with probability ½. Where can this human be within

@@ -1,5 +1,54 @@
 //! The planner's question: is a planned trajectory of the robot clear of where the human may be, and
 //! with which probability?
+//!
+//! * [`Plan`]: the robot's poses step by step, with any speeds and turn rates; [`Footprint`]: a disc or
+//!   a convex polygon, with a margin.
+//! * [`ClearanceFinder`]: the distance between footprint and human at every instant, for each of the
+//!   nested sets and each step. It is a guaranteed lower bound, whatever the turn rates: it needs no
+//!   polygons of sets, and does not inherit what these may miss.
+//! * [`Clearances`]: the largest set of which the plan is clear; [`CoverageBounds`]: what that says about
+//!   the probability of a collision, after a calibration.
+//! * [`OnlinePredictor`]: all this in a robot's loop, without lifetimes and without allocation.
+//!
+//! # Example
+//! A robot crosses the way of a human who has driven straight on so far. Each new state is pushed; then
+//! plans are compared.
+//! ```
+//! use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
+//! use sidestep::features::FeatureSet;
+//! use sidestep::planner::{Footprint, OnlinePredictor, Plan, PlanLimits};
+//! use sidestep::predict::Predictor;
+//! use sidestep::safety::SafetyLevels;
+//! use sidestep::scene::{JointState, SceneParameters};
+//! use sidestep::vehicle::Pose;
+//! use std::ops::ControlFlow;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let parameters = SceneParameters::default(); // 2 m/s, ±0.5 rad/s, steps of 0.2 s
+//! let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+//! let predictor = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.1, 0.8, 0.1])?;
+//! // Three sets: straight on, turns of up to 0.2 rad/s, and every turn, over ten steps.
+//! let choice = ActionChoice::TopK(vec![1; 10]);
+//! let settings = BoundsSettings::new(vec![0.0, 0.2, 1.0], choice, Rollout::Base, 3)?;
+//! let mut online = OnlinePredictor::new(predictor, safety, parameters, settings)?;
+//!
+//! let robot = Pose::new(2.5, -2.4, 1.57); // to the human's right, heading for the human's way
+//! online.push(JointState { human: Pose::new(0.0, 0.0, 0.0), robot })?;
+//! online.predict()?;
+//! let footprint = Footprint::disc(0.3)?.grown(0.3)?; // the robot, and a person's body
+//! let limits = PlanLimits { most_speed_mps: 1.5, most_turn_rate_radps: 1.0 };
+//!
+//! let cross = Plan::driven(robot, &[(1.2, 0.0); 10], 0.2, limits)?;
+//! let clearances = online.clear(&cross, &footprint)?;
+//! assert_eq!(clearances.largest_clear(0.0), Some(1)); // not of every turn
+//!
+//! let wait = Plan::driven(robot, &[(0.0, 0.0); 10], 0.2, limits)?;
+//! let clearances = online.clear(&wait, &footprint)?;
+//! assert_eq!(clearances.largest_clear(0.0), Some(2));
+//! println!("{:.2} m from where the human may be", clearances.of(2).at_least_m);
+//! # Ok(())
+//! # }
+//! ```
 
 mod plan;
 mod headings;

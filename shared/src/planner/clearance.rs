@@ -213,6 +213,30 @@ impl Clearances {
 /// find it. Where it is not yet as large as the distance of a drive that was found, the drives (by
 /// their heading at some instant) or the time are halved, and both halves are searched (`search`). This
 /// also holds for sets that are not convex, and at any turn rate.
+///
+/// # Example
+/// ```
+/// use sidestep::bounds::InputBounds;
+/// use sidestep::planner::{ClearanceFinder, Footprint, HumanFuture, Plan, PlanLimits};
+/// use sidestep::vehicle::Pose;
+///
+/// // A human at 2 m/s, straight on or anywhere within ±0.5 rad/s, for five steps of 0.2 s.
+/// let straight = InputBounds::new(vec![0.0; 5], vec![0.0; 5], (-0.5, 0.5))?;
+/// let all = InputBounds::new(vec![-0.5; 5], vec![0.5; 5], (-0.5, 0.5))?;
+/// let start = Pose::new(0.0, 0.0, 0.0);
+/// let sets = [straight, all];
+/// let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
+/// // A robot that stands 3 m ahead, with a radius of 0.4 m.
+/// let limits = PlanLimits { most_speed_mps: 1.0, most_turn_rate_radps: 1.0 };
+/// let plan = Plan::of_positions(&[[3.0, 0.0]; 6], 0.2, limits)?;
+/// let mut finder = ClearanceFinder::default();
+/// let found = finder.find(&future, &plan, &Footprint::disc(0.4)?)?;
+/// // After 1 s the human has come 2 m nearer.
+/// let clearance = found.of(1);
+/// assert!(clearance.at_least_m <= 0.6 && 0.6 <= clearance.at_most_m + 1e-9);
+/// assert!(clearance.at_most_m - clearance.at_least_m <= 0.02);
+/// # Ok::<(), sidestep::invalid::Invalid>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ClearanceFinder {
     settings: ClearanceSettings,

@@ -37,6 +37,22 @@ impl PlanLimits {
 /// turn rate within steps drives exactly so. For any other robot, grow the footprint by how far it may
 /// deviate ([`Footprint::grown`]); a robot that drives straight between the positions instead deviates
 /// by at most an eighth of the step's length times its turn in rad.
+///
+/// ```
+/// use sidestep::planner::{Plan, PlanLimits};
+/// use sidestep::vehicle::Pose;
+///
+/// let limits = PlanLimits { most_speed_mps: 1.5, most_turn_rate_radps: 1.0 };
+/// // Straight on for two steps, then a turn to the left while slowing down.
+/// let inputs = [(1.2, 0.0), (1.2, 0.0), (0.8, 0.6)];
+/// let plan = Plan::driven(Pose::new(0.0, 0.0, 0.0), &inputs, 0.2, limits)?;
+/// assert!((plan.pose_at(0.3).x - 0.36).abs() < 1e-12);
+///
+/// let jump = [Pose::new(0.0, 0.0, 0.0), Pose::new(1.0, 0.0, 0.0)];
+/// let refused = Plan::new(jump.to_vec(), 0.2, limits).unwrap_err();
+/// assert_eq!(refused.field, "poses[1]");
+/// # Ok::<(), sidestep::invalid::Invalid>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     step_s: f64,
@@ -211,6 +227,17 @@ impl Leg {
 
 /// The ground that a robot covers: everything within a margin of a convex polygon that is fixed to it.
 /// A disc is the margin of a single corner.
+///
+/// ```
+/// use sidestep::planner::Footprint;
+/// use sidestep::vehicle::Pose;
+///
+/// let corners = [[0.4, 0.3], [-0.4, 0.3], [-0.4, -0.3], [0.4, -0.3]]; // m, x ahead, y to the left
+/// let footprint = Footprint::polygon(&corners)?.grown(0.25)?; // and a person's body
+/// let ahead = footprint.distance_m(Pose::new(1.0, 2.0, 0.0), [3.0, 2.0]);
+/// assert!((ahead - 1.35).abs() < 1e-12);
+/// # Ok::<(), sidestep::invalid::Invalid>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footprint {
     /// Counter-clockwise, in the robot's frame (x ahead, y to the left), m.
