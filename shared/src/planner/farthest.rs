@@ -288,8 +288,44 @@ impl Farthest {
     /// The end of a drive between the first (share 0) and the second (1) that were kept, both in this
     /// tube: bounds on headings and their rates admit all between two that they admit.
     pub(super) fn end_between(&self, tube: &Tube, share: f64) -> ([f64; 2], f64) {
-        let [first, second] = &self.kept;
-        let between = |(a, b): (&f64, &f64)| a + share * (b - a);
-        follow(&tube.pieces, first.iter().zip(second).map(between))
+        follow(&tube.pieces, self.between(share))
     }
+
+    /// The headings of that drive.
+    fn between(&self, share: f64) -> impl Iterator<Item = f64> {
+        let [first, second] = &self.kept;
+        first.iter().zip(second).map(move |(a, b)| a + share * (b - a))
+    }
+
+    /// How far the last lines are above the cosine along that drive.
+    pub(super) fn looseness(&self, tube: &Tube, alpha: f64, share: f64) -> Looseness {
+        let mut found = Looseness { seconds: 0.0, knot: 0, heading: 0.0 };
+        let mut most = 0.0;
+        for (knot, heading) in self.between(share).enumerate() {
+            let cosine = sin_cos(heading - alpha).1;
+            let beside = |piece: Option<usize>| {
+                let (line, piece) =
+                    piece.and_then(|k| self.lines.get(k).zip(tube.pieces.get(k)))?;
+                Some(0.5 * piece.seconds * (line.at(heading) - cosine))
+            };
+            let here =
+                beside(knot.checked_sub(1)).unwrap_or(0.0) + beside(Some(knot)).unwrap_or(0.0);
+            found.seconds += here;
+            if here > most && tube.halves_at(knot) {
+                most = here;
+                (found.knot, found.heading) = (knot, heading);
+            }
+        }
+        found
+    }
+}
+
+/// How much a bound may be too large.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Looseness {
+    /// In all, s of travel.
+    pub(super) seconds: f64,
+    /// The knot that adds most, and the heading there; 0 if there is none.
+    pub(super) knot: usize,
+    pub(super) heading: f64,
 }

@@ -169,26 +169,32 @@ impl Tube {
         (self.lo[self.pieces.len()], self.hi[self.pieces.len()])
     }
 
-    /// The integral of the squared width, rad²·s.
-    pub(super) fn spread(&self) -> f64 {
-        let square = |(k, piece): (usize, &Piece)| {
-            let width = self.hi[k + 1] - self.lo[k + 1];
-            piece.seconds * width * width
-        };
-        self.pieces.iter().enumerate().map(square).sum()
+    /// Whether drives can be told apart by their heading at a knot.
+    pub(super) fn halves_at(&self, knot: usize) -> bool {
+        (1..=self.knots()).contains(&knot) && self.hi[knot] - self.lo[knot] > LEAST_WIDTH_RAD
     }
 
-    /// The knot at which headings differ most, and the two halves of the tube there.
-    pub(super) fn halves(&self) -> Option<[Cut; 2]> {
-        let knots = self.pieces.len() - usize::from(self.rest);
+    /// The knots after whole pieces.
+    fn knots(&self) -> usize {
+        self.pieces.len() - usize::from(self.rest)
+    }
+
+    /// Two parts of the tube, by whether headings at `knot` are below `heading`, or a little above or
+    /// below so that neither part is narrow; at knot 0, the halves where headings differ most.
+    pub(super) fn halves(&self, knot: usize, heading: f64) -> Option<[Cut; 2]> {
         let width = |&knot: &usize| self.hi[knot] - self.lo[knot];
-        let knot = (1..=knots).max_by(|a, b| width(a).total_cmp(&width(b)))?;
-        let (lo, hi) = (self.lo[knot], self.hi[knot]);
-        let middle = 0.5 * (lo + hi);
-        let halves = [Cut { knot, lo, hi: middle }, Cut { knot, lo: middle, hi }];
-        (width(&knot) > 1e-6).then_some(halves)
+        let widest = || (1..=self.knots()).max_by(|a, b| width(a).total_cmp(&width(b)));
+        let at = if knot > 0 { knot } else { widest().filter(|&knot| self.halves_at(knot))? };
+        let (lo, hi) = (self.lo[at], self.hi[at]);
+        let heading = if knot > 0 { heading } else { 0.5 * (lo + hi) };
+        let edge = 0.2 * (hi - lo);
+        let heading = heading.max(lo + edge).min(hi - edge);
+        Some([Cut { knot: at, lo, hi: heading }, Cut { knot: at, lo: heading, hi }])
     }
 }
+
+/// Headings that differ by less are the same, rad.
+const LEAST_WIDTH_RAD: f64 = 1e-6;
 
 /// The highest heading within a piece that begins at most at `from` and ends at most at `to`: drives
 /// turn left as long as they can, then right.

@@ -34,6 +34,9 @@ struct Part {
     at_least_m: f64,
     /// Whether halving the drives promises more than halving the time.
     halve_drives: bool,
+    /// The knot and the heading by which drives are told apart.
+    knot: usize,
+    heading: f64,
 }
 
 /// The part with the smallest bound comes first.
@@ -107,8 +110,16 @@ impl Search {
             let robot = leg.pose(0.5);
             atan2(robot.y - on.start.y, robot.x - on.start.x)
         });
-        let (cuts, halve_drives) = (Cuts::NONE, false);
-        let whole = Part { cuts, from: 0.0, to: 1.0, alpha, at_least_m, halve_drives };
+        let whole = Part {
+            cuts: Cuts::NONE,
+            from: 0.0,
+            to: 1.0,
+            alpha,
+            at_least_m,
+            halve_drives: false,
+            knot: 0,
+            heading: 0.0,
+        };
         let mut at_most_m = f64::INFINITY;
         // The least bound of the parts that need no search any more.
         let mut settled_m = f64::INFINITY;
@@ -148,7 +159,7 @@ impl Search {
             if !search.tube.set(on.start.psi, &search.pieces, instant, &part.cuts) {
                 return None;
             }
-            let [low, high] = search.tube.halves()?;
+            let [low, high] = search.tube.halves(part.knot, part.heading)?;
             let half = |cut| Some(Part { cuts: part.cuts.with(cut)?, ..*part });
             Some([half(low)?, half(high)?])
         };
@@ -176,6 +187,7 @@ impl Search {
         self.farthest.begin();
         let look = Look::new(on, leg, &part, self.pieces.at(instant));
         let (mut alpha, mut bracket) = (part.alpha, [None; 2]);
+        let mut loose_m = 0.0;
         for _ in 0..MOST_DIRECTIONS {
             let ends = look.along(alpha, &self.tube, &mut self.farthest);
             let least = ends[0].at_least_m.min(ends[1].at_least_m) - look.bulge_m;
@@ -193,6 +205,16 @@ impl Search {
             let side = usize::from(cos * apart[1] - sin * apart[0] < 0.0);
             bracket[side] = Some((alpha, apart));
             self.farthest.keep(side);
+            let share = match bracket {
+                [Some((_, a)), Some((_, b))] => nearest_to_origin(a, b).0,
+                _ => side as f64,
+            };
+            if bracket[1 - side].is_none() {
+                self.farthest.keep(1 - side);
+            }
+            let looseness = self.farthest.looseness(&self.tube, alpha, share);
+            loose_m = on.speed_mps * looseness.seconds;
+            (part.knot, part.heading) = (looseness.knot, looseness.heading);
             let aim = match bracket {
                 [Some((low, a)), Some((high, b))] => {
                     let (share, aim) = nearest_to_origin(a, b);
@@ -212,11 +234,10 @@ impl Search {
                 self.farthest.touch_drive();
             }
         }
-        // What the differences of headings and of places within the part may cost, roughly.
-        let drives_m = self.tube.spread() * on.speed_mps / 16.0;
+        // What moving within the part may cost, roughly.
         let moved_m = (part.to - part.from) * (on.speed_mps * on.step_s + leg.length_m);
         let time_m = moved_m * moved_m / (8.0 * at_most_m.max(0.25 * moved_m));
-        part.halve_drives = drives_m > time_m;
+        part.halve_drives = loose_m > time_m;
         self.open.push(part);
     }
 }
