@@ -71,7 +71,7 @@ pub(super) struct Cut {
 }
 
 /// Most ranges that a part of all drives is described by.
-pub(super) const MOST_CUTS: usize = 8;
+pub(super) const MOST_CUTS: usize = 16;
 
 /// The cuts that describe a part.
 #[derive(Clone, Copy, Debug)]

@@ -169,16 +169,16 @@ fn check(poses: &[Pose], step_s: f64, limits: &PlanLimits) -> Result<(), Invalid
     for (i, pair) in poses.windows(2).enumerate() {
         let leg = Leg::new(pair[0], pair[1]);
         let most = |limit: f64| limit * step_s * (1.0 + ROUNDING);
-        let to = format!("poses[{}]", i + 1);
+        let to = || format!("poses[{}]", i + 1);
         if leg.length_m > most(limits.most_speed_mps) + ROUNDING {
             let metres = limits.most_speed_mps * step_s;
             let expected = format!("at most {metres} m after poses[{i}], as the limits allow");
-            return Err(Invalid::new(to, expected, format!("{} m", leg.length_m)));
+            return Err(Invalid::new(to(), expected, format!("{} m", leg.length_m)));
         }
         if leg.turn_rad.abs() > most(limits.most_turn_rate_radps) + ROUNDING {
             let rad = limits.most_turn_rate_radps * step_s;
             let expected = format!("a turn of at most {rad} rad after poses[{i}]");
-            return Err(Invalid::new(to, expected, format!("{} rad", leg.turn_rad)));
+            return Err(Invalid::new(to(), expected, format!("{} rad", leg.turn_rad)));
         }
     }
     Ok(())
