@@ -6,12 +6,13 @@
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 use sidestep::dataset::Dataset;
 use sidestep::features::FeatureSet;
+use sidestep::math::PI;
 use sidestep::planner::{Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep::training::logistic;
-use sidestep::vehicle::dubins;
+use sidestep::vehicle::{Pose, dubins};
 use std::ops::ControlFlow;
 
 /// Speed, m/s, and turn rate, rad/s, that a plan holds; the one that makes most headway first.
@@ -35,10 +36,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let footprint = Footprint::disc(0.4)?.grown(0.3)?; // the robot, and a person's body
     let limits = PlanLimits { most_speed_mps: 1.5, most_turn_rate_radps: 1.0 };
 
-    // The person reacts to a robot that drives straight on, not to ours.
+    // The person reacts to a robot that drives straight on. Ours comes from the right, and would meet
+    // the person after three seconds.
     let (scene, _) = person.own_trial(50, Keys::Clock);
     let states = person.drive(50, &parameters, &scene, Keys::Clock).states;
-    let mut robot = states[0].robot;
+    let meet = states[30].human;
+    let across = Pose { psi: meet.psi + 0.5 * PI, ..meet };
+    let mut robot = dubins::arc(across, -1.4, 0.0, 3.0);
     for (tick, state) in states.iter().take(60).enumerate() {
         online.push(JointState { human: state.human, robot })?;
         online.predict()?;

@@ -1,6 +1,7 @@
 //! An online predictor and its clearances take no memory once they have run. It counts what the whole
 //! process allocates, so it runs without the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+#![allow(clippy::print_stdout, reason = "how much was touched is worth reading")]
 
 use core::ops::ControlFlow;
 use peak_alloc::PeakAlloc;
@@ -53,11 +54,12 @@ fn main() {
         state = state.advance(&parameters, TurnInput::ALL[step / 5 % 3], 0.2);
         if step % 40 == 0 {
             // They meet again; this is also a jump.
-            let Pose { x, y, psi } = state.robot;
-            state.human = Pose::new(x + 6.0, y - 1.0, psi + 3.0);
+            let ahead = dubins::arc(state.robot, 2.0, 0.03, 3.0);
+            state.human = Pose::new(ahead.x, ahead.y, ahead.psi + 3.0);
         }
         round(state, 0.01 * (step % 60) as f64 - 0.3);
     }
     assert_eq!(MEMORY.peak_usage(), before);
+    println!("{touched} of 200 plans are not clear of the largest set");
     assert!((20..=180).contains(&touched), "{touched}");
 }
