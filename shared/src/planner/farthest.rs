@@ -199,6 +199,21 @@ fn follow(pieces: &[Piece], mut headings: impl Iterator<Item = f64>) -> ([f64; 2
 }
 
 impl Farthest {
+    /// Makes room for so many pieces.
+    pub(super) fn reserve(&mut self, pieces: usize) {
+        self.gain.segments.clear();
+        self.gain.segments.reserve(TANGENTS * pieces + 1);
+        self.lines.clear();
+        self.lines.reserve(pieces);
+        self.best.clear();
+        self.best.reserve(pieces + 1);
+        let [first, second] = &mut self.kept;
+        for headings in [&mut self.drive, &mut self.touch, first, second] {
+            headings.clear();
+            headings.reserve(pieces + 1);
+        }
+    }
+
     /// Forgets where lines should touch.
     pub(super) fn begin(&mut self) {
         self.touch.clear();

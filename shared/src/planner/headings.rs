@@ -42,6 +42,11 @@ impl Pieces {
         }
     }
 
+    /// Number of pieces in all steps.
+    pub(super) fn len(&self) -> usize {
+        self.all.len()
+    }
+
     /// Whether driving straight is admissible in every step.
     pub(super) fn straight(&self) -> bool {
         self.straight
@@ -112,6 +117,18 @@ pub(super) struct Tube {
 const ROUNDING_RAD: f64 = 1e-12;
 
 impl Tube {
+    /// Makes room for so many pieces.
+    pub(super) fn reserve(&mut self, pieces: usize) {
+        self.pieces.clear();
+        self.pieces.reserve(pieces);
+        self.within.clear();
+        self.within.reserve(pieces);
+        for headings in [&mut self.lo, &mut self.hi] {
+            headings.clear();
+            headings.reserve(pieces + 1);
+        }
+    }
+
     /// The tube of the drives from heading `psi` until `instant` that satisfy the cuts; false if there
     /// is none.
     pub(super) fn set(&mut self, psi: f64, pieces: &Pieces, instant: Instant, cuts: &Cuts) -> bool {

@@ -99,6 +99,8 @@ impl Search {
         self.alpha = None;
         self.open.clear();
         self.open.reserve(on.settings.most_parts + 2);
+        self.tube.reserve(self.pieces.len());
+        self.farthest.reserve(self.pieces.len());
     }
 
     /// The clearance in step `step`, from 0; it is known to be `at_least_m`.
