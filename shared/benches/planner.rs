@@ -111,7 +111,6 @@ fn slowest(online: &mut OnlinePredictor, rounds: &[(JointState, Plan)], footprin
             took[i] = took[i].min(seconds);
         }
     }
-    if std::env::var("DBG").is_ok() { for (i,(state,plan)) in rounds.iter().enumerate() { online.push(*state).unwrap(); online.predict().unwrap(); let f=online.clear(plan,footprint).unwrap(); println!("DBG {i} {:.0} us {:?}", 1e6*took[i], (0..5).map(|j| f.by_step(j).iter().map(|c| format!("{:.2}/{:.2}", c.at_least_m, c.at_most_m)).collect::<Vec<_>>().join(" ")).collect::<Vec<_>>()); } }
     let most = took.iter().copied().fold(0.0, f64::max);
     println!(
         "slowest of {} near rounds: {:.0} µs; {near} within 1 m of the largest set, {clear} clear of it",

@@ -68,7 +68,7 @@ impl Line {
 /// In a range this narrow the cosine is constant, rad.
 const NO_WIDTH_RAD: f64 = 1e-9;
 
-/// A linear part of a concave function.
+/// A linear part of a concave function. All slopes are less the function's tilt.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     slope: f64,
@@ -81,12 +81,14 @@ struct Concave {
     from: f64,
     /// Its value there.
     value: f64,
+    /// To be added to all slopes.
+    tilt: f64,
     segments: Vec<Segment>,
 }
 
 impl Concave {
     fn set_zero(&mut self, from: f64, to: f64) {
-        (self.from, self.value) = (from, 0.0);
+        (self.from, self.value, self.tilt) = (from, 0.0, 0.0);
         self.segments.clear();
         self.segments.push(Segment { slope: 0.0, length: to - from });
     }
@@ -94,7 +96,7 @@ impl Concave {
     /// Adds slope · θ.
     fn tilt(&mut self, slope: f64) {
         self.value += slope * self.from;
-        self.segments.iter_mut().for_each(|segment| segment.slope += slope);
+        self.tilt += slope;
     }
 
     /// The maximum over a turn δ of this function of θ + δ and of what the turn itself gains: a
@@ -102,16 +104,22 @@ impl Concave {
     /// replaced by tangents, the envelope of which is above it.
     fn turn(&mut self, least: f64, most: f64, gain: f64) {
         self.from -= most;
-        let between = (most - least) / (TANGENTS - 1) as f64;
-        if between <= 0.0 {
+        if most <= least {
             return;
         }
+        let tangents = if gain > 0.0 { TANGENTS } else { 1 };
         let mut place = 0;
-        for i in 0..TANGENTS {
-            let slope = gain * (1.0 - 2.0 * i as f64 / (TANGENTS - 1) as f64);
-            let length = if i == 0 || i == TANGENTS - 1 { 0.5 * between } else { between };
+        for i in 0..tangents {
+            // From the tangent at one end to that at the other, which are half as long.
+            let (share, weight) = match tangents {
+                1 => (0.5, 1.0),
+                _ if i == 0 || i + 1 == tangents => (i as f64 / (tangents - 1) as f64, 0.5),
+                _ => (i as f64 / (tangents - 1) as f64, 1.0),
+            };
+            let length = (most - least) * weight / (tangents - 1).max(1) as f64;
+            let slope = gain * (1.0 - 2.0 * share) - self.tilt;
             let behind = &self.segments[place..];
-            place += behind.partition_point(|segment| segment.slope > slope);
+            place += behind.iter().take_while(|segment| segment.slope > slope).count();
             self.segments.insert(place, Segment { slope, length });
         }
     }
@@ -120,12 +128,12 @@ impl Concave {
     fn clip(&mut self, from: f64, to: f64) {
         let mut left_out = 0;
         for segment in &mut self.segments {
-            let cut = (from - self.from).min(segment.length);
-            if cut <= 0.0 {
+            if from <= self.from {
                 break;
             }
+            let cut = (from - self.from).min(segment.length);
             self.from += cut;
-            self.value += segment.slope * cut;
+            self.value += (segment.slope + self.tilt) * cut;
             segment.length -= cut;
             left_out += usize::from(segment.length <= 0.0);
         }
@@ -145,12 +153,13 @@ impl Concave {
         let mut place = self.from;
         let mut best = (place, place);
         for segment in &self.segments {
-            if segment.slope < -SAME_SLOPE {
+            let slope = segment.slope + self.tilt;
+            if slope < -SAME_SLOPE {
                 break;
             }
             place += segment.length;
             best.1 = place;
-            if segment.slope > SAME_SLOPE {
+            if slope > SAME_SLOPE {
                 best.0 = place;
             }
         }
@@ -159,7 +168,7 @@ impl Concave {
 }
 
 /// Tangents of a parabola, at equal distances.
-const TANGENTS: usize = 5;
+const TANGENTS: usize = 3;
 
 /// Slopes that differ by less are the same.
 const SAME_SLOPE: f64 = 1e-12;

@@ -5,7 +5,7 @@ use super::farthest::{Farthest, turns_away};
 use super::headings::{Cuts, Instant, Piece, Pieces, Tube};
 use super::plan::{Footprint, Leg, Plan};
 use crate::bounds::InputBounds;
-use crate::math::{TAU, atan2, sin_cos, sinc, wrap_angle};
+use crate::math::{TAU, atan2, hypot, sin_cos, sinc, wrap_angle};
 use crate::vehicle::Pose;
 use core::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -189,7 +189,7 @@ impl Search {
         self.farthest.begin();
         let look = Look::new(on, leg, &part, self.pieces.at(instant));
         let (mut alpha, mut bracket) = (part.alpha, [None; 2]);
-        let mut loose_m = 0.0;
+        let (mut share, mut last) = (0.0, alpha);
         for _ in 0..MOST_DIRECTIONS {
             let ends = look.along(alpha, &self.tube, &mut self.farthest);
             let least = ends[0].at_least_m.min(ends[1].at_least_m) - look.bulge_m;
@@ -198,35 +198,36 @@ impl Search {
                 (part.at_least_m, part.alpha) = (least, alpha);
             }
             if part.at_least_m >= on.settings.goal(*at_most_m) {
-                break;
+                self.open.push(part);
+                return;
             }
             let nearer = usize::from(ends[1].at_least_m < ends[0].at_least_m);
             let apart = ends[nearer].apart;
+            last = alpha;
             // The bound grows toward where the line from human to robot points.
             let (sin, cos) = sin_cos(alpha);
             let side = usize::from(cos * apart[1] - sin * apart[0] < 0.0);
             bracket[side] = Some((alpha, apart));
             self.farthest.keep(side);
-            let share = match bracket {
-                [Some((_, a)), Some((_, b))] => nearest_to_origin(a, b).0,
-                _ => side as f64,
-            };
-            if bracket[1 - side].is_none() {
-                self.farthest.keep(1 - side);
-            }
-            let looseness = self.farthest.looseness(&self.tube, alpha, share);
-            loose_m = on.speed_mps * looseness.seconds;
-            (part.knot, part.heading) = (looseness.knot, looseness.heading);
             let aim = match bracket {
                 [Some((low, a)), Some((high, b))] => {
-                    let (share, aim) = nearest_to_origin(a, b);
+                    let (between, aim) = nearest_to_origin(a, b);
+                    share = between;
                     let most = look.between(share, &self.tube, &self.farthest);
                     *at_most_m = at_most_m.min(most);
+                    // No line tells more than this, if the human may be anywhere between both drives.
+                    let limit_m = hypot(aim[0], aim[1]) - on.footprint.margin_m();
+                    if limit_m < on.settings.goal(*at_most_m) {
+                        break;
+                    }
                     let ahead = wrap_angle(atan2(aim[1], aim[0]) - low);
                     let inside = 0.0 < ahead && ahead < high - low;
                     low + if inside { ahead } else { 0.5 * (high - low) }
                 }
-                _ => alpha + wrap_angle(atan2(apart[1], apart[0]) - alpha),
+                _ => {
+                    share = side as f64;
+                    alpha + wrap_angle(atan2(apart[1], apart[0]) - alpha)
+                }
             };
             if (aim - alpha).abs() < SAME_RAD {
                 break;
@@ -236,10 +237,17 @@ impl Search {
                 self.farthest.touch_drive();
             }
         }
+        for side in [0, 1] {
+            if bracket[side].is_none() {
+                self.farthest.keep(side);
+            }
+        }
+        let looseness = self.farthest.looseness(&self.tube, last, share);
+        (part.knot, part.heading) = (looseness.knot, looseness.heading);
         // What moving within the part may cost, roughly.
         let moved_m = (part.to - part.from) * (on.speed_mps * on.step_s + leg.length_m);
         let time_m = moved_m * moved_m / (8.0 * at_most_m.max(0.25 * moved_m));
-        part.halve_drives = loose_m > time_m;
+        part.halve_drives = on.speed_mps * looseness.seconds > time_m;
         self.open.push(part);
     }
 }
