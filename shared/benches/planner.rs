@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use criterion::Criterion;
 use fastest::Fastest;
 use sidestep::features::FeatureSet;
+use sidestep::math::sin_cos;
 use sidestep::planner::{Clearances, Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
@@ -75,7 +76,7 @@ fn rounds(parameters: &SceneParameters, robot: Pose, spread: f64) -> Vec<(JointS
     let mut human = Pose::new(0.0, 0.0, 0.4);
     let mut rounds = Vec::new();
     for i in 0..60_usize {
-        let (sin, cos) = human.psi.sin_cos();
+        let (sin, cos) = sin_cos(human.psi);
         let ahead = robot.x + spread * (i % 7) as f64 / 6.0;
         let left = robot.y - 2.0 * robot.y * (i % 5) as f64 / 4.0;
         let at = Pose::new(

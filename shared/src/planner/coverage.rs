@@ -110,9 +110,13 @@ impl CoverageBounds {
         if epsilon.is_empty() {
             return Err(Invalid::new("epsilon", "at least one set", "none"));
         }
-        if let Some(j) = (1..epsilon.len()).find(|&j| !(epsilon[j - 1] <= epsilon[j])) {
-            let expected = format!("{} rad/s or more", epsilon[j - 1]);
-            return Err(Invalid::new(format!("epsilon[{j}]"), expected, epsilon[j]));
+        let mut least = 0.0;
+        for (j, &level) in epsilon.iter().enumerate() {
+            if !level.is_finite() || level < least {
+                let expected = format!("{least} rad/s or more: the sets contain each other");
+                return Err(Invalid::new(format!("epsilon[{j}]"), expected, level));
+            }
+            least = level;
         }
         let n = scores.len();
         let full = 2.0 * parameters.human.turn_rate_radps;

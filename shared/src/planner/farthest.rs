@@ -353,3 +353,63 @@ pub(super) struct Looseness {
     pub(super) knot: usize,
     pub(super) heading: f64,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::SeededRng;
+
+    #[test]
+    fn lines_are_above_the_cosine_and_touch_it() {
+        let mut rng = SeededRng::new(1);
+        for _ in 0..20_000 {
+            let width = if rng.below(8) == 0 { 0.0 } else { rng.uniform(0.0, 3.5) };
+            let lo = rng.uniform(-PI, PI) - 0.5 * width;
+            let hi = lo + width;
+            let touch = rng.uniform(lo - 1.0, hi + 1.0);
+            let line = Line::above_cosine(lo, hi, touch);
+            let over = |x: f64| line.at(x) - sin_cos(x).1;
+            let gaps = (0..=200).map(|i| over(lo + width * f64::from(i) / 200.0));
+            let least = gaps.fold(f64::INFINITY, f64::min);
+            assert!(least >= -1e-12, "{lo} {hi} {touch}: {least}");
+            assert!(width > 3.0 || least < 1e-3, "{lo} {hi} {touch}: {least}");
+        }
+    }
+
+    /// The maximum over turns, against all turns of a fine grid.
+    #[test]
+    fn a_turn_gains_at_least_its_parabola() {
+        let mut rng = SeededRng::new(2);
+        for _ in 0..200 {
+            let mut gain = Concave::default();
+            gain.set_zero(-1.0, 0.5);
+            gain.tilt(rng.uniform(-1.0, 1.0));
+            gain.turn(-0.3, rng.uniform(-0.3, 0.4), rng.uniform(0.0, 0.5));
+            gain.tilt(rng.uniform(-1.0, 1.0));
+            let before = gain.clone();
+            let (least, most, per_rad) = (-0.2, rng.uniform(-0.2, 0.3), rng.uniform(0.0, 0.5));
+            gain.turn(least, most, per_rad);
+            let at = |function: &Concave, x: f64| {
+                let mut clipped = function.clone();
+                clipped.clip(x, x);
+                clipped.value
+            };
+            let (from, to) = (before.from, before.from + length(&before));
+            for i in 0..=20 {
+                let x = from + (to - from) * f64::from(i) / 20.0;
+                for j in 0..=20 {
+                    let share = f64::from(j) / 20.0;
+                    let turn = least + (most - least) * share;
+                    let parabola = per_rad * (most - least) * share * (1.0 - share);
+                    let start = x - turn;
+                    let reached = at(&gain, start);
+                    assert!(reached >= at(&before, x) + parabola - 1e-12, "{x} {turn}");
+                }
+            }
+        }
+    }
+
+    fn length(function: &Concave) -> f64 {
+        function.segments.iter().map(|segment| segment.length).sum()
+    }
+}

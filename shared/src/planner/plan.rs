@@ -1,7 +1,7 @@
 //! What a robot plans to do, and the ground that it covers.
 
 use crate::invalid::{Invalid, positive};
-use crate::math::{TAU, hypot, sin_cos, sinc, wrap_angle};
+use crate::math::{PI, hypot, sin_cos, sinc, wrap_angle};
 use crate::reach::polygon::signed_distance;
 use crate::vehicle::{Pose, dubins};
 
@@ -104,7 +104,8 @@ impl Plan {
         let mut poses = vec![start];
         let mut pose = start;
         for (i, &(speed, rate)) in inputs.iter().enumerate() {
-            if !((rate * step_s).abs() <= 0.5 * TAU) {
+            let turn_rad = rate * step_s;
+            if turn_rad.is_nan() || turn_rad.abs() > PI {
                 let expected = format!("at most half a turn in a step of {step_s} s");
                 let found = format!("{rate} rad/s");
                 return Err(Invalid::new(format!("inputs[{i}].turn_rate"), expected, found));

@@ -2,7 +2,7 @@
 
 use super::{Class, FREE, PAPERS, any_bounds, any_drive, any_plan, bounds};
 use sidestep::bounds::InputBounds;
-use sidestep::math::{PI, SeededRng, hypot};
+use sidestep::math::{PI, SeededRng, hypot, sin_cos};
 use sidestep::planner::{
     Clearance, ClearanceFinder, ClearanceSettings, Footprint, HumanFuture, Plan,
 };
@@ -113,7 +113,7 @@ fn straight_drives_have_their_closed_form() {
         let speed = rng.uniform(-3.0, 3.0);
         let plan = Plan::driven(start, &[(speed, 0.0); 10], 0.2, FREE).unwrap();
         let found = clearances(bounds(&[0.0; 10], &[0.0; 10]), &plan, 0.4, 1e-3);
-        let (sin, cos) = (start.psi.sin(), start.psi.cos());
+        let (sin, cos) = sin_cos(start.psi);
         let (vx, vy) = (speed * cos - 2.0, speed * sin);
         let closest_s = -(start.x * vx + start.y * vy) / (vx * vx + vy * vy);
         for (step, clearance) in found.into_iter().enumerate() {

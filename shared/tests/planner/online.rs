@@ -240,6 +240,7 @@ fn bounds_say_what_they_assume_and_refuse_bad_input() {
     assert_eq!(of(&[], 0.05).unwrap_err().field, "epsilon");
     assert_eq!(of(&[0.3, 0.2], 0.05).unwrap_err().field, "epsilon[1]");
     assert_eq!(of(&[0.3, f64::NAN], 0.05).unwrap_err().field, "epsilon[1]");
+    assert_eq!(of(&[-0.1], 0.05).unwrap_err().field, "epsilon[0]");
     assert_eq!(of(&[0.3], 1.0).unwrap_err().field, "delta");
     let plan = Plan::of_positions(&[[50.0, 0.0]; 4], 0.2, super::FREE).unwrap();
     let start = Pose::new(0.0, 0.0, 0.0);
