@@ -51,14 +51,16 @@
 //! ```
 
 mod plan;
+mod clearance;
 mod headings;
 mod farthest;
 mod search;
-mod clearance;
+mod finder;
 mod coverage;
 mod online;
 
-pub use clearance::{Clearance, ClearanceFinder, ClearanceSettings, Clearances, HumanFuture};
+pub use clearance::{Clearance, ClearanceSettings, Clearances};
 pub use coverage::{CollisionBound, CoverageBounds};
+pub use finder::{ClearanceFinder, HumanFuture};
 pub use online::{Continuity, OnlinePredictor};
 pub use plan::{Footprint, Plan, PlanLimits};

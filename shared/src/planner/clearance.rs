@@ -1,11 +1,77 @@
-//! How far a plan stays clear of where the human may be.
+//! Clearances, and how exactly they are found.
 
-use super::plan::{Footprint, Plan};
-use super::search::{Search, Setting};
-use crate::bounds::InputBounds;
-use crate::invalid::{Invalid, positive};
-use crate::math::PI;
-use crate::vehicle::Pose;
+use crate::invalid::Invalid;
+
+/// How near the human may come to the robot in one step of a plan, at any instant of it: the distance
+/// between the footprint and the human's position at the same instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clearance {
+    /// No drive in the set comes nearer than this, m. Negative: the human may touch the robot; the
+    /// number then does not say how far both overlap.
+    pub at_least_m: f64,
+    /// Some drive in the set comes as near as this, m. ≤ 0: a drive touches the robot.
+    pub at_most_m: f64,
+}
+
+impl Clearance {
+    /// The smaller of two.
+    fn and(self, other: Self) -> Self {
+        Self {
+            at_least_m: self.at_least_m.min(other.at_least_m),
+            at_most_m: self.at_most_m.min(other.at_most_m),
+        }
+    }
+
+    pub(super) const NONE: Self = Self { at_least_m: f64::INFINITY, at_most_m: f64::INFINITY };
+}
+
+/// The clearance of a plan from each set, in each step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Clearances {
+    pub(super) steps: usize,
+    /// Set by set.
+    pub(super) all: Vec<Clearance>,
+}
+
+impl Clearances {
+    /// The number of sets, m.
+    #[must_use]
+    pub fn sets(&self) -> usize {
+        self.all.len().checked_div(self.steps).unwrap_or(0)
+    }
+
+    /// The number of steps, T.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// The clearance from set `set` (from 0: the smallest) in each step. Larger sets have smaller
+    /// clearances.
+    ///
+    /// # Panics
+    /// If there are fewer sets.
+    #[must_use]
+    pub fn by_step(&self, set: usize) -> &[Clearance] {
+        &self.all[set * self.steps..(set + 1) * self.steps]
+    }
+
+    /// The clearance from set `set` over all steps.
+    ///
+    /// # Panics
+    /// If there are fewer sets.
+    #[must_use]
+    pub fn of(&self, set: usize) -> Clearance {
+        self.by_step(set).iter().fold(Clearance::NONE, |all, step| all.and(*step))
+    }
+
+    /// The largest set, counted from 0, of which the plan stays clear by more than `margin_m` ≥ 0
+    /// throughout. None if even the smallest may come nearer. It is clear of all smaller sets, too.
+    #[must_use]
+    pub fn largest_clear(&self, margin_m: f64) -> Option<usize> {
+        (0..self.sets()).rev().find(|&set| self.of(set).at_least_m > margin_m)
+    }
+}
 
 /// How exactly clearances are found, and how much work that may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,235 +133,5 @@ impl Default for ClearanceSettings {
     /// An accuracy of 2 cm up to a clearance of 2 m, in at most 400 parts.
     fn default() -> Self {
         Self { accuracy_m: 0.02, enough_m: 2.0, most_parts: 400 }
-    }
-}
-
-/// Where the human may be: the nested sets that a prediction gives.
-#[derive(Clone, Copy, Debug)]
-pub struct HumanFuture<'a> {
-    /// The human's pose now, world frame.
-    pub start: Pose,
-    /// The bounds of each set F_1 ⊆ F_2 ⊆ …, all with the same steps: at least one.
-    pub sets: &'a [InputBounds],
-    /// The human's speed, m/s.
-    pub speed_mps: f64,
-    /// Length of a step, s.
-    pub step_s: f64,
-}
-
-impl HumanFuture<'_> {
-    fn check(&self, plan: &Plan) -> Result<(), Invalid> {
-        self.start.check().map_err(|invalid| invalid.within("start"))?;
-        positive("speed_mps", self.speed_mps)?;
-        positive("step_s", self.step_s)?;
-        let Some(first) = self.sets.first() else {
-            return Err(Invalid::new("sets", "at least one", "none"));
-        };
-        if (plan.step_s() - self.step_s).abs() > 1e-9 * self.step_s {
-            let expected = format!("steps of {} s, as predicted", self.step_s);
-            return Err(Invalid::new("plan.step_s", expected, plan.step_s()));
-        }
-        if plan.steps() != first.steps() {
-            let expected = format!("{} steps, as predicted", first.steps());
-            return Err(Invalid::new("plan", expected, format!("{} steps", plan.steps())));
-        }
-        for (j, set) in self.sets.iter().enumerate() {
-            self.check_set(j, set).map_err(|invalid| invalid.within(&format!("sets[{j}]")))?;
-        }
-        Ok(())
-    }
-
-    /// Accepts a set that contains the one before and turns by at most half a turn a step.
-    fn check_set(&self, j: usize, set: &InputBounds) -> Result<(), Invalid> {
-        let smaller = &self.sets[j.saturating_sub(1)];
-        if set.steps() != smaller.steps() {
-            let expected = format!("{} steps, as the first set", smaller.steps());
-            return Err(Invalid::new("", expected, format!("{} steps", set.steps())));
-        }
-        for i in 0..set.steps() {
-            for (name, rate, before, sign) in [
-                ("lo", set.lo()[i], smaller.lo()[i], -1.0),
-                ("hi", set.hi()[i], smaller.hi()[i], 1.0),
-            ] {
-                if rate.abs() * self.step_s > PI {
-                    let expected = format!("at most half a turn in a step of {} s", self.step_s);
-                    let found = format!("{rate} rad/s");
-                    return Err(Invalid::new(format!("{name}[{i}]"), expected, found));
-                }
-                if sign * (rate - before) < 0.0 {
-                    let expected = format!("bounds around the set before, {before} rad/s");
-                    return Err(Invalid::new(format!("{name}[{i}]"), expected, rate));
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-/// How near the human may come to the robot in one step of a plan, at any instant of it: the distance
-/// between the footprint and the human's position at the same instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clearance {
-    /// No drive in the set comes nearer than this, m. Negative: the human may touch the robot; the
-    /// number then does not say how far both overlap.
-    pub at_least_m: f64,
-    /// Some drive in the set comes as near as this, m. ≤ 0: a drive touches the robot.
-    pub at_most_m: f64,
-}
-
-impl Clearance {
-    /// The smaller of two.
-    fn and(self, other: Self) -> Self {
-        Self {
-            at_least_m: self.at_least_m.min(other.at_least_m),
-            at_most_m: self.at_most_m.min(other.at_most_m),
-        }
-    }
-
-    const NONE: Self = Self { at_least_m: f64::INFINITY, at_most_m: f64::INFINITY };
-}
-
-/// The clearance of a plan from each set, in each step.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Clearances {
-    steps: usize,
-    /// Set by set.
-    all: Vec<Clearance>,
-}
-
-impl Clearances {
-    /// The number of sets, m.
-    #[must_use]
-    pub fn sets(&self) -> usize {
-        self.all.len().checked_div(self.steps).unwrap_or(0)
-    }
-
-    /// The number of steps, T.
-    #[must_use]
-    pub fn steps(&self) -> usize {
-        self.steps
-    }
-
-    /// The clearance from set `set` (from 0: the smallest) in each step. Larger sets have smaller
-    /// clearances.
-    ///
-    /// # Panics
-    /// If there are fewer sets.
-    #[must_use]
-    pub fn by_step(&self, set: usize) -> &[Clearance] {
-        &self.all[set * self.steps..(set + 1) * self.steps]
-    }
-
-    /// The clearance from set `set` over all steps.
-    ///
-    /// # Panics
-    /// If there are fewer sets.
-    #[must_use]
-    pub fn of(&self, set: usize) -> Clearance {
-        self.by_step(set).iter().fold(Clearance::NONE, |all, step| all.and(*step))
-    }
-
-    /// The largest set, counted from 0, of which the plan stays clear by more than `margin_m` ≥ 0
-    /// throughout. None if even the smallest may come nearer. It is clear of all smaller sets, too.
-    #[must_use]
-    pub fn largest_clear(&self, margin_m: f64) -> Option<usize> {
-        (0..self.sets()).rev().find(|&set| self.of(set).at_least_m > margin_m)
-    }
-}
-
-/// Finds clearances, one plan after the other in the same memory: after one plan, plans with no more
-/// sets, steps and turns allocate nothing.
-///
-/// # How
-/// A line between robot and human proves that they are apart. For a direction, the farthest that the
-/// human can get along it is bounded from above by dynamic programming over the heading, with a line
-/// above the cosine in each piece of time (`farthest`). Hence a bound is true whatever was chosen to
-/// find it. Where it is not yet as large as the distance of a drive that was found, the drives (by
-/// their heading at some instant) or the time are halved, and both halves are searched (`search`). This
-/// also holds for sets that are not convex, and at any turn rate.
-///
-/// # Example
-/// ```
-/// use sidestep::bounds::InputBounds;
-/// use sidestep::planner::{ClearanceFinder, Footprint, HumanFuture, Plan, PlanLimits};
-/// use sidestep::vehicle::Pose;
-///
-/// // A human at 2 m/s, straight on or anywhere within ±0.5 rad/s, for five steps of 0.2 s.
-/// let straight = InputBounds::new(vec![0.0; 5], vec![0.0; 5], (-0.5, 0.5))?;
-/// let all = InputBounds::new(vec![-0.5; 5], vec![0.5; 5], (-0.5, 0.5))?;
-/// let start = Pose::new(0.0, 0.0, 0.0);
-/// let sets = [straight, all];
-/// let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
-/// // A robot that stands 3 m ahead, with a radius of 0.4 m.
-/// let limits = PlanLimits { most_speed_mps: 1.0, most_turn_rate_radps: 1.0 };
-/// let plan = Plan::of_positions(&[[3.0, 0.0]; 6], 0.2, limits)?;
-/// let mut finder = ClearanceFinder::default();
-/// let found = finder.find(&future, &plan, &Footprint::disc(0.4)?)?;
-/// // After 1 s the human has come 2 m nearer.
-/// let clearance = found.of(1);
-/// assert!(clearance.at_least_m <= 0.6 && 0.6 <= clearance.at_most_m + 1e-9);
-/// assert!(clearance.at_most_m - clearance.at_least_m <= 0.02);
-/// # Ok::<(), sidestep::invalid::Invalid>(())
-/// ```
-#[derive(Clone, Debug)]
-pub struct ClearanceFinder {
-    settings: ClearanceSettings,
-    search: Search,
-    found: Clearances,
-}
-
-impl ClearanceFinder {
-    /// A finder with these settings.
-    #[must_use]
-    pub fn new(settings: ClearanceSettings) -> Self {
-        Self { settings, search: Search::default(), found: Clearances::default() }
-    }
-
-    /// The clearances that were found last.
-    #[must_use]
-    pub fn clearances(&self) -> &Clearances {
-        &self.found
-    }
-
-    /// The clearance of `plan` from each set of the human's future, in each step. Both begin now.
-    ///
-    /// # Errors
-    /// [`Invalid`] if the plan has other steps than the sets, the sets do not contain each other, one
-    /// turns by more than half a turn in a step, or a number is not finite.
-    pub fn find(
-        &mut self,
-        future: &HumanFuture<'_>,
-        plan: &Plan,
-        footprint: &Footprint,
-    ) -> Result<&Clearances, Invalid> {
-        future.check(plan)?;
-        let (settings, steps) = (self.settings, plan.steps());
-        self.found.steps = steps;
-        self.found.all.clear();
-        self.found.all.resize(future.sets.len() * steps, Clearance::NONE);
-        // From the largest set on: what holds for it holds for those inside.
-        for (j, set) in future.sets.iter().enumerate().rev() {
-            let (start, speed_mps, step_s) = (future.start, future.speed_mps, future.step_s);
-            let setting = Setting { start, speed_mps, step_s, plan, footprint, settings };
-            self.search.begin(set, &setting);
-            for step in 0..steps {
-                let larger = self.found.all.get((j + 1) * steps + step).copied();
-                let at_least = larger.map_or(f64::NEG_INFINITY, |larger| larger.at_least_m);
-                self.found.all[j * steps + step] = self.search.step(&setting, step, at_least);
-            }
-        }
-        // A drive of a smaller set is one of the larger sets as well.
-        for i in steps..self.found.all.len() {
-            let smaller = self.found.all[i - steps].at_most_m;
-            let all = &mut self.found.all[i];
-            all.at_most_m = all.at_most_m.min(smaller);
-        }
-        Ok(&self.found)
-    }
-}
-
-impl Default for ClearanceFinder {
-    fn default() -> Self {
-        Self::new(ClearanceSettings::default())
     }
 }

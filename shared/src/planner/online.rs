@@ -1,6 +1,7 @@
 //! Predictions state by state, as a robot's loop needs them.
 
-use super::clearance::{ClearanceFinder, ClearanceSettings, Clearances, HumanFuture};
+use super::clearance::{ClearanceSettings, Clearances};
+use super::finder::{ClearanceFinder, HumanFuture};
 use super::plan::{Footprint, Plan};
 use crate::bounds::{Algorithm1, BoundsSettings, InputBounds, Motion, Rollout};
 use crate::invalid::Invalid;
