@@ -32,7 +32,7 @@
 //! let settings = BoundsSettings::new(vec![0.0, 0.2, 1.0], choice, Rollout::Base, 3)?;
 //! let mut online = OnlinePredictor::new(predictor, safety, parameters, settings)?;
 //!
-//! let robot = Pose::new(2.5, -2.4, 1.57); // to the human's right, heading for the human's way
+//! let robot = Pose::new(2.0, -2.4, 1.57); // to the human's right, heading for the human's way
 //! online.push(JointState { human: Pose::new(0.0, 0.0, 0.0), robot })?;
 //! online.predict()?;
 //! let footprint = Footprint::disc(0.3)?.grown(0.3)?; // the robot, and a person's body

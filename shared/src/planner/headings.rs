@@ -14,7 +14,7 @@ pub(super) struct Piece {
 
 /// A later instant: so many whole steps and a share of the next one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Instant {
+pub(super) struct Moment {
     pub(super) step: usize,
     pub(super) share: f64,
 }
@@ -53,16 +53,16 @@ impl Pieces {
     }
 
     /// The piece in which an instant lies, or that begins then.
-    pub(super) fn at(&self, instant: Instant) -> Piece {
-        self.all[instant.step * self.count]
+    pub(super) fn at(&self, moment: Moment) -> Piece {
+        self.all[moment.step * self.count]
     }
 
     /// The whole pieces before an instant, and the part of the next one that is over, s.
-    fn before(&self, instant: Instant) -> (usize, f64) {
-        let pieces = instant.share * self.count as f64;
+    fn before(&self, moment: Moment) -> (usize, f64) {
+        let pieces = moment.share * self.count as f64;
         let whole = (pieces as usize).min(self.count - 1);
-        let rest = (pieces - whole as f64) * self.at(instant).seconds;
-        (instant.step * self.count + whole, rest)
+        let rest = (pieces - whole as f64) * self.at(moment).seconds;
+        (moment.step * self.count + whole, rest)
     }
 }
 
@@ -129,10 +129,10 @@ impl Tube {
         }
     }
 
-    /// The tube of the drives from heading `psi` until `instant` that satisfy the cuts; false if there
+    /// The tube of the drives from heading `psi` until `moment` that satisfy the cuts; false if there
     /// is none.
-    pub(super) fn set(&mut self, psi: f64, pieces: &Pieces, instant: Instant, cuts: &Cuts) -> bool {
-        let (whole, rest) = pieces.before(instant);
+    pub(super) fn set(&mut self, psi: f64, pieces: &Pieces, moment: Moment, cuts: &Cuts) -> bool {
+        let (whole, rest) = pieces.before(moment);
         self.pieces.clear();
         self.pieces.extend_from_slice(&pieces.all[..whole]);
         self.rest = rest > 0.0;

@@ -2,7 +2,7 @@
 
 use super::clearance::{Clearance, ClearanceSettings};
 use super::farthest::{Farthest, turns_away};
-use super::headings::{Cuts, Instant, Piece, Pieces, Tube};
+use super::headings::{Cuts, Moment, Piece, Pieces, Tube};
 use super::plan::{Footprint, Leg, Plan};
 use crate::bounds::InputBounds;
 use crate::math::{TAU, atan2, hypot, sin_cos, sinc, wrap_angle};
@@ -157,8 +157,8 @@ impl Search {
         let in_time = [Part { to: middle, ..*part }, Part { from: middle, ..*part }];
         let in_time = (part.to - part.from > LEAST_SHARE).then_some(in_time);
         let by_drives = |search: &mut Self| {
-            let instant = Instant { step, share: part.from };
-            if !search.tube.set(on.start.psi, &search.pieces, instant, &part.cuts) {
+            let moment = Moment { step, share: part.from };
+            if !search.tube.set(on.start.psi, &search.pieces, moment, &part.cuts) {
                 return None;
             }
             let [low, high] = search.tube.halves(part.knot, part.heading)?;
@@ -182,12 +182,12 @@ impl Search {
         mut part: Part,
         at_most_m: &mut f64,
     ) {
-        let instant = Instant { step, share: part.from };
-        if !self.tube.set(on.start.psi, &self.pieces, instant, &part.cuts) {
+        let moment = Moment { step, share: part.from };
+        if !self.tube.set(on.start.psi, &self.pieces, moment, &part.cuts) {
             return;
         }
         self.farthest.begin();
-        let look = Look::new(on, leg, &part, self.pieces.at(instant));
+        let look = Look::new(on, leg, &part, self.pieces.at(moment));
         let (mut alpha, mut bracket) = (part.alpha, [None; 2]);
         let (mut share, mut last) = (0.0, alpha);
         for _ in 0..MOST_DIRECTIONS {
