@@ -1,0 +1,74 @@
+"""Reachability and stochastic human forward reachable sets, with NumPy arrays in and out.
+
+Units are SI and radians. World frame: x to the right, y up, headings counter-clockwise from +x. A *relative state* is
+the pursuer's pose in the evader's frame (x ahead, y to the left). Time runs in steps. A turn to the left is positive.
+Joint states are arrays of shape (n, 2, 3): the poses (x, y, psi) of the human and of the robot.
+
+=========================================  ==========================================================
+task                                       use
+=========================================  ==========================================================
+how safe is a state                        `value`, `state` (identical vehicles), `solve` (others)
+which turns can be expected                `bounds`
+where can a vehicle be                     `reach`, `ReachableSet`
+predict a human online                     `ShfrsPredictor`, `ShfrsSettings`
+choose ε with a guarantee                  `calibrate`
+learn from recorded trials                 `features`, `from_sklearn`, `Predictor`, `ActionModel`
+read what `sidestep export` wrote          `sidestep.exports` (needs pandas)
+draw figures                               `sidestep.plots` (needs matplotlib)
+=========================================  ==========================================================
+
+Whatever is not accepted raises a `ValueError` that names the argument, what was expected and what was found.
+"""
+
+from ._sidestep import (
+    FEATURES,
+    ActionModel,
+    Calibration,
+    Predictor,
+    PursuitGame,
+    ReachableSet,
+    SafetyLevels,
+    SceneParameters,
+    Shfrs,
+    ShfrsPredictor,
+    ShfrsSettings,
+    Trajectory,
+    ValueFunction,
+    VehicleModel,
+    __version__,
+    bounds,
+    calibrate,
+    features,
+    reach,
+    solve,
+    state,
+    value,
+)
+from .learn import SidestepClassifier, from_sklearn
+
+__all__ = [
+    "FEATURES",
+    "ActionModel",
+    "Calibration",
+    "Predictor",
+    "PursuitGame",
+    "ReachableSet",
+    "SafetyLevels",
+    "SceneParameters",
+    "Shfrs",
+    "ShfrsPredictor",
+    "ShfrsSettings",
+    "SidestepClassifier",
+    "Trajectory",
+    "ValueFunction",
+    "VehicleModel",
+    "__version__",
+    "bounds",
+    "calibrate",
+    "features",
+    "from_sklearn",
+    "reach",
+    "solve",
+    "state",
+    "value",
+]

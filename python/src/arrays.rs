@@ -1,0 +1,173 @@
+//! Arrays from Python as numbers of the library, and back.
+//!
+//! An argument may be anything that NumPy makes an array of, in any order of memory, if its numbers are
+//! float64 or fit into it without loss. It is copied, because another thread of Python may write to it while
+//! the interpreter is released.
+
+use numpy::{Element, IntoPyArray, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyList;
+use sidestep::invalid::Invalid;
+use sidestep::scene::JointState;
+use sidestep::vehicle::Pose;
+
+use crate::error::Error;
+
+/// An array of any shape.
+pub(crate) type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// Finite numbers and the shape they came in, row-major.
+pub(crate) struct Numbers {
+    pub(crate) shape: Vec<usize>,
+    pub(crate) values: Vec<f64>,
+}
+
+/// Any array of finite numbers. `shape` says in words which shape would be accepted.
+pub(crate) fn numbers(
+    field: &str,
+    shape: &str,
+    object: &Bound<'_, PyAny>,
+) -> Result<Numbers, Error> {
+    let py = object.py();
+    let numpy = py.import("numpy")?;
+    let expected = || format!("an array of float64 of shape {shape}");
+    let array = numpy.call_method1("asarray", (object,)).map_err(|raised| {
+        // Lists of different lengths, for instance.
+        Invalid::new(field, expected(), raised.value(py))
+    })?;
+    let kind = array.getattr("dtype")?;
+    let fits = numpy.call_method1("can_cast", (&kind, "f8", "safe"))?.is_truthy()?;
+    if !fits {
+        return Err(Invalid::new(field, expected(), format!("dtype {kind}")).into());
+    }
+    let array = numpy.call_method1("require", (array, "f8", PyList::new(py, ["C", "A"])?))?;
+    let array = array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?.readonly();
+    let shape = array.shape().to_vec();
+    let values = array.as_slice().map_err(|error| Invalid::new(field, expected(), error))?.to_vec();
+    if let Some(position) = values.iter().position(|value| !value.is_finite()) {
+        let place = place(field, position, &shape);
+        return Err(Invalid::new(place, "a finite number", values[position]).into());
+    }
+    Ok(Numbers { shape, values })
+}
+
+/// `states[17, 1]`: where in an array the entry is.
+fn place(field: &str, mut position: usize, shape: &[usize]) -> String {
+    let mut index = Vec::with_capacity(shape.len());
+    for &length in shape.iter().rev() {
+        index.push((position % length).to_string());
+        position /= length;
+    }
+    index.reverse();
+    if index.is_empty() { field.to_owned() } else { format!("{field}[{}]", index.join(", ")) }
+}
+
+/// A whole number of Python that counts something, at least `least`.
+pub(crate) fn count(field: &str, least: usize, number: i64) -> Result<usize, Error> {
+    let found = usize::try_from(number).ok().filter(|&found| found >= least);
+    found.ok_or_else(|| Invalid::new(field, format!("at least {least}"), number).into())
+}
+
+/// Refuses an array of another shape than `expected` says.
+pub(crate) fn wrong_shape(field: &str, expected: &str, shape: &[usize]) -> Error {
+    let listed: Vec<_> = shape.iter().map(ToString::to_string).collect();
+    let comma = if shape.len() == 1 { "," } else { "" };
+    let found = format!("shape ({}{comma})", listed.join(", "));
+    Invalid::new(field, format!("an array of shape {expected}"), found).into()
+}
+
+/// An array of shape (…, W): its rows, and the shape without the last axis.
+pub(crate) fn rows<const W: usize>(
+    field: &str,
+    object: &Bound<'_, PyAny>,
+) -> Result<(Vec<[f64; W]>, Vec<usize>), Error> {
+    let expected = format!("(…, {W})");
+    let Numbers { mut shape, values } = numbers(field, &expected, object)?;
+    if shape.last() != Some(&W) {
+        return Err(wrong_shape(field, &expected, &shape));
+    }
+    shape.pop();
+    Ok((values.as_chunks().0.to_vec(), shape))
+}
+
+/// An array of shape (n, W): its rows.
+pub(crate) fn table<const W: usize>(
+    field: &str,
+    object: &Bound<'_, PyAny>,
+) -> Result<Vec<[f64; W]>, Error> {
+    let (rows, shape) = rows(field, object)?;
+    if let [_] = shape[..] {
+        return Ok(rows);
+    }
+    Err(wrong_shape(field, &format!("(n, {W})"), &[&shape[..], &[W]].concat()))
+}
+
+/// An array of shape (n, width): n and the numbers, row-major.
+pub(crate) fn matrix(
+    field: &str,
+    width: usize,
+    object: &Bound<'_, PyAny>,
+) -> Result<(usize, Vec<f64>), Error> {
+    let expected = format!("(n, {width})");
+    let Numbers { shape, values } = numbers(field, &expected, object)?;
+    match shape[..] {
+        [n, found] if found == width => Ok((n, values)),
+        _ => Err(wrong_shape(field, &expected, &shape)),
+    }
+}
+
+/// An array of shape (n,).
+pub(crate) fn list(field: &str, object: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+    let Numbers { shape, values } = numbers(field, "(n,)", object)?;
+    if shape.len() == 1 { Ok(values) } else { Err(wrong_shape(field, "(n,)", &shape)) }
+}
+
+/// A pose x, y, ψ as an array of shape (3,).
+pub(crate) fn pose(field: &str, object: &Bound<'_, PyAny>) -> Result<Pose, Error> {
+    let (rows, shape) = rows::<3>(field, object)?;
+    match rows[..] {
+        [state] if shape.is_empty() => Ok(state.into()),
+        _ => Err(wrong_shape(field, "(3,)", &[&shape[..], &[3]].concat())),
+    }
+}
+
+/// Joint states from an array of shape (n, 2, 3) with n ≥ `least`: the poses of the human and of the robot.
+pub(crate) fn joint_states(
+    field: &str,
+    least: usize,
+    object: &Bound<'_, PyAny>,
+) -> Result<Vec<JointState>, Error> {
+    let expected = format!("(n, 2, 3) with n ≥ {least}");
+    let Numbers { shape, values } = numbers(field, &expected, object)?;
+    match shape[..] {
+        [n, 2, 3] if n >= least => {}
+        _ => return Err(wrong_shape(field, &expected, &shape)),
+    }
+    let pairs = values.as_chunks::<3>().0.as_chunks::<2>().0;
+    let states =
+        pairs.iter().map(|&[human, robot]| JointState { human: human.into(), robot: robot.into() });
+    states
+        .enumerate()
+        .map(|(i, state)| {
+            state.check().map_err(|invalid| invalid.within(&format!("{field}[{i}]")))?;
+            Ok(state)
+        })
+        .collect()
+}
+
+/// An array of this shape; `values` are row-major and as many as it has places.
+pub(crate) fn shaped<'py, T: Element>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    values.into_pyarray(py).reshape(shape)
+}
+
+/// Points as an array of shape (n, 2).
+pub(crate) fn points<'py>(
+    py: Python<'py>,
+    points: &[[f64; 2]],
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    points.as_flattened().to_vec().into_pyarray(py).reshape([points.len(), 2])
+}

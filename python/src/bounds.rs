@@ -1,0 +1,124 @@
+//! Algorithm 1: bounds on the human's turn rate.
+
+use pyo3::prelude::*;
+use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout, input_bounds};
+use sidestep::invalid::Invalid;
+use sidestep::shfrs::file::MOST_STEPS;
+
+use crate::arrays::{Array, count, joint_states, list, shaped};
+use crate::error::Error;
+use crate::function::SafetyLevels;
+use crate::human::{Human, Model};
+use crate::vehicles::SceneParameters;
+
+/// Bounds on the human's turn rate for each coming step and each set (Algorithm 1).
+///
+/// Parameters
+/// ----------
+/// history : array of float64, shape (n, 2, 3), n ≥ 1
+///     Joint states from the beginning of the trial to now, one a step: the poses (x, y, ψ) of the human and of the
+///     robot in the world frame, m, m, rad.
+/// model : Predictor or ActionModel
+///     How likely each action of the human is.
+/// epsilon : array of float64, shape (m,)
+///     By how much each set widens the bounds, rad/s, rising from ≥ 0.
+/// k : list of int, optional
+///     How many of the likeliest actions count at each coming step.
+/// tau, steps : float and int, optional
+///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
+/// rollout : {"base", "paper"}
+///     Whether roll-outs follow the bounds before widening, or those of the first set.
+/// parameters : SceneParameters, optional
+///     The paper's by default.
+/// safety : SafetyLevels, optional
+///     Needed if the vehicles differ and a feature of the model is a safety level.
+///
+/// Returns
+/// -------
+/// lo, hi : array of float64, shape (m, T)
+///     Lowest and highest turn rate, rad/s, left positive.
+#[pyfunction]
+#[pyo3(signature = (history, model, epsilon, k=None, *, tau=None, steps=None, rollout="base", parameters=None, safety=None))]
+#[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
+pub(crate) fn bounds<'py>(
+    history: &Bound<'py, PyAny>,
+    model: Model<'py>,
+    epsilon: &Bound<'py, PyAny>,
+    k: Option<Vec<i64>>,
+    tau: Option<f64>,
+    steps: Option<i64>,
+    rollout: &str,
+    parameters: Option<SceneParameters>,
+    safety: Option<SafetyLevels>,
+) -> Result<(Array<'py>, Array<'py>), Error> {
+    let py = history.py();
+    let history = joint_states("history", 1, history)?;
+    let epsilon = list("epsilon", epsilon)?;
+    let parameters = parameters.unwrap_or_default().0;
+    let human = Human::new(model, &parameters, safety)?;
+    let choice = choice(k, tau, steps)?;
+    let settings = BoundsSettings::new(epsilon, choice, rolled_out(rollout)?, human.actions())?;
+    let found = human
+        .work(py, |learned| input_bounds(&history, &parameters, learned, |_| 0.0, &settings))?;
+    stacked(py, found.sets.iter())
+}
+
+/// Bounds of m sets of T steps as two arrays of shape (m, T).
+pub(crate) fn stacked<'py, 'a>(
+    py: Python<'py>,
+    sets: impl Iterator<Item = &'a InputBounds> + Clone,
+) -> Result<(Array<'py>, Array<'py>), Error> {
+    let shape = [sets.clone().count(), sets.clone().next().map_or(0, InputBounds::steps)];
+    let lo = sets.clone().flat_map(InputBounds::lo).copied().collect();
+    let hi = sets.flat_map(InputBounds::hi).copied().collect();
+    Ok((shaped(py, lo, &shape)?, shaped(py, hi, &shape)?))
+}
+
+/// Which actions count: `k`, or `tau` for a number of `steps`.
+pub(crate) fn choice(
+    k: Option<Vec<i64>>,
+    tau: Option<f64>,
+    steps: Option<i64>,
+) -> Result<ActionChoice, Error> {
+    let steps = steps.map(|steps| count("steps", 1, steps)).transpose()?;
+    let choice = match (k, tau) {
+        (Some(_), Some(tau)) => return Err(Invalid::new("tau", "none beside k", tau).into()),
+        (None, None) => return Err(Invalid::new("k", "a list, or tau instead", "neither").into()),
+        (Some(k), None) => {
+            let each = |(i, k)| count(&format!("k[{i}]"), 1, k);
+            let k: Vec<usize> = k.into_iter().enumerate().map(each).collect::<Result<_, _>>()?;
+            if let Some(steps) = steps.filter(|&steps| steps != k.len()) {
+                let expected = format!("{} as k has, or None", k.len());
+                return Err(Invalid::new("steps", expected, steps).into());
+            }
+            ActionChoice::TopK(k)
+        }
+        (None, Some(tau)) => {
+            let steps = steps.ok_or_else(|| {
+                Invalid::new("steps", "the number of coming steps, with tau", "None")
+            })?;
+            ActionChoice::Adaptive { tau, steps }
+        }
+    };
+    let steps = match &choice {
+        ActionChoice::TopK(k) => k.len(),
+        ActionChoice::Adaptive { steps, .. } => *steps,
+    };
+    few_steps("steps", steps)?;
+    Ok(choice)
+}
+
+/// Refuses more steps than the time of a prediction is known for.
+pub(crate) fn few_steps(field: &str, steps: usize) -> Result<(), Error> {
+    if steps <= MOST_STEPS {
+        return Ok(());
+    }
+    Err(Invalid::new(field, format!("at most {MOST_STEPS} steps"), steps).into())
+}
+
+/// The kind of roll-outs by its word.
+pub(crate) fn rolled_out(word: &str) -> Result<Rollout, Error> {
+    let known = [Rollout::Base, Rollout::Paper];
+    let found = known.into_iter().find(|rollout| rollout.word() == word);
+    found.ok_or_else(|| Invalid::new("rollout", "base or paper", word).into())
+}

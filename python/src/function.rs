@@ -1,0 +1,390 @@
+//! Value functions as objects: solved, looked at, kept in files.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use sidestep::features::FeatureSet;
+use sidestep::invalid::{Invalid, finite};
+use sidestep::reachability::{
+    self, ACCURACIES, CurveSettings, METHODS, Options, Progress, SolveError,
+};
+use sidestep::safety;
+use sidestep::scene::{self, Evader};
+
+use crate::arrays::{Array, points};
+use crate::error::Error;
+use crate::files::{read, write};
+use crate::value::{States, checked, state_of, value_of};
+use crate::vehicles::{PursuitGame, SceneParameters};
+
+/// The value of a game at any relative state; `solve` makes it.
+#[pyclass(frozen, eq, from_py_object, module = "sidestep")]
+#[derive(Clone, PartialEq)]
+pub(crate) struct ValueFunction(pub(crate) reachability::ValueFunction);
+
+#[pymethods]
+impl ValueFunction {
+    /// V at many states.
+    ///
+    /// Parameters
+    /// ----------
+    /// states : array of float64, shape (…, 3)
+    ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
+    /// threads : int, optional
+    ///     At most so many threads; all of the machine by default.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (…,)
+    ///     V, m; at ≤ 0 the pursuer can force a collision.
+    #[pyo3(signature = (states, *, threads=None))]
+    fn value<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        threads: Option<i64>,
+    ) -> Result<Array<'py>, Error> {
+        value_of(states, &self.0, threads)
+    }
+
+    /// V, its gradient and the optimal turns at many states.
+    ///
+    /// Parameters
+    /// ----------
+    /// states : array of float64, shape (…, 3)
+    ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
+    /// threads : int, optional
+    ///     At most so many threads; all of the machine by default.
+    ///
+    /// Returns
+    /// -------
+    /// value : array of float64, shape (…,)
+    ///     V, m.
+    /// gradient : array of float64, shape (…, 3)
+    ///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
+    /// turns : array of float64, shape (…, 2)
+    ///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive.
+    /// inside : array of bool, shape (…,)
+    ///     Whether the state is inside the solved grid. Outside, V is the range less the radius, plus the deficit
+    ///     at the nearest point of the grid's boundary.
+    #[pyo3(signature = (states, *, threads=None))]
+    fn state<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        threads: Option<i64>,
+    ) -> Result<States<'py>, Error> {
+        state_of(states, &self.0, threads)
+    }
+
+    /// The gradient of V at many states.
+    ///
+    /// Parameters
+    /// ----------
+    /// states : array of float64, shape (…, 3)
+    ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
+    /// threads : int, optional
+    ///     At most so many threads; all of the machine by default.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (…, 3)
+    ///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
+    #[pyo3(signature = (states, *, threads=None))]
+    fn gradient<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        threads: Option<i64>,
+    ) -> Result<Array<'py>, Error> {
+        Ok(state_of(states, &self.0, threads)?.1)
+    }
+
+    /// The set {V ≤ level} at one relative heading, as polygons.
+    ///
+    /// Parameters
+    /// ----------
+    /// psi : float
+    ///     The pursuer's heading relative to the evader's, rad.
+    /// level : float
+    ///     m, above −R: at or below it the set is at most the point where both vehicles are.
+    /// flatness_m : float
+    ///     Closed form: largest distance between the curve and an edge, m; at least 10⁻⁶ R.
+    /// spacing_m : float
+    ///     Solved grid: largest distance between neighbouring points, m; at least 10⁻³ R.
+    ///
+    /// Returns
+    /// -------
+    /// list of array of float64, shape (n, 2)
+    ///     Closed polygons (x, y) in the evader's frame, m, the first vertex not repeated, with the set on their
+    ///     left. None if the set is empty.
+    #[pyo3(signature = (psi, level=0.0, *, flatness_m=0.01, spacing_m=0.15))]
+    fn level_curves<'py>(
+        &self,
+        py: Python<'py>,
+        psi: f64,
+        level: f64,
+        flatness_m: f64,
+        spacing_m: f64,
+    ) -> Result<Vec<Bound<'py, PyArray2<f64>>>, Error> {
+        finite("psi", psi)?;
+        finite("level", level)?;
+        let radius_m = self.0.game().radius_m;
+        if level <= -radius_m {
+            let expected = format!("above -radius_m = {}", -radius_m);
+            return Err(Invalid::new("level", expected, level).into());
+        }
+        for (name, fine, least) in
+            [("flatness_m", flatness_m, 1e-6 * radius_m), ("spacing_m", spacing_m, 1e-3 * radius_m)]
+        {
+            if !(fine.is_finite() && fine >= least) {
+                return Err(Invalid::new(name, format!("a number ≥ {least} m"), fine).into());
+            }
+        }
+        let settings = CurveSettings { flatness_m, spacing_m };
+        let curves = py.detach(|| self.0.level_curves(psi, level, settings));
+        Ok(curves.iter().map(|curve| points(py, curve)).collect::<PyResult<_>>()?)
+    }
+
+    /// The game.
+    #[getter]
+    fn game(&self) -> PursuitGame {
+        PursuitGame(self.0.game())
+    }
+
+    /// Whether it is the closed form.
+    #[getter]
+    fn exact(&self) -> bool {
+        matches!(self.0, reachability::ValueFunction::Exact(_))
+    }
+
+    /// Seconds of the game; infinite for the converged value.
+    #[getter]
+    fn horizon_s(&self) -> f64 {
+        match &self.0 {
+            reachability::ValueFunction::Exact(_) => f64::INFINITY,
+            reachability::ValueFunction::Sampled(sampled) => sampled.horizon_s(),
+        }
+    }
+
+    /// How much V still changed when the solver stopped without converging, m; `None` if it converged.
+    #[getter]
+    fn unsettled_m(&self) -> Option<f64> {
+        self.0.unsettled_m()
+    }
+
+    /// Writes the function to a file, which `load`, the command `sidestep` and the laboratory read.
+    ///
+    /// Values on the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m).
+    fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
+        py.detach(|| write(&path, &self.0.encode()))
+    }
+
+    /// Reads a function that `save` wrote.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the file is no such function, is cut short, or has a format of another version.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> Result<Self, Error> {
+        py.detach(|| Self::from_bytes(&read(&path)?))
+    }
+
+    /// The function that `__reduce__` made bytes of.
+    #[staticmethod]
+    #[pyo3(name = "_from_bytes")]
+    fn unpickled(bytes: Cow<'_, [u8]>) -> Result<Self, Error> {
+        Self::from_bytes(&bytes)
+    }
+
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let bytes = PyBytes::new(slf.py(), &slf.get().0.encode());
+        Ok((slf.get_type().getattr("_from_bytes")?, (bytes,)))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("ValueFunction({}, horizon_s={})", self.game().__repr__(), self.horizon_s())
+    }
+}
+
+impl ValueFunction {
+    fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
+        let function = reachability::ValueFunction::decode(bytes);
+        Ok(Self(function.map_err(|invalid| invalid.within("value function"))?))
+    }
+}
+
+/// Finds the value function of a game. Ctrl-C ends it.
+///
+/// Parameters
+/// ----------
+/// game : PursuitGame
+/// horizon_s : float
+///     Seconds of the game, > 0; infinite for the converged value.
+/// method : {"exact", "polar", "cartesian"}, optional
+///     The best one by default: the closed form for identical vehicles, polar coordinates for others, a
+///     rectangular grid for a finite horizon.
+/// accuracy : {"draft", "standard", "fine"}
+///     The size of the grid.
+/// threads : int, optional
+///     Threads of the Cartesian method; all of the machine by default.
+/// progress : callable, optional
+///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and the
+///     largest change of V per second. An exception that it raises ends the solve.
+///
+/// Returns
+/// -------
+/// ValueFunction
+#[pyfunction]
+#[pyo3(signature = (game, horizon_s=f64::INFINITY, method=None, *, accuracy="standard", threads=None, progress=None))]
+pub(crate) fn solve(
+    py: Python<'_>,
+    game: &PursuitGame,
+    horizon_s: f64,
+    method: Option<&str>,
+    accuracy: &str,
+    threads: Option<i64>,
+    progress: Option<Py<PyAny>>,
+) -> Result<ValueFunction, Error> {
+    let options = Options {
+        method: method.map(|method| named("method", METHODS, method)).transpose()?,
+        accuracy: named("accuracy", ACCURACIES, accuracy)?,
+        horizon_s,
+        threads: checked(threads)?,
+        ..Options::default()
+    };
+    let game = game.0;
+    let solved =
+        watched(py, progress.as_ref(), |report| reachability::solve(game, &options, report))?;
+    Ok(ValueFunction(solved.function))
+}
+
+/// The value functions that give the safety levels of both vehicles of a scene.
+///
+/// Parameters
+/// ----------
+/// parameters : SceneParameters
+///     If the vehicles differ, both games are solved here, which takes several seconds; Ctrl-C ends it.
+/// progress : callable, optional
+///     As for `solve`, for one game after the other.
+#[pyclass(frozen, eq, from_py_object, module = "sidestep")]
+#[derive(Clone, PartialEq)]
+pub(crate) struct SafetyLevels(pub(crate) safety::SafetyLevels);
+
+#[pymethods]
+impl SafetyLevels {
+    #[new]
+    #[pyo3(signature = (parameters, *, progress=None))]
+    fn new(
+        py: Python<'_>,
+        parameters: &SceneParameters,
+        progress: Option<Py<PyAny>>,
+    ) -> Result<Self, Error> {
+        let parameters = parameters.0;
+        let solve = |report: &mut Report<'_>| safety::SafetyLevels::solve(&parameters, report);
+        watched(py, progress.as_ref(), solve).map(Self)
+    }
+
+    /// V_HR: the human evades; its states are the robot's poses in the human's frame.
+    #[getter]
+    fn human(&self) -> ValueFunction {
+        ValueFunction(self.0.human.clone())
+    }
+
+    /// V_RH: the robot evades; its states are the human's poses in the robot's frame.
+    #[getter]
+    fn robot(&self) -> ValueFunction {
+        ValueFunction(self.0.robot.clone())
+    }
+}
+
+/// The safety levels that `features` of a scene need.
+pub(crate) fn levels(
+    features: &FeatureSet,
+    parameters: &scene::SceneParameters,
+    given: Option<SafetyLevels>,
+) -> Result<safety::SafetyLevels, Error> {
+    if let Some(SafetyLevels(given)) = given {
+        let right =
+            Evader::ALL.iter().all(|&evader| given.of(evader).game() == parameters.game(evader));
+        if right {
+            return Ok(given);
+        }
+        let found = "those of other parameters";
+        return Err(Invalid::new("safety", "the safety levels of `parameters`", found).into());
+    }
+    let identical = parameters.game(Evader::Human).identical();
+    let needed = features.of_game().filter(|_| !identical);
+    if let Some(feature) = needed {
+        let expected = format!(
+            "SafetyLevels(parameters), since the feature {} needs them and the vehicles differ",
+            feature.name
+        );
+        return Err(Invalid::new("safety", expected, "None").into());
+    }
+    // Where no feature asks for a level, those of two robots do as well as any.
+    let alike = scene::SceneParameters { human: parameters.robot, ..*parameters };
+    let exact = alike.game(Evader::Human).exact()?;
+    let function = reachability::ValueFunction::Exact(exact);
+    Ok(safety::SafetyLevels { human: function.clone(), robot: function })
+}
+
+/// What a solver tells how far it is.
+type Report<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
+
+/// How long a solver works between two looks at Python.
+const BETWEEN_REPORTS: Duration = Duration::from_millis(100);
+
+/// Runs a solver while the interpreter is released. Now and then it tells `progress`, and ends if the user pressed
+/// Ctrl-C or `progress` raised an exception.
+fn watched<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    solver: impl FnOnce(&mut Report<'_>) -> Result<T, SolveError> + Send,
+) -> Result<T, Error> {
+    let mut raised = None;
+    let mut looked = Instant::now();
+    let solved = py.detach(|| {
+        solver(&mut |report: Progress| {
+            if looked.elapsed() < BETWEEN_REPORTS {
+                return ControlFlow::Continue(());
+            }
+            looked = Instant::now();
+            let told = Python::attach(|py| {
+                py.check_signals()?;
+                progress.map_or(Ok(()), |progress| {
+                    progress.call1(py, (report.done, report.residual)).map(drop)
+                })
+            });
+            match told {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(exception) => {
+                    raised = Some(exception);
+                    ControlFlow::Break(())
+                }
+            }
+        })
+    });
+    match (raised, solved) {
+        (Some(exception), _) => Err(exception.into()),
+        (None, Ok(solved)) => Ok(solved),
+        (None, Err(SolveError::Invalid(invalid))) => Err(invalid.into()),
+        (None, Err(SolveError::Cancelled)) => {
+            Err(Invalid::new("progress", "a solve that goes on", "one that was cancelled").into())
+        }
+    }
+}
+
+/// The entry of a table of words.
+fn named<T: Copy>(field: &str, table: &[(&str, T, &str)], word: &str) -> Result<T, Error> {
+    let found = table.iter().find(|(name, ..)| *name == word).map(|&(_, entry, _)| entry);
+    found.ok_or_else(|| {
+        let names: Vec<_> = table.iter().map(|(name, ..)| *name).collect();
+        Invalid::new(field, format!("one of {}", names.join(", ")), word).into()
+    })
+}

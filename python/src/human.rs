@@ -1,0 +1,188 @@
+//! What predicts the human's actions: a trained model, or a function of Python.
+
+use std::sync::{Mutex, PoisonError};
+
+use pyo3::prelude::*;
+use sidestep::bounds;
+use sidestep::invalid::Invalid;
+use sidestep::safety;
+use sidestep::scene::{self, JointState};
+use sidestep::shfrs::PredictedHuman;
+
+use crate::arrays::{list, shaped};
+use crate::error::Error;
+use crate::function::{SafetyLevels, levels};
+use crate::predictor::Predictor;
+
+/// A model of your own: a function that says how likely each action of the human is.
+///
+/// Parameters
+/// ----------
+/// actions : array of float64, shape (n,)
+///     The turn rate of each action, rad/s, left positive.
+/// probabilities : callable
+///     Called as `probabilities(history)` with the joint states from the beginning of the trial on, the predicted
+///     ones among them, an array of shape (t, 2, 3); answers with the probability of each action, shape (n,). The
+///     same states must always give the same answer.
+#[pyclass(frozen, module = "sidestep")]
+pub(crate) struct ActionModel {
+    actions: Vec<f64>,
+    probabilities: Py<PyAny>,
+}
+
+#[pymethods]
+impl ActionModel {
+    #[new]
+    fn new(actions: &Bound<'_, PyAny>, probabilities: Py<PyAny>) -> Result<Self, Error> {
+        let py = actions.py();
+        let actions = list("actions", actions)?;
+        if actions.is_empty() {
+            return Err(Invalid::new("actions", "at least one action", "none").into());
+        }
+        if !probabilities.bind(py).is_callable() {
+            let found = probabilities.bind(py).get_type();
+            return Err(Invalid::new("probabilities", "a callable", found).into());
+        }
+        Ok(Self { actions, probabilities })
+    }
+
+    /// The turn rate of each action, rad/s.
+    #[getter]
+    fn actions(&self) -> Vec<f64> {
+        self.actions.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("ActionModel(actions={:?}, …)", self.actions)
+    }
+}
+
+/// A model as an argument.
+#[derive(FromPyObject)]
+pub(crate) enum Model<'py> {
+    /// A trained one.
+    Trained(Bound<'py, Predictor>),
+    /// A function of Python.
+    Own(Bound<'py, ActionModel>),
+}
+
+/// A model in its scene, which outlives the call that made it.
+pub(crate) struct Human {
+    model: Kept,
+    pub(crate) parameters: scene::SceneParameters,
+}
+
+enum Kept {
+    Trained(Py<Predictor>, Box<safety::SafetyLevels>),
+    Own(Py<ActionModel>),
+}
+
+impl Human {
+    /// The human of these parameters, as predicted by `model`.
+    pub(crate) fn new(
+        model: Model<'_>,
+        parameters: &scene::SceneParameters,
+        safety: Option<SafetyLevels>,
+    ) -> Result<Self, Error> {
+        let model = match model {
+            Model::Trained(predictor) => {
+                let features = predictor.get().of_turns()?.features();
+                let safety = levels(features, parameters, safety)?;
+                Kept::Trained(predictor.unbind(), Box::new(safety))
+            }
+            Model::Own(model) => Kept::Own(model.unbind()),
+        };
+        let human = Self { model, parameters: *parameters };
+        human.learned()?;
+        Ok(human)
+    }
+
+    /// The learned function G of Algorithm 1.
+    fn learned(&self) -> Result<Learned<'_>, Error> {
+        let model = match &self.model {
+            Kept::Trained(predictor, safety) => {
+                let human =
+                    PredictedHuman::new(&predictor.get().predictor, safety, &self.parameters);
+                G::Trained(human.map_err(|invalid| invalid.within("model"))?)
+            }
+            Kept::Own(model) => G::Own(model.get()),
+        };
+        Ok(Learned { model, raised: Mutex::new(None) })
+    }
+
+    /// How many actions the model has.
+    pub(crate) fn actions(&self) -> usize {
+        match &self.model {
+            Kept::Trained(predictor, _) => predictor.get().predictor.classes().len(),
+            Kept::Own(model) => model.get().actions.len(),
+        }
+    }
+
+    /// Lets the library work with the model while the interpreter is released. What a function of Python raised
+    /// comes before any complaint that followed from it.
+    pub(crate) fn work<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&Learned<'_>) -> Result<T, Invalid> + Send,
+    ) -> Result<T, Error> {
+        let learned = self.learned()?;
+        let result = py.detach(|| work(&learned));
+        match learned.raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some(raised) => Err(raised),
+            None => Ok(result?),
+        }
+    }
+}
+
+/// The learned function G while the library works with it.
+pub(crate) struct Learned<'a> {
+    model: G<'a>,
+    /// What a function of Python raised first.
+    raised: Mutex<Option<Error>>,
+}
+
+enum G<'a> {
+    Trained(PredictedHuman<'a>),
+    Own(&'a ActionModel),
+}
+
+impl bounds::ActionModel for Learned<'_> {
+    fn actions(&self) -> &[f64] {
+        match &self.model {
+            G::Trained(human) => bounds::ActionModel::actions(human),
+            G::Own(model) => &model.actions,
+        }
+    }
+
+    fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
+        match &self.model {
+            G::Trained(human) => human.probabilities(history, out),
+            G::Own(model) => {
+                if let Err(raised) = ask(model, history, out) {
+                    // Algorithm 1 stops at probabilities that are no numbers.
+                    out.fill(f64::NAN);
+                    let mut first = self.raised.lock().unwrap_or_else(PoisonError::into_inner);
+                    first.get_or_insert(raised);
+                }
+            }
+        }
+    }
+}
+
+/// Asks a function of Python for the probability of each action.
+fn ask(model: &ActionModel, history: &[JointState], out: &mut [f64]) -> Result<(), Error> {
+    Python::attach(|py| {
+        py.check_signals()?;
+        let poses = history.iter().flat_map(|state| [state.human, state.robot]);
+        let numbers: Vec<f64> = poses.flat_map(<[f64; 3]>::from).collect();
+        let states = shaped(py, numbers, &[history.len(), 2, 3])?;
+        let answer = model.probabilities.bind(py).call1((states,))?;
+        let found = list("probabilities", &answer)?;
+        if found.len() != out.len() {
+            let expected = format!("{} numbers, one for each action", out.len());
+            return Err(Invalid::new("probabilities", expected, found.len()).into());
+        }
+        out.copy_from_slice(&found);
+        Ok(())
+    })
+}

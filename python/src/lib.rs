@@ -1,0 +1,57 @@
+//! The native half of the Python package `sidestep`: the library's functions with NumPy arrays in and out.
+//!
+//! Nothing is computed here. Each file checks what Python gives ([`arrays`]), releases the interpreter while
+//! the library works, and hands back arrays and objects that own their memory. Every complaint is a
+//! `ValueError` that names the argument, what was expected and what was found ([`error`]).
+//!
+//! What draws figures or reads tables is plain Python beside it, in `python/sidestep/`.
+
+mod error;
+mod arrays;
+mod files;
+mod vehicles;
+mod value;
+mod function;
+mod predictor;
+mod human;
+mod bounds;
+mod reach;
+mod shfrs;
+mod calibration;
+
+use pyo3::prelude::*;
+
+/// The native half of `sidestep`; import that package instead.
+#[pymodule]
+#[pyo3(name = "_sidestep")]
+mod native {
+    use super::Bound;
+    use super::PyModule;
+    use super::PyModuleMethods;
+    use super::PyResult;
+
+    #[pymodule_export]
+    use crate::bounds::bounds;
+    #[pymodule_export]
+    use crate::calibration::{Calibration, Trajectory, calibrate};
+    #[pymodule_export]
+    use crate::function::{SafetyLevels, ValueFunction, solve};
+    #[pymodule_export]
+    use crate::human::ActionModel;
+    #[pymodule_export]
+    use crate::predictor::{Predictor, features};
+    #[pymodule_export]
+    use crate::reach::{ReachableSet, reach_all};
+    #[pymodule_export]
+    use crate::shfrs::{Shfrs, ShfrsPredictor, ShfrsSettings};
+    #[pymodule_export]
+    use crate::value::{state, value};
+    #[pymodule_export]
+    use crate::vehicles::{PursuitGame, SceneParameters, VehicleModel};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("FEATURES", crate::predictor::feature_table())?;
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

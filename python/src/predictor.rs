@@ -1,0 +1,200 @@
+//! Trained models, and the features that they look at.
+
+use std::path::PathBuf;
+
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use sidestep::document::from_json;
+use sidestep::features::{FEATURES, FeatureSet};
+use sidestep::invalid::Invalid;
+use sidestep::predict::{self, PredictorFile};
+
+use crate::arrays::{Array, joint_states, matrix, shaped};
+use crate::error::Error;
+use crate::files::{read, write};
+use crate::function::{SafetyLevels, levels};
+use crate::vehicles::SceneParameters;
+
+/// A trained model with its features: a probability for each class.
+///
+/// `Predictor.load` reads a predictor.json, which `sidestep analyze` and `save` write; `sidestep.from_sklearn` makes
+/// one of an estimator.
+#[pyclass(frozen, eq, module = "sidestep")]
+#[derive(PartialEq)]
+pub(crate) struct Predictor {
+    pub(crate) predictor: predict::Predictor,
+    /// What the classes mean, as the file says.
+    experiment: Option<u8>,
+}
+
+#[pymethods]
+impl Predictor {
+    /// Reads a predictor.json.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If it is malformed, has an unknown feature or kind, or a format of another version.
+    #[staticmethod]
+    fn load(path: PathBuf) -> Result<Self, Error> {
+        let text = String::from_utf8(read(&path)?);
+        Self::from_json(&text.map_err(|error| Invalid::new("predictor", "UTF-8", error))?)
+    }
+
+    /// The predictor that a text in the form of predictor.json describes.
+    #[staticmethod]
+    fn from_json(text: &str) -> Result<Self, Error> {
+        let file: PredictorFile =
+            from_json(text).map_err(|unread| Error::unread("predictor", unread))?;
+        let experiment = file.experiment;
+        let predictor = file.try_into().map_err(|invalid: Invalid| invalid.within("predictor"))?;
+        Ok(Self { predictor, experiment })
+    }
+
+    /// Writes predictor.json.
+    fn save(&self, path: PathBuf) -> Result<(), Error> {
+        write(&path, self.to_json()?.as_bytes())
+    }
+
+    /// The text of predictor.json.
+    fn to_json(&self) -> Result<String, Error> {
+        let file =
+            PredictorFile { experiment: self.experiment, ..PredictorFile::from(&self.predictor) };
+        serde_json::to_string(&file)
+            .map_err(|error| Invalid::new("predictor", "numbers that JSON has", error).into())
+    }
+
+    /// The names of its features, in the order of the columns.
+    #[getter]
+    fn features(&self) -> Vec<String> {
+        self.predictor.features().clone().into()
+    }
+
+    /// The classes, rising: −1 right, 0 straight, 1 left.
+    #[getter]
+    fn classes(&self) -> Vec<i64> {
+        self.predictor.classes().iter().copied().map(i64::from).collect()
+    }
+
+    /// The turn rate of each class, rad/s, if they were given.
+    #[getter]
+    fn actions(&self) -> Option<Vec<f64>> {
+        self.predictor.actions().map(<[f64]>::to_vec)
+    }
+
+    /// What the classes mean, if the file says so: 1 the direction of a turn, 2 whether the human avoids.
+    #[getter]
+    fn experiment(&self) -> Option<u8> {
+        self.experiment
+    }
+
+    /// The probability of each class.
+    ///
+    /// Parameters
+    /// ----------
+    /// rows : array of float64, shape (n, features)
+    ///     Features as they are, not standardised, in the order of `features`.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (n, classes)
+    fn proba<'py>(&self, rows: &Bound<'py, PyAny>) -> Result<Array<'py>, Error> {
+        let py = rows.py();
+        let (width, classes) = (self.predictor.features().len(), self.predictor.classes().len());
+        let (n, rows) = matrix("rows", width, rows)?;
+        let mut found = vec![0.0; n * classes];
+        py.detach(|| {
+            for (i, out) in found.chunks_exact_mut(classes).enumerate() {
+                self.predictor.probabilities_into(&rows[i * width..(i + 1) * width], out);
+            }
+        });
+        Ok(shaped(py, found, &[n, classes])?)
+    }
+
+    /// The class that the model predicts for each row: the likeliest, the lowest on a tie; for support vector
+    /// machines the one with the most votes.
+    ///
+    /// Parameters
+    /// ----------
+    /// rows : array of float64, shape (n, features)
+    ///     As for `proba`.
+    ///
+    /// Returns
+    /// -------
+    /// array of int64, shape (n,)
+    fn predict<'py>(&self, rows: &Bound<'py, PyAny>) -> Result<Bound<'py, PyArray1<i64>>, Error> {
+        let py = rows.py();
+        let width = self.predictor.features().len();
+        let (n, rows) = matrix("rows", width, rows)?;
+        let class = |i: usize| i64::from(self.predictor.class(&rows[i * width..(i + 1) * width]));
+        let classes: Vec<i64> = py.detach(|| (0..n).map(class).collect());
+        Ok(classes.into_pyarray(py))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<(Bound<'py, PyAny>, (String,)), Error> {
+        Ok((slf.get_type().getattr("from_json")?, (slf.get().to_json()?,)))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Predictor(features={:?}, classes={:?})", self.features(), self.classes())
+    }
+}
+
+impl Predictor {
+    /// The predictor, if its classes are turns.
+    pub(crate) fn of_turns(&self) -> Result<&predict::Predictor, Error> {
+        if self.experiment == Some(2) {
+            let found = "experiment 2, a model of avoidance";
+            return Err(Invalid::new("model", "a model of the turn direction", found).into());
+        }
+        Ok(&self.predictor)
+    }
+}
+
+/// Features of the joint states of a trial, one row for each state.
+///
+/// Parameters
+/// ----------
+/// history : array of float64, shape (n, 2, 3), n ≥ 1
+///     Joint states from the beginning of the trial on, one a step: the poses (x, y, ψ) of the human and of the
+///     robot in the world frame, m, m, rad.
+/// names : list of str
+///     As in `FEATURES`.
+/// parameters : SceneParameters, optional
+///     The paper's by default.
+/// safety : SafetyLevels, optional
+///     Needed if the vehicles differ and a feature is a safety level.
+///
+/// Returns
+/// -------
+/// array of float64, shape (n, names)
+///     Row i follows from the states up to i alone. `FEATURES` has units and meanings.
+#[pyfunction]
+#[pyo3(signature = (history, names, *, parameters=None, safety=None))]
+pub(crate) fn features<'py>(
+    history: &Bound<'py, PyAny>,
+    names: Vec<String>,
+    parameters: Option<SceneParameters>,
+    safety: Option<SafetyLevels>,
+) -> Result<Array<'py>, Error> {
+    let py = history.py();
+    let history = joint_states("history", 1, history)?;
+    let set = FeatureSet::of(&names).map_err(|mut invalid| {
+        invalid.field = invalid.field.replacen("features", "names", 1);
+        invalid
+    })?;
+    let safety = levels(&set, &parameters.unwrap_or_default().0, safety)?;
+    let width = set.len();
+    let mut rows = vec![0.0; history.len() * width];
+    py.detach(|| {
+        for (i, row) in rows.chunks_exact_mut(width).enumerate() {
+            set.compute_into(&history[..=i], &safety, row);
+        }
+    });
+    Ok(shaped(py, rows, &[history.len(), width])?)
+}
+
+/// Every feature: name, unit, meaning.
+pub(crate) fn feature_table() -> Vec<(&'static str, &'static str, &'static str)> {
+    FEATURES.iter().map(|feature| (feature.name, feature.unit, feature.meaning)).collect()
+}

@@ -1,0 +1,274 @@
+//! Reachable sets under bounds on the turn rate.
+
+use numpy::{IntoPyArray, PyArray1, PyArray2};
+use pyo3::prelude::*;
+use sidestep::bounds::InputBounds;
+use sidestep::invalid::Invalid;
+use sidestep::reach::{self, PolygonSettings, Tolerance};
+use sidestep::vehicle::Pose;
+
+use crate::arrays::{count, list, numbers, points, pose, table, wrong_shape};
+use crate::bounds::few_steps;
+use crate::error::Error;
+
+/// Every position and state that a vehicle can reach at constant speed under bounds on its turn rate.
+///
+/// Parameters
+/// ----------
+/// start : array of float64, shape (3,)
+///     The pose (x, y, ψ) now, world frame, m, m, rad.
+/// lo, hi : array of float64, shape (T,), 1 ≤ T ≤ 100
+///     Lowest and highest turn rate of each step, rad/s, left positive; at most half a turn a step.
+/// speed_mps : float
+///     > 0, m/s; a step is at most 100 m.
+/// step_s : float
+///     Length of a step > 0, s.
+#[pyclass(frozen, module = "sidestep")]
+pub(crate) struct ReachableSet(pub(crate) reach::ReachableSet);
+
+type Polygon<'py> = Bound<'py, PyArray2<f64>>;
+
+#[pymethods]
+impl ReachableSet {
+    #[new]
+    #[pyo3(signature = (start, lo, hi, speed_mps=2.0, step_s=0.2))]
+    fn new(
+        start: &Bound<'_, PyAny>,
+        lo: &Bound<'_, PyAny>,
+        hi: &Bound<'_, PyAny>,
+        speed_mps: f64,
+        step_s: f64,
+    ) -> Result<Self, Error> {
+        let start = pose("start", start)?;
+        Self::under(start, list("lo", lo)?, list("hi", hi)?, speed_mps, step_s)
+    }
+
+    /// Number of steps, T.
+    #[getter]
+    fn steps(&self) -> usize {
+        self.0.steps()
+    }
+
+    /// The positions reachable at any instant up to the last step, as a polygon.
+    ///
+    /// Parameters
+    /// ----------
+    /// accuracy_m : float
+    ///     How far edges may lie from the true boundary, m; 10⁻⁶ to 1.
+    /// conservative : bool
+    ///     Whether the polygon goes around the set, as the library's documentation says of
+    ///     `PolygonSettings::conservative`, instead of following its boundary to either side.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (n, 2)
+    ///     Vertices (x, y), world frame, m, counter-clockwise, the first not repeated. If the bounds leave no choice,
+    ///     the path there and back.
+    #[pyo3(signature = (*, accuracy_m=1e-3, conservative=false))]
+    fn tube<'py>(
+        &self,
+        py: Python<'py>,
+        accuracy_m: f64,
+        conservative: bool,
+    ) -> Result<Polygon<'py>, Error> {
+        let settings = drawn(accuracy_m, conservative)?;
+        let polygon = py.detach(|| self.0.tube_polygon(settings));
+        Ok(points(py, &polygon)?)
+    }
+
+    /// The positions reachable after exactly `step` steps, as a polygon.
+    ///
+    /// Parameters
+    /// ----------
+    /// step : int
+    ///     0 to T.
+    /// accuracy_m : float
+    ///     As for `tube`.
+    /// conservative : bool
+    ///     As for `tube`.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (n, 2)
+    ///     As for `tube`; one vertex if only one position can be reached.
+    #[pyo3(signature = (step, *, accuracy_m=1e-3, conservative=false))]
+    fn polygon<'py>(
+        &self,
+        py: Python<'py>,
+        step: i64,
+        accuracy_m: f64,
+        conservative: bool,
+    ) -> Result<Polygon<'py>, Error> {
+        let (step, settings) = (self.step(step)?, drawn(accuracy_m, conservative)?);
+        let polygon = py.detach(|| self.0.step_polygon(step, settings));
+        Ok(points(py, &polygon)?)
+    }
+
+    /// Whether each state, position and heading, is reached after exactly `step` steps.
+    ///
+    /// Parameters
+    /// ----------
+    /// states : array of float64, shape (n, 3)
+    ///     Poses (x, y, ψ), world frame, m, m, rad.
+    /// step : int
+    ///     0 to T.
+    /// position_m, heading_rad : float
+    ///     How far a state may be from a reachable one and still count, m and rad, ≥ 0.
+    ///
+    /// Returns
+    /// -------
+    /// array of bool, shape (n,)
+    #[pyo3(signature = (states, step, *, position_m=0.005, heading_rad=0.002))]
+    fn contains<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        step: i64,
+        position_m: f64,
+        heading_rad: f64,
+    ) -> Result<Bound<'py, PyArray1<bool>>, Error> {
+        let py = states.py();
+        let states: Vec<Pose> = table("states", states)?.into_iter().map(Pose::from).collect();
+        let (step, tolerance) = (self.step(step)?, tolerance(position_m, heading_rad)?);
+        let inside = |state: &Pose| self.0.contains_state(step, *state, tolerance);
+        let found: Vec<bool> = py.detach(|| states.iter().map(inside).collect());
+        Ok(found.into_pyarray(py))
+    }
+
+    /// Whether a drive is inside at each step.
+    ///
+    /// Parameters
+    /// ----------
+    /// states : array of float64, shape (t, 3), t ≤ T
+    ///     The poses after steps 1 … t, world frame, m, m, rad.
+    /// position_m, heading_rad : float
+    ///     As for `contains`.
+    ///
+    /// Returns
+    /// -------
+    /// array of bool, shape (t,)
+    #[pyo3(signature = (states, *, position_m=0.005, heading_rad=0.002))]
+    fn contains_drive<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        position_m: f64,
+        heading_rad: f64,
+    ) -> Result<Bound<'py, PyArray1<bool>>, Error> {
+        let py = states.py();
+        let states = drive("states", self.0.steps(), states)?;
+        let tolerance = tolerance(position_m, heading_rad)?;
+        let found: Vec<bool> = py.detach(|| {
+            let inside =
+                |(i, state): (usize, &Pose)| self.0.contains_state(i + 1, *state, tolerance);
+            states.iter().enumerate().map(inside).collect()
+        });
+        Ok(found.into_pyarray(py))
+    }
+
+    fn __repr__(&self) -> String {
+        let start: [f64; 3] = self.0.start().into();
+        format!("ReachableSet(start={start:?}, steps={})", self.0.steps())
+    }
+}
+
+impl ReachableSet {
+    fn under(
+        start: Pose,
+        lo: Vec<f64>,
+        hi: Vec<f64>,
+        speed_mps: f64,
+        step_s: f64,
+    ) -> Result<Self, Error> {
+        few_steps("lo", lo.len())?;
+        let bounds = InputBounds::new(lo, hi, (f64::MIN, f64::MAX))?;
+        Ok(Self(reach::ReachableSet::new(start, &bounds, speed_mps, step_s)?))
+    }
+
+    fn step(&self, step: i64) -> Result<usize, Error> {
+        let found = count("step", 0, step)?;
+        if found <= self.0.steps() {
+            return Ok(found);
+        }
+        Err(Invalid::new("step", format!("0 to {}", self.0.steps()), step).into())
+    }
+}
+
+/// The reachable set of each of m sets of bounds, as `bounds` returns them.
+///
+/// Parameters
+/// ----------
+/// start : array of float64, shape (3,)
+///     The pose (x, y, ψ) now, world frame, m, m, rad.
+/// lo, hi : array of float64, shape (m, T), 1 ≤ T ≤ 100
+///     Lowest and highest turn rate of each step, rad/s, left positive.
+/// speed_mps : float
+///     m/s; a step is at most 100 m.
+/// step_s : float
+///     Length of a step, s.
+///
+/// Returns
+/// -------
+/// list of ReachableSet
+///     m sets.
+#[pyfunction]
+#[pyo3(name = "reach", signature = (start, lo, hi, speed_mps=2.0, step_s=0.2))]
+pub(crate) fn reach_all(
+    start: &Bound<'_, PyAny>,
+    lo: &Bound<'_, PyAny>,
+    hi: &Bound<'_, PyAny>,
+    speed_mps: f64,
+    step_s: f64,
+) -> Result<Vec<ReachableSet>, Error> {
+    let start = pose("start", start)?;
+    let [lo, hi] = [("lo", lo), ("hi", hi)].map(|(name, object)| {
+        let found = numbers(name, "(m, T)", object)?;
+        if matches!(found.shape[..], [_, steps] if steps > 0) {
+            Ok(found)
+        } else {
+            Err(wrong_shape(name, "(m, T) with T ≥ 1", &found.shape))
+        }
+    });
+    let (lo, hi) = (lo?, hi?);
+    if lo.shape != hi.shape {
+        return Err(wrong_shape("hi", &format!("{:?} as lo has", lo.shape), &hi.shape));
+    }
+    let steps = lo.shape[1];
+    let sets = lo.values.chunks_exact(steps).zip(hi.values.chunks_exact(steps)).enumerate();
+    sets.map(|(j, (lo, hi))| {
+        ReachableSet::under(start, lo.to_vec(), hi.to_vec(), speed_mps, step_s).map_err(|error| {
+            match error {
+                Error::Invalid(invalid) => invalid.within(&format!("set {j}")).into(),
+                raised => raised,
+            }
+        })
+    })
+    .collect()
+}
+
+/// At most `most` poses, those after each step.
+pub(crate) fn drive(
+    field: &str,
+    most: usize,
+    object: &Bound<'_, PyAny>,
+) -> Result<Vec<Pose>, Error> {
+    let states = table(field, object)?;
+    if states.len() > most {
+        let expected = format!("(t, 3) with t ≤ {most}");
+        return Err(wrong_shape(field, &expected, &[states.len(), 3]));
+    }
+    Ok(states.into_iter().map(Pose::from).collect())
+}
+
+/// How polygons are drawn.
+pub(crate) fn drawn(accuracy_m: f64, conservative: bool) -> Result<PolygonSettings, Error> {
+    let settings = PolygonSettings::new(accuracy_m, 8)?;
+    Ok(if conservative { settings.conservative() } else { settings })
+}
+
+pub(crate) fn tolerance(position_m: f64, heading_rad: f64) -> Result<Tolerance, Error> {
+    for (name, value) in [("position_m", position_m), ("heading_rad", heading_rad)] {
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(Invalid::new(name, "a finite number ≥ 0", value).into());
+        }
+    }
+    Ok(Tolerance { position_m, heading_rad })
+}

@@ -1,0 +1,313 @@
+//! Stochastic human forward reachable sets, predicted and calibrated.
+
+use std::sync::{Mutex, PoisonError};
+
+use numpy::{IntoPyArray, PyArray1, PyArray2};
+use pyo3::prelude::*;
+use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout};
+use sidestep::invalid::Invalid;
+use sidestep::reach::ReachableSet as Reachable;
+use sidestep::shfrs;
+use sidestep::shfrs::file::PRESETS;
+
+use crate::arrays::{Array, joint_states, list, points};
+use crate::bounds::{choice, rolled_out, stacked};
+use crate::error::Error;
+use crate::function::SafetyLevels;
+use crate::human::{Human, Model};
+use crate::reach::{ReachableSet, drawn, drive, tolerance};
+use crate::vehicles::SceneParameters;
+
+/// How sets are predicted and drawn.
+///
+/// Parameters
+/// ----------
+/// epsilon : array of float64, shape (m,)
+///     By how much each set widens the bounds, rad/s, rising from ≥ 0. A last one of twice the turn rate admits
+///     everything.
+/// k : list of int, optional
+///     How many of the likeliest actions count at each coming step.
+/// tau, steps : float and int, optional
+///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
+/// rollout : {"base", "paper"}
+///     Whether roll-outs follow the bounds before widening, or those of the first set.
+/// accuracy_m : float
+///     Of the polygons, m; 10⁻⁶ to 1.
+/// by_step : bool
+///     Whether to draw the positions after each step too, besides the tube.
+#[pyclass(frozen, from_py_object, module = "sidestep")]
+#[derive(Clone)]
+pub(crate) struct ShfrsSettings {
+    epsilon: Vec<f64>,
+    choice: ActionChoice,
+    rollout: Rollout,
+    accuracy_m: f64,
+    by_step: bool,
+}
+
+#[pymethods]
+impl ShfrsSettings {
+    #[new]
+    #[pyo3(signature = (epsilon, k=None, *, tau=None, steps=None, rollout="base", accuracy_m=1e-3, by_step=false))]
+    fn new(
+        epsilon: &Bound<'_, PyAny>,
+        k: Option<Vec<i64>>,
+        tau: Option<f64>,
+        steps: Option<i64>,
+        rollout: &str,
+        accuracy_m: f64,
+        by_step: bool,
+    ) -> Result<Self, Error> {
+        let (epsilon, choice) = (list("epsilon", epsilon)?, choice(k, tau, steps)?);
+        drawn(accuracy_m, false)?;
+        let settings = Self { epsilon, choice, rollout: rolled_out(rollout)?, accuracy_m, by_step };
+        // As for a model with so many actions that every k is possible.
+        settings.bounds(usize::MAX)?;
+        Ok(settings)
+    }
+
+    /// The paper's settings of Figure 3: "left", "middle" or "right".
+    ///
+    /// They are for three actions, and for a human of 0.5 rad/s.
+    #[staticmethod]
+    #[pyo3(signature = (figure="left", *, by_step=false))]
+    fn paper(figure: &str, by_step: bool) -> Result<Self, Error> {
+        let preset =
+            PRESETS.iter().find(|preset| preset.name.ends_with(figure) && !figure.is_empty());
+        let preset =
+            preset.ok_or_else(|| Invalid::new("figure", "left, middle or right", figure))?;
+        let bounds = preset.settings(3).settings(3)?;
+        Ok(Self {
+            epsilon: bounds.epsilon().to_vec(),
+            choice: bounds.choice().clone(),
+            rollout: bounds.rollout(),
+            accuracy_m: 1e-3,
+            by_step,
+        })
+    }
+
+    /// By how much each set widens the bounds, rad/s.
+    #[getter]
+    fn epsilon<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.epsilon.clone().into_pyarray(py)
+    }
+
+    /// How many actions count at each coming step; `None` with `tau`.
+    #[getter]
+    fn k(&self) -> Option<Vec<usize>> {
+        if let ActionChoice::TopK(k) = &self.choice { Some(k.clone()) } else { None }
+    }
+
+    /// The probability that makes an action count; `None` with `k`.
+    #[getter]
+    fn tau(&self) -> Option<f64> {
+        if let ActionChoice::Adaptive { tau, .. } = self.choice { Some(tau) } else { None }
+    }
+
+    /// Coming steps, T.
+    #[getter]
+    pub(crate) fn steps(&self) -> usize {
+        match &self.choice {
+            ActionChoice::TopK(k) => k.len(),
+            ActionChoice::Adaptive { steps, .. } => *steps,
+        }
+    }
+
+    /// What roll-outs follow.
+    #[getter]
+    fn rollout(&self) -> &'static str {
+        self.rollout.word()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "ShfrsSettings(epsilon={:?}, {}, steps={})",
+            self.epsilon,
+            self.choice,
+            self.steps()
+        )
+    }
+}
+
+impl ShfrsSettings {
+    fn bounds(&self, actions: usize) -> Result<BoundsSettings, Invalid> {
+        BoundsSettings::new(self.epsilon.clone(), self.choice.clone(), self.rollout, actions)
+    }
+
+    pub(crate) fn choice(&self) -> &ActionChoice {
+        &self.choice
+    }
+
+    /// The same with other sets.
+    pub(crate) fn with(&self, epsilon: Vec<f64>) -> Self {
+        Self { epsilon, rollout: Rollout::Base, ..self.clone() }
+    }
+}
+
+/// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far. They own their memory.
+#[pyclass(frozen, module = "sidestep")]
+pub(crate) struct Shfrs {
+    found: shfrs::Shfrs,
+    reachable: Vec<Reachable>,
+}
+
+#[pymethods]
+impl Shfrs {
+    /// By how much each set widens the bounds, rad/s, shape (m,).
+    #[getter]
+    fn epsilon<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.found.sets.iter().map(|set| set.epsilon).collect::<Vec<_>>().into_pyarray(py)
+    }
+
+    /// Lowest turn rate of each step in each set, rad/s, shape (m, T).
+    #[getter]
+    fn lo<'py>(&self, py: Python<'py>) -> Result<Array<'py>, Error> {
+        Ok(stacked(py, self.bounds())?.0)
+    }
+
+    /// Highest turn rate of each step in each set, rad/s, shape (m, T).
+    #[getter]
+    fn hi<'py>(&self, py: Python<'py>) -> Result<Array<'py>, Error> {
+        Ok(stacked(py, self.bounds())?.1)
+    }
+
+    /// The tube of each set, every position within the coming steps: m polygons of shape (n, 2), world frame, m,
+    /// counter-clockwise.
+    #[getter]
+    fn tubes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        self.found.sets.iter().map(|set| points(py, &set.tube)).collect()
+    }
+
+    /// Area of each tube, m², shape (m,).
+    #[getter]
+    fn areas_m2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.found.sets.iter().map(|set| set.area_m2).collect::<Vec<_>>().into_pyarray(py)
+    }
+
+    /// The positions after exactly 1 … T steps, for each set: m lists of T polygons, or of none without `by_step`.
+    #[getter]
+    fn step_polygons<'py>(&self, py: Python<'py>) -> PyResult<Vec<Vec<Bound<'py, PyArray2<f64>>>>> {
+        let of = |set: &shfrs::NestedSet| set.steps.iter().map(|step| points(py, step)).collect();
+        self.found.sets.iter().map(of).collect()
+    }
+
+    /// The sets themselves, m of them, for other polygons and for states.
+    #[getter]
+    fn sets(&self) -> Vec<ReachableSet> {
+        self.reachable.iter().cloned().map(ReachableSet).collect()
+    }
+
+    /// Whether a drive is inside each set at every one of its steps.
+    ///
+    /// Parameters
+    /// ----------
+    /// states : array of float64, shape (t, 3), t ≤ T
+    ///     The human's poses after steps 1 … t, world frame, m, m, rad.
+    /// position_m, heading_rad : float
+    ///     How far a state may be from a reachable one and still count, m and rad, ≥ 0.
+    ///
+    /// Returns
+    /// -------
+    /// array of bool, shape (m,)
+    #[pyo3(signature = (states, *, position_m=0.005, heading_rad=0.002))]
+    fn contains<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        position_m: f64,
+        heading_rad: f64,
+    ) -> Result<Bound<'py, PyArray1<bool>>, Error> {
+        let py = states.py();
+        let steps = self.reachable.first().map_or(0, Reachable::steps);
+        let states = drive("states", steps, states)?;
+        let tolerance = tolerance(position_m, heading_rad)?;
+        let inside = |set: &Reachable| set.contains_trajectory(&states, None, tolerance);
+        let found: Vec<bool> = py.detach(|| self.reachable.iter().map(inside).collect());
+        Ok(found.into_pyarray(py))
+    }
+
+    fn __len__(&self) -> usize {
+        self.found.sets.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let areas: Vec<_> =
+            self.found.sets.iter().map(|set| format!("{:.2}", set.area_m2)).collect();
+        format!("Shfrs(areas_m2=[{}])", areas.join(", "))
+    }
+}
+
+impl Shfrs {
+    fn bounds(&self) -> impl Iterator<Item = &InputBounds> + Clone {
+        self.found.sets.iter().map(|set| &set.bounds)
+    }
+}
+
+/// Predicts sets online, frame by frame. The robot drives straight on.
+///
+/// Parameters
+/// ----------
+/// model : Predictor or ActionModel
+///     How likely each action of the human is.
+/// settings : ShfrsSettings, optional
+///     The paper's (Figure 3, left) by default.
+/// parameters : SceneParameters, optional
+///     The paper's by default.
+/// safety : SafetyLevels, optional
+///     Needed if the vehicles differ and a feature of the model is a safety level.
+#[pyclass(frozen, module = "sidestep")]
+pub(crate) struct ShfrsPredictor {
+    human: Human,
+    settings: shfrs::ShfrsSettings,
+    /// Its memory serves one frame at a time.
+    frames: Mutex<shfrs::ShfrsPredictor>,
+}
+
+#[pymethods]
+impl ShfrsPredictor {
+    #[new]
+    #[pyo3(signature = (model, settings=None, *, parameters=None, safety=None))]
+    fn new(
+        model: Model<'_>,
+        settings: Option<ShfrsSettings>,
+        parameters: Option<SceneParameters>,
+        safety: Option<SafetyLevels>,
+    ) -> Result<Self, Error> {
+        let human = Human::new(model, &parameters.unwrap_or_default().0, safety)?;
+        let settings = match settings {
+            None => shfrs::ShfrsSettings::paper(human.actions())?,
+            Some(given) => shfrs::ShfrsSettings {
+                bounds: given.bounds(human.actions())?,
+                polygon: drawn(given.accuracy_m, false)?,
+                by_step: given.by_step,
+            },
+        };
+        Ok(Self { human, settings, frames: Mutex::default() })
+    }
+
+    /// The sets that follow from the states so far.
+    ///
+    /// Parameters
+    /// ----------
+    /// history : array of float64, shape (n, 2, 3), n ≥ 1
+    ///     Joint states from the beginning to now, one a step: the poses (x, y, ψ) of the human and of the robot in
+    ///     the world frame, m, m, rad.
+    ///
+    /// Returns
+    /// -------
+    /// Shfrs
+    fn predict(&self, history: &Bound<'_, PyAny>) -> Result<Shfrs, Error> {
+        let py = history.py();
+        let history = joint_states("history", 1, history)?;
+        let (parameters, settings) = (&self.human.parameters, &self.settings);
+        self.human.work(py, |learned| {
+            let mut frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+            let found = frames.predict(&history, parameters, learned, settings)?.clone();
+            drop(frames);
+            let now = history[history.len() - 1].human;
+            let (speed_mps, step_s) = (parameters.human.speed_mps, parameters.step_s);
+            let set = |set: &shfrs::NestedSet| Reachable::new(now, &set.bounds, speed_mps, step_s);
+            let reachable = found.sets.iter().map(set).collect::<Result<_, _>>()?;
+            Ok(Shfrs { found, reachable })
+        })
+    }
+}

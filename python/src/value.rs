@@ -1,0 +1,168 @@
+//! The value of a game at many states.
+
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use sidestep::invalid::Invalid;
+use sidestep::reachability::{ValueFunction, ValueState, default_threads};
+
+use crate::arrays::{Array, count, rows, shaped};
+use crate::error::Error;
+use crate::vehicles::PursuitGame;
+
+/// V, its gradient, both optimal turns, and whether the state is inside the solved grid.
+pub(crate) type States<'py> = (Array<'py>, Array<'py>, Array<'py>, Bound<'py, PyArrayDyn<bool>>);
+
+/// V at many states, by the closed form of a game of two identical vehicles.
+///
+/// Parameters
+/// ----------
+/// states : array of float64, shape (…, 3)
+///     The pursuer's poses (x, y, ψ) in the evader's frame: x ahead, y to the left, m; ψ rad, any real.
+/// game : PursuitGame
+///     With identical vehicles; others need `solve`.
+/// threads : int, optional
+///     At most so many threads; all of the machine by default.
+///
+/// Returns
+/// -------
+/// array of float64, shape (…,)
+///     V, m: the least distance under optimal play, less the radius. At ≤ 0 the pursuer can force a collision.
+///
+/// Raises
+/// ------
+/// ValueError
+///     If the vehicles differ, or `states` has another shape or dtype or a number that is not finite.
+#[pyfunction]
+#[pyo3(signature = (states, game, *, threads=None))]
+pub(crate) fn value<'py>(
+    states: &Bound<'py, PyAny>,
+    game: &PursuitGame,
+    threads: Option<i64>,
+) -> Result<Array<'py>, Error> {
+    value_of(states, &closed_form(game)?, threads)
+}
+
+/// V, its gradient and the optimal turns at many states, by the closed form of a game of two identical vehicles.
+///
+/// Parameters
+/// ----------
+/// states : array of float64, shape (…, 3)
+///     As for `value`.
+/// game : PursuitGame
+///     With identical vehicles; others need `solve`.
+/// threads : int, optional
+///     At most so many threads; all of the machine by default.
+///
+/// Returns
+/// -------
+/// value : array of float64, shape (…,)
+///     V, m.
+/// gradient : array of float64, shape (…, 3)
+///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
+/// turns : array of float64, shape (…, 2)
+///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive.
+/// inside : array of bool, shape (…,)
+///     Whether the state is inside the solved grid; always, with the closed form.
+///
+/// Raises
+/// ------
+/// ValueError
+///     As for `value`.
+#[pyfunction]
+#[pyo3(signature = (states, game, *, threads=None))]
+pub(crate) fn state<'py>(
+    states: &Bound<'py, PyAny>,
+    game: &PursuitGame,
+    threads: Option<i64>,
+) -> Result<States<'py>, Error> {
+    state_of(states, &closed_form(game)?, threads)
+}
+
+fn closed_form(game: &PursuitGame) -> Result<ValueFunction, Error> {
+    if !game.0.identical() {
+        let expected = "an evader and a pursuer with the same speed and turn rate, or `solve(game)` for others";
+        return Err(Invalid::new("game", expected, game.__repr__()).into());
+    }
+    Ok(ValueFunction::Exact(game.0.exact()?))
+}
+
+/// V of `function` at states of shape (…, 3).
+pub(crate) fn value_of<'py>(
+    states: &Bound<'py, PyAny>,
+    function: &ValueFunction,
+    threads: Option<i64>,
+) -> Result<Array<'py>, Error> {
+    let py = states.py();
+    let (states, shape) = rows("states", states)?;
+    let threads = checked(threads)?;
+    let values = py.detach(|| map(&states, threads, 0.0, |state| function.value(state)));
+    Ok(shaped(py, values, &shape)?)
+}
+
+/// Everything that `function` says of states of shape (…, 3).
+pub(crate) fn state_of<'py>(
+    states: &Bound<'py, PyAny>,
+    function: &ValueFunction,
+    threads: Option<i64>,
+) -> Result<States<'py>, Error> {
+    let py = states.py();
+    let (states, shape) = rows("states", states)?;
+    let threads = checked(threads)?;
+    let found = py.detach(|| map(&states, threads, UNSEEN, |state| function.state(state)));
+    let column = |of: &dyn Fn(&ValueState) -> f64| found.iter().map(of).collect();
+    let wide = |width: usize| [&shape[..], &[width]].concat();
+    let gradient = found.iter().flat_map(|state| state.gradient).collect();
+    let turns = found.iter().flat_map(|state| [state.evader_turn, state.pursuer_turn]).collect();
+    let inside: Vec<bool> = found.iter().map(|state| state.inside).collect();
+    Ok((
+        shaped(py, column(&|state| state.value), &shape)?,
+        shaped(py, gradient, &wide(3))?,
+        shaped(py, turns, &wide(2))?,
+        shaped(py, inside, &shape)?,
+    ))
+}
+
+/// The number of threads that may be used.
+pub(crate) fn checked(threads: Option<i64>) -> Result<usize, Error> {
+    threads.map_or_else(|| Ok(default_threads()), |threads| count("threads", 1, threads))
+}
+
+/// Fewer states than this are not worth another thread: they take less time than it takes to start.
+const STATES_OF_A_THREAD: usize = 4096;
+
+/// What stands where no state was looked at yet.
+const UNSEEN: ValueState = ValueState {
+    value: 0.0,
+    gradient: [0.0; 3],
+    evader_turn: 0.0,
+    pursuer_turn: 0.0,
+    exact: false,
+    inside: false,
+};
+
+/// `of` each state, on at most so many threads.
+fn map<T: Send + Clone>(
+    states: &[[f64; 3]],
+    threads: usize,
+    unseen: T,
+    of: impl Fn([f64; 3]) -> T + Sync,
+) -> Vec<T> {
+    let threads = threads.min(states.len() / STATES_OF_A_THREAD + 1).min(default_threads());
+    let mut found = vec![unseen; states.len()];
+    let part = states.len().div_ceil(threads).max(1);
+    let fill = |(states, found): (&[[f64; 3]], &mut [T])| {
+        for (found, &state) in found.iter_mut().zip(states) {
+            *found = of(state);
+        }
+    };
+    let mut parts = states.chunks(part).zip(found.chunks_mut(part));
+    let own = parts.next();
+    std::thread::scope(|scope| {
+        for part in parts {
+            let fill = &fill;
+            scope.spawn(move || fill(part));
+        }
+        own.map(fill);
+    });
+    found
+}
