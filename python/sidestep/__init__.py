@@ -8,12 +8,14 @@ Joint states are arrays of shape (n, 2, 3): the poses (x, y, psi) of the human a
 task                                       use
 =========================================  ==========================================================
 how safe is a state                        `value`, `state` (identical vehicles), `solve` (others)
+the state of a game from two poses         `relative_state`
 which turns can be expected                `bounds`
 where can a vehicle be                     `reach`, `ReachableSet`
 predict a human online                     `ShfrsPredictor`, `ShfrsSettings`
 choose ε with a guarantee                  `calibrate`
 learn from recorded trials                 `features`, `from_sklearn`, `Predictor`, `ActionModel`
-read what `sidestep export` wrote          `sidestep.exports` (needs pandas)
+trials to try things with                  `simulate`
+read what `sidestep export` wrote          `sidestep.exports` (needs pandas or polars)
 draw figures                               `sidestep.plots` (needs matplotlib)
 =========================================  ==========================================================
 
@@ -40,6 +42,8 @@ from ._sidestep import (
     calibrate,
     features,
     reach,
+    relative_state,
+    simulate,
     solve,
     state,
     value,
@@ -68,6 +72,8 @@ __all__ = [
     "features",
     "from_sklearn",
     "reach",
+    "relative_state",
+    "simulate",
     "solve",
     "state",
     "value",

@@ -76,30 +76,40 @@ pub(crate) fn wrong_shape(field: &str, expected: &str, shape: &[usize]) -> Error
     Invalid::new(field, format!("an array of shape {expected}"), found).into()
 }
 
-/// An array of shape (…, W): its rows, and the shape without the last axis.
+/// Rows of W numbers, and the shape that they are arranged in.
+pub(crate) struct Rows<const W: usize> {
+    /// The array's shape without the last axis.
+    pub(crate) shape: Vec<usize>,
+    values: Vec<f64>,
+}
+
+impl<const W: usize> Rows<W> {
+    pub(crate) fn rows(&self) -> &[[f64; W]] {
+        self.values.as_chunks().0
+    }
+}
+
+/// An array of shape (…, W).
 pub(crate) fn rows<const W: usize>(
     field: &str,
     object: &Bound<'_, PyAny>,
-) -> Result<(Vec<[f64; W]>, Vec<usize>), Error> {
+) -> Result<Rows<W>, Error> {
     let expected = format!("(…, {W})");
     let Numbers { mut shape, values } = numbers(field, &expected, object)?;
     if shape.last() != Some(&W) {
         return Err(wrong_shape(field, &expected, &shape));
     }
     shape.pop();
-    Ok((values.as_chunks().0.to_vec(), shape))
+    Ok(Rows { shape, values })
 }
 
-/// An array of shape (n, W): its rows.
-pub(crate) fn table<const W: usize>(
-    field: &str,
-    object: &Bound<'_, PyAny>,
-) -> Result<Vec<[f64; W]>, Error> {
-    let (rows, shape) = rows(field, object)?;
-    if let [_] = shape[..] {
-        return Ok(rows);
+/// Poses x, y, ψ as an array of shape (n, 3).
+pub(crate) fn poses(field: &str, object: &Bound<'_, PyAny>) -> Result<Vec<Pose>, Error> {
+    let found = rows::<3>(field, object)?;
+    match found.shape[..] {
+        [_] => Ok(found.rows().iter().copied().map(Pose::from).collect()),
+        _ => Err(wrong_shape(field, "(n, 3)", &[&found.shape[..], &[3]].concat())),
     }
-    Err(wrong_shape(field, &format!("(n, {W})"), &[&shape[..], &[W]].concat()))
 }
 
 /// An array of shape (n, width): n and the numbers, row-major.
@@ -124,10 +134,10 @@ pub(crate) fn list(field: &str, object: &Bound<'_, PyAny>) -> Result<Vec<f64>, E
 
 /// A pose x, y, ψ as an array of shape (3,).
 pub(crate) fn pose(field: &str, object: &Bound<'_, PyAny>) -> Result<Pose, Error> {
-    let (rows, shape) = rows::<3>(field, object)?;
-    match rows[..] {
-        [state] if shape.is_empty() => Ok(state.into()),
-        _ => Err(wrong_shape(field, "(3,)", &[&shape[..], &[3]].concat())),
+    let found = rows::<3>(field, object)?;
+    match (found.rows(), found.shape.is_empty()) {
+        (&[state], true) => Ok(state.into()),
+        _ => Err(wrong_shape(field, "(3,)", &[&found.shape[..], &[3]].concat())),
     }
 }
 
@@ -170,4 +180,10 @@ pub(crate) fn points<'py>(
     points: &[[f64; 2]],
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     points.as_flattened().to_vec().into_pyarray(py).reshape([points.len(), 2])
+}
+
+/// Joint states as an array of shape (n, 2, 3).
+pub(crate) fn states_array<'py>(py: Python<'py>, states: &[JointState]) -> PyResult<Array<'py>> {
+    let poses = states.iter().flat_map(|state| [state.human, state.robot]);
+    shaped(py, poses.flat_map(<[f64; 3]>::from).collect(), &[states.len(), 2, 3])
 }

@@ -7,45 +7,14 @@ use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::{Scores, ShfrsFamily};
-use sidestep::shfrs::window::{self, WindowChoice};
+use sidestep::shfrs::window::WindowChoice;
 
-use crate::arrays::{joint_states, list};
 use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
 use crate::shfrs::ShfrsSettings;
+use crate::trajectory::Trajectory;
 use crate::vehicles::SceneParameters;
-
-/// What a person drove: joint states, and the human's turn rates between them.
-///
-/// Parameters
-/// ----------
-/// states : array of float64, shape (T + 1, 2, 3), T ≥ 1
-///     The poses (x, y, ψ) of the human and of the robot before each step and after the last, world frame, m, m, rad.
-/// turn_rates : array of float64, shape (T,)
-///     The human's turn rate in each step, rad/s, left positive.
-#[pyclass(frozen, from_py_object, module = "sidestep")]
-#[derive(Clone)]
-pub(crate) struct Trajectory(window::Trajectory);
-
-#[pymethods]
-impl Trajectory {
-    #[new]
-    fn new(states: &Bound<'_, PyAny>, turn_rates: &Bound<'_, PyAny>) -> Result<Self, Error> {
-        let states = joint_states("states", 2, states)?;
-        Ok(Self(window::Trajectory::new(states, list("turn_rates", turn_rates)?)?))
-    }
-
-    /// Number of steps, T.
-    #[getter]
-    fn steps(&self) -> usize {
-        self.0.steps()
-    }
-
-    fn __repr__(&self) -> String {
-        format!("Trajectory(steps={})", self.0.steps())
-    }
-}
 
 /// The level ε at which sets hold what people do, and what is guaranteed of it.
 #[pyclass(frozen, module = "sidestep")]

@@ -39,7 +39,7 @@ impl Error {
     pub(crate) fn unread(field: &str, unread: Unread) -> Self {
         match unread {
             Unread::NotJson(what) => Invalid::new(field, "JSON", what).into(),
-            Unread::Invalid(invalid) => invalid.into(),
+            Unread::Invalid(invalid) => invalid.within(field).into(),
         }
     }
 }

@@ -9,7 +9,7 @@ use sidestep::safety;
 use sidestep::scene::{self, JointState};
 use sidestep::shfrs::PredictedHuman;
 
-use crate::arrays::{list, shaped};
+use crate::arrays::{list, states_array};
 use crate::error::Error;
 use crate::function::{SafetyLevels, levels};
 use crate::predictor::Predictor;
@@ -173,10 +173,7 @@ impl bounds::ActionModel for Learned<'_> {
 fn ask(model: &ActionModel, history: &[JointState], out: &mut [f64]) -> Result<(), Error> {
     Python::attach(|py| {
         py.check_signals()?;
-        let poses = history.iter().flat_map(|state| [state.human, state.robot]);
-        let numbers: Vec<f64> = poses.flat_map(<[f64; 3]>::from).collect();
-        let states = shaped(py, numbers, &[history.len(), 2, 3])?;
-        let answer = model.probabilities.bind(py).call1((states,))?;
+        let answer = model.probabilities.bind(py).call1((states_array(py, history)?,))?;
         let found = list("probabilities", &answer)?;
         if found.len() != out.len() {
             let expected = format!("{} numbers, one for each action", out.len());

@@ -16,6 +16,7 @@ mod predictor;
 mod human;
 mod bounds;
 mod reach;
+mod trajectory;
 mod shfrs;
 mod calibration;
 
@@ -33,7 +34,7 @@ mod native {
     #[pymodule_export]
     use crate::bounds::bounds;
     #[pymodule_export]
-    use crate::calibration::{Calibration, Trajectory, calibrate};
+    use crate::calibration::{Calibration, calibrate};
     #[pymodule_export]
     use crate::function::{SafetyLevels, ValueFunction, solve};
     #[pymodule_export]
@@ -45,7 +46,9 @@ mod native {
     #[pymodule_export]
     use crate::shfrs::{Shfrs, ShfrsPredictor, ShfrsSettings};
     #[pymodule_export]
-    use crate::value::{state, value};
+    use crate::trajectory::{Trajectory, simulate};
+    #[pymodule_export]
+    use crate::value::{relative_state, state, value};
     #[pymodule_export]
     use crate::vehicles::{PursuitGame, SceneParameters, VehicleModel};
 

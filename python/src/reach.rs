@@ -7,7 +7,7 @@ use sidestep::invalid::Invalid;
 use sidestep::reach::{self, PolygonSettings, Tolerance};
 use sidestep::vehicle::Pose;
 
-use crate::arrays::{count, list, numbers, points, pose, table, wrong_shape};
+use crate::arrays::{count, list, numbers, points, pose, poses, wrong_shape};
 use crate::bounds::few_steps;
 use crate::error::Error;
 
@@ -127,7 +127,7 @@ impl ReachableSet {
         heading_rad: f64,
     ) -> Result<Bound<'py, PyArray1<bool>>, Error> {
         let py = states.py();
-        let states: Vec<Pose> = table("states", states)?.into_iter().map(Pose::from).collect();
+        let states = poses("states", states)?;
         let (step, tolerance) = (self.step(step)?, tolerance(position_m, heading_rad)?);
         let inside = |state: &Pose| self.0.contains_state(step, *state, tolerance);
         let found: Vec<bool> = py.detach(|| states.iter().map(inside).collect());
@@ -250,12 +250,12 @@ pub(crate) fn drive(
     most: usize,
     object: &Bound<'_, PyAny>,
 ) -> Result<Vec<Pose>, Error> {
-    let states = table(field, object)?;
+    let states = poses(field, object)?;
     if states.len() > most {
         let expected = format!("(t, 3) with t ≤ {most}");
         return Err(wrong_shape(field, &expected, &[states.len(), 3]));
     }
-    Ok(states.into_iter().map(Pose::from).collect())
+    Ok(states)
 }
 
 /// How polygons are drawn.

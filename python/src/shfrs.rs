@@ -66,9 +66,18 @@ impl ShfrsSettings {
         Ok(settings)
     }
 
-    /// The paper's settings of Figure 3: "left", "middle" or "right".
+    /// The paper's settings of Figure 3, for three actions and a human of 0.5 rad/s.
     ///
-    /// They are for three actions, and for a human of 0.5 rad/s.
+    /// Parameters
+    /// ----------
+    /// figure : {"left", "middle", "right"}
+    ///     Which part of the figure.
+    /// by_step : bool
+    ///     Whether to draw the positions after each step too.
+    ///
+    /// Returns
+    /// -------
+    /// ShfrsSettings
     #[staticmethod]
     #[pyo3(signature = (figure="left", *, by_step=false))]
     fn paper(figure: &str, by_step: bool) -> Result<Self, Error> {

@@ -4,8 +4,9 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{ValueFunction, ValueState, default_threads};
+use sidestep::vehicle::dubins;
 
-use crate::arrays::{Array, count, rows, shaped};
+use crate::arrays::{Array, count, rows, shaped, wrong_shape};
 use crate::error::Error;
 use crate::vehicles::PursuitGame;
 
@@ -78,6 +79,36 @@ pub(crate) fn state<'py>(
     state_of(states, &closed_form(game)?, threads)
 }
 
+/// The pursuer's poses in the evader's frame: the states of a game.
+///
+/// Parameters
+/// ----------
+/// evader, pursuer : array of float64, shape (…, 3), of the same shape
+///     Poses (x, y, ψ), world frame, m, m, rad.
+///
+/// Returns
+/// -------
+/// array of float64, shape (…, 3)
+///     x ahead, y to the left, m; ψ in (−π, π], rad.
+#[pyfunction]
+#[pyo3(signature = (evader, pursuer))]
+pub(crate) fn relative_state<'py>(
+    evader: &Bound<'py, PyAny>,
+    pursuer: &Bound<'py, PyAny>,
+) -> Result<Array<'py>, Error> {
+    let py = evader.py();
+    let (evader, pursuer) = (rows::<3>("evader", evader)?, rows::<3>("pursuer", pursuer)?);
+    let shape = [&evader.shape[..], &[3]].concat();
+    if pursuer.shape != evader.shape {
+        let expected = format!("{shape:?} as evader has");
+        return Err(wrong_shape("pursuer", &expected, &[&pursuer.shape[..], &[3]].concat()));
+    }
+    let pairs = evader.rows().iter().zip(pursuer.rows());
+    let seen =
+        pairs.flat_map(|(&evader, &pursuer)| dubins::relative_state(evader.into(), pursuer.into()));
+    Ok(shaped(py, seen.collect(), &shape)?)
+}
+
 fn closed_form(game: &PursuitGame) -> Result<ValueFunction, Error> {
     if !game.0.identical() {
         let expected = "an evader and a pursuer with the same speed and turn rate, or `solve(game)` for others";
@@ -93,10 +124,20 @@ pub(crate) fn value_of<'py>(
     threads: Option<i64>,
 ) -> Result<Array<'py>, Error> {
     let py = states.py();
-    let (states, shape) = rows("states", states)?;
+    let states = rows("states", states)?;
     let threads = checked(threads)?;
-    let values = py.detach(|| map(&states, threads, 0.0, |state| function.value(state)));
-    Ok(shaped(py, values, &shape)?)
+    let values = py.detach(|| {
+        in_parts(states.rows(), threads, 0.0, |states, values| match function {
+            ValueFunction::Exact(exact) => exact.values_into(states, values),
+            ValueFunction::Sampled(sampled) => {
+                for (value, &state) in values.iter_mut().zip(states) {
+                    *value = sampled.state(state).value;
+                }
+                Ok(())
+            }
+        })
+    })?;
+    Ok(shaped(py, values, &states.shape)?)
 }
 
 /// Everything that `function` says of states of shape (…, 3).
@@ -106,19 +147,26 @@ pub(crate) fn state_of<'py>(
     threads: Option<i64>,
 ) -> Result<States<'py>, Error> {
     let py = states.py();
-    let (states, shape) = rows("states", states)?;
+    let states = rows("states", states)?;
     let threads = checked(threads)?;
-    let found = py.detach(|| map(&states, threads, UNSEEN, |state| function.state(state)));
+    let found = py.detach(|| {
+        in_parts(states.rows(), threads, UNSEEN, |states, found| {
+            for (found, &state) in found.iter_mut().zip(states) {
+                *found = function.state(state);
+            }
+            Ok(())
+        })
+    })?;
     let column = |of: &dyn Fn(&ValueState) -> f64| found.iter().map(of).collect();
-    let wide = |width: usize| [&shape[..], &[width]].concat();
+    let wide = |width: usize| [&states.shape[..], &[width]].concat();
     let gradient = found.iter().flat_map(|state| state.gradient).collect();
     let turns = found.iter().flat_map(|state| [state.evader_turn, state.pursuer_turn]).collect();
     let inside: Vec<bool> = found.iter().map(|state| state.inside).collect();
     Ok((
-        shaped(py, column(&|state| state.value), &shape)?,
+        shaped(py, column(&|state| state.value), &states.shape)?,
         shaped(py, gradient, &wide(3))?,
         shaped(py, turns, &wide(2))?,
-        shaped(py, inside, &shape)?,
+        shaped(py, inside, &states.shape)?,
     ))
 }
 
@@ -140,29 +188,29 @@ const UNSEEN: ValueState = ValueState {
     inside: false,
 };
 
-/// `of` each state, on at most so many threads.
-fn map<T: Send + Clone>(
+/// One result for each state: `work` fills parts of them, on at most so many threads.
+fn in_parts<T: Send + Clone>(
     states: &[[f64; 3]],
     threads: usize,
     unseen: T,
-    of: impl Fn([f64; 3]) -> T + Sync,
-) -> Vec<T> {
+    work: impl Fn(&[[f64; 3]], &mut [T]) -> Result<(), Invalid> + Sync,
+) -> Result<Vec<T>, Invalid> {
     let threads = threads.min(states.len() / STATES_OF_A_THREAD + 1).min(default_threads());
     let mut found = vec![unseen; states.len()];
     let part = states.len().div_ceil(threads).max(1);
-    let fill = |(states, found): (&[[f64; 3]], &mut [T])| {
-        for (found, &state) in found.iter_mut().zip(states) {
-            *found = of(state);
-        }
-    };
     let mut parts = states.chunks(part).zip(found.chunks_mut(part));
     let own = parts.next();
+    let mut done = Ok(());
     std::thread::scope(|scope| {
-        for part in parts {
-            let fill = &fill;
-            scope.spawn(move || fill(part));
+        let work = &work;
+        let others: Vec<_> =
+            parts.map(|(states, found)| scope.spawn(move || work(states, found))).collect();
+        done = own.map_or(Ok(()), |(states, found)| work(states, found));
+        for other in others {
+            // A thread that panicked has been reported; the library does not.
+            let of_other = other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            done = done.clone().and(of_other);
         }
-        own.map(fill);
     });
-    found
+    done.map(|()| found)
 }

@@ -17,6 +17,7 @@ mod check;
 mod search;
 mod fuzz;
 mod serve;
+mod wheel;
 mod test;
 mod bench;
 mod validate;
@@ -42,6 +43,8 @@ enum Task {
     Serve(serve::Options),
     Build(build::Options),
     Test(test::Options),
+    /// Build the Python package as a wheel, and print where it is.
+    Wheel,
     /// Check formatting, dependencies, lints (native and browser) and documentation, without running anything.
     Check,
     Search(search::Options),
@@ -67,6 +70,7 @@ fn run(task: Task) -> anyhow::Result<ExitCode> {
         Task::Serve(options) => serve::run(&workspace, &options),
         Task::Build(options) => build::run(&workspace, &options).map(|()| ExitCode::SUCCESS),
         Task::Test(options) => test::run(&workspace, &options),
+        Task::Wheel => wheel::run(&workspace).map(|()| ExitCode::SUCCESS),
         Task::Check => check::run(&workspace).map(|()| ExitCode::SUCCESS),
         Task::Search(options) => search::run(&workspace, &options),
         Task::Fuzz(options) => fuzz::run(&workspace, &options),

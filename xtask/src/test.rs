@@ -10,6 +10,7 @@ use anyhow::{Context, Result, bail};
 use crate::build;
 use crate::python::{PYTHON, environment};
 use crate::site::bundle;
+use crate::wheel;
 use crate::workspace::{Runs, Workspace, answer_of, stage};
 
 /// Run every test, after installing what they need where that is possible.
@@ -18,6 +19,9 @@ pub(crate) struct Options {
     /// Give servers databases in a PostgreSQL cluster made for the tests, instead of files.
     #[arg(long)]
     postgres: bool,
+    /// Only test the Python package.
+    #[arg(long)]
+    python: bool,
     /// Passed on to `cargo test`, as in `-- --test browser`.
     #[arg(last = true)]
     arguments: Vec<OsString>,
@@ -37,6 +41,10 @@ const PACKAGES: [&str; 2] = ["chromium", "fonts-dejavu-core"];
 /// # Errors
 /// When something is missing that cannot be installed, or the build fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
+    if options.python {
+        build::run(workspace, &build::Options::default())?;
+        return python_package(workspace);
+    }
     if find_chromium()?.is_none() {
         install(&PACKAGES, how_to_install)?;
     }
@@ -85,7 +93,22 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
             return Ok(code);
         }
     }
-    Ok(ExitCode::SUCCESS)
+    python_package(workspace)
+}
+
+/// Installs the Python package in an environment and runs its tests, which also call the server's program.
+fn python_package(workspace: &Workspace) -> Result<ExitCode> {
+    let python = tested_python(workspace)?;
+    let wheel = wheel::build(workspace)?;
+    let mut install = Command::new(&python);
+    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"]);
+    stage("pip install", install.arg("--force-reinstall").arg(wheel))?;
+    eprintln!("==> tests of the Python package");
+    let mut tests = Command::new(&python);
+    // -P: the package that was installed, not the sources in the folder.
+    tests.args(["-P", "-m", "pytest"]).current_dir(workspace.path("python"));
+    tests.env("SIDESTEP_BIN", workspace.server());
+    answer_of(tests.arg("-o").arg(format!("cache_dir={}", workspace.output("pytest").display())))
 }
 
 /// The example that runs a command with a PostgreSQL cluster of its own.
@@ -196,7 +219,17 @@ const PYTHON_PACKAGES: [&str; 2] = ["python3", "python3-venv"];
 
 /// That Python, with pandas, polars and pyarrow from PyPI in an environment of its own.
 fn readers(workspace: &Workspace) -> Result<PathBuf> {
-    let made = || environment(workspace, "readers-requirements.txt", "readers");
+    installed(workspace, "readers-requirements.txt", "readers")
+}
+
+/// A Python with everything that the tests of the Python package need, but for the package itself.
+fn tested_python(workspace: &Workspace) -> Result<PathBuf> {
+    installed(workspace, "python-requirements.txt", "python")
+}
+
+/// An environment, for which Python is installed if need be.
+fn installed(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
+    let made = || environment(workspace, requirements, name);
     let found = env::var_os(PYTHON).is_some() || on_path(&["python3"]).is_some();
     if let Some(Ok(python)) = found.then(made) {
         return Ok(python);

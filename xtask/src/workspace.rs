@@ -113,6 +113,13 @@ impl Workspace {
         cargo
     }
 
+    /// A program that calls cargo itself: it uses this cargo and the same output folder.
+    pub(crate) fn beside_cargo(&self, program: &Path) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target);
+        command
+    }
+
     /// `cargo metadata` with every package that some build uses.
     pub(crate) fn metadata(&self) -> Command {
         let mut cargo = cargo_in(&self.root);

@@ -1,0 +1,100 @@
+//! Driven trajectories, recorded or simulated.
+
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use sidestep::scene::SceneParameters;
+use sidestep::shfrs::window;
+use sidestep::synthetic::{Keys, SyntheticParticipant};
+
+use crate::arrays::{Array, count, joint_states, list, states_array};
+use crate::error::Error;
+
+/// What a person drove: joint states, and the human's turn rates between them.
+///
+/// Parameters
+/// ----------
+/// states : array of float64, shape (T + 1, 2, 3), T ≥ 1
+///     The poses (x, y, ψ) of the human and of the robot before each step and after the last, world frame, m, m, rad.
+/// turn_rates : array of float64, shape (T,)
+///     The human's turn rate in each step, rad/s, left positive.
+#[pyclass(frozen, from_py_object, module = "sidestep")]
+#[derive(Clone)]
+pub(crate) struct Trajectory(pub(crate) window::Trajectory);
+
+#[pymethods]
+impl Trajectory {
+    #[new]
+    fn new(states: &Bound<'_, PyAny>, turn_rates: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        let states = joint_states("states", 2, states)?;
+        Ok(Self(window::Trajectory::new(states, list("turn_rates", turn_rates)?)?))
+    }
+
+    /// Number of steps, T.
+    #[getter]
+    fn steps(&self) -> usize {
+        self.0.steps()
+    }
+
+    /// The poses (x, y, ψ) of the human and of the robot before each step and after the last, shape (T + 1, 2, 3).
+    #[getter]
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        states_array(py, self.0.states())
+    }
+
+    /// The human's turn rate in each step, rad/s, left positive, shape (T,).
+    #[getter]
+    fn turn_rates<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.turn_rates().to_vec().into_pyarray(py)
+    }
+
+    fn __getnewargs__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Array<'py>, Bound<'py, PyArray1<f64>>)> {
+        Ok((self.states(py)?, self.turn_rates(py)))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Trajectory(steps={})", self.0.steps())
+    }
+}
+
+/// Trials of synthetic participants in scenes of the paper's study, for testing programs.
+///
+/// They come from published models of people who walk. Results on these drives say nothing about people.
+///
+/// Parameters
+/// ----------
+/// participants : int
+///     How many, ≥ 1.
+/// tasks : int
+///     Trials of each, ≥ 1, of 50 steps of 0.2 s.
+/// seed : int
+///     Of the population, ≥ 0.
+///
+/// Returns
+/// -------
+/// list of list of Trajectory
+///     The trials of each participant.
+#[pyfunction]
+#[pyo3(signature = (participants, tasks, *, seed=0))]
+pub(crate) fn simulate(
+    py: Python<'_>,
+    participants: i64,
+    tasks: i64,
+    seed: u64,
+) -> Result<Vec<Vec<Trajectory>>, Error> {
+    let (participants, tasks) =
+        (count("participants", 1, participants)?, count("tasks", 1, tasks)?);
+    let parameters = SceneParameters::default();
+    let drive = |number: usize| {
+        let participant = SyntheticParticipant::new(seed, number as u64);
+        let own = |task: usize| {
+            let (_, drive) = participant.own_trial(task as u64, Keys::Clock);
+            window::Trajectory::driven(drive.states, &drive.inputs, &parameters).map(Trajectory)
+        };
+        py.check_signals()?;
+        Ok(py.detach(|| (0..tasks).map(own).collect::<Result<_, _>>())?)
+    };
+    (0..participants).map(drive).collect()
+}

@@ -1,0 +1,143 @@
+"""Value functions: solved, interrupted, looked at, kept."""
+
+import os
+import pickle
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+import shapely
+
+import sidestep
+
+
+@pytest.fixture(scope="module")
+def solved(unequal):
+    return sidestep.solve(unequal)
+
+
+def test_the_solver_agrees_with_the_closed_form(paper, rng):
+    states = rng.uniform([-9, -9, 0], [9, 9, 6], (4000, 3))
+    exact = sidestep.solve(paper)
+    assert exact.exact and exact.horizon_s == np.inf and exact.unsettled_m is None and exact.game == paper
+    np.testing.assert_array_equal(exact.value(states), sidestep.value(states, paper))
+    polar = sidestep.solve(paper, method="polar")
+    assert not polar.exact
+    assert np.quantile(np.abs(polar.value(states) - exact.value(states)), 0.99) < 0.06
+
+
+def test_a_slower_pursuer_is_less_dangerous(paper):
+    car = sidestep.VehicleModel(2.0, 0.5)
+    slow = sidestep.solve(sidestep.PursuitGame(car, sidestep.VehicleModel(1.5, 0.5), 3.0))
+    assert slow.value([6, 0.5, np.pi]) > sidestep.value([6, 0.5, np.pi], paper) + 0.1
+
+
+def test_a_longer_game_is_more_dangerous(unequal, rng):
+    states = rng.uniform([-4, -4, 0], [6, 4, 6], (500, 3))
+    short, long = (sidestep.solve(unequal, horizon, accuracy="draft") for horizon in (0.5, 3.0))
+    assert (short.horizon_s, long.horizon_s) == (0.5, 3.0)
+    longer = long.value(states) - short.value(states)
+    # But for the errors of a draft, which are tenths of a metre near kinks.
+    assert np.quantile(longer, 0.99) < 0.05 and longer.min() < -1
+
+
+def test_state_and_gradient(solved, rng):
+    states = rng.uniform([-6, -6, 0], [6, 6, 6], (300, 3))
+    value, gradient, turns, inside = solved.state(states)
+    np.testing.assert_array_equal(value, solved.value(states))
+    np.testing.assert_array_equal(gradient, solved.gradient(states))
+    assert inside.all() and not solved.state([1e4, 0, 0])[3]
+    assert np.isin(np.abs(turns[:, 0]), [0, 0.5]).all() and np.isin(np.abs(turns[:, 1]), [0, 0.8]).all()
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -1.5])
+def test_level_curves_are_where_v_is_the_level(paper, solved, level):
+    for function, most in ((sidestep.solve(paper), 0.011), (solved, 0.12)):
+        for psi in (0.7, np.pi):
+            curves = function.level_curves(psi, level)
+            assert curves
+            for curve in curves:
+                polygon = shapely.Polygon(curve)
+                assert polygon.is_valid and polygon.exterior.is_ccw
+                along = np.column_stack([curve, np.full(len(curve), psi)])
+                assert np.abs(function.value(along) - level).max() < most
+                inside = polygon.representative_point()
+                assert function.value([inside.x, inside.y, psi]) < level
+
+
+def test_a_function_survives_its_file_and_pickle(paper, solved, tmp_path, rng):
+    states = rng.uniform([-6, -6, 0], [6, 6, 6], (300, 3))
+    exact = sidestep.solve(paper)
+    for function, most in ((exact, 0.0), (solved, 0.002)):
+        path = tmp_path / "function.value"
+        function.save(path)
+        loaded = sidestep.ValueFunction.load(str(path))
+        assert loaded.game == function.game
+        assert np.abs(loaded.value(states) - function.value(states)).max() <= most
+        assert pickle.loads(pickle.dumps(loaded)) == loaded
+
+
+def test_what_is_no_function_is_refused(solved, tmp_path):
+    path = tmp_path / "function.value"
+    with pytest.raises(FileNotFoundError, match=r"function\.value"):
+        sidestep.ValueFunction.load(path)
+    with pytest.raises(IsADirectoryError):
+        solved.save(tmp_path)
+    solved.save(path)
+    whole = path.read_bytes()
+    newer = whole.replace(b"sidestep-value-function/1", b"sidestep-value-function/2")
+    for broken, expected in ((b"", "found"), (whole[:-5], "bytes"), (newer, "expected sidestep-value-function/1")):
+        path.write_bytes(broken)
+        with pytest.raises(ValueError, match=f"value function.*{expected}"):
+            sidestep.ValueFunction.load(path)
+
+
+def test_progress_rises_and_may_end_the_solve(unequal):
+    seen = []
+    sidestep.solve(unequal, accuracy="fine", progress=lambda done, residual: seen.append(done))
+    assert seen and seen == sorted(seen) and all(0 <= done <= 1 for done in seen)
+
+    def stop(done, residual):
+        raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        sidestep.solve(unequal, accuracy="fine", progress=stop)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
+def test_ctrl_c_ends_a_solve(unequal):
+    timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
+    timer.start()
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        sidestep.solve(unequal, 20.0, accuracy="fine", threads=1)
+    # Whole, it takes much longer.
+    assert time.monotonic() - start < 3
+
+
+def test_other_threads_run_while_it_solves(unequal):
+    ticks, done = [], threading.Event()
+
+    def count():
+        while not done.wait(0.005):
+            ticks.append(time.monotonic())
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    start = time.monotonic()
+    sidestep.solve(unequal, accuracy="fine")
+    took = time.monotonic() - start
+    done.set()
+    counter.join()
+    assert len(ticks) > 20 * took
+
+
+def test_safety_levels_of_both_vehicles(unequal):
+    parameters = sidestep.SceneParameters(human=unequal.evader, robot=unequal.pursuer)
+    safety = sidestep.SafetyLevels(parameters)
+    assert safety.human.game == unequal
+    assert (safety.robot.game.evader, safety.robot.game.pursuer) == (unequal.pursuer, unequal.evader)
+    assert pickle.loads(pickle.dumps(unequal)) == unequal and {unequal: 1}[unequal] == 1
+    assert pickle.loads(pickle.dumps(parameters)) == parameters

@@ -1,0 +1,141 @@
+"""Predictors and features, against scikit-learn and NumPy."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+from conftest import constant
+from sklearn.base import clone, is_classifier
+from sklearn.ensemble import GradientBoostingClassifier, RandomForestClassifier
+from sklearn.linear_model import LogisticRegression
+from sklearn.metrics import log_loss
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.tree import DecisionTreeClassifier
+
+import sidestep
+
+NAMES = ["abs_dx", "abs_dy", "dpsi", "v_h", "distance", "turned_1"]
+
+
+@pytest.fixture(scope="module")
+def rows(people):
+    """Features and turns of all trials."""
+    x = np.vstack([sidestep.features(trial.states[:-1], NAMES) for trials in people for trial in trials])
+    y = np.concatenate([np.sign(trial.turn_rates) for trials in people for trial in trials]).astype(int)
+    # Trees of scikit-learn compare float32.
+    return x.astype(np.float32).astype(float), y
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+@pytest.mark.parametrize("scaled", [True, False])
+def test_a_logistic_regression(rows, classes, scaled):
+    x, y = rows
+    y = np.abs(y) if classes == 2 else y
+    model = LogisticRegression(max_iter=2000)
+    model = make_pipeline(StandardScaler(), model) if scaled else model
+    model.fit(x, y)
+    predictor = sidestep.from_sklearn(model, NAMES, experiment=2 if classes == 2 else 1)
+    np.testing.assert_allclose(predictor.proba(x), model.predict_proba(x), atol=1e-12)
+    np.testing.assert_array_equal(predictor.predict(x), model.predict(x))
+
+
+def test_a_decision_tree(rows):
+    x, y = rows
+    model = DecisionTreeClassifier(max_depth=6, random_state=0).fit(x, y)
+    predictor = sidestep.from_sklearn(model, NAMES)
+    leaf = model.apply(x)
+    counts = np.rint(model.tree_.value[leaf, 0] * model.tree_.weighted_n_node_samples[leaf, None])
+    np.testing.assert_allclose(predictor.proba(x), (counts + 1) / (counts.sum(1, keepdims=True) + 3), atol=1e-12)
+    np.testing.assert_array_equal(predictor.predict(x), model.predict(x))
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+@pytest.mark.parametrize("init", [None, "zero"])
+def test_boosted_trees(rows, classes, init):
+    x, y = rows
+    y = np.abs(y) if classes == 2 else y
+    model = GradientBoostingClassifier(n_estimators=20, init=init, random_state=0).fit(x, y)
+    predictor = sidestep.from_sklearn(model, NAMES, experiment=2 if classes == 2 else 1)
+    np.testing.assert_allclose(predictor.proba(x), model.predict_proba(x), atol=1e-12)
+
+
+def test_a_predictor_survives_file_pickle_and_scikit_learn(rows, tmp_path):
+    x, y = rows
+    predictor = sidestep.from_sklearn(LogisticRegression(max_iter=2000).fit(x, y), NAMES, actions=[-0.4, 0.1, 0.5])
+    predictor.save(tmp_path / "predictor.json")
+    loaded = sidestep.Predictor.load(tmp_path / "predictor.json")
+    assert loaded == predictor == pickle.loads(pickle.dumps(predictor))
+    assert (loaded.features, loaded.classes, loaded.actions) == (NAMES, [-1, 0, 1], [-0.4, 0.1, 0.5])
+    assert loaded.experiment == 1
+
+    classifier = sidestep.SidestepClassifier(loaded)
+    assert is_classifier(classifier) and clone(classifier).predictor == loaded
+    assert classifier.score(x, y) == (loaded.predict(x) == y).mean() > 0.5
+    assert log_loss(y, classifier.predict_proba(x), labels=classifier.classes_) < 1.1
+
+
+def test_what_is_no_predictor_is_refused(rows, tmp_path):
+    x, y = rows
+    path = tmp_path / "predictor.json"
+    document = json.loads(constant([0.2, 0.5, 0.3]).to_json())
+    for change, complaint in (
+        ({"format": "sidestep-predictor/2"}, "format: expected sidestep-predictor/1, found .*sidestep-predictor/2"),
+        ({"features": ["speed"]}, r"features\[0\]: expected one of abs_dx, .*found speed"),
+        ({"kind": "oracle"}, "kind: expected .*found .*oracle"),
+        ({"probabilities": [0.5, 0.5]}, "probabilities: expected 3 entries, found 2 entries"),
+    ):
+        path.write_text(json.dumps({**document, **change}))
+        with pytest.raises(ValueError, match=f"predictor.*{complaint}"):
+            sidestep.Predictor.load(path)
+    for text in ("", "{", "[" * 100_000, "null", '{"a": 1}'):
+        path.write_text(text)
+        with pytest.raises(ValueError, match="predictor"):
+            sidestep.Predictor.load(path)
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(ValueError, match="UTF-8"):
+        sidestep.Predictor.load(path)
+
+    forest = RandomForestClassifier(n_estimators=2).fit(x, y)
+    for estimator, names, complaint in (
+        (forest, NAMES, "estimator: expected .*found RandomForestClassifier"),
+        (LogisticRegression(), NAMES, "estimator: expected a fitted one"),
+        (LogisticRegression(max_iter=2000).fit(x, y), NAMES[:3], "features: expected 6 names, found 3"),
+        (LogisticRegression(max_iter=2000).fit(x, y), [*NAMES[:5], "speed"], r"features\[5\]"),
+        (make_pipeline(StandardScaler(), DecisionTreeClassifier()).fit(x, y), NAMES, "after a StandardScaler"),
+        (LogisticRegression(max_iter=2000).fit(x, y.astype(str)), NAMES, "whole numbers as classes"),
+        (object(), NAMES, "found object"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            sidestep.from_sklearn(estimator, names)
+
+
+def test_features_are_what_their_meanings_say(people):
+    states = people[1][2].states
+    human, robot = states[:, 0], states[:, 1]
+    names = [name for name, _, _ in sidestep.FEATURES]
+    found = dict(zip(names, sidestep.features(states, names).T, strict=True))
+    np.testing.assert_allclose(found["abs_dx"], np.abs(human[:, 0] - robot[:, 0]))
+    np.testing.assert_allclose(found["distance"], np.hypot(*(human - robot).T[:2]))
+    car = sidestep.VehicleModel(2.0, 0.5)
+    game = sidestep.PursuitGame(car, car, 3.0)
+    np.testing.assert_allclose(found["v_h"], sidestep.value(sidestep.relative_state(human, robot), game), atol=1e-12)
+    np.testing.assert_allclose(found["v_r"], sidestep.value(sidestep.relative_state(robot, human), game), atol=1e-12)
+    np.testing.assert_allclose(found["robot_ahead"], sidestep.relative_state(human, robot)[:, 0], atol=1e-12)
+    turned = np.angle(np.exp(1j * np.diff(human[:, 2])))
+    np.testing.assert_allclose(found["turned_1"], np.append(0, turned), atol=1e-12)
+
+
+def test_unequal_vehicles_need_their_safety_levels(people, unequal):
+    states = people[0][0].states
+    parameters = sidestep.SceneParameters(human=unequal.evader, robot=unequal.pursuer)
+    assert sidestep.features(states, ["distance"], parameters=parameters).shape == (51, 1)
+    with pytest.raises(ValueError, match=r"safety: expected SafetyLevels\(parameters\), since the feature v_h"):
+        sidestep.features(states, ["v_h"], parameters=parameters)
+    other = sidestep.SafetyLevels(sidestep.SceneParameters())
+    with pytest.raises(ValueError, match="safety: expected the safety levels of `parameters`"):
+        sidestep.features(states, ["v_h"], parameters=parameters, safety=other)
+    safety = sidestep.SafetyLevels(parameters)
+    found = sidestep.features(states, ["v_h"], parameters=parameters, safety=safety)[:, 0]
+    np.testing.assert_array_equal(found, safety.human.value(sidestep.relative_state(states[:, 0], states[:, 1])))
