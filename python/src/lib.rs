@@ -4,7 +4,7 @@
 //! the library works, and hands back arrays and objects that own their memory. Every complaint is a
 //! `ValueError` that names the argument, what was expected and what was found ([`error`]).
 //!
-//! What draws figures or reads tables is plain Python beside it, in `python/sidestep/`.
+//! What draws figures or reads tables is plain Python beside it, in `python/package/sidestep/`.
 
 mod error;
 mod arrays;

@@ -29,6 +29,13 @@ def unequal():
 
 
 @pytest.fixture(scope="session")
+def unequal_scene(unequal):
+    """Its vehicles as human and robot, with the safety levels of both."""
+    parameters = sidestep.SceneParameters(human=unequal.evader, robot=unequal.pursuer)
+    return parameters, sidestep.SafetyLevels(parameters)
+
+
+@pytest.fixture(scope="session")
 def people():
     """Trials of three synthetic participants."""
     return sidestep.simulate(3, 12, seed=4)

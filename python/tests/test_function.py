@@ -96,14 +96,14 @@ def test_what_is_no_function_is_refused(solved, tmp_path):
 
 def test_progress_rises_and_may_end_the_solve(unequal):
     seen = []
-    sidestep.solve(unequal, accuracy="fine", progress=lambda done, residual: seen.append(done))
+    sidestep.solve(unequal, 1.0, progress=lambda done, residual: seen.append(done))
     assert seen and seen == sorted(seen) and all(0 <= done <= 1 for done in seen)
 
     def stop(done, residual):
         raise LookupError("enough")
 
     with pytest.raises(LookupError, match="enough"):
-        sidestep.solve(unequal, accuracy="fine", progress=stop)
+        sidestep.solve(unequal, 20.0, progress=stop)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
@@ -127,16 +127,15 @@ def test_other_threads_run_while_it_solves(unequal):
     counter = threading.Thread(target=count)
     counter.start()
     start = time.monotonic()
-    sidestep.solve(unequal, accuracy="fine")
+    sidestep.solve(unequal, 1.0)
     took = time.monotonic() - start
     done.set()
     counter.join()
     assert len(ticks) > 20 * took
 
 
-def test_safety_levels_of_both_vehicles(unequal):
-    parameters = sidestep.SceneParameters(human=unequal.evader, robot=unequal.pursuer)
-    safety = sidestep.SafetyLevels(parameters)
+def test_safety_levels_of_both_vehicles(unequal, unequal_scene):
+    parameters, safety = unequal_scene
     assert safety.human.game == unequal
     assert (safety.robot.game.evader, safety.robot.game.pursuer) == (unequal.pursuer, unequal.evader)
     assert pickle.loads(pickle.dumps(unequal)) == unequal and {unequal: 1}[unequal] == 1

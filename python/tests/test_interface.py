@@ -21,7 +21,7 @@ def test_the_stub_is_what_the_module_is(tmp_path):
     compare = ["mypy.stubtest", "--concise", "--mypy-config-file", settings, "sidestep._sidestep"]
     check = ["mypy", "--config-file", settings, "-p", "sidestep"]
     for command in (compare, check):
-        whole = [sys.executable, "-P", "-m", *command]
+        whole = [sys.executable, "-m", *command]
         said = subprocess.run(whole, capture_output=True, text=True, cwd=tmp_path)
         assert said.returncode == 0, said.stdout + said.stderr
 
@@ -58,7 +58,7 @@ def test_the_version_is_that_of_the_workspace():
 
 def test_nothing_heavy_is_imported():
     code = "import sys, sidestep; print(sorted({'matplotlib', 'pandas', 'polars', 'scipy', 'sklearn'} & set(sys.modules)))"
-    said = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True)
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
 
 

@@ -97,14 +97,16 @@ def test_what_is_no_predictor_is_refused(rows, tmp_path):
     with pytest.raises(ValueError, match="UTF-8"):
         sidestep.Predictor.load(path)
 
+    x = StandardScaler().fit_transform(x)
+    logistic, words = (LogisticRegression().fit(x, labels) for labels in (y, y.astype(str)))
     forest = RandomForestClassifier(n_estimators=2).fit(x, y)
     for estimator, names, complaint in (
         (forest, NAMES, "estimator: expected .*found RandomForestClassifier"),
         (LogisticRegression(), NAMES, "estimator: expected a fitted one"),
-        (LogisticRegression(max_iter=2000).fit(x, y), NAMES[:3], "features: expected 6 names, found 3"),
-        (LogisticRegression(max_iter=2000).fit(x, y), [*NAMES[:5], "speed"], r"features\[5\]"),
+        (logistic, NAMES[:3], "features: expected 6 names, found 3"),
+        (logistic, [*NAMES[:5], "speed"], r"features\[5\]"),
         (make_pipeline(StandardScaler(), DecisionTreeClassifier()).fit(x, y), NAMES, "after a StandardScaler"),
-        (LogisticRegression(max_iter=2000).fit(x, y.astype(str)), NAMES, "whole numbers as classes"),
+        (words, NAMES, "whole numbers as classes"),
         (object(), NAMES, "found object"),
     ):
         with pytest.raises(ValueError, match=complaint):
@@ -127,15 +129,14 @@ def test_features_are_what_their_meanings_say(people):
     np.testing.assert_allclose(found["turned_1"], np.append(0, turned), atol=1e-12)
 
 
-def test_unequal_vehicles_need_their_safety_levels(people, unequal):
+def test_unequal_vehicles_need_their_safety_levels(people, unequal_scene):
     states = people[0][0].states
-    parameters = sidestep.SceneParameters(human=unequal.evader, robot=unequal.pursuer)
+    parameters, safety = unequal_scene
     assert sidestep.features(states, ["distance"], parameters=parameters).shape == (51, 1)
     with pytest.raises(ValueError, match=r"safety: expected SafetyLevels\(parameters\), since the feature v_h"):
         sidestep.features(states, ["v_h"], parameters=parameters)
     other = sidestep.SafetyLevels(sidestep.SceneParameters())
     with pytest.raises(ValueError, match="safety: expected the safety levels of `parameters`"):
         sidestep.features(states, ["v_h"], parameters=parameters, safety=other)
-    safety = sidestep.SafetyLevels(parameters)
     found = sidestep.features(states, ["v_h"], parameters=parameters, safety=safety)[:, 0]
     np.testing.assert_array_equal(found, safety.human.value(sidestep.relative_state(states[:, 0], states[:, 1])))

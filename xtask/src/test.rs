@@ -105,8 +105,7 @@ fn python_package(workspace: &Workspace) -> Result<ExitCode> {
     stage("pip install", install.arg("--force-reinstall").arg(wheel))?;
     eprintln!("==> tests of the Python package");
     let mut tests = Command::new(&python);
-    // -P: the package that was installed, not the sources in the folder.
-    tests.args(["-P", "-m", "pytest"]).current_dir(workspace.path("python"));
+    tests.args(["-m", "pytest"]).current_dir(workspace.path("python"));
     tests.env("SIDESTEP_BIN", workspace.server());
     answer_of(tests.arg("-o").arg(format!("cache_dir={}", workspace.output("pytest").display())))
 }
