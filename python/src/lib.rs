@@ -1,8 +1,8 @@
 //! The native half of the Python package `sidestep`: the library's functions with NumPy arrays in and out.
 //!
-//! Nothing is computed here. Each file checks what Python gives ([`arrays`]), releases the interpreter while
+//! Nothing is computed here. Each file checks what Python gives (`arrays`), releases the interpreter while
 //! the library works, and hands back arrays and objects that own their memory. Every complaint is a
-//! `ValueError` that names the argument, what was expected and what was found ([`error`]).
+//! `ValueError` that names the argument, what was expected and what was found (`error`).
 //!
 //! What draws figures or reads tables is plain Python beside it, in `python/package/sidestep/`.
 

@@ -117,8 +117,18 @@ fn client_and_server_do_not_know_each_other() {
 }
 
 #[test]
+fn the_python_package_is_the_library_alone() {
+    let needs = dependencies("python/Cargo.toml");
+    assert_eq!(needs.iter().collect::<Vec<_>>(), ["numpy", "pyo3", "serde_json", "sidestep"]);
+    for package in ["shared", "server", "web-client"] {
+        let needs = dependencies(&format!("{package}/Cargo.toml"));
+        assert!(!needs.contains("pyo3") && !needs.contains("numpy"), "{package} needs no Python");
+    }
+}
+
+#[test]
 fn modules_use_only_those_above() {
-    for package in ["shared", "server", "web-client", "xtask"] {
+    for package in ["shared", "server", "web-client", "python", "xtask"] {
         let uses = backward(&modules(&root().join(package).join("src")));
         assert!(uses.is_empty(), "{package}: uses of modules that are declared below: {uses:#?}");
     }
@@ -181,6 +191,7 @@ fn documents_name_files_that_exist() {
                 "shared/",
                 "server/",
                 "web-client/",
+                "python/",
                 "tests/",
                 "xtask/",
                 "migrations/",

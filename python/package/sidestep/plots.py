@@ -126,7 +126,8 @@ def regions(
     axes.autoscale_view()
     if legend and sets:
         handles, labels = axes.get_legend_handles_labels()
-        axes.legend(handles[::-1], labels[::-1], fontsize="small")
+        # Below, so that it hides nothing.
+        axes.legend(handles[::-1], labels[::-1], fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.13))
     _metres(axes)
 
 
@@ -201,7 +202,7 @@ def figure3(
 
     if len(titles) != len(predictions) or not predictions:
         raise ValueError(f"titles: expected one for each of {len(predictions)} predictions, found {len(titles)}")
-    size = (4 * len(predictions), 4.5)
+    size = (4 * len(predictions), 5.5)
     figure, panels = plt.subplots(1, len(predictions), figsize=size, layout="constrained", squeeze=False)
     for axes, prediction, title in zip(panels[0], predictions, titles, strict=True):
         regions(axes, prediction, colours=colours)
