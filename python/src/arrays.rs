@@ -103,11 +103,20 @@ pub(crate) fn rows<const W: usize>(
     Ok(Rows { shape, values })
 }
 
+/// A pose whose coordinates are at most [`Pose::MOST`] from 0.
+fn checked(field: &str, state: Pose) -> Result<Pose, Error> {
+    state.check().map_err(|invalid| invalid.within(field))?;
+    Ok(state)
+}
+
 /// Poses x, y, ψ as an array of shape (n, 3).
 pub(crate) fn poses(field: &str, object: &Bound<'_, PyAny>) -> Result<Vec<Pose>, Error> {
     let found = rows::<3>(field, object)?;
     match found.shape[..] {
-        [_] => Ok(found.rows().iter().copied().map(Pose::from).collect()),
+        [_] => {
+            let states = found.rows().iter().copied().map(Pose::from).enumerate();
+            states.map(|(i, state)| checked(&format!("{field}[{i}]"), state)).collect()
+        }
         _ => Err(wrong_shape(field, "(n, 3)", &[&found.shape[..], &[3]].concat())),
     }
 }
@@ -136,7 +145,7 @@ pub(crate) fn list(field: &str, object: &Bound<'_, PyAny>) -> Result<Vec<f64>, E
 pub(crate) fn pose(field: &str, object: &Bound<'_, PyAny>) -> Result<Pose, Error> {
     let found = rows::<3>(field, object)?;
     match (found.rows(), found.shape.is_empty()) {
-        (&[state], true) => Ok(state.into()),
+        (&[state], true) => checked(field, state.into()),
         _ => Err(wrong_shape(field, "(3,)", &[&found.shape[..], &[3]].concat())),
     }
 }

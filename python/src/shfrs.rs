@@ -1,6 +1,6 @@
 //! Stochastic human forward reachable sets, predicted and calibrated.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -267,7 +267,7 @@ impl Shfrs {
 pub(crate) struct ShfrsPredictor {
     human: Human,
     settings: shfrs::ShfrsSettings,
-    /// Its memory serves one frame at a time.
+    /// Its memory serves one prediction at a time.
     frames: Mutex<shfrs::ShfrsPredictor>,
 }
 
@@ -309,9 +309,12 @@ impl ShfrsPredictor {
         let history = joint_states("history", 1, history)?;
         let (parameters, settings) = (&self.human.parameters, &self.settings);
         self.human.work(py, |learned| {
-            let mut frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+            // Another thread may be predicting, or a function of Python within its own prediction.
+            let mut other = shfrs::ShfrsPredictor::default();
+            let mut kept = self.frames.try_lock().ok();
+            let frames = kept.as_deref_mut().unwrap_or(&mut other);
             let found = frames.predict(&history, parameters, learned, settings)?.clone();
-            drop(frames);
+            drop(kept);
             let now = history[history.len() - 1].human;
             let (speed_mps, step_s) = (parameters.human.speed_mps, parameters.step_s);
             let set = |set: &shfrs::NestedSet| Reachable::new(now, &set.bounds, speed_mps, step_s);

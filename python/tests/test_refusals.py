@@ -77,6 +77,7 @@ REFUSED = [
     (lambda: SET.tube(accuracy_m=0), "accuracy_m: expected 10⁻⁶ to 1 m, found 0"),
     (lambda: SET.polygon(4), "step: expected 0 to 3, found 4"),
     (lambda: SET.polygon(-1), "step: expected at least 0, found -1"),
+    (lambda: SET.contains([[0, 0, 1e300]], 2), r"states\[0\]\.psi: expected a number from -1000000 to 1000000"),
     (lambda: SET.contains([[0, 0, 0]], 9), "step: expected 0 to 3, found 9"),
     (lambda: SET.contains_drive(np.zeros((4, 3))), r"states: .*t ≤ 3, found shape \(4, 3\)"),
     (lambda: sidestep.reach([0, 0, 0], FULL, FULL), r"lo: expected an array of shape \(m, T\)"),

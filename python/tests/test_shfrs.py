@@ -59,6 +59,31 @@ def test_threads_may_share_a_predictor(people):
     np.testing.assert_array_equal(found, expected)
 
 
+def test_a_function_may_predict_within_its_prediction(people):
+    """It neither waits for itself nor disturbs the prediction around it."""
+    history, inner = people[0][0].states[:9], []
+
+    def model(states):
+        if not inner:
+            inner.append(None)
+            inner[0] = predictor.predict(history).areas_m2
+        return [0.2, 0.6, 0.2]
+
+    predictor = sidestep.ShfrsPredictor(sidestep.ActionModel([-0.5, 0.0, 0.5], model))
+    np.testing.assert_array_equal(predictor.predict(history).areas_m2, inner[0])
+
+
+def test_a_function_that_calls_itself_without_end_is_stopped(people):
+    history = people[0][0].states[:3]
+
+    def model(states):
+        return sidestep.bounds(history, endless, [0.0], [1])
+
+    endless = sidestep.ActionModel([-0.5, 0.0, 0.5], model)
+    with pytest.raises(RecursionError):
+        sidestep.bounds(history, endless, [0.0], [1])
+
+
 def test_the_papers_settings():
     left, middle, right = (sidestep.ShfrsSettings.paper(figure) for figure in ("left", "middle", "right"))
     np.testing.assert_array_equal(left.epsilon, [0.0, 0.15, 0.25, 0.4, 1.0])
