@@ -87,14 +87,13 @@ pub(crate) fn simulate(
     let (participants, tasks) =
         (count("participants", 1, participants)?, count("tasks", 1, tasks)?);
     let parameters = SceneParameters::default();
-    let drive = |number: usize| {
-        let participant = SyntheticParticipant::new(seed, number as u64);
-        let own = |task: usize| {
-            let (_, drive) = participant.own_trial(task as u64, Keys::Clock);
-            window::Trajectory::driven(drive.states, &drive.inputs, &parameters).map(Trajectory)
-        };
+    let drive = |number: usize, task: usize| {
         py.check_signals()?;
-        Ok(py.detach(|| (0..tasks).map(own).collect::<Result<_, _>>())?)
+        let participant = SyntheticParticipant::new(seed, number as u64);
+        let (_, drive) = py.detach(|| participant.own_trial(task as u64, Keys::Clock));
+        let driven = window::Trajectory::driven(drive.states, &drive.inputs, &parameters);
+        Ok(Trajectory(driven?))
     };
-    (0..participants).map(drive).collect()
+    let trials = |number| (0..tasks).map(|task| drive(number, task)).collect();
+    (0..participants).map(trials).collect()
 }

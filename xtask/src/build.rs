@@ -43,8 +43,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     times.push(("site", start.elapsed()));
 
     if !options.client_only {
-        let mut server = workspace.compile("build");
-        times.push(("server", stage("server", server.args(["--bin", "sidestep"]))?));
+        times.push(("server", server(workspace)?));
     }
 
     let pages = site::page_sizes(&composed, &sizes);
@@ -59,6 +58,14 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
         ),
         None => Ok(()),
     }
+}
+
+/// Builds the server alone.
+///
+/// # Errors
+/// When the compiler refuses.
+pub(crate) fn server(workspace: &Workspace) -> Result<Duration> {
+    stage("server", workspace.compile("build").args(["--bin", "sidestep"]))
 }
 
 /// Prints the two tables.

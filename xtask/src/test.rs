@@ -20,7 +20,7 @@ pub(crate) struct Options {
     #[arg(long)]
     postgres: bool,
     /// Only test the Python package.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["postgres", "arguments"])]
     python: bool,
     /// Passed on to `cargo test`, as in `-- --test browser`.
     #[arg(last = true)]
@@ -42,7 +42,7 @@ const PACKAGES: [&str; 2] = ["chromium", "fonts-dejavu-core"];
 /// When something is missing that cannot be installed, or the build fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     if options.python {
-        build::run(workspace, &build::Options::default())?;
+        build::server(workspace)?;
         return python_package(workspace);
     }
     if find_chromium()?.is_none() {
