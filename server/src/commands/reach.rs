@@ -23,10 +23,9 @@ use sidestep::vehicle::Pose;
 /// driving by less than 1e-4 rad/s are taken to allow it.
 ///
 /// Conservative polygons, areas and boxes are a little larger, so that they contain the whole
-/// set; queries are about the exact set all the same. No random drive left a conservative polygon at
-/// up to 15 steps of at most 0.1 rad each (0.5 rad/s for 0.2 s). At larger turns per step, or over
-/// more steps, conservative polygons and "full" can miss reachable states
-/// (docs/validation/shfrs.md).
+/// set, under all bounds; at large turns per step or over many steps they can be larger than the
+/// accuracy says. Queries are about the exact set all the same. At more than 15 steps of 0.1 rad each
+/// (0.5 rad/s for 0.2 s), "full" can miss reachable states (docs/validation/shfrs.md).
 ///
 /// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
 /// "heading": δ}, with each part optional: positions at most r m from "initial", or at most

@@ -22,6 +22,7 @@ mod multi_switch;
 mod rear;
 mod envelope;
 
+use super::outer::Outer;
 use super::outline::Outliner;
 use super::paths::{Path, Paths, unit};
 use super::sampling::{self, Curves, pieces, sample};
@@ -40,6 +41,7 @@ pub struct Workspace {
     pub(super) curve: Vec<Complex<f64>>,
     pub(super) brush: Vec<Complex<f64>>,
     pub(super) outliner: Outliner,
+    pub(super) outer: Outer,
     curves: Curves,
     family: Vec<Piece>,
     envelope: Envelope,

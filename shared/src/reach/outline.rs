@@ -21,6 +21,9 @@ const GRID_S: f64 = 1e-10;
 /// A vertex closer than this to an edge, in grid spacings, lies on it.
 const ON_EDGE: f64 = 0.75;
 
+/// Least height of the strips of the plane in which crossings are sought, in grid spacings.
+const LEAST_STRIP: i64 = 1 << 10;
+
 /// Rounding a crossing to the grid moves the edges a little, which can make new crossings; they
 /// are sought at most this often.
 const MOST_ROUNDS: usize = 8;
@@ -32,6 +35,8 @@ pub(super) struct Outliner {
     edges: Vec<Edge>,
     /// Edges that are to be cut, and where.
     cuts: Vec<(usize, Node)>,
+    /// Which strips of the plane which edges are in.
+    in_strips: Vec<(i64, usize)>,
     /// Every edge in both directions, in order of its first node and, there, of its
     /// direction counter-clockwise.
     darts: Vec<Dart>,
@@ -83,29 +88,38 @@ impl Outliner {
         self.walk(boundary);
     }
 
-    /// Notes for each edge the nodes inside it at which others cross or touch it. The
-    /// edges are in order, so by their smallest x first.
+    /// Notes for each edge the nodes inside it at which others cross or touch it.
+    ///
+    /// The plane is cut into strips about as high as edges are, and only edges of one strip are compared,
+    /// in order of their smallest x.
     fn find_cuts(&mut self) {
         self.cuts.clear();
-        for (i, &e) in self.edges.iter().enumerate() {
-            let (low, high) = (e.0[1].min(e.1[1]), e.0[1].max(e.1[1]));
-            for (j, &f) in self.edges.iter().enumerate().skip(i + 1) {
-                if f.0[0] > e.1[0] + 1 {
-                    break;
-                }
-                if f.0[1].min(f.1[1]) > high + 1 || f.0[1].max(f.1[1]) < low - 1 {
-                    continue;
-                }
-                let before = self.cuts.len();
-                let touching = |e: Edge, f: Edge| [f.0, f.1].into_iter().filter(move |&n| on(n, e));
-                self.cuts.extend(touching(e, f).map(|node| (i, node)));
-                self.cuts.extend(touching(f, e).map(|node| (j, node)));
-                if before == self.cuts.len()
-                    && let Some(node) = crossing(e, f)
-                {
-                    let inside = |e: Edge| node != e.0 && node != e.1;
-                    self.cuts.extend(inside(e).then_some((i, node)));
-                    self.cuts.extend(inside(f).then_some((j, node)));
+        let n = self.edges.len();
+        let rise: i64 = self.edges.iter().map(|(a, b)| (b[1] - a[1]).abs()).sum();
+        let height = (2 * rise / n.max(1) as i64).max(LEAST_STRIP);
+        // A spacing more at both sides, for what touches.
+        let strips = |(a, b): Edge| {
+            let strip = |y: i64| y.div_euclid(height);
+            (strip(a[1].min(b[1]) - 1), strip(a[1].max(b[1]) + 1))
+        };
+        self.in_strips.clear();
+        for (i, &edge) in self.edges.iter().enumerate() {
+            let (first, last) = strips(edge);
+            self.in_strips.extend((first..=last).map(|strip| (strip, i)));
+        }
+        self.in_strips.sort_unstable();
+        for strip in self.in_strips.chunk_by(|a, b| a.0 == b.0) {
+            for (place, &(number, i)) in strip.iter().enumerate() {
+                let e = self.edges[i];
+                for &(_, j) in &strip[place + 1..] {
+                    let f = self.edges[j];
+                    if f.0[0] > e.1[0] + 1 {
+                        break;
+                    }
+                    // Where two share several strips, the first of them is enough.
+                    if number == strips(e).0.max(strips(f).0) {
+                        compare((i, e), (j, f), &mut self.cuts);
+                    }
                 }
             }
         }
@@ -156,6 +170,26 @@ impl Outliner {
                 return;
             }
         }
+    }
+}
+
+/// Appends where two edges cross or touch inside one of them.
+fn compare((i, e): (usize, Edge), (j, f): (usize, Edge), cuts: &mut Vec<(usize, Node)>) {
+    let range = |(a, b): Edge| (a[1].min(b[1]), a[1].max(b[1]));
+    let ((low, high), (bottom, top)) = (range(e), range(f));
+    if bottom > high + 1 || top < low - 1 {
+        return;
+    }
+    let before = cuts.len();
+    let touching = |e: Edge, f: Edge| [f.0, f.1].into_iter().filter(move |&n| on(n, e));
+    cuts.extend(touching(e, f).map(|node| (i, node)));
+    cuts.extend(touching(f, e).map(|node| (j, node)));
+    if before == cuts.len()
+        && let Some(node) = crossing(e, f)
+    {
+        let inside = |e: Edge| node != e.0 && node != e.1;
+        cuts.extend(inside(e).then_some((i, node)));
+        cuts.extend(inside(f).then_some((j, node)));
     }
 }
 

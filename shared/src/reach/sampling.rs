@@ -9,7 +9,11 @@ pub struct PolygonSettings {
     accuracy_m: f64,
     least_pieces: usize,
     conservative: bool,
+    most_pieces: usize,
 }
+
+/// Of conservative polygons, unless something else is asked for.
+const MOST_PIECES: usize = 100;
 
 impl PolygonSettings {
     /// `accuracy_m`: how far, m, the polygon's edges may lie from the true
@@ -26,19 +30,38 @@ impl PolygonSettings {
         if !(1..=1000).contains(&least_pieces) {
             return Err(Invalid::new("least_pieces", "1 to 1000", least_pieces));
         }
-        Ok(Self { accuracy_m, least_pieces, conservative: false })
+        Ok(Self { accuracy_m, least_pieces, conservative: false, most_pieces: MOST_PIECES })
     }
 
-    /// The same, but with polygons that are meant to contain the whole set, and exceed it by at
-    /// most [`Self::accuracy_m`] (not counting holes, which are filled).
+    /// The same, but with polygons that contain the whole set, for all bounds that
+    /// [`ReachableSet`](super::ReachableSet) accepts. That follows from how they are made (decision 0007), not from
+    /// measured constants. The sum of the errors of the method is the width of a margin around them.
     ///
-    /// Shown to hold at up to 15 steps of at most 0.1 rad each (the paper's 0.5 rad/s for 0.2 s):
-    /// no random drive left such a polygon (23,428 random bounds with 60 drives each). **At larger
-    /// turns per step, or over more steps, they can miss reachable positions**; see
-    /// [`crate::reach`].
+    /// They exceed the set by about [`Self::accuracy_m`], not counting holes, which are filled, as long as
+    /// [`Self::most_pieces`] pieces of time are enough for it: 15 steps of 0.2 s at 0.5 rad/s and 2 m/s take about
+    /// 60 at 1 mm. Where more would be needed, at large turns, over many steps or at high
+    /// accuracy, they contain the set all the same and are larger.
     #[must_use]
     pub fn conservative(self) -> Self {
         Self { conservative: true, ..self }
+    }
+
+    /// The same, with another limit on the work of a conservative polygon: it is made in at most `pieces` pieces of
+    /// time, 1 to 100,000, but at least one for each step. The time taken is about proportional to it.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a number outside this range.
+    pub fn with_most_pieces(self, pieces: usize) -> Result<Self, Invalid> {
+        if !(1..=100_000).contains(&pieces) {
+            return Err(Invalid::new("most_pieces", "1 to 100,000", pieces));
+        }
+        Ok(Self { most_pieces: pieces, ..self })
+    }
+
+    /// Most pieces of time that a conservative polygon is made in; 100 by default.
+    #[must_use]
+    pub fn most_pieces(&self) -> usize {
+        self.most_pieces
     }
 
     /// Whether polygons are [conservative](Self::conservative).
@@ -63,7 +86,7 @@ impl PolygonSettings {
 impl Default for PolygonSettings {
     /// 0.1 mm and 16 edges a curve.
     fn default() -> Self {
-        Self { accuracy_m: 1e-4, least_pieces: 16, conservative: false }
+        Self { accuracy_m: 1e-4, least_pieces: 16, conservative: false, most_pieces: MOST_PIECES }
     }
 }
 

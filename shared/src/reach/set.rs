@@ -2,6 +2,7 @@
 
 use super::boundary::Workspace;
 use super::minkowski::{self, Brush};
+use super::outer::Request;
 use super::paths::{Paths, unit};
 use super::sampling::PolygonSettings;
 use super::start::StartSet;
@@ -147,6 +148,10 @@ impl ReachableSet {
         polygon: &mut Vec<[f64; 2]>,
     ) {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
+        if settings.is_conservative() {
+            self.surround(step, false, settings, workspace, polygon);
+            return;
+        }
         let tolerance = self.tolerance(settings);
         workspace.draw_step(&self.paths, step, settings.least_pieces(), tolerance);
         self.finish(settings, workspace, polygon);
@@ -170,19 +175,18 @@ impl ReachableSet {
         workspace: &mut Workspace,
         polygon: &mut Vec<[f64; 2]>,
     ) {
+        if settings.is_conservative() {
+            self.surround(self.steps(), true, settings, workspace, polygon);
+            return;
+        }
         workspace.draw_tube(&self.paths, settings.least_pieces(), self.tolerance(settings));
         self.finish(settings, workspace, polygon);
     }
 
     /// The error, in seconds of travel, that the boundary from the start pose itself may have.
     fn tolerance(&self, settings: PolygonSettings) -> f64 {
-        let share = match (settings.is_conservative(), self.starts_at_a_pose()) {
-            // Together with as much for the arcs of an uncertain start: half the margin.
-            (true, _) => 0.125,
-            // Together with the arcs of an uncertain start and its disc: less than the accuracy.
-            (false, false) => 0.25,
-            (false, true) => 1.0,
-        };
+        // Together with the arcs of an uncertain start and its disc: less than the accuracy.
+        let share = if self.starts_at_a_pose() { 1.0 } else { 0.25 };
         share * settings.accuracy_m() / self.speed_mps
     }
 
@@ -198,21 +202,47 @@ impl ReachableSet {
         workspace: &mut Workspace,
         polygon: &mut Vec<[f64; 2]>,
     ) {
-        if settings.is_conservative() || !self.starts_at_a_pose() {
+        if !self.starts_at_a_pose() {
             minkowski::tidy(&mut workspace.boundary, &mut workspace.outliner);
             if self.start_set.heading_rad > 0.0 {
                 minkowski::rotate(self.start_set.heading_rad, self.tolerance(settings), workspace);
             }
-            let accuracy = settings.accuracy_m() / self.speed_mps;
-            let margin = if settings.is_conservative() { 0.5 * accuracy } else { 0.0 };
-            let (radius, half) = self.start_set.extents();
-            let brush = Brush {
-                radius: radius / self.speed_mps + margin,
-                half: half.map(|length| length / self.speed_mps),
-                outside: settings.is_conservative(),
-            };
-            brush.sweep(0.25 * accuracy, workspace);
+            self.brush(0.0, false).sweep(0.25 * settings.accuracy_m() / self.speed_mps, workspace);
         }
+        self.to_world(&workspace.boundary, polygon);
+    }
+
+    /// The uncertain position, with a disc around it grown by `margin`, s.
+    fn brush(&self, margin: f64, outside: bool) -> Brush {
+        let (radius, half) = self.start_set.extents();
+        Brush {
+            radius: radius / self.speed_mps + margin,
+            half: half.map(|length| length / self.speed_mps),
+            outside,
+        }
+    }
+
+    /// Replaces the polygon by a conservative one.
+    fn surround(
+        &self,
+        steps: usize,
+        tube: bool,
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+        polygon: &mut Vec<[f64; 2]>,
+    ) {
+        let accuracy = settings.accuracy_m() / self.speed_mps;
+        let request = Request {
+            steps,
+            tube,
+            accuracy,
+            most_pieces: settings.most_pieces(),
+            heading: self.start_set.heading_rad,
+        };
+        let Workspace { boundary, curve, outliner, outer, .. } = &mut *workspace;
+        let margin = outer.draw(&self.paths, request, outliner, curve, boundary);
+        minkowski::tidy(boundary, outliner);
+        self.brush(margin, true).sweep(0.125 * accuracy, workspace);
         self.to_world(&workspace.boundary, polygon);
     }
 

@@ -9,6 +9,7 @@ mod properties;
 mod hard;
 mod known_failures;
 mod growth;
+mod promises;
 mod membership;
 mod reference;
 
@@ -57,6 +58,18 @@ fn random_drive(
         }
     }
     poses
+}
+
+/// Where between the bounds the rate is in each of some parts: mostly at one of them.
+fn any_drive(parts: usize, rng: &mut SeededRng) -> Vec<f64> {
+    let (mut share, restless) = (rng.unit().round(), rng.uniform(0.0, 0.5));
+    let next = |_| {
+        if rng.unit() < restless {
+            share = [0.0, 1.0, rng.unit()][rng.below(3)];
+        }
+        share
+    };
+    (0..parts).map(next).collect()
 }
 
 /// A pose of an uncertain start. With `corners`, they and rims are as likely as all the rest.

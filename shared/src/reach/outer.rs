@@ -1,0 +1,374 @@
+//! Polygons that contain the whole set, by construction.
+//!
+//! Time is cut into pieces, and each admissible path is compared with one that turns on the spot
+//! between the pieces. Let ū be the middle of the bounds in a piece of length h and g half their width,
+//! and let the heading be θ(t) = ūt + ϑ(t), so that |ϑ′| ≤ g. The path that is driven with the *mean* of ϑ in
+//! every piece
+//!
+//! * ends nearly where the other one does: the deviation of ϑ from its mean has no first-order effect, and
+//!   the square of it, ∫d² ≤ g²h³/12, displaces the end by at most h³(g²/48 + |ū|g/12 + g³h/144), if every
+//!   piece is taken h³g²/48 shorter ([`Piece::error`]);
+//! * turns on the spot by at most half of gh for the piece before plus half of gh for the piece
+//!   after, since the difference of two means is an integral of ϑ′ against a weight that rises from 0
+//!   to 1 and falls to 0 again.
+//!
+//! So the ends are P₀, from P_N = {0} and Pⱼ = ⋃ e^{ia}·(Dⱼ + e^{iūh}·Pⱼ₊₁) over |a| ≤ αⱼ, to within the sum of
+//! those errors: Pⱼ are the ends that the rest of the time leads to, in the frame of the vehicle at the beginning of piece
+//! j. Each step is one displacement, the same for all, and one [sweep](Curve::sweep) about the vehicle. Nothing here depends on which
+//! paths are extremal. Rigid motions keep distances, so errors add up and no more, whatever the number of pieces
+//! and the size of the turns.
+//!
+//! The tube is made the same way: in each piece the positions passed on the way are added
+//! ([`Piece::passed`]).
+
+mod swept;
+
+use super::minkowski;
+use super::outline::Outliner;
+use super::paths::{Paths, unit};
+use crate::math::{PI, atan2};
+use nalgebra::Complex;
+
+use swept::{Corner, Curve, Edge, cross};
+
+type Point = Complex<f64>;
+
+/// What is known of each piece of one step.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    /// Pieces of this length in the step.
+    count: usize,
+    /// Length, s.
+    seconds: f64,
+    /// gh/2: by how much the mean of ϑ may differ from ϑ at either end, rad.
+    half_turn: f64,
+    /// e^{iūh}.
+    turned: Point,
+    /// Dⱼ.
+    moved: Point,
+    /// By how much the end of a path may be displaced in a piece, s of travel.
+    error: f64,
+    /// ūh.
+    turn: f64,
+}
+
+impl Piece {
+    fn new(paths: &Paths, step: usize, count: usize) -> Self {
+        let (rate, spread) = middle_and_spread(paths, step);
+        let seconds = paths.step_s / count as f64;
+        let turn = rate * seconds;
+        let half = unit(0.5 * turn);
+        let shorter = seconds.powi(3) * spread * spread / 48.0;
+        let chord = if turn.abs() < 1e-4 {
+            seconds * (1.0 - turn * turn / 24.0)
+        } else {
+            2.0 * half.im / rate
+        };
+        Self {
+            count,
+            seconds,
+            half_turn: 0.5 * spread * seconds,
+            turned: half * half,
+            moved: half * (chord - shorter),
+            error: seconds.powi(3) * error_of(rate, spread, seconds),
+            turn,
+        }
+    }
+
+    /// Adds to a curve from D and back what a path passes in the piece: then it leads from the origin and back. Returns by
+    /// how much a path may still be outside, s of travel.
+    ///
+    /// ∫d vanishes at both ends of the piece and its second derivative is at most g, so a path is to the side of
+    /// the straight line at time s by (±g − ū)·s(h − s)/2 at most. An arc as high as this parabola is outside of it, and
+    /// one with three quarters of its height inside.
+    fn add_passed(&self, spread: f64, corners: &mut Vec<Corner>) -> f64 {
+        let (h, rate) = (self.seconds, self.turn / self.seconds);
+        let height = |bend: f64, outward: bool| {
+            let full = bend * h * h / 8.0;
+            if outward { full } else { 0.75 * full }
+        };
+        let (right, left) = (-(spread + rate), spread - rate);
+        let (right, left) = (height(right, right < 0.0), height(left, left > 0.0));
+        let origin = Point::new(0.0, 0.0);
+        let along = self.moved;
+        let edge = |height: f64, from: Point, to: Point| {
+            // Of a chord from the origin to D, to the left of it if positive.
+            if height.abs() < FLAT * h {
+                return Edge::Line;
+            }
+            let half2 = 0.25 * along.norm_sqr();
+            let side = along * Point::new(0.0, 1.0 / (2.0 * half2.sqrt()));
+            let centre = along * 0.5 + side * (0.5 * (height * height - half2) / height);
+            let ccw = cross(to - from, centre - from) > 0.0;
+            Edge::Arc { centre, left: ccw }
+        };
+        corners.insert(0, Corner { point: origin, edge: edge(right, origin, along) });
+        corners.push(Corner { point: along, edge: edge(left, along, origin) });
+        h.powi(3) * (spread + rate.abs()).powi(2) / 12.0 + FLAT * h
+    }
+}
+
+/// Height of an arc over its chord, as a share of its length, that is a straight line.
+const FLAT: f64 = 1e-7;
+
+fn middle_and_spread(paths: &Paths, step: usize) -> (f64, f64) {
+    let (lo, hi) = (paths.lo[step], paths.hi[step]);
+    (0.5 * (lo + hi), 0.5 * (hi - lo))
+}
+
+/// The error of a piece of length `seconds`, divided by its third power.
+fn error_of(rate: f64, spread: f64, seconds: f64) -> f64 {
+    spread * (spread / 48.0 + rate.abs() / 12.0 + spread * spread * seconds / 144.0)
+}
+
+/// A curve with more corners is drawn more coarsely, outside of the finer one.
+const MOST_CORNERS: usize = 1_500;
+
+/// Its tolerance is doubled this often.
+const MOST_DOUBLINGS: u32 = 6;
+
+/// A curve with more extremes of the distance from the vehicle is replaced by its outline.
+const MOST_EXTREMES: usize = 24;
+
+/// Shares of the accuracy: errors of the pieces, drawing arcs as lines, and leaving out vertices.
+const OF_PIECES: f64 = 0.2;
+const OF_ARCS: f64 = 0.1;
+const OF_VERTICES: f64 = 0.1;
+
+/// A rotation by less than this, rad, is an error instead: chains that it moves apart would coincide.
+const LEAST_ANGLE: f64 = 1e-8;
+
+/// What rounding may add in each piece, s of travel.
+const ROUNDING: f64 = 2e-9;
+
+/// Polygons around sets, one after the other in the same memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Outer {
+    pieces: Vec<Piece>,
+    curve: Curve,
+}
+
+/// What the caller asks for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Request {
+    pub(super) steps: usize,
+    /// Of the tube instead of the last step.
+    pub(super) tube: bool,
+    /// How much of error, s of travel, is wanted at most.
+    pub(super) accuracy: f64,
+    /// Pieces in all, whatever the accuracy.
+    pub(super) most_pieces: usize,
+    /// By how much the heading at the start may differ, rad.
+    pub(super) heading: f64,
+}
+
+impl Outer {
+    /// Replaces `boundary` by that of a polygon which, grown by the distance returned, s of travel,
+    /// contains the set.
+    pub(super) fn draw(
+        &mut self,
+        paths: &Paths,
+        request: Request,
+        outliner: &mut Outliner,
+        scratch: &mut Vec<Point>,
+        boundary: &mut Vec<Point>,
+    ) -> f64 {
+        self.cut(paths, request);
+        let origin = Point::new(0.0, 0.0);
+        self.curve.corners.clear();
+        self.curve.corners.push(Corner { point: origin, edge: Edge::Line });
+        let arcs = OF_ARCS * request.accuracy;
+        let (mut error, mut outside, mut kept) = (0.0, 0.0_f64, (0, 0));
+        for step in (0..request.steps).rev() {
+            let piece = self.pieces[step];
+            let spread = middle_and_spread(paths, step).1;
+            let before = match step.checked_sub(1) {
+                Some(before) => self.pieces[before].half_turn,
+                None => request.heading,
+            };
+            for place in (0..piece.count).rev() {
+                error += piece.error + ROUNDING;
+                let other = if place > 0 { piece.half_turn } else { before };
+                let angle = (piece.half_turn + other).min(PI);
+                let corners = &mut self.curve.corners;
+                corners.iter_mut().for_each(|corner| corner.place(piece.turned, piece.moved));
+                if request.tube {
+                    outside = outside.max(piece.add_passed(spread, corners));
+                }
+                if angle < LEAST_ANGLE {
+                    // By as much as the farthest end would move.
+                    error += angle * paths.step_s * request.steps as f64;
+                    continue;
+                }
+                let extremes = self.curve.sweep(angle);
+                let corners = self.curve.corners.len();
+                if extremes > 2 * kept.0 + MOST_EXTREMES || corners > 2 * kept.1 + MOST_CORNERS {
+                    self.simplify(arcs, outliner, scratch, boundary);
+                    kept = (extremes, self.curve.corners.len());
+                }
+                if request.tube {
+                    self.curve.begin_at_origin();
+                }
+            }
+        }
+        polyline(&self.curve.corners, arcs, boundary);
+        loosen(boundary, scratch, OF_VERTICES * request.accuracy);
+        minkowski::tidy(boundary, outliner);
+        // Each tooth that is left would go round with the whole of an uncertain position.
+        loosen(boundary, scratch, OF_VERTICES * request.accuracy);
+        error + outside
+    }
+
+    /// Replaces the curve by a polygon around it.
+    fn simplify(
+        &mut self,
+        tolerance: f64,
+        outliner: &mut Outliner,
+        scratch: &mut Vec<Point>,
+        boundary: &mut Vec<Point>,
+    ) {
+        polyline(&self.curve.corners, tolerance, boundary);
+        loosen(boundary, scratch, tolerance);
+        minkowski::tidy(boundary, outliner);
+        coarsen(boundary, scratch, tolerance);
+        let corners = boundary.iter().map(|&point| Corner { point, edge: Edge::Line });
+        self.curve.corners.clear();
+        self.curve.corners.extend(corners);
+    }
+
+    /// Cuts steps into pieces whose errors together are [`OF_PIECES`] of the accuracy, with as few pieces as possible
+    /// (lengths go with the inverse cube root of the errors), if there are not too many of them.
+    fn cut(&mut self, paths: &Paths, request: Request) {
+        let budget = OF_PIECES * request.accuracy;
+        let step_s = paths.step_s;
+        let weight = |step| {
+            let (rate, spread) = middle_and_spread(paths, step);
+            error_of(rate, spread, step_s)
+        };
+        let sum: f64 = (0..request.steps).map(|step| weight(step).cbrt()).sum();
+        let scale = (budget / (step_s * sum)).sqrt();
+        let fine = |step: usize| {
+            let (_, spread) = middle_and_spread(paths, step);
+            let mut pieces = step_s * weight(step).cbrt() / scale;
+            if request.tube {
+                // What a piece adds at the sides is a fourth of the accuracy.
+                let (rate, _) = middle_and_spread(paths, step);
+                let bend = spread + rate.abs();
+                pieces = pieces.max(step_s * (0.5 * bend / request.accuracy).sqrt());
+            }
+            pieces
+        };
+        let wanted: f64 = (0..request.steps).map(|step| fine(step).max(1.0)).sum();
+        let share = (request.most_pieces as f64 / wanted).min(1.0);
+        self.pieces.clear();
+        self.pieces.extend((0..request.steps).map(|step| {
+            let count = (share * fine(step)).ceil().max(1.0);
+            Piece::new(paths, step, count as usize)
+        }));
+    }
+}
+
+/// Replaces `boundary` by a polygon around the curve, by at most `tolerance`: outside of arcs to the left, and along the
+/// chords of arcs to the right.
+fn polyline(corners: &[Corner], tolerance: f64, boundary: &mut Vec<Point>) {
+    boundary.clear();
+    for (i, corner) in corners.iter().enumerate() {
+        boundary.push(corner.point);
+        let Edge::Arc { centre, left } = corner.edge else { continue };
+        let next = corners[(i + 1) % corners.len()].point;
+        let (from, to) = (corner.point - centre, next - centre);
+        let between = if left { to * from.conj() } else { from * to.conj() };
+        let width = atan2(between.im, between.re);
+        if width <= 0.0 {
+            continue;
+        }
+        // r·δ²/8 ≤ tolerance, and at most a sixth of a turn.
+        let radius = from.norm_sqr().sqrt();
+        let count = (width * (radius / (8.0 * tolerance)).sqrt()).ceil();
+        let count = count.clamp((width * 3.0 / PI).ceil().max(1.0), MOST_EDGES);
+        let part = width / count;
+        if left {
+            let (mut corner, turned) = (from * unit(0.5 * part), unit(part));
+            let outward = 1.0 / unit(0.5 * part).re;
+            for _ in 0..count as usize {
+                boundary.push(centre + corner * outward);
+                corner *= turned;
+            }
+        } else {
+            let (mut corner, turned) = (from, unit(-part));
+            for _ in 1..count as usize {
+                corner *= turned;
+                boundary.push(centre + corner);
+            }
+        }
+    }
+}
+
+/// Most edges of an arc.
+const MOST_EDGES: f64 = 100.0;
+
+/// [Loosens](loosen) a polygon until it has few vertices.
+fn coarsen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolerance: f64) {
+    let mut allowed = tolerance;
+    for _ in 0..MOST_DOUBLINGS {
+        loosen(boundary, scratch, allowed);
+        if boundary.len() <= MOST_CORNERS / 4 {
+            return;
+        }
+        allowed *= 2.0;
+    }
+}
+
+/// Takes out vertices so that the polygon grows, and nowhere by more than `tolerance`: a vertex at which it turns
+/// right is left out; two at which it turns left are replaced by where their other edges meet.
+fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolerance: f64) {
+    for _ in 0..4 {
+        let n = boundary.len();
+        if n < 8 {
+            return;
+        }
+        scratch.clear();
+        let at = |i: usize| boundary[i % n];
+        let mut i = 0;
+        while i < n {
+            let (a, b, c) = (at(i + n - 1), at(i), at(i + 1));
+            if i + 1 < n {
+                let (ab, bc) = (b - a, c - b);
+                let turn = cross(ab, bc);
+                let chord = c - a;
+                let forward = |edge: Point| (edge * chord.conj()).re > 0.0;
+                // The height of b over the chord from a to c; the tip of a spike stays.
+                if turn <= 0.0
+                    && forward(ab)
+                    && forward(bc)
+                    && -turn <= tolerance * chord.norm_sqr().sqrt()
+                {
+                    scratch.extend([c]);
+                    i += 2;
+                    continue;
+                }
+                let d = at(i + 2);
+                let cd = d - c;
+                let (first, second, both) = (turn, cross(bc, cd), cross(ab, cd));
+                // All three edges go much the same way: no tip of a spike.
+                let alike = |a: Point, b: Point| (a * b.conj()).re > 0.0;
+                let onward = alike(ab, bc) && alike(bc, cd) && alike(ab, cd);
+                if i + 2 < n && onward && first > 0.0 && second > 0.0 && both > 0.0 {
+                    let corner = b + ab * (second / both);
+                    let height = cross(bc, corner - b) / bc.norm_sqr().sqrt();
+                    if height.abs() <= tolerance {
+                        scratch.extend([corner, d]);
+                        i += 3;
+                        continue;
+                    }
+                }
+            }
+            scratch.push(b);
+            i += 1;
+        }
+        core::mem::swap(boundary, scratch);
+        if 10 * boundary.len() > 9 * n {
+            return;
+        }
+    }
+}

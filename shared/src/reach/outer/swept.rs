@@ -1,0 +1,495 @@
+//! Closed curves of arcs, and their union over rotations about the origin.
+//!
+//! A rotation moves an arc to an arc, so these curves stay exact however often they are swept.
+//!
+//! Take a closed curve that winds about each position at least 0 times. On a circle about the origin, the number of
+//! windings goes up where the curve crosses the circle outward, and down where it crosses it inward (in the direction of
+//! increasing angle). Rotate all outward crossings by −α and all inward ones by +α: then at each angle there are as many
+//! windings as there were at *any* angle up to α away, or more; and none where there were none. So the parts of the
+//! curve that recede from the origin ([`Chain`]s, between the extremes of the distance) go right, the others go left, arcs about
+//! the origin connect them, and the new curve winds about each position of the union at least once, and about no
+//! other.
+//!
+//! Where two neighbouring chains overlap after that, both are left out up to where they cross: what they enclosed is
+//! then counted once instead of twice.
+
+use super::super::paths::unit;
+use crate::math::{PI, TAU, atan2};
+use nalgebra::Complex;
+
+type Point = Complex<f64>;
+
+/// How a curve goes on from a corner to the next one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Edge {
+    Line,
+    /// An arc of at most a quarter of a circle.
+    Arc {
+        centre: Point,
+        /// Counter-clockwise.
+        left: bool,
+    },
+}
+
+/// A corner of a curve, and the edge to the next one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub(super) point: Point,
+    pub(super) edge: Edge,
+}
+
+/// Square of a length, s of travel, that is nothing.
+const NOTHING: f64 = 1e-24;
+
+/// Widest arc, rad.
+const WIDEST: f64 = 0.5 * PI;
+
+/// Chains less apart than this, rad, coincide.
+const LEAST_APART: f64 = 1e-9;
+
+/// Chains are cut after rotations by up to this, rad: two that overlap by about half a turn are not told apart from two that do
+/// not.
+const WIDEST_CUT: f64 = 1.2;
+
+/// Square of a share of the distance within which two points are one.
+const SAME: f64 = 1e-14;
+
+/// How often a bracket of a crossing is narrowed at most.
+const MOST_ROUNDS: usize = 60;
+
+impl Corner {
+    fn rotated(self, by: Point) -> Self {
+        let edge = match self.edge {
+            Edge::Line => Edge::Line,
+            Edge::Arc { centre, left } => Edge::Arc { centre: centre * by, left },
+        };
+        Self { point: self.point * by, edge }
+    }
+
+    /// Rotates it about the origin and moves it.
+    pub(super) fn place(&mut self, turned: Point, moved: Point) {
+        self.point = self.point * turned + moved;
+        if let Edge::Arc { centre, .. } = &mut self.edge {
+            *centre = *centre * turned + moved;
+        }
+    }
+}
+
+/// A part of a curve whose distance from the origin only grows, or only shrinks.
+#[derive(Clone, Copy, Debug)]
+struct Chain {
+    /// Its first edge, and where on it the chain begins.
+    first: usize,
+    start: Point,
+    /// Its last edge, and where on it the chain ends.
+    last: usize,
+    end: Point,
+    /// Whether its start, its end was cut off.
+    cut: [bool; 2],
+    gone: bool,
+}
+
+/// An extreme of the distance, between two chains.
+#[derive(Clone, Copy, Debug)]
+struct Extreme {
+    point: Point,
+    /// A maximum.
+    far: bool,
+    /// Whether an arc connects the chains; else they meet, or are gone.
+    connects: bool,
+    /// Where the arc begins and ends, if part of it was cut off.
+    from: Option<Point>,
+    to: Option<Point>,
+}
+
+/// A curve, and memory for the next one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Curve {
+    pub(super) corners: Vec<Corner>,
+    /// Corners between which the distance only grows or shrinks, with its square.
+    radial: Vec<(Corner, f64)>,
+    extremes: Vec<Extreme>,
+    chains: Vec<Chain>,
+}
+
+impl Curve {
+    /// Replaces the curve by one around the union of what it encloses, rotated about the origin by every angle up to
+    /// `angle` to both sides. Returns how many extremes of the distance it had.
+    pub(super) fn sweep(&mut self, angle: f64) -> usize {
+        self.divide();
+        self.find_extremes();
+        self.corners.clear();
+        if self.radial.len() == 1 && angle < PI {
+            let point = self.radial[0].0.point;
+            arc(point * unit(-angle), point * unit(angle), 2.0 * angle, true, &mut self.corners);
+            arc(point * unit(angle), point * unit(-angle), 2.0 * angle, false, &mut self.corners);
+            if self.corners.is_empty() {
+                self.corners.push(Corner { point, edge: Edge::Line });
+            }
+            return 2;
+        }
+        if angle >= PI || self.extremes.is_empty() {
+            self.surround();
+            return 0;
+        }
+        if angle <= WIDEST_CUT {
+            for k in 0..self.extremes.len() {
+                self.cut(k, angle);
+            }
+        }
+        self.write(angle);
+        self.extremes.len()
+    }
+
+    /// The circle through the farthest corner.
+    fn surround(&mut self) {
+        let Some(&(farthest, _)) = self.radial.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
+            return;
+        };
+        let point = farthest.point;
+        arc(point, point, TAU, true, &mut self.corners);
+        if self.corners.is_empty() {
+            self.corners.push(Corner { point, edge: Edge::Line });
+        }
+    }
+
+    /// Has the curve lead from the origin, which it encloses, and back.
+    pub(super) fn begin_at_origin(&mut self) {
+        let Some(&Corner { point: first, .. }) = self.corners.first() else { return };
+        if first.norm_sqr() < NOTHING {
+            return;
+        }
+        self.corners.insert(0, Corner { point: Point::new(0.0, 0.0), edge: Edge::Line });
+        self.corners.push(Corner { point: first, edge: Edge::Line });
+    }
+
+    /// Divides the edges where the distance from the origin is extreme.
+    fn divide(&mut self) {
+        let Self { corners, radial, .. } = self;
+        radial.clear();
+        let n = corners.len();
+        for (i, &corner) in corners.iter().enumerate() {
+            let (a, b) = (corner.point, corners[(i + 1) % n].point);
+            if (b - a).norm_sqr() < NOTHING && n > 1 {
+                continue;
+            }
+            radial.push((corner, a.norm_sqr()));
+            match corner.edge {
+                Edge::Line => {
+                    let along = b - a;
+                    let share = -(a * along.conj()).re / along.norm_sqr();
+                    if share > 0.0 && share < 1.0 {
+                        let point = a + along * share;
+                        radial.push((Corner { point, ..corner }, point.norm_sqr()));
+                    }
+                }
+                Edge::Arc { centre, left } => {
+                    let size = (centre.norm_sqr(), (a - centre).norm_sqr());
+                    let out = centre * (size.1 / size.0).sqrt();
+                    let sign = if left { 1.0 } else { -1.0 };
+                    for out in [out, -out] {
+                        let is_inside = sign * cross(a - centre, out) > 0.0
+                            && sign * cross(out, b - centre) > 0.0
+                            && (a - centre + b - centre).norm_sqr() > 0.0
+                            && (out * (a - centre + b - centre).conj()).re > 0.0;
+                        if is_inside && size.0 > NOTHING {
+                            let point = centre + out;
+                            radial.push((Corner { point, ..corner }, point.norm_sqr()));
+                        }
+                    }
+                }
+            }
+        }
+        if radial.is_empty() {
+            radial.extend(corners.first().map(|&corner| (corner, corner.point.norm_sqr())));
+        }
+    }
+
+    /// Finds extremes, and the chains that follow them.
+    fn find_extremes(&mut self) {
+        let Self { radial, extremes, chains, .. } = self;
+        extremes.clear();
+        chains.clear();
+        let n = radial.len();
+        let recedes = |i: usize| radial[(i + 1) % n].1 >= radial[i % n].1;
+        for place in 0..n {
+            let came = recedes(place + n - 1);
+            if came != recedes(place) {
+                let point = radial[place].0.point;
+                extremes.push(Extreme { point, far: came, connects: true, from: None, to: None });
+                let cut = [false; 2];
+                chains.push(Chain {
+                    first: place,
+                    start: point,
+                    last: 0,
+                    end: point,
+                    cut,
+                    gone: false,
+                });
+            }
+        }
+        let count = chains.len();
+        for k in 0..count {
+            let next = chains[(k + 1) % count];
+            let (first, last) = (chains[k].first, next.first + n - 1);
+            chains[k].last = if last - first >= n { last - n } else { last };
+            chains[k].end = next.start;
+        }
+    }
+
+    /// An edge and its ends.
+    fn edge(&self, i: usize) -> (Edge, Point, Point) {
+        let n = self.radial.len();
+        let corner = self.radial[i % n].0;
+        (corner.edge, corner.point, self.radial[(i + 1) % n].0.point)
+    }
+
+    /// Where an edge is at this square of a distance.
+    fn at(&self, i: usize, distance2: f64) -> Point {
+        let (edge, a, b) = self.edge(i);
+        match edge {
+            Edge::Line => {
+                let along = b - a;
+                let length2 = along.norm_sqr();
+                let foot = -(a * along.conj()).re / length2;
+                let height2 = (a + along * foot).norm_sqr();
+                let off = ((distance2 - height2) / length2).max(0.0).sqrt();
+                let share = if b.norm_sqr() >= a.norm_sqr() { foot + off } else { foot - off };
+                a + along * share.clamp(0.0, 1.0)
+            }
+            Edge::Arc { centre, .. } => {
+                let centre2 = centre.norm_sqr();
+                if centre2 < NOTHING {
+                    return a;
+                }
+                let along = 0.5 * (distance2 + centre2 - (a - centre).norm_sqr()) / centre2;
+                let off = (distance2 / centre2 - along * along).max(0.0).sqrt();
+                centre * Point::new(along, if cross(centre, a + b) < 0.0 { -off } else { off })
+            }
+        }
+    }
+
+    /// Cuts off what the chains before and after an extreme have twice. They may overlap to where they cross, or to the end of
+    /// one of them, from where on the arc there takes its place. If they do not, or if that arc is cut off otherwise, all
+    /// stays as it is.
+    fn cut(&mut self, k: usize, angle: f64) {
+        let count = self.chains.len();
+        let (before, after) = ((k + count - 1) % count, k);
+        let (a, b) = (self.chains[before], self.chains[after]);
+        let extreme = self.extremes[k];
+        if a.gone || b.gone || count < 4 || !extreme.connects || a.cut[1] || b.cut[0] {
+            return;
+        }
+        if extreme.from.is_some() || extreme.to.is_some() {
+            return;
+        }
+        let far = extreme.far;
+        let wide = unit(-2.0 * angle);
+        // e^{iδ}, multiplied by the square of the distance; δ is how far the chain that goes left is to the right of the other.
+        let apart = |a: Point, b: Point| if far { a * b.conj() } else { b * a.conj() };
+        let sides = if far { [unit(-angle), unit(angle)] } else { [unit(angle), unit(-angle)] };
+        let mut distance2 = extreme.point.norm_sqr();
+        if distance2 < NOTHING {
+            return;
+        }
+        let (mut i, mut j) = (a.last, b.first);
+        loop {
+            let begin = |i: usize| self.radial[i % self.radial.len()].1;
+            let (a_ends, b_ends) = (i == a.first, j == b.last);
+            let to_a = if a_ends { a.start.norm_sqr() } else { begin(i) };
+            let to_b = if b_ends { b.end.norm_sqr() } else { begin(j + 1) };
+            let next = if far { to_a.max(to_b) } else { to_a.min(to_b) };
+            let (p, q) = (self.at(i, next), self.at(j, next));
+            let between = apart(p, q);
+            // They must not meet before: beyond that, or where they coincide, there is something of the set between
+            // them, which grows, and no notch, which shrinks.
+            let middle = 0.5 * (distance2 + next);
+            let meanwhile = apart(self.at(i, middle), self.at(j, middle));
+            if between.im <= 0.0
+                || meanwhile.im <= LEAST_APART * middle
+                || self.meet_within([i, j], [distance2, next], extreme.point)
+            {
+                return;
+            }
+            if (between * wide).im >= 0.0 {
+                let (p, q) = self.meet([i, j], [distance2, next], |p, q| (apart(p, q) * wide).im);
+                if (p * sides[0] - q * sides[1]).norm_sqr() > SAME * p.norm_sqr() {
+                    return;
+                }
+                (self.chains[before].last, self.chains[before].end) = (i, p);
+                (self.chains[after].first, self.chains[after].start) = (j, q);
+                self.chains[before].cut[1] = true;
+                self.chains[after].cut[0] = true;
+                self.extremes[k].connects = false;
+                return;
+            }
+            let (a_over, b_over) = (to_a == next && a_ends, to_b == next && b_ends);
+            if a_over && b_over || a_over && a.cut[0] || b_over && b.cut[1] {
+                return;
+            }
+            if a_over {
+                let end = &mut self.extremes[before];
+                if end.connects && end.to.is_none() && end.from.is_none() {
+                    end.to = Some(q * sides[1]);
+                    self.chains[before].gone = true;
+                    (self.chains[after].first, self.chains[after].start) = (j, q);
+                    self.chains[after].cut[0] = true;
+                    self.extremes[k].connects = false;
+                }
+                return;
+            }
+            if b_over {
+                let end = &mut self.extremes[(k + 1) % count];
+                if end.connects && end.to.is_none() && end.from.is_none() {
+                    end.from = Some(p * sides[0]);
+                    self.chains[after].gone = true;
+                    (self.chains[before].last, self.chains[before].end) = (i, p);
+                    self.chains[before].cut[1] = true;
+                    self.extremes[k].connects = false;
+                }
+                return;
+            }
+            if to_a == next {
+                i -= 1;
+            }
+            if to_b == next {
+                j += 1;
+            }
+            distance2 = next;
+        }
+    }
+
+    /// Whether two edges meet between two squares of distances, but for a known point.
+    fn meet_within(&self, [i, j]: [usize; 2], range: [f64; 2], known: Point) -> bool {
+        let slack = LEAST_APART * range[0].max(range[1]);
+        let (low, high) = (range[0].min(range[1]) - slack, range[0].max(range[1]) + slack);
+        let (e, f) = (self.edge(i), self.edge(j));
+        crossings((e.0, e.1, e.2), (f.0, f.1, f.2)).into_iter().flatten().any(|point| {
+            let distance2 = point.norm_sqr();
+            let is_on = |edge: usize| {
+                (self.at(edge, distance2) - point).norm_sqr() < LEAST_APART * distance2
+            };
+            (low..=high).contains(&distance2)
+                && (point - known).norm_sqr() > SAME * distance2
+                && is_on(i)
+                && is_on(j)
+        })
+    }
+
+    /// Where two edges have `overlap` 0, between two squares of distances with different signs of it.
+    fn meet(
+        &self,
+        [i, j]: [usize; 2],
+        [mut low, mut high]: [f64; 2],
+        overlap: impl Fn(Point, Point) -> f64,
+    ) -> (Point, Point) {
+        let value = |distance2: f64| overlap(self.at(i, distance2), self.at(j, distance2));
+        let (mut at_low, mut at_high) = (value(low), value(high));
+        let mut best = high;
+        for _ in 0..MOST_ROUNDS {
+            let middle = if at_low == at_high {
+                0.5 * (low + high)
+            } else {
+                high - at_high * (high - low) / (at_high - at_low)
+            };
+            // The rule of Illinois: the end that stays counts half.
+            let found = value(middle);
+            best = middle;
+            if found.abs() < 1e-15 * middle || (high - low).abs() < 1e-14 * middle {
+                break;
+            }
+            if (found > 0.0) == (at_high > 0.0) {
+                (high, at_high) = (middle, found);
+                at_low *= 0.5;
+            } else {
+                (low, at_low) = (high, at_high);
+                (high, at_high) = (middle, found);
+            }
+        }
+        (self.at(i, best), self.at(j, best))
+    }
+
+    /// Writes the curve of what is left.
+    fn write(&mut self, angle: f64) {
+        let Self { corners, radial, extremes, chains, .. } = self;
+        let n = radial.len();
+        let (right, left) = (unit(-angle), unit(angle));
+        for (extreme, chain) in extremes.iter().zip(chains.iter()) {
+            let Extreme { point, far, connects, from, to } = *extreme;
+            let (before, after) = if far { (right, left) } else { (left, right) };
+            if connects {
+                let (first, last) = (from.unwrap_or(point * before), to.unwrap_or(point * after));
+                let width = if from.is_none() && to.is_none() {
+                    2.0 * angle
+                } else {
+                    let between = if far { last * first.conj() } else { first * last.conj() };
+                    let width = atan2(between.im, between.re);
+                    if width < -1e-9 { width + TAU } else { width.max(0.0) }
+                };
+                arc(first, last, width, far, corners);
+            }
+            if chain.gone {
+                continue;
+            }
+            let begin = Corner { point: chain.start, ..radial[chain.first % n].0 };
+            corners.push(begin.rotated(after));
+            let further = chain.first + 1..=chain.last;
+            corners.extend(further.map(|i| radial[i % n].0.rotated(after)));
+        }
+    }
+}
+
+pub(super) fn cross(a: Point, b: Point) -> f64 {
+    a.re * b.im - a.im * b.re
+}
+
+/// Where the circles or lines of two edges, each with its ends, cross.
+fn crossings(e: (Edge, Point, Point), f: (Edge, Point, Point)) -> [Option<Point>; 2] {
+    let both = |middle: Point, off: Point| [Some(middle + off), Some(middle - off)];
+    match (e, f) {
+        ((Edge::Arc { centre: c, .. }, a, _), (Edge::Arc { centre: d, .. }, b, _)) => {
+            let between = d - c;
+            let (r2, s2) = ((a - c).norm_sqr(), (b - d).norm_sqr());
+            let length2 = between.norm_sqr();
+            if length2 < NOTHING {
+                return [None; 2];
+            }
+            let along = 0.5 * (1.0 + (r2 - s2) / length2);
+            let off2 = r2 / length2 - along * along;
+            if off2 < 0.0 {
+                return [None; 2];
+            }
+            both(c + between * along, between * Point::new(0.0, off2.sqrt()))
+        }
+        ((Edge::Line, a, b), (Edge::Arc { centre, .. }, c, _))
+        | ((Edge::Arc { centre, .. }, c, _), (Edge::Line, a, b)) => {
+            let along = b - a;
+            let foot = a + along * (((centre - a) * along.conj()).re / along.norm_sqr());
+            let off2 = ((c - centre).norm_sqr() - (foot - centre).norm_sqr()) / along.norm_sqr();
+            if off2 < 0.0 {
+                return [None; 2];
+            }
+            both(foot, along * off2.sqrt())
+        }
+        ((Edge::Line, a, b), (Edge::Line, c, d)) => {
+            let (first, second) = (b - a, d - c);
+            let share = cross(c - a, second) / cross(first, second);
+            [share.is_finite().then(|| a + first * share), None]
+        }
+    }
+}
+
+/// Appends an arc of this width, rad, about the origin, without its end.
+fn arc(from: Point, to: Point, width: f64, left: bool, corners: &mut Vec<Corner>) {
+    if from.norm_sqr() < NOTHING || width <= 0.0 && from == to {
+        return;
+    }
+    let edge = Edge::Arc { centre: Point::new(0.0, 0.0), left };
+    let count = (width / WIDEST).ceil().max(1.0);
+    let part = unit(if left { width / count } else { -width / count });
+    let mut point = from;
+    for _ in 0..count as usize {
+        corners.push(Corner { point, edge });
+        point *= part;
+    }
+}
