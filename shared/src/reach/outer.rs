@@ -26,7 +26,7 @@ mod swept;
 use super::minkowski;
 use super::outline::Outliner;
 use super::paths::{Paths, unit};
-use crate::math::{PI, atan2};
+use crate::math::{PI, atan2, cbrt};
 use nalgebra::Complex;
 
 use swept::{Corner, Curve, Edge, cross};
@@ -58,7 +58,7 @@ impl Piece {
         let seconds = paths.step_s / count as f64;
         let turn = rate * seconds;
         let half = unit(0.5 * turn);
-        let shorter = seconds.powi(3) * spread * spread / 48.0;
+        let shorter = cube(seconds) * spread * spread / 48.0;
         let chord = if turn.abs() < 1e-4 {
             seconds * (1.0 - turn * turn / 24.0)
         } else {
@@ -70,7 +70,7 @@ impl Piece {
             half_turn: 0.5 * spread * seconds,
             turned: half * half,
             moved: half * (chord - shorter),
-            error: seconds.powi(3) * error_of(rate, spread, seconds),
+            error: cube(seconds) * error_of(rate, spread, seconds),
             turn,
         }
     }
@@ -104,8 +104,13 @@ impl Piece {
         };
         corners.insert(0, Corner { point: origin, edge: edge(right, origin, along) });
         corners.push(Corner { point: along, edge: edge(left, along, origin) });
-        h.powi(3) * (spread + rate.abs()).powi(2) / 12.0 + FLAT * h
+        let fastest = spread + rate.abs();
+        cube(h) * fastest * fastest / 12.0 + FLAT * h
     }
+}
+
+fn cube(x: f64) -> f64 {
+    x * x * x
 }
 
 /// Height of an arc over its chord, as a share of its length, that is a straight line.
@@ -245,11 +250,11 @@ impl Outer {
             let (rate, spread) = middle_and_spread(paths, step);
             error_of(rate, spread, step_s)
         };
-        let sum: f64 = (0..request.steps).map(|step| weight(step).cbrt()).sum();
+        let sum: f64 = (0..request.steps).map(|step| cbrt(weight(step))).sum();
         let scale = (budget / (step_s * sum)).sqrt();
         let fine = |step: usize| {
             let (_, spread) = middle_and_spread(paths, step);
-            let mut pieces = step_s * weight(step).cbrt() / scale;
+            let mut pieces = step_s * cbrt(weight(step)) / scale;
             if request.tube {
                 // What a piece adds at the sides is a fourth of the accuracy.
                 let (rate, _) = middle_and_spread(paths, step);

@@ -212,10 +212,10 @@ impl Curve {
         chains.clear();
         let n = radial.len();
         let recedes = |i: usize| radial[(i + 1) % n].1 >= radial[i % n].1;
-        for place in 0..n {
+        for (place, (corner, _)) in radial.iter().enumerate() {
             let came = recedes(place + n - 1);
             if came != recedes(place) {
-                let point = radial[place].0.point;
+                let point = corner.point;
                 extremes.push(Extreme { point, far: came, connects: true, from: None, to: None });
                 let cut = [false; 2];
                 chains.push(Chain {
@@ -324,7 +324,7 @@ impl Curve {
                 return;
             }
             let (a_over, b_over) = (to_a == next && a_ends, to_b == next && b_ends);
-            if a_over && b_over || a_over && a.cut[0] || b_over && b.cut[1] {
+            if a_over && (b_over || a.cut[0]) || b_over && b.cut[1] {
                 return;
             }
             if a_over {
