@@ -4,9 +4,11 @@ mod recorded;
 
 use sidestep::bounds::{ActionChoice, Rollout};
 use sidestep::invalid::Invalid;
+use sidestep::math::{hypot, sin_cos};
+use sidestep::planner::{CoverageBounds, Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::predict::Predictor;
 use sidestep::safety::SafetyLevels;
-use sidestep::scene::SceneParameters;
+use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
@@ -14,6 +16,7 @@ use sidestep::shfrs::probability::regions;
 use sidestep::shfrs::tuning::{Split, Tuned, TuningSettings, candidates, tune};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 use sidestep::training::Driven;
+use sidestep::vehicle::Pose;
 use std::sync::OnceLock;
 
 /// A predictor (logistic regression on B_hrd) of the first 20 drives of each person, and the
@@ -105,6 +108,64 @@ fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     let adaptive = area(ActionChoice::Adaptive { tau: 0.1, steps: 10 });
     assert!(adaptive < 0.8 * area(ActionChoice::TopK(vec![1; 10])));
     assert!(adaptive < 0.8 * area(ActionChoice::TopK(vec![3; 10])));
+}
+
+/// What was tuned goes online: the same sets, and plans that are called safe are touched no more often than the
+/// guarantee allows.
+#[test]
+fn what_was_tuned_predicts_online() {
+    const STEP: usize = 12;
+    let Data { parameters, safety, predictor, unseen } = data();
+    let found = tuned(&settings(0.9, Guarantee::Conformal, 1)).unwrap();
+    let further = [found.epsilon + 0.2, 1.5];
+    let (predictor, safety) = (predictor.clone(), safety.clone());
+    let human = PredictedHuman::new(&predictor, &safety, parameters).unwrap();
+    let prediction = Prediction::new(parameters, &human);
+    let rollout = [Rollout::Base, Rollout::Paper];
+    let rollout = rollout.into_iter().find(|it| it.word() == found.rollout).unwrap();
+    let same = prediction.settings(vec![found.epsilon], &found.choice, rollout).unwrap();
+    let online =
+        OnlinePredictor::tuned(&found, &further, predictor.clone(), safety.clone(), *parameters);
+    let mut online = online.unwrap();
+    let bounds = CoverageBounds::of_tuned(&found, parameters, 3).unwrap();
+    assert!(bounds.outside().iter().all(|share| (share - 0.1).abs() < 1e-12));
+    // 5 mm; half a step of 0.2 m with the wrong heading; half of that with a turn of up to 1 rad/s.
+    assert!((0.01..0.02).contains(&bounds.margin_m()), "{}", bounds.margin_m());
+    assert!(bounds.statement().starts_with(&found.statement));
+
+    let limits = PlanLimits { most_speed_mps: 1.0, most_turn_rate_radps: 1.0 };
+    let footprint = Footprint::disc(0.3).unwrap();
+    let (mut called_safe, mut touched) = (0, 0);
+    for trajectory in unseen {
+        let states = trajectory.states();
+        online.reset();
+        for state in &states[..=STEP] {
+            online.push(*state).unwrap();
+        }
+        let sets = online.predict().unwrap().to_vec();
+        let expected = prediction.bounds(&states[..=STEP], &same).unwrap();
+        assert_eq!(sets[0], expected.sets[0]);
+        // A robot that waits beside where the human will be: whoever stays inside the set touches no plan that is clear of it,
+        // however the plan was chosen.
+        let ahead = states[STEP + found.steps].human;
+        let (sin, cos) = sin_cos(ahead.psi);
+        for aside in [0.3, 0.6, 1.0, 1.5] {
+            let wait = Pose { x: ahead.x - aside * sin, y: ahead.y + aside * cos, psi: 0.0 };
+            let plan =
+                Plan::driven(wait, &vec![(0.0, 0.0); found.steps], parameters.step_s, limits);
+            let clearances = online.clear(&plan.unwrap(), &footprint).unwrap();
+            if bounds.collision(clearances).unwrap().at_most <= 0.1 + 1e-12 {
+                called_safe += 1;
+                let comes = |state: &JointState| {
+                    hypot(state.human.x - wait.x, state.human.y - wait.y) <= 0.3
+                };
+                touched += usize::from(states[STEP..=STEP + found.steps].iter().any(comes));
+            }
+        }
+    }
+    assert!(called_safe > 100, "{called_safe}");
+    assert!(touched * 10 <= 4 * unseen.len(), "{touched} of {called_safe}");
+    assert_eq!(CoverageBounds::of_tuned(&found, parameters, 0).unwrap_err().field, "sets");
 }
 
 #[test]

@@ -19,7 +19,7 @@
 //! and the size of the turns.
 //!
 //! The tube is made the same way: in each piece the positions passed on the way are added
-//! ([`Piece::passed`]).
+//! ([`Piece::add_passed`]).
 
 mod swept;
 
