@@ -23,9 +23,9 @@ mod sampling;
 mod start;
 pub mod polygon;
 mod outline;
+mod outer;
 mod boundary;
 mod minkowski;
-mod outer;
 mod set;
 mod membership;
 

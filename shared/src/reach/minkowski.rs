@@ -1,7 +1,6 @@
 //! Minkowski sums with a disc or a box, and unions over rotations about the start.
 
 use super::boundary::Workspace;
-use super::outline::Outliner;
 use super::paths::unit;
 use super::start::non_negative;
 use crate::invalid::Invalid;
@@ -37,19 +36,11 @@ pub fn minkowski_disc(
     let mut workspace = Workspace::default();
     let boundary = &mut workspace.boundary;
     boundary.extend(polygon.iter().map(|[x, y]| Point::new(x - x0, y - y0)));
-    tidy(boundary, &mut workspace.outliner);
+    workspace.outliner.tidy(boundary);
     // A little more than the radius outweighs the rounding of the outline.
     let brush = Brush { radius: radius_m + 0.25 * accuracy_m, half: [0.0; 2], outside: true };
     brush.sweep(0.5 * accuracy_m, &mut workspace);
     Ok(workspace.boundary.iter().map(|p| [x0 + p.re, y0 + p.im]).collect())
-}
-
-/// Replaces a closed boundary by its outline, without crossings and counter-clockwise.
-pub(super) fn tidy(boundary: &mut Vec<Point>, outliner: &mut Outliner) {
-    outliner.clear();
-    outliner.add_closed(boundary);
-    boundary.truncate(1);
-    outliner.outline(boundary);
 }
 
 /// The Minkowski sum of a disc and a box, with which a set is summed in turn.
@@ -64,7 +55,7 @@ pub(super) struct Brush {
 }
 
 impl Brush {
-    /// Replaces the boundary in the workspace, which must be [`tidy`], by that of its Minkowski
+    /// Replaces the boundary in the workspace, which must be [tidy](super::outline::Outliner::tidy), by that of its Minkowski
     /// sum with the brush. The disc is followed within `tolerance`.
     pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace) {
         if self.radius == 0.0 && self.half == [0.0; 2] {
@@ -138,7 +129,7 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     }
 }
 
-/// Replaces the boundary in the workspace, which must be [`tidy`], by that of the union of the
+/// Replaces the boundary in the workspace, which must be [tidy](super::outline::Outliner::tidy), by that of the union of the
 /// set rotated about the origin by every angle up to `angle` to both sides. Arcs are followed
 /// within `tolerance`.
 ///

@@ -23,7 +23,6 @@
 
 mod swept;
 
-use super::minkowski;
 use super::outline::Outliner;
 use super::paths::{Paths, unit};
 use crate::math::{PI, atan2, cbrt};
@@ -218,7 +217,7 @@ impl Outer {
         }
         polyline(&self.curve.corners, arcs, boundary);
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
-        minkowski::tidy(boundary, outliner);
+        outliner.tidy(boundary);
         // Each tooth that is left would go round with the whole of an uncertain position.
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         error + outside
@@ -234,7 +233,7 @@ impl Outer {
     ) {
         polyline(&self.curve.corners, tolerance, boundary);
         loosen(boundary, scratch, tolerance);
-        minkowski::tidy(boundary, outliner);
+        outliner.tidy(boundary);
         coarsen(boundary, scratch, tolerance);
         let corners = boundary.iter().map(|&point| Corner { point, edge: Edge::Line });
         self.curve.corners.clear();

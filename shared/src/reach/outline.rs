@@ -88,6 +88,14 @@ impl Outliner {
         self.walk(boundary);
     }
 
+    /// Replaces a closed boundary by its outline, without crossings and counter-clockwise.
+    pub(super) fn tidy(&mut self, boundary: &mut Vec<Point>) {
+        self.clear();
+        self.add_closed(boundary);
+        boundary.truncate(1);
+        self.outline(boundary);
+    }
+
     /// Notes for each edge the nodes inside it at which others cross or touch it.
     ///
     /// The plane is cut into strips about as high as edges are, and only edges of one strip are compared,

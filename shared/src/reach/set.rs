@@ -203,7 +203,7 @@ impl ReachableSet {
         polygon: &mut Vec<[f64; 2]>,
     ) {
         if !self.starts_at_a_pose() {
-            minkowski::tidy(&mut workspace.boundary, &mut workspace.outliner);
+            workspace.outliner.tidy(&mut workspace.boundary);
             if self.start_set.heading_rad > 0.0 {
                 minkowski::rotate(self.start_set.heading_rad, self.tolerance(settings), workspace);
             }
@@ -241,7 +241,7 @@ impl ReachableSet {
         };
         let Workspace { boundary, curve, outliner, outer, .. } = &mut *workspace;
         let margin = outer.draw(&self.paths, request, outliner, curve, boundary);
-        minkowski::tidy(boundary, outliner);
+        outliner.tidy(boundary);
         self.brush(margin, true).sweep(0.125 * accuracy, workspace);
         self.to_world(&workspace.boundary, polygon);
     }
