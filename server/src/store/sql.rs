@@ -195,10 +195,7 @@ impl Connection {
 
     /// Has PostgreSQL answer questions, all at once. A query that asks one of them finds its answer here, if it is
     /// asked before the transaction ends; until then nobody may change the answer.
-    pub(super) fn ask_ahead<'q>(
-        &self,
-        questions: impl Iterator<Item = &'q Question>,
-    ) -> Result<()> {
+    pub(super) fn ask_ahead(&self, questions: &[&Question]) -> Result<()> {
         match self {
             Self::Sqlite(_) => Ok(()),
             Self::Postgres(session) => session.ask_ahead(questions),

@@ -134,7 +134,9 @@ impl Shared {
             *batch = take();
             let locks = batch.iter().flat_map(|trial| trial.locks.clone()).collect();
             db.batch(&taking(locks))?;
-            db.ask_ahead(batch.iter().filter_map(|trial| trial.question.as_ref()))?;
+            let questions: Vec<_> =
+                batch.iter().filter_map(|trial| trial.question.as_ref()).collect();
+            db.ask_ahead(&questions)?;
             batch.iter_mut().try_for_each(|trial| trial.operation.run(db))
         })?;
         self.observed.note(batch.len(), begun.elapsed());

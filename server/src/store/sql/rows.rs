@@ -1,9 +1,7 @@
 //! Statements for many rows of parameters, and questions whose answers many operations need.
 
-use super::placeholders::Translated;
-use super::session::Session;
+use super::Params;
 use super::value::{Owned, Value};
-use super::{Params, Result};
 
 /// Most rows of one execution. A statement is prepared for each power of two up to this.
 const MOST_ROWS: usize = 32;
@@ -33,8 +31,7 @@ impl Rows {
 #[derive(Clone, Debug)]
 pub(in crate::store) struct Question {
     /// The query.
-    sql: String,
-    /// Its parameters.
+    pub(super) sql: String,
     values: Vec<Owned>,
 }
 
@@ -45,8 +42,13 @@ impl Question {
         Self { sql: sql.to_owned(), values }
     }
 
+    /// Its parameters.
+    pub(super) fn values(&self) -> Vec<Value<'_>> {
+        self.values.iter().map(Owned::value).collect()
+    }
+
     fn is(&self, sql: &str, values: &[Value<'_>]) -> bool {
-        self.sql == sql && self.values.iter().map(Owned::value).eq(values.iter().copied())
+        self.sql == sql && self.values() == values
     }
 }
 
@@ -55,6 +57,21 @@ struct Group {
     rows: &'static Rows,
     targets: Vec<String>,
     values: Vec<Vec<Owned>>,
+}
+
+impl Group {
+    /// The texts of as few executions as there may be, each with its parameters.
+    fn executions(self) -> Vec<(String, Vec<Owned>)> {
+        let (mut values, mut executions) = (self.values, Vec::new());
+        while !values.is_empty() {
+            let count = (1 << values.len().ilog2()).min(MOST_ROWS);
+            let rest = values.split_off(count);
+            let width = values.first().map_or(0, Vec::len);
+            executions.push((self.rows.text(count, width), values.concat()));
+            values = rest;
+        }
+        executions
+    }
 }
 
 /// What a session has yet to do for rows, and what it was told ahead.
@@ -81,8 +98,22 @@ impl Ahead {
         Some(self.answers.swap_remove(at).1)
     }
 
+    /// Remembers answers to questions.
+    pub(super) fn remember(
+        &mut self,
+        questions: &[&Question],
+        answers: Vec<Vec<tokio_postgres::Row>>,
+    ) {
+        self.answers = questions.iter().copied().cloned().zip(answers).collect();
+    }
+
+    /// The statements of all rows, which wait no longer, with their parameters.
+    pub(super) fn take_rows(&mut self) -> Vec<(String, Vec<Owned>)> {
+        std::mem::take(&mut self.groups).into_iter().flat_map(Group::executions).collect()
+    }
+
     /// Adds a row; false if its statement has one with this target already.
-    fn add(&mut self, rows: &'static Rows, target: &str, values: &[Value<'_>]) -> bool {
+    pub(super) fn add(&mut self, rows: &'static Rows, target: &str, values: &[Value<'_>]) -> bool {
         let at = self.groups.iter().position(|group| group.rows == rows);
         let at = at.unwrap_or_else(|| {
             self.groups.push(Group { rows, targets: Vec::new(), values: Vec::new() });
@@ -98,58 +129,6 @@ impl Ahead {
     }
 }
 
-impl Session {
-    /// Adds a row to those of its statement.
-    pub(super) fn execute_row_later(
-        &self,
-        rows: &'static Rows,
-        target: &str,
-        values: &[(Option<&str>, Value<'_>)],
-    ) -> Result<()> {
-        let values: Vec<Value<'_>> = values.iter().map(|(_, value)| *value).collect();
-        if self.ahead.borrow_mut().add(rows, target, &values) {
-            return Ok(());
-        }
-        self.put_off_rows()?;
-        self.ahead.borrow_mut().add(rows, target, &values);
-        Ok(())
-    }
-
-    /// Puts off the statements of all rows.
-    pub(super) fn put_off_rows(&self) -> Result<()> {
-        let groups = std::mem::take(&mut self.ahead.borrow_mut().groups);
-        for Group { rows, mut values, .. } in groups {
-            while !values.is_empty() {
-                let count = (1 << values.len().ilog2()).min(MOST_ROWS);
-                let rest = values.split_off(count);
-                let width = values.first().map_or(0, Vec::len);
-                let text = self.translated(&rows.text(count, width));
-                self.put_off(&text, std::mem::replace(&mut values, rest).concat())?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Asks questions, all at once.
-    pub(super) fn ask_ahead<'q>(
-        &self,
-        questions: impl Iterator<Item = &'q Question>,
-    ) -> Result<()> {
-        let asked: Vec<_> = questions
-            .map(|question| {
-                let text: std::sync::Arc<Translated> = self.translated(&question.sql);
-                let values: Vec<Value<'_>> = question.values.iter().map(Owned::value).collect();
-                Ok((question, self.prepared(&text, &values)?, values))
-            })
-            .collect::<Result<_>>()?;
-        let answers =
-            self.query_all(asked.iter().map(|(_, statement, values)| (statement, values)))?;
-        let questions = asked.into_iter().map(|(question, ..)| question.clone());
-        self.ahead.borrow_mut().answers = questions.zip(answers).collect();
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -159,5 +138,22 @@ mod tests {
         let rows = Rows { before: "INSERT INTO t VALUES ", after: " RETURNING a" };
         assert_eq!(rows.text(1, 3), "INSERT INTO t VALUES (?1, ?2, ?3) RETURNING a");
         assert_eq!(rows.text(2, 2), "INSERT INTO t VALUES (?1, ?2), (?3, ?4) RETURNING a");
+    }
+
+    #[test]
+    fn rows_of_a_statement_go_together_and_have_different_targets() {
+        static ADD: Rows = Rows { before: "INSERT INTO t VALUES ", after: "" };
+        let mut ahead = Ahead::default();
+        for row in 0..37 {
+            assert!(ahead.add(&ADD, &row.to_string(), &[Value::Integer(row)]));
+        }
+        assert!(!ahead.add(&ADD, "7", &[Value::Integer(7)]));
+        let executions = ahead.take_rows();
+        let counts: Vec<_> = executions.iter().map(|(_, values)| values.len()).collect();
+        assert_eq!(counts, [32, 4, 1]);
+        let last = executions.iter().flat_map(|(_, values)| values).map(Owned::value).next_back();
+        assert_eq!(last, Some(Value::Integer(36)));
+        assert!(ahead.take_rows().is_empty());
+        assert!(ahead.add(&ADD, "7", &[Value::Integer(7)]));
     }
 }

@@ -1,7 +1,7 @@
 //! A session of PostgreSQL with the statements that it has prepared.
 
 use super::placeholders::Translated;
-use super::rows::Ahead;
+use super::rows::{Ahead, Question, Rows};
 use super::value::{Kind, Owned, Value};
 use super::{Error, Result};
 use crate::store::error::StoreError;
@@ -42,7 +42,7 @@ pub(in crate::store) struct Session {
     known: RefCell<HashMap<String, Known>>,
     later: RefCell<Vec<Later>>,
     /// What is to be put off as statements for many rows, and answers to questions that were asked ahead.
-    pub(super) ahead: RefCell<Ahead>,
+    ahead: RefCell<Ahead>,
 }
 
 /// A statement, prepared for each combination of types that it was used with.
@@ -173,7 +173,7 @@ impl Session {
     }
 
     /// Puts a statement off.
-    pub(super) fn put_off(&self, text: &Translated, values: Vec<Owned>) -> Result<()> {
+    fn put_off(&self, text: &Translated, values: Vec<Owned>) -> Result<()> {
         let statement =
             self.prepared(text, &values.iter().map(Owned::value).collect::<Vec<_>>())?;
         let client = Arc::clone(self.client()?);
@@ -203,8 +203,48 @@ impl Session {
         self.answer(self.client()?.query(&statement, &references(&values)))
     }
 
+    /// Adds a row to those of its statement.
+    pub(super) fn execute_row_later(
+        &self,
+        rows: &'static Rows,
+        target: &str,
+        values: &[(Option<&str>, Value<'_>)],
+    ) -> Result<()> {
+        let values: Vec<Value<'_>> = values.iter().map(|(_, value)| *value).collect();
+        if self.ahead.borrow_mut().add(rows, target, &values) {
+            return Ok(());
+        }
+        self.put_off_rows()?;
+        self.ahead.borrow_mut().add(rows, target, &values);
+        Ok(())
+    }
+
+    /// Puts off the statements of all rows.
+    fn put_off_rows(&self) -> Result<()> {
+        let statements = self.ahead.borrow_mut().take_rows();
+        statements.into_iter().try_for_each(|(text, values)| {
+            let text = self.translated(&text);
+            self.put_off(&text, values)
+        })
+    }
+
+    /// Asks questions, all at once.
+    pub(super) fn ask_ahead(&self, questions: &[&Question]) -> Result<()> {
+        let asked: Vec<_> = questions
+            .iter()
+            .map(|question| {
+                let (text, values) = (self.translated(&question.sql), question.values());
+                Ok((self.prepared(&text, &values)?, values))
+            })
+            .collect::<Result<_>>()?;
+        let answers =
+            self.query_all(asked.iter().map(|(statement, values)| (statement, values)))?;
+        self.ahead.borrow_mut().remember(questions, answers);
+        Ok(())
+    }
+
     /// The rows that each of many statements finds, asked for all at once.
-    pub(super) fn query_all<'q, 'v: 'q>(
+    fn query_all<'q, 'v: 'q>(
         &self,
         asked: impl Iterator<Item = (&'q Statement, &'q Vec<Value<'v>>)>,
     ) -> Result<Vec<Vec<Row>>> {
@@ -215,7 +255,7 @@ impl Session {
         self.answer(try_join_all(asked.map(one)))
     }
 
-    pub(super) fn prepared(&self, text: &Translated, values: &[Value<'_>]) -> Result<Statement> {
+    fn prepared(&self, text: &Translated, values: &[Value<'_>]) -> Result<Statement> {
         let kinds: Vec<Kind> = values.iter().map(Value::kind).collect();
         if let Some(known) = self.known.borrow().get(&text.source)
             && let Some((_, statement)) = known.prepared.iter().find(|(known, _)| *known == kinds)
