@@ -36,7 +36,7 @@ impl ValueFunction {
     /// states : array of float64, shape (…, 3)
     ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
     /// threads : int, optional
-    ///     At most so many threads; all of the machine by default.
+    ///     The greatest number of threads; by default as many as the machine has processors.
     ///
     /// Returns
     /// -------
@@ -58,7 +58,7 @@ impl ValueFunction {
     /// states : array of float64, shape (…, 3)
     ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
     /// threads : int, optional
-    ///     At most so many threads; all of the machine by default.
+    ///     The greatest number of threads; by default as many as the machine has processors.
     ///
     /// Returns
     /// -------
@@ -87,7 +87,7 @@ impl ValueFunction {
     /// states : array of float64, shape (…, 3)
     ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
     /// threads : int, optional
-    ///     At most so many threads; all of the machine by default.
+    ///     The greatest number of threads; by default as many as the machine has processors.
     ///
     /// Returns
     /// -------

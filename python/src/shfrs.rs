@@ -61,7 +61,7 @@ impl ShfrsSettings {
         let (epsilon, choice) = (list("epsilon", epsilon)?, choice(k, tau, steps)?);
         drawn(accuracy_m, false)?;
         let settings = Self { epsilon, choice, rollout: rolled_out(rollout)?, accuracy_m, by_step };
-        // As for a model with so many actions that every k is possible.
+        // The number of actions does not limit k here.
         settings.bounds(usize::MAX)?;
         Ok(settings)
     }

@@ -22,7 +22,7 @@ pub(crate) type States<'py> = (Array<'py>, Array<'py>, Array<'py>, Bound<'py, Py
 /// game : PursuitGame
 ///     With identical vehicles; others need `solve`.
 /// threads : int, optional
-///     At most so many threads; all of the machine by default.
+///     The greatest number of threads; by default as many as the machine has processors.
 ///
 /// Returns
 /// -------
@@ -52,7 +52,7 @@ pub(crate) fn value<'py>(
 /// game : PursuitGame
 ///     With identical vehicles; others need `solve`.
 /// threads : int, optional
-///     At most so many threads; all of the machine by default.
+///     The greatest number of threads; by default as many as the machine has processors.
 ///
 /// Returns
 /// -------
@@ -188,7 +188,7 @@ const UNSEEN: ValueState = ValueState {
     inside: false,
 };
 
-/// One result for each state: `work` fills parts of them, on at most so many threads.
+/// One result for each state: `work` fills parts of them, on at most `threads` threads.
 fn in_parts<T: Send + Clone>(
     states: &[[f64; 3]],
     threads: usize,

@@ -176,8 +176,8 @@ impl Connection {
 
     /// Executes a statement for one row of parameters, without a result. PostgreSQL does so for many rows at once,
     /// together with the next statement that is not like that, or when the transaction ends; an error comes then. The
-    /// rows of one statement have different targets: what it changes for one of them hangs on nothing that it changes
-    /// for another. Statements for rows are executed in the order of their first rows.
+    /// rows of one statement have different targets: what it changes for one target does not depend on what it changes for
+    /// another. Statements for rows are executed in the order of their first rows.
     pub(super) fn execute_row_later(
         &self,
         rows: &'static Rows,

@@ -27,8 +27,8 @@ pub(super) struct Counted<'a> {
     pub(super) waiting: u32,
 }
 
-/// Adds trials that are about to be stored: whose columns are the participant, the phase after it, what to add to
-/// the counts, the number of its key times, what waits, and the study.
+/// Adds trials that are about to be stored. The columns of a row: participant, phase of the next scene, what to add to each
+/// count, number of the key times, waiting trials, study.
 const ADD: Rows = Rows {
     before: "UPDATE tally SET \
                  next_phase = given.column2, \

@@ -47,7 +47,7 @@ impl PolygonSettings {
     }
 
     /// The same, with another limit on the work of a conservative polygon: it is made in at most `pieces` pieces of
-    /// time, 1 to 100,000, but at least one for each step. The time taken is about proportional to it.
+    /// time, 1 to 100,000, but at least one for each step. The time taken grows at most with about the square of it.
     ///
     /// # Errors
     /// [`Invalid`] for a number outside this range.
