@@ -79,9 +79,13 @@ pub enum Side {
 /// Rounding errors may move inputs out of their bounds by this, rad/s.
 const INPUT_ROUNDING: f64 = 1e-12;
 
+/// A larger heading, rad, has too few digits: turns that are added to it would be lost.
+const MOST_RAD: f64 = 1e6;
+
 impl ReachableSet {
     /// Is `state` (world frame) reached after exactly `step` steps, or no farther
-    /// than `tolerance` from a state that is? A state that is not finite is not.
+    /// than `tolerance` from a state that is? A state that is not finite, or has a heading beyond
+    /// 10⁶ rad, is not.
     ///
     /// A state found inside is reachable to 10⁻⁶ m. Under bounds that admit both turns in some
     /// steps and only one in others, reachable states at the rear may be missed. At turns of
@@ -98,12 +102,12 @@ impl ReachableSet {
     #[must_use]
     pub fn contains_state(&self, step: usize, state: Pose, tolerance: Tolerance) -> bool {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
-        Origins::new(self, step, state, tolerance).any()
+        state.psi.abs() <= MOST_RAD && Origins::new(self, step, state, tolerance).any()
     }
 
     /// How far inside the states reached after exactly `step` steps `state`
-    /// (world frame) is. Not a number for a state that is not finite. If the start is a
-    /// set, only from the pose in its middle.
+    /// (world frame) is. Not a number for a state that is not finite, or has a heading beyond 10⁶ rad. If
+    /// the start is a set, only from the pose in its middle.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -114,7 +118,7 @@ impl ReachableSet {
         let (low, high) = self.end_headings(step);
         let mut best =
             StateMargins { heading_rad: f64::NAN, position_m: f64::NAN, nearest: Side::Front };
-        if !(position.norm_sqr() + state.psi.abs()).is_finite() {
+        if !(position.norm_sqr().is_finite() && state.psi.abs() <= MOST_RAD) {
             return best;
         }
         let rank = |margins: &StateMargins| (margins.heading_rad.min(0.0), margins.position_m);

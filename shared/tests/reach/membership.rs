@@ -212,6 +212,10 @@ fn without_a_choice_and_without_a_step() {
     let mut pose = start;
     let tolerance = Tolerance { position_m: 1e-9, heading_rad: 1e-9 };
     assert!(path.contains_state(0, start, tolerance));
+    for psi in [1e300, -1e300, 1e7, f64::INFINITY, f64::NAN] {
+        assert!(!path.contains_state(1, Pose { psi, ..start }, tolerance));
+        assert!(path.state_margins(1, Pose { psi, ..start }).position_m.is_nan());
+    }
     for (i, &rate) in rates.iter().enumerate() {
         pose = dubins::arc(pose, SPEED_MPS, rate, STEP_S);
         assert!(path.contains_state(i + 1, pose, tolerance));
