@@ -127,6 +127,17 @@ fn the_python_package_is_the_library_alone() {
 }
 
 #[test]
+fn the_container_is_built_from_every_package() {
+    let recipe = read("docs/deploy/Containerfile");
+    let manifest: toml::Table = read("Cargo.toml").parse().unwrap();
+    let packages = manifest["workspace"]["members"].as_array().unwrap();
+    for package in packages.iter().map(|package| package.as_str().unwrap()) {
+        // Without one of them, cargo builds nothing.
+        assert!(recipe.contains(&format!("\nCOPY {package} {package}\n")), "{package}");
+    }
+}
+
+#[test]
 fn modules_use_only_those_above() {
     for package in ["shared", "server", "web-client", "python", "xtask"] {
         let uses = backward(&modules(&root().join(package).join("src")));
