@@ -401,6 +401,16 @@ impl Store {
         self.write_in(Lane::Request, locks.into(), work).await
     }
 
+    /// The same of somebody who enrols. Of a class that enrols at once, PostgreSQL serves one at a time while others
+    /// drive.
+    async fn write_enrolment<T: Send + 'static, const N: usize>(
+        &self,
+        locks: [Lock; N],
+        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        self.write_in(Lane::Enrolment, locks.into(), work).await
+    }
+
     /// An operation that no request waits for, and that no request may have to wait for long.
     async fn write_behind<T: Send + 'static, const N: usize>(
         &self,

@@ -50,15 +50,27 @@ fn check_headers(request: &Request) -> Result<(), ApiError> {
         return unsupported("content_encoding", "send the body as it is, without Content-Encoding");
     }
     let media_type = text(header::CONTENT_TYPE).unwrap_or("");
-    let essence = media_type.split(';').next().unwrap_or("").trim();
-    if !essence.eq_ignore_ascii_case("application/json") {
+    let (essence, parameters) = media_type.split_once(';').unwrap_or((media_type, ""));
+    if !essence.trim().eq_ignore_ascii_case("application/json") {
         return unsupported("content_type", "send Content-Type: application/json");
+    }
+    if !parameters.split(';').all(means_utf8) {
+        return unsupported("content_type", "send JSON as UTF-8, without another charset");
     }
     let announced = text(header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
     if announced.is_some_and(|length| length > MAX_BODY_BYTES as u64) {
         return Err(too_large());
     }
     Ok(())
+}
+
+/// Whether a parameter of a media type is not another charset than UTF-8.
+fn means_utf8(parameter: &str) -> bool {
+    let (name, value) = parameter.split_once('=').unwrap_or((parameter, ""));
+    !name.trim().eq_ignore_ascii_case("charset")
+        || ["utf-8", "utf8"]
+            .iter()
+            .any(|utf8| value.trim().trim_matches('"').eq_ignore_ascii_case(utf8))
 }
 
 fn too_large() -> ApiError {

@@ -25,7 +25,7 @@ use sidestep::invalid::Invalid;
 use sidestep::study::Question;
 use std::sync::Arc;
 
-/// `GET /api/v1/participants/me`.
+/// `GET /api/v1/participants/me`. Whoever asks is there: a study with a quota keeps their place.
 pub async fn show(
     State(app): State<Arc<App>>,
     Me(visitor): Me,
@@ -33,6 +33,13 @@ pub async fn show(
     let me = &visitor.participant;
     let config = app.store.config(&me.config_hash).await?;
     let rows = app.store.plan(&me.id).await?;
+    let (there, state) = (me.clone(), Arc::clone(&app));
+    // Progress can be shown while nothing can be written.
+    tokio::spawn(async move {
+        if let Err(error) = state.store.note_presence(&there, now_ms()).await {
+            tracing::warn!(%error, "noting that a participant is there");
+        }
+    });
     let id = |row: &PlannedRow| row.trial_id.clone();
     let stored: Vec<_> = rows.iter().filter(|row| row.stored).map(id).collect();
     let code = me.completion_code.clone().filter(|_| visitor.may_see_code());

@@ -80,7 +80,7 @@ impl Store {
         token_hash: [u8; 32],
     ) -> Result<Enrolment, StoreError> {
         let locks = [Lock::Study(new.study_id)];
-        self.write(locks, move |db| enrol(db, &new, gate, token_hash)).await
+        self.write_enrolment(locks, move |db| enrol(db, &new, gate, token_hash)).await
     }
 
     /// Whether as many people take part in a study as its quota allows.

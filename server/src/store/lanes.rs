@@ -7,6 +7,8 @@ use sha2::{Digest, Sha256};
 pub(super) enum Lane {
     /// A participant's browser that sends a trial.
     Trial,
+    /// Somebody who enrols.
+    Enrolment,
     /// Any other request.
     Request,
     /// A job in the background.

@@ -36,13 +36,15 @@ pub struct Participant {
     pub completion_code: Option<String>,
     /// When they withdrew, if they did.
     pub withdrawn_at_ms: Option<i64>,
+    /// When they were last seen.
+    pub last_seen_at_ms: i64,
 }
 
 /// The columns that [`Participant::of`] reads.
 pub(super) const COLUMNS: &str = "participant.id, participant.study_id, number, \
     participant.config_hash, pilot, place, external_id, understood_at_ms IS NOT NULL, \
     answered_at_ms IS NOT NULL, screened_out_at_ms IS NOT NULL, completion_code, withdrawn_at_ms, \
-    comprehension_attempts";
+    comprehension_attempts, participant.last_seen_at_ms";
 
 impl Participant {
     /// Reads the columns [`COLUMNS`].
@@ -61,6 +63,7 @@ impl Participant {
             completion_code: row.get(10)?,
             withdrawn_at_ms: row.get(11)?,
             comprehension_attempts: row.get(12)?,
+            last_seen_at_ms: row.get(13)?,
         })
     }
 }
@@ -108,20 +111,20 @@ pub(super) const TOKEN: &str =
 
 impl Visitor {
     /// The number of columns that [`Self::of`] reads.
-    pub(super) const WIDTH: usize = 18;
+    pub(super) const WIDTH: usize = 19;
 
     /// Reads the columns [`COLUMNS`] and [`TOKEN`].
     pub(super) fn of(row: &Row<'_>) -> Result<Self, StoreError> {
-        let scope: String = row.get(14)?;
+        let scope: String = row.get(15)?;
         let scopes = [Scope::Full, Scope::Continue];
         let known = scopes.into_iter().find(|known| known.word() == scope);
         Ok(Self {
             participant: Participant::of(row)?,
-            token_hash: row.get(13)?,
+            token_hash: row.get(14)?,
             scope: known.ok_or_else(|| StoreError::unknown_word(&scope))?,
-            completed: row.get(15)?,
-            present_config_hash: row.get(16)?,
-            check_attempts: row.get(17)?,
+            completed: row.get(16)?,
+            present_config_hash: row.get(17)?,
+            check_attempts: row.get(18)?,
         })
     }
 
@@ -172,6 +175,20 @@ impl Store {
         .await
     }
 
+    /// Notes that a participant is there, if that was not noted within the last minute.
+    pub async fn note_presence(
+        &self,
+        participant: &Participant,
+        now_ms: i64,
+    ) -> Result<(), StoreError> {
+        const MINUTE_MS: i64 = 60_000;
+        if now_ms - participant.last_seen_at_ms < MINUTE_MS {
+            return Ok(());
+        }
+        let id = participant.id.clone();
+        self.write_behind([Lock::Participant(id.clone())], move |db| seen(db, &id, now_ms)).await
+    }
+
     /// A participant's whole plan, in order.
     pub async fn plan(&self, participant_id: &str) -> Result<Vec<PlannedRow>, StoreError> {
         let id = participant_id.to_owned();
@@ -186,7 +203,7 @@ impl Store {
         plan: Vec<PlannedRow>,
     ) -> Result<Vec<PlannedRow>, StoreError> {
         let id = participant_id.to_owned();
-        self.write([Lock::Participant(id.clone())], move |db| {
+        self.write_enrolment([Lock::Participant(id.clone())], move |db| {
             let needs_one: bool = db
                 .prepare_cached(
                     "SELECT EXISTS (SELECT 1 FROM participant \

@@ -24,7 +24,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task;
 use trials::{Trials, Waiting};
 
@@ -59,6 +59,8 @@ pub(super) struct Postgres {
     name: String,
     shared: Arc<Shared>,
     kinds: [Kind; 5],
+    /// Of which an enrolment needs one, besides its session, while trials come.
+    enrolments: Kind,
 }
 
 /// What operations take along to their threads.
@@ -84,8 +86,13 @@ struct Kind {
 }
 
 impl Kind {
+    fn new(sessions: usize) -> Self {
+        let free = Arc::new(Semaphore::new(sessions));
+        Self { free, sessions: sessions as u32, waiting: AtomicUsize::new(0) }
+    }
+
     /// Waits for its turn to use a session.
-    async fn turn(&self) -> Result<tokio::sync::OwnedSemaphorePermit, StoreError> {
+    async fn turn(&self) -> Result<OwnedSemaphorePermit, StoreError> {
         /// Counts somebody who waits, also if they go away.
         struct Waiting<'a>(&'a AtomicUsize);
         impl Drop for Waiting<'_> {
@@ -132,14 +139,10 @@ impl Postgres {
         let mut sessions = SESSIONS;
         // More would only wait for a turn.
         sessions[TRIALS] = sessions[TRIALS].min(pool.writers());
-        let kinds = sessions.map(|sessions| Kind {
-            free: Arc::new(Semaphore::new(sessions)),
-            sessions: sessions as u32,
-            waiting: AtomicUsize::new(0),
-        });
+        let (kinds, enrolments) = (sessions.map(Kind::new), Kind::new(1));
         let (trials, observed) = (Trials::default(), Commits::default());
         let shared = Shared { pool, trials, committed: watch::Sender::new(0), observed };
-        Ok(Self { name: database, shared: Arc::new(shared), kinds })
+        Ok(Self { name: database, shared: Arc::new(shared), kinds, enrolments })
     }
 
     /// Looks for what other servers store, from now on, while somebody wants to know.
@@ -163,14 +166,15 @@ impl Postgres {
     /// Whether a write could be made now.
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
         // Nothing is stored, so nobody hears of it.
-        let asked = self.transaction(REQUESTS, "BEGIN".to_owned(), "COMMIT", |db| {
-            let refuses = "SELECT pg_is_in_recovery() OR \
+        let asked =
+            self.transaction(REQUESTS, None, ["BEGIN", "COMMIT"].map(str::to_owned), |db| {
+                let refuses = "SELECT pg_is_in_recovery() OR \
                            current_setting('transaction_read_only') = 'on'";
-            match db.query_row(refuses, [], |row| row.get(0))? {
-                true => Err(StoreError::Unavailable("it takes no writes now".to_owned())),
-                false => Ok(()),
-            }
-        });
+                match db.query_row(refuses, [], |row| row.get(0))? {
+                    true => Err(StoreError::Unavailable("it takes no writes now".to_owned())),
+                    false => Ok(()),
+                }
+            });
         tokio::time::timeout(PATIENCE, asked).await.unwrap_or(Err(StoreError::Locked))
     }
 
@@ -190,7 +194,8 @@ impl Postgres {
     /// How many trials, other requests and jobs wait.
     pub(super) fn waiting(&self) -> [usize; 3] {
         let kind = |kind: usize| self.kinds[kind].waiting.load(Ordering::Relaxed);
-        [self.shared.trials.count(), kind(REQUESTS), kind(JOBS)]
+        let requests = kind(REQUESTS) + self.enrolments.waiting.load(Ordering::Relaxed);
+        [self.shared.trials.count(), requests, kind(JOBS)]
     }
 
     /// How many sessions are busy and idle.
@@ -234,7 +239,7 @@ impl Postgres {
         // Whoever reads most rows of a table reads it from its beginning to its end.
         const BEGIN: &str =
             "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY; SET LOCAL enable_seqscan = on";
-        self.transaction(LONG_READS, BEGIN.to_owned(), "COMMIT", read).await
+        self.transaction(LONG_READS, None, [BEGIN.to_owned(), "COMMIT".to_owned()], read).await
     }
 
     /// An operation; its result is returned after the commit.
@@ -246,10 +251,16 @@ impl Postgres {
     ) -> Result<T, StoreError> {
         let kind = match lane {
             Lane::Trial => TRIALS,
-            Lane::Request => REQUESTS,
+            Lane::Request | Lane::Enrolment => REQUESTS,
             Lane::Background => JOBS,
         };
-        let done = self.transaction(kind, begin(locks), COMMIT, work).await?;
+        let alone = match lane {
+            Lane::Enrolment if self.shared.trials.are_coming() => {
+                Some(self.enrolments.turn().await?)
+            }
+            _ => None,
+        };
+        let done = self.transaction(kind, alone, [begin(locks), COMMIT.to_owned()], work).await?;
         self.shared.committed.send_modify(|commits| *commits += 1);
         Ok(done)
     }
@@ -277,20 +288,21 @@ impl Postgres {
         answered.await.unwrap_or_else(lost)
     }
 
+    /// A transaction on a session of this kind, for which the caller may have waited for another turn.
     async fn transaction<T: Send + 'static>(
         &self,
         kind: usize,
-        begin: String,
-        commit: &'static str,
+        other_turn: Option<OwnedSemaphorePermit>,
+        [begin, commit]: [String; 2],
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         let turn = self.kinds[kind].turn().await?;
         let shared = Arc::clone(&self.shared);
         let working = task::spawn_blocking(move || {
-            // The caller may have gone: the turn stays with the work.
-            let _turn = turn;
+            // The caller may have gone: turns stay with the work.
+            let _turns = (turn, other_turn);
             let begun = Instant::now();
-            let done = shared.transact([&begin, commit], work)?;
+            let done = shared.transact([&begin, &commit], work)?;
             if commit == COMMIT {
                 shared.observed.note(1, begun.elapsed());
             }

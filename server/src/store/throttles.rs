@@ -28,8 +28,10 @@ impl Store {
     ) -> Result<Result<(), i64>, StoreError> {
         let Allowance { kind, pause_ms, burst_ms } = allowed;
         self.read(move |db| {
+            // Nobody waits for the disk: after a power cut, somebody may try a few more times.
             let take = format!(
-                "INSERT INTO throttle (kind, who, full_at_ms) VALUES (?1, ?2, {NOW} + ?3) \
+                "INSERT INTO throttle (kind, who, full_at_ms) SELECT ?1, ?2, {NOW} + ?3 \
+                     FROM set_config('synchronous_commit', 'off', TRUE) \
                  ON CONFLICT (kind, who) DO UPDATE \
                  SET full_at_ms = greatest(throttle.full_at_ms, {NOW}) + ?3 \
                  WHERE greatest(throttle.full_at_ms, {NOW}) + ?3 <= {NOW} + ?4"

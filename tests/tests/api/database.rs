@@ -7,8 +7,11 @@ use sidestep::api::{
     routes,
 };
 use sidestep::scene::{Evader, SceneParameters};
+use sidestep_tests::behind::new_postgres_database;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Driver, Folder, Server, behind_file, driven, driven_with, run};
+use sidestep_tests::{
+    Answer, Driver, Folder, Server, behind, behind_file, driven, driven_with, run,
+};
 use std::path::{Path, PathBuf};
 
 fn old(name: &str) -> PathBuf {
@@ -46,7 +49,20 @@ async fn goes_on(server: &Server, driver: &Driver, parameters: &SceneParameters)
 
 #[tokio::test]
 async fn a_database_of_the_version_before_goes_on() {
-    let server = Server::with_database(SHORT_STUDY, &old("sidestep.db")).await;
+    goes_on_with_all(Server::with_database(SHORT_STUDY, &old("sidestep.db")).await).await;
+}
+
+#[tokio::test]
+#[ignore = "needs PostgreSQL"]
+async fn a_postgresql_database_of_the_version_before_goes_on() {
+    let url = new_postgres_database().expect("a cluster, which cargo xtask test starts");
+    let dump = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-postgres/schema-2.sql");
+    behind(&url).execute_batch(&std::fs::read_to_string(dump).unwrap()).unwrap();
+    goes_on_with_all(Server::on(url, Some(SHORT_STUDY)).await).await;
+}
+
+/// Opens the old database, which had what its README says, and goes on with it.
+async fn goes_on_with_all(server: Server) {
     // Earlier versions did not number the configurations of a study.
     for slug in ["first", "second", "default"] {
         let configuration: Configuration =

@@ -9,7 +9,7 @@ use crate::store::sql::Question;
 use std::collections::{HashSet, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Most trials of a transaction.
 const BATCH: usize = 32;
@@ -24,10 +24,15 @@ pub(super) struct Waiting {
     pub(super) operation: Box<dyn Operation>,
 }
 
+/// For how long after a trial others are expected.
+const COMING: Duration = Duration::from_millis(200);
+
 /// The trials that wait, the oldest first.
 #[derive(Default)]
 pub(super) struct Trials {
     waiting: Mutex<VecDeque<Waiting>>,
+    /// When the newest came.
+    newest: Mutex<Option<Instant>>,
     /// How many transactions were begun.
     turns: AtomicUsize,
 }
@@ -39,7 +44,14 @@ impl Trials {
             return Err(StoreError::Busy);
         }
         waiting.push_back(trial);
+        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
         Ok(())
+    }
+
+    /// Whether people are driving, so that trials come all the time.
+    pub(super) fn are_coming(&self) -> bool {
+        let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
+        newest.is_some_and(|newest| newest.elapsed() < COMING)
     }
 
     /// How many wait.

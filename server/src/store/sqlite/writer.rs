@@ -79,7 +79,7 @@ impl Queue {
         }
         let queue = match lane {
             Lane::Trial => &mut lanes.trials,
-            Lane::Request => &mut lanes.requests,
+            Lane::Request | Lane::Enrolment => &mut lanes.requests,
             Lane::Background => &mut lanes.background,
         };
         if queue.len() >= QUEUE {
