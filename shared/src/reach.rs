@@ -14,6 +14,10 @@
 //! A conservative polygon contains every position that an admissible path reaches, for all bounds that are
 //! accepted (`outer`): that is shown in decision 0007, and searched for counterexamples in `shared/tests/reach`.
 //!
+//! [`ReachableSet::contains_state`] is true for every state that an admissible path leads to, to within the
+//! tolerance, for all bounds that are accepted. It can be true for others, if their being outside is not proven:
+//! [`ReachableSet::state_membership`] tells them apart.
+//!
 //! Polygons that are not conservative can pass inside a reachable position by more than the
 //! accuracy: by 0.147 mm and 0.194 mm at an accuracy of 0.1 mm, at the paper's rates. These drives
 //! are there too.
@@ -30,7 +34,7 @@ mod set;
 mod membership;
 
 pub use boundary::Workspace;
-pub use membership::{Side, StateMargins, Tolerance};
+pub use membership::{Membership, Side, StateMargins, Tolerance};
 pub use minkowski::minkowski_disc;
 pub(crate) use paths::NEARLY_ZERO;
 pub use sampling::PolygonSettings;

@@ -22,12 +22,14 @@
 //! ([`Piece::add_passed`]).
 
 mod swept;
+mod lines;
 
 use super::outline::Outliner;
 use super::paths::{Paths, unit};
-use crate::math::{PI, atan2, cbrt};
+use crate::math::{PI, cbrt};
 use nalgebra::Complex;
 
+use lines::{coarsen, loosen, outside_by, polyline};
 use swept::{Corner, Curve, Edge, cross};
 
 type Point = Complex<f64>;
@@ -128,9 +130,6 @@ fn error_of(rate: f64, spread: f64, seconds: f64) -> f64 {
 /// A curve with more corners is drawn more coarsely, outside of the finer one.
 const MOST_CORNERS: usize = 1_500;
 
-/// Its tolerance is doubled this often.
-const MOST_DOUBLINGS: u32 = 6;
-
 /// A curve with more extremes of the distance from the vehicle is replaced by its outline.
 const MOST_EXTREMES: usize = 24;
 
@@ -164,6 +163,9 @@ pub(super) struct Request {
     pub(super) most_pieces: usize,
     /// By how much the heading at the start may differ, rad.
     pub(super) heading: f64,
+    /// The point of the vehicle whose positions are wanted, in the frame of the vehicle, s of travel: 0 for the
+    /// position itself.
+    pub(super) body_point: Point,
 }
 
 impl Outer {
@@ -177,12 +179,53 @@ impl Outer {
         scratch: &mut Vec<Point>,
         boundary: &mut Vec<Point>,
     ) -> f64 {
+        let error = self.surround(paths, request, outliner, scratch, boundary);
+        polyline(&self.curve.corners, OF_ARCS * request.accuracy, boundary);
+        loosen(boundary, scratch, OF_VERTICES * request.accuracy);
+        outliner.tidy(boundary);
+        // Each tooth that is left would go round with the whole of an uncertain position.
+        loosen(boundary, scratch, OF_VERTICES * request.accuracy);
+        error
+    }
+
+    /// How far away from the set a line is, s of travel, at least; not positive if it may touch the set.
+    pub(super) fn clearance(
+        &mut self,
+        paths: &Paths,
+        request: Request,
+        line: [Point; 2],
+        outliner: &mut Outliner,
+    ) -> f64 {
+        let (mut scratch, mut boundary) = (Vec::new(), Vec::new());
+        let error = self.surround(paths, request, outliner, &mut scratch, &mut boundary);
+        polyline(&self.curve.corners, OF_ARCS * request.accuracy, &mut boundary);
+        outside_by(&boundary, line) - error
+    }
+
+    /// Replaces the curve by one which, grown by the distance returned, s of travel, contains the set.
+    fn surround(
+        &mut self,
+        paths: &Paths,
+        request: Request,
+        outliner: &mut Outliner,
+        scratch: &mut Vec<Point>,
+        boundary: &mut Vec<Point>,
+    ) -> f64 {
         self.cut(paths, request);
-        let origin = Point::new(0.0, 0.0);
         self.curve.corners.clear();
-        self.curve.corners.push(Corner { point: origin, edge: Edge::Line });
+        self.curve.corners.push(Corner { point: request.body_point, edge: Edge::Line });
+        let farthest = paths.step_s * request.steps as f64 + request.body_point.norm_sqr().sqrt();
         let arcs = OF_ARCS * request.accuracy;
         let (mut error, mut outside, mut kept) = (0.0, 0.0_f64, (0, 0));
+        // A point of the vehicle other than the one that moves ahead goes round when it turns last.
+        if let Some(last) = request.steps.checked_sub(1) {
+            let angle = self.pieces[last].half_turn;
+            if request.body_point.norm_sqr() > 0.0 && angle >= LEAST_ANGLE {
+                self.curve.sweep(angle.min(PI));
+            } else {
+                error += angle * request.body_point.norm_sqr().sqrt();
+            }
+        }
         for step in (0..request.steps).rev() {
             let piece = self.pieces[step];
             let spread = middle_and_spread(paths, step).1;
@@ -200,8 +243,7 @@ impl Outer {
                     outside = outside.max(piece.add_passed(spread, corners));
                 }
                 if angle < LEAST_ANGLE {
-                    // By as much as the farthest end would move.
-                    error += angle * paths.step_s * request.steps as f64;
+                    error += angle * farthest;
                     continue;
                 }
                 let extremes = self.curve.sweep(angle);
@@ -215,11 +257,6 @@ impl Outer {
                 }
             }
         }
-        polyline(&self.curve.corners, arcs, boundary);
-        loosen(boundary, scratch, OF_VERTICES * request.accuracy);
-        outliner.tidy(boundary);
-        // Each tooth that is left would go round with the whole of an uncertain position.
-        loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         error + outside
     }
 
@@ -269,110 +306,5 @@ impl Outer {
             let count = (share * fine(step)).ceil().max(1.0);
             Piece::new(paths, step, count as usize)
         }));
-    }
-}
-
-/// Replaces `boundary` by a polygon around the curve, by at most `tolerance`: outside of arcs to the left, and along the
-/// chords of arcs to the right.
-fn polyline(corners: &[Corner], tolerance: f64, boundary: &mut Vec<Point>) {
-    boundary.clear();
-    for (i, corner) in corners.iter().enumerate() {
-        boundary.push(corner.point);
-        let Edge::Arc { centre, left } = corner.edge else { continue };
-        let next = corners[(i + 1) % corners.len()].point;
-        let (from, to) = (corner.point - centre, next - centre);
-        let between = if left { to * from.conj() } else { from * to.conj() };
-        let width = atan2(between.im, between.re);
-        if width <= 0.0 {
-            continue;
-        }
-        // r·δ²/8 ≤ tolerance, and at most a sixth of a turn.
-        let radius = from.norm_sqr().sqrt();
-        let count = (width * (radius / (8.0 * tolerance)).sqrt()).ceil();
-        let count = count.clamp((width * 3.0 / PI).ceil().max(1.0), MOST_EDGES);
-        let part = width / count;
-        if left {
-            let (mut corner, turned) = (from * unit(0.5 * part), unit(part));
-            let outward = 1.0 / unit(0.5 * part).re;
-            for _ in 0..count as usize {
-                boundary.push(centre + corner * outward);
-                corner *= turned;
-            }
-        } else {
-            let (mut corner, turned) = (from, unit(-part));
-            for _ in 1..count as usize {
-                corner *= turned;
-                boundary.push(centre + corner);
-            }
-        }
-    }
-}
-
-/// Most edges of an arc.
-const MOST_EDGES: f64 = 100.0;
-
-/// [Loosens](loosen) a polygon until it has few vertices.
-fn coarsen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolerance: f64) {
-    let mut allowed = tolerance;
-    for _ in 0..MOST_DOUBLINGS {
-        loosen(boundary, scratch, allowed);
-        if boundary.len() <= MOST_CORNERS / 4 {
-            return;
-        }
-        allowed *= 2.0;
-    }
-}
-
-/// Takes out vertices so that the polygon grows, and nowhere by more than `tolerance`: a vertex at which it turns
-/// right is left out; two at which it turns left are replaced by where their other edges meet.
-fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolerance: f64) {
-    for _ in 0..4 {
-        let n = boundary.len();
-        if n < 8 {
-            return;
-        }
-        scratch.clear();
-        let at = |i: usize| boundary[i % n];
-        let mut i = 0;
-        while i < n {
-            let (a, b, c) = (at(i + n - 1), at(i), at(i + 1));
-            if i + 1 < n {
-                let (ab, bc) = (b - a, c - b);
-                let turn = cross(ab, bc);
-                let chord = c - a;
-                let forward = |edge: Point| (edge * chord.conj()).re > 0.0;
-                // The height of b over the chord from a to c; the tip of a spike stays.
-                if turn <= 0.0
-                    && forward(ab)
-                    && forward(bc)
-                    && -turn <= tolerance * chord.norm_sqr().sqrt()
-                {
-                    scratch.extend([c]);
-                    i += 2;
-                    continue;
-                }
-                let d = at(i + 2);
-                let cd = d - c;
-                let (first, second, both) = (turn, cross(bc, cd), cross(ab, cd));
-                // All three edges go much the same way: no tip of a spike.
-                let alike = |a: Point, b: Point| (a * b.conj()).re > 0.0;
-                let onward = alike(ab, bc) && alike(bc, cd) && alike(ab, cd);
-                if i + 2 < n && onward && first > 0.0 && second > 0.0 && both > 0.0 {
-                    let corner = b + ab * (second / both);
-                    let height = cross(bc, corner - b) / bc.norm_sqr().sqrt();
-                    if height.abs() <= tolerance {
-                        scratch.extend([corner, d]);
-                        i += 3;
-                        continue;
-                    }
-                }
-            }
-            scratch.push(b);
-            i += 1;
-        }
-        core::mem::swap(boundary, scratch);
-        if 10 * boundary.len() > 9 * n {
-            return;
-        }
     }
 }

@@ -238,6 +238,7 @@ impl ReachableSet {
             accuracy,
             most_pieces: settings.most_pieces(),
             heading: self.start_set.heading_rad,
+            body_point: Complex::new(0.0, 0.0),
         };
         let Workspace { boundary, curve, outliner, outer, .. } = &mut *workspace;
         let margin = outer.draw(&self.paths, request, outliner, curve, boundary);

@@ -1,12 +1,13 @@
-//! Conservative polygons against drives that try to leave them, at turns of up to half a turn a step and over up
-//! to 100 steps.
+//! Promises against drives that try to break them, at turns of up to half a turn a step and over up to 100 steps:
+//! conservative polygons contain every drive, and membership every state that a drive leads to.
 
 use super::{any_drive, origin};
 use sidestep::bounds::InputBounds;
 use sidestep::math::{PI, SeededRng};
 use sidestep::reach::polygon::signed_distance;
-use sidestep::reach::{PolygonSettings, ReachableSet};
-use sidestep::vehicle::dubins;
+use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
+use sidestep::vehicle::{Pose, dubins};
+use std::time::Instant;
 
 /// Bounds are drawn for up to `steps` steps and turn rates of up to `most` rad/s to both sides.
 struct Class {
@@ -14,6 +15,7 @@ struct Class {
     step_s: f64,
     most: f64,
     steps: usize,
+    /// Bounds in the small search.
     sets: usize,
 }
 
@@ -34,15 +36,21 @@ const CLASSES: [Class; 6] = [
 const PARTS: usize = 4;
 
 /// Random drives of each set, and changes to the one that got farthest out.
-const DRIVES: usize = 60;
-const CHANGES: usize = 60;
+#[derive(Clone, Copy)]
+struct Effort {
+    drives: usize,
+    changes: usize,
+}
 
 struct Subject {
     class: &'static Class,
     lo: Vec<f64>,
     hi: Vec<f64>,
+    set: ReachableSet,
     tube: Vec<[f64; 2]>,
     last: Vec<[f64; 2]>,
+    /// That a polygon took at most, s.
+    slowest: f64,
 }
 
 impl Subject {
@@ -62,50 +70,110 @@ impl Subject {
         let bounds = InputBounds::new(lo.clone(), hi.clone(), (-most, most)).unwrap();
         let set = ReachableSet::new(origin(), &bounds, class.speed_mps, class.step_s).unwrap();
         let settings = PolygonSettings::new(1e-3, 2).unwrap().conservative();
-        let (tube, last) = (set.tube_polygon(settings), set.step_polygon(lo.len(), settings));
-        Self { class, lo, hi, tube, last }
+        let begun = Instant::now();
+        let tube = set.tube_polygon(settings);
+        let between = Instant::now();
+        let last = set.step_polygon(lo.len(), settings);
+        let slowest = (between - begun).max(between.elapsed()).as_secs_f64();
+        Self { class, lo, hi, set, tube, last, slowest }
+    }
+
+    /// The poses after each part.
+    fn poses(&self, shares: &[f64]) -> impl Iterator<Item = Pose> {
+        let part_s = self.class.step_s / PARTS as f64;
+        shares.iter().enumerate().scan(origin(), move |pose, (part, share)| {
+            let (lo, hi) = (self.lo[part / PARTS], self.hi[part / PARTS]);
+            *pose = dubins::arc(*pose, self.class.speed_mps, lo + (hi - lo) * share, part_s);
+            Some(*pose)
+        })
     }
 
     /// How far inside the polygons a drive stays, m.
     fn margin(&self, shares: &[f64]) -> f64 {
-        let (mut pose, mut least) = (origin(), f64::INFINITY);
-        let part_s = self.class.step_s / PARTS as f64;
-        for (part, share) in shares.iter().enumerate() {
-            let (lo, hi) = (self.lo[part / PARTS], self.hi[part / PARTS]);
-            pose = dubins::arc(pose, self.class.speed_mps, lo + (hi - lo) * share, part_s);
+        let (mut least, mut end) = (f64::INFINITY, origin());
+        for pose in self.poses(shares) {
             least = least.min(signed_distance(&self.tube, pose.position()));
+            end = pose;
         }
-        least.min(signed_distance(&self.last, pose.position()))
+        least.min(signed_distance(&self.last, end.position()))
+    }
+
+    /// How far inside, m, the curves of membership have the state at the end of a drive.
+    fn state_margin(&self, shares: &[f64]) -> f64 {
+        let end = self.poses(shares).last().expect("a part");
+        let steps = self.lo.len();
+        assert!(
+            self.set.contains_state(steps, end, Tolerance::default()),
+            "{end:?} is missed: {shares:?} of lo {:?} hi {:?}",
+            self.lo,
+            self.hi
+        );
+        self.set.state_margins(steps, end).position_m
     }
 
     /// The least margin that was found.
-    fn search(&self, rng: &mut SeededRng) -> f64 {
+    fn search(
+        &self,
+        margin: impl Fn(&Self, &[f64]) -> f64,
+        effort: Effort,
+        rng: &mut SeededRng,
+    ) -> f64 {
         let parts = PARTS * self.lo.len();
-        let drives = (0..DRIVES).map(|_| any_drive(parts, rng));
-        let judged = drives.map(|drive| (self.margin(&drive), drive));
+        let drives = (0..effort.drives).map(|_| any_drive(parts, rng));
+        let judged = drives.map(|drive| (margin(self, &drive), drive));
         let best = judged.min_by(|a, b| a.0.total_cmp(&b.0));
         let (mut least, mut shares) = best.expect("a drive");
-        for _ in 0..CHANGES {
+        for _ in 0..effort.changes {
             let mut changed = shares.clone();
             let (from, length) = (rng.below(parts), 1 + rng.below(parts));
             let share = [0.0, 1.0, rng.unit()][rng.below(3)];
             changed.iter_mut().skip(from).take(length).for_each(|it| *it = share);
-            let margin = self.margin(&changed);
-            if margin < least {
-                (least, shares) = (margin, changed);
+            let found = margin(self, &changed);
+            if found < least {
+                (least, shares) = (found, changed);
             }
         }
         least
     }
 }
 
-#[test]
-fn no_drive_that_tries_leaves_a_conservative_polygon() {
-    let mut rng = SeededRng::new(77);
+/// Searches for drives that break a promise; `sets` bounds of each class.
+fn search(sets: impl Fn(&Class) -> usize, polygons: Effort, states: Effort, seed: u64) {
+    let mut rng = SeededRng::new(seed);
     for (i, class) in CLASSES.iter().enumerate() {
-        let least = (0..class.sets).map(|_| Subject::any(class, &mut rng).search(&mut rng));
-        let least = least.fold(f64::INFINITY, f64::min);
-        println!("class {i}: {:.6} mm inside at least", 1e3 * least);
-        assert!(least >= 0.0, "class {i}: {least}");
+        let (mut least, mut missed, mut slowest) = (f64::INFINITY, 0, 0.0_f64);
+        let count = sets(class);
+        for _ in 0..count {
+            let subject = Subject::any(class, &mut rng);
+            slowest = slowest.max(subject.slowest);
+            let margin = subject.search(Subject::margin, polygons, &mut rng);
+            assert!(margin >= 0.0, "{margin} m, lo {:?} hi {:?}", subject.lo, subject.hi);
+            least = least.min(margin);
+            let margin = subject.search(Subject::state_margin, states, &mut rng);
+            missed += usize::from(margin < -Tolerance::default().position_m);
+        }
+        println!(
+            "class {i}, {count} bounds: {:.6} mm inside at least; {:.1} ms at most; curves missed \
+             states of {missed}",
+            1e3 * least,
+            1e3 * slowest
+        );
     }
+}
+
+#[test]
+fn no_drive_that_tries_breaks_a_promise() {
+    let polygons = Effort { drives: 60, changes: 60 };
+    let states = Effort { drives: 10, changes: 20 };
+    search(|class| class.sets, polygons, states, 77);
+}
+
+/// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with `SETS=1000` for a shorter one.
+#[test]
+#[ignore = "takes hours"]
+fn a_search_of_full_size() {
+    let sets = std::env::var("SETS").map_or(100_000, |sets| sets.parse().expect("a number"));
+    let seed = std::env::var("SEED").map_or(1, |seed| seed.parse().expect("a number"));
+    let effort = Effort { drives: 500, changes: 500 };
+    search(|_| sets / CLASSES.len(), effort, Effort { drives: 50, changes: 50 }, seed);
 }

@@ -8,9 +8,10 @@
 
 use super::super::paths::unit;
 use super::super::set::ReachableSet;
-use super::Tolerance;
+use super::body_point::{Claim, Prover};
 use super::slice::Slice;
-use crate::math::TAU;
+use super::{Membership, Tolerance};
+use crate::math::{TAU, hypot};
 use crate::vehicle::Pose;
 use nalgebra::Complex;
 
@@ -43,6 +44,36 @@ struct Cell {
     headings: (f64, f64),
 }
 
+impl Cell {
+    /// How far apart, s, paths from its poses end at most that turn alike from the one in the middle.
+    fn spread(&self, seconds: f64) -> f64 {
+        0.5 * seconds * (self.headings.1 - self.headings.0) + self.half[0] + self.half[1]
+    }
+
+    /// A state, seen from the pose in the middle.
+    fn seen_from(&self, position: Complex<f64>, heading: f64) -> (Complex<f64>, f64) {
+        let middle = 0.5 * (self.headings.0 + self.headings.1);
+        ((position - self.shift) * unit(-middle), heading - middle)
+    }
+
+    fn halves(self, seconds: f64) -> [Self; 2] {
+        let ((from, to), [along, across]) = (self.headings, self.half);
+        let middle = 0.5 * (from + to);
+        if 0.5 * seconds * (to - from) >= along.max(across) {
+            [(from, middle), (middle, to)].map(|headings| Self { headings, ..self })
+        } else if along >= across {
+            let half = [0.5 * along, across];
+            [-half[0], half[0]].map(|by| Self { shift: self.shift + by, half, ..self })
+        } else {
+            let half = [along, 0.5 * across];
+            [-half[1], half[1]].map(|by| {
+                let shift = self.shift + Complex::new(0.0, by);
+                Self { shift, half, ..self }
+            })
+        }
+    }
+}
+
 impl<'a> Origins<'a> {
     pub(super) fn new(
         set: &'a ReachableSet,
@@ -61,37 +92,54 @@ impl<'a> Origins<'a> {
         }
     }
 
-    /// Whether any pose of the start leads to the state within the tolerance.
-    pub(super) fn any(&self) -> bool {
+    /// Whether a pose of the start leads to the state within the tolerance. At most `trials` body points are tried
+    /// to prove that none does.
+    pub(super) fn decide(&self, mut trials: usize) -> Membership {
         let half = self.set.start_set.extents().1.map(|length| length / self.set.speed_mps);
         let away = self.position.norm_sqr();
         let reach = self.seconds + self.near + half[0] + half[1];
         if away.is_nan() || away > reach * reach || !self.heading.is_finite() {
-            return false;
+            return Membership::Outside;
         }
+        if self.cells(half).any(|(cell, heading)| self.any_of(cell, heading)) {
+            return Membership::Inside;
+        }
+        let mut prover = Prover::default();
+        // One proof for all poses of the start is one for every number of whole turns.
+        let all = self.set.start_set.heading_rad;
+        let whole = Cell { shift: Complex::new(0.0, 0.0), half, headings: (-all, all) };
+        let proven = self
+            .cells(half)
+            .any(|(_, heading)| self.proves(whole, heading, &mut prover, &mut trials));
+        let outside = proven
+            || self
+                .cells(half)
+                .all(|(cell, heading)| self.none_of(cell, heading, &mut prover, &mut trials));
+        if outside { Membership::Outside } else { Membership::Open }
+    }
+
+    /// The state's heading is known up to whole turns; each admits some headings at the start.
+    fn cells(&self, half: [f64; 2]) -> impl Iterator<Item = (Cell, f64)> {
         let most = self.set.start_set.heading_rad;
         let (low, high) = self.set.end_headings(self.step);
-        // The state's heading is known up to whole turns; each admits some headings at the start.
         let first = ((low - self.turn - most - self.heading) / TAU).ceil();
-        let turns = (0..).map(|turns| TAU * (first + f64::from(turns)));
-        turns.take_while(|turns| self.heading + turns <= high + self.turn + most).any(|turns| {
-            let heading = self.heading + turns;
-            let from = (heading - high - self.turn).max(-most);
-            let to = (heading - low + self.turn).min(most);
-            let cell = Cell { shift: Complex::new(0.0, 0.0), half, headings: (from, to) };
-            from <= to && self.any_of(cell, heading)
-        })
+        let turns = (0..).map(move |turns| TAU * (first + f64::from(turns)));
+        turns
+            .map(|turns| self.heading + turns)
+            .take_while(move |heading| *heading <= high + self.turn + most)
+            .filter_map(move |heading| {
+                let from = (heading - high - self.turn).max(-most);
+                let to = (heading - low + self.turn).min(most);
+                let cell = Cell { shift: Complex::new(0.0, 0.0), half, headings: (from, to) };
+                (from <= to).then_some((cell, heading))
+            })
     }
 
     /// Whether any of these poses does, if the state's heading, not wrapped, is `heading`.
     fn any_of(&self, cell: Cell, heading: f64) -> bool {
-        let (from, to) = cell.headings;
-        let turned = self.seconds * 0.5 * (to - from);
-        let [along, across] = cell.half;
-        let spread = turned + along + across;
-        let middle = 0.5 * (from + to);
-        let position = (self.position - cell.shift) * unit(-middle);
-        let distance = self.distance(position, heading - middle, self.near + spread);
+        let spread = cell.spread(self.seconds);
+        let (position, turned) = cell.seen_from(self.position, heading);
+        let distance = self.distance(position, turned, self.near + spread);
         if distance <= self.near {
             return true;
         }
@@ -101,19 +149,33 @@ impl<'a> Origins<'a> {
         if spread <= SAME_POSE {
             return true;
         }
-        let halves = if turned >= along.max(across) {
-            [(from, middle), (middle, to)].map(|headings| Cell { headings, ..cell })
-        } else if along >= across {
-            let half = [0.5 * along, across];
-            [-half[0], half[0]].map(|by| Cell { shift: cell.shift + by, half, ..cell })
-        } else {
-            let half = [along, 0.5 * across];
-            [-half[1], half[1]].map(|by| {
-                let shift = cell.shift + Complex::new(0.0, by);
-                Cell { shift, half, ..cell }
-            })
+        cell.halves(self.seconds).into_iter().any(|cell| self.any_of(cell, heading))
+    }
+
+    /// Whether surely none of these poses does.
+    fn none_of(&self, cell: Cell, heading: f64, prover: &mut Prover, trials: &mut usize) -> bool {
+        if self.proves(cell, heading, prover, trials) {
+            return true;
+        }
+        *trials > 0
+            && cell.spread(self.seconds) > SAME_POSE
+            && cell
+                .halves(self.seconds)
+                .into_iter()
+                .all(|cell| self.none_of(cell, heading, prover, trials))
+    }
+
+    /// Whether one body point proves that.
+    fn proves(&self, cell: Cell, heading: f64, prover: &mut Prover, trials: &mut usize) -> bool {
+        let (position, turned) = cell.seen_from(self.position, heading);
+        let claim = Claim {
+            position,
+            heading: turned,
+            near: self.near + hypot(cell.half[0], cell.half[1]),
+            turn: self.turn,
+            start_heading: 0.5 * (cell.headings.1 - cell.headings.0),
         };
-        halves.into_iter().any(|cell| self.any_of(cell, heading))
+        prover.proves(&self.set.paths, self.step, claim, trials)
     }
 
     /// Distance of a position from those reached from the pose in the middle with a heading, or

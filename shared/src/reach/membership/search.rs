@@ -25,8 +25,9 @@ pub(super) struct Search {
     position: Complex<f64>,
     /// The smallest distance found, or the reach if none is below it.
     pub(super) distance: f64,
-    /// About the parameter where it was found.
+    /// About the parameter and the point where it was found.
     pub(super) nearest: f64,
+    pub(super) point: Complex<f64>,
     /// The search ends when a point at this distance or nearer is found.
     enough: f64,
     /// How often the curves cross the ray to the right of the position, upward
@@ -43,7 +44,8 @@ const MOST_HALVINGS: u32 = 48;
 impl Search {
     /// A search for distances below `reach`.
     pub(super) fn new(position: Complex<f64>, enough: f64, reach: f64) -> Self {
-        Self { position, distance: reach, nearest: f64::NAN, enough, crossings: 0 }
+        let point = Complex::new(f64::NAN, f64::NAN);
+        Self { position, distance: reach, nearest: f64::NAN, point, enough, crossings: 0 }
     }
 
     /// Whether a point near enough was found.
@@ -73,9 +75,10 @@ impl Search {
 
     fn look<A: Arc>(&mut self, arc: &A, parameter: f64) -> A::Knot {
         let knot = arc.knot(parameter);
-        let away = (A::place(knot).1 - self.position).norm_sqr();
+        let point = A::place(knot).1;
+        let away = (point - self.position).norm_sqr();
         if away < self.distance * self.distance {
-            (self.distance, self.nearest) = (away.sqrt(), parameter);
+            (self.distance, self.nearest, self.point) = (away.sqrt(), parameter, point);
         }
         knot
     }
@@ -90,6 +93,7 @@ impl Search {
         if clear || deviation <= EXACT || halvings == 0 {
             if distance < self.distance {
                 (self.distance, self.nearest) = (distance, from + share * (to - from));
+                self.point = start + (end - start) * share;
             }
             self.crossings += crossing(self.position, start, end);
             return;

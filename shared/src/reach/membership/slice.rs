@@ -155,6 +155,13 @@ impl<'a> Slice<'a> {
         nearest
     }
 
+    /// The point nearest to a position of the curves other than those of `multi_switch`, and its distance, s.
+    pub(super) fn nearest(&self, position: Complex<f64>) -> (Complex<f64>, f64) {
+        let searches = self.curves().map(|curve| self.search(curve, position, 0.0, f64::INFINITY));
+        let nearest = searches.min_by(|a, b| a.distance.total_cmp(&b.distance));
+        nearest.map_or((position, 0.0), |search| (search.point, search.distance))
+    }
+
     /// Signed distance of a position from the slice's boundary, s, positive
     /// inside, and the curve that is nearest.
     pub(super) fn margin(&self, position: Complex<f64>) -> (f64, Curve) {
