@@ -27,13 +27,14 @@ async fn nothing_is_stored(server: &Server, driver: &Driver) {
 
 pub(super) async fn case_01_malformed_json_bad_utf8_and_other_media_types(server: &Server) {
     let driver = Driver::enrol(server).await;
-    let raw: [(&str, &[u8], u16, &str); 8] = [
+    let raw: [(&str, &[u8], u16, &str); 9] = [
         (JSON, b"", 400, "malformed"),
         (JSON, b"{\"inputs\":[0", 400, "malformed"),
         (JSON, b"{} {}", 400, "malformed"),
         (JSON, b"{\"started_at_ms\":NaN}", 400, "malformed"),
         (JSON, b"{\"display\":\"\xff\"}", 400, "malformed"),
         ("text/plain", b"{}", 415, "content_type"),
+        ("application/json; charset=utf-16", b"{}", 415, "content_type"),
         ("application/x-www-form-urlencoded", b"a=b", 415, "content_type"),
         (JSON, b"[1]", 422, "invalid"),
     ];
