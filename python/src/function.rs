@@ -9,7 +9,7 @@ use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use sidestep::features::FeatureSet;
-use sidestep::invalid::{Invalid, finite};
+use sidestep::invalid::Invalid;
 use sidestep::reachability::{
     self, ACCURACIES, CurveSettings, METHODS, Options, Progress, SolveError,
 };
@@ -129,13 +129,7 @@ impl ValueFunction {
         flatness_m: f64,
         spacing_m: f64,
     ) -> Result<Vec<Bound<'py, PyArray2<f64>>>, Error> {
-        finite("psi", psi)?;
-        finite("level", level)?;
         let radius_m = self.0.game().radius_m;
-        if level <= -radius_m {
-            let expected = format!("above -radius_m = {}", -radius_m);
-            return Err(Invalid::new("level", expected, level).into());
-        }
         for (name, fine, least) in
             [("flatness_m", flatness_m, 1e-6 * radius_m), ("spacing_m", spacing_m, 1e-3 * radius_m)]
         {
@@ -144,7 +138,7 @@ impl ValueFunction {
             }
         }
         let settings = CurveSettings { flatness_m, spacing_m };
-        let curves = py.detach(|| self.0.level_curves(psi, level, settings));
+        let curves = py.detach(|| self.0.level_curves(psi, level, settings))?;
         Ok(curves.iter().map(|curve| points(py, curve)).collect::<PyResult<_>>()?)
     }
 

@@ -101,7 +101,8 @@ const CURVES: usize = 24;
 fn curves(function: &ValueFunction) {
     for i in 0..CURVES {
         let psi = TAU * (i as f64 + 0.3) / CURVES as f64;
-        black_box(function.level_curves(black_box(psi), 0.0, CurveSettings::default()));
+        let settings = CurveSettings::default();
+        let _ = black_box(function.level_curves(black_box(psi), 0.0, settings));
     }
 }
 

@@ -208,12 +208,19 @@ fn what_is_no_state_has_no_value() {
     for f in [&paper_polar().function, &ValueFunction::Exact(paper().exact().unwrap())] {
         for psi in [f64::NAN, f64::INFINITY] {
             assert!(f.value([5.0, 5.0, psi]).is_nan());
-            assert!(f.level_curves(psi, 0.0, CurveSettings::default()).is_empty());
+            let refused = f.level_curves(psi, 0.0, CurveSettings::default()).unwrap_err();
+            assert_eq!(refused.field, "psi");
         }
         assert!(f.value([f64::NAN, 5.0, 1.0]).is_nan());
         for level in [f64::NAN, f64::INFINITY, -3.0, -9.0] {
-            assert!(f.level_curves(1.0, level, CurveSettings::default()).is_empty());
+            let mut curves = vec![vec![[1.0, 2.0]]];
+            let settings = CurveSettings::default();
+            let refused = f.level_curves_into(1.0, level, settings, &mut curves).unwrap_err();
+            assert_eq!((refused.field.as_str(), curves.len()), ("level", 0));
         }
+        let spacing_m = f64::NAN;
+        let settings = CurveSettings { spacing_m, ..CurveSettings::default() };
+        assert_eq!(f.level_curves(1.0, 0.0, settings).unwrap_err().field, "spacing_m");
     }
 }
 
@@ -384,7 +391,7 @@ fn level_curves_lie_on_the_level_and_close() {
         for step in 0..24 {
             let psi = f64::from(step) * TAU / 24.0 + 0.03;
             for level in [0.0, 1.0] {
-                let curves = solved.function.level_curves(psi, level, settings);
+                let curves = solved.function.level_curves(psi, level, settings).unwrap();
                 assert_eq!(curves.len(), 1, "psi {psi}");
                 let mut off = Vec::new();
                 for (a, b) in curves[0].iter().zip(curves[0].iter().cycle().skip(1)) {
@@ -395,7 +402,7 @@ fn level_curves_lie_on_the_level_and_close() {
                 assert!(quantile(&mut off, 1.0) < 0.05, "{}", quantile(&mut off, 1.0));
                 if solved.function.game().identical() {
                     let exact = ValueFunction::Exact(paper().exact().unwrap());
-                    let truth = signed_area(&exact.level_curves(psi, level, settings)[0]);
+                    let truth = signed_area(&exact.level_curves(psi, level, settings).unwrap()[0]);
                     let found = signed_area(&curves[0]);
                     assert!((found / truth - 1.0).abs() < 0.01, "psi {psi}: {found} {truth}");
                 }
@@ -409,7 +416,7 @@ fn a_set_that_leaves_the_grid_closes_along_its_edge() {
     // Every state is lost to a pursuer that is twice as fast and as nimble.
     let options = Options { range_m: Some(6.0), ..Options::default() };
     let solved = solved(game([1.0, 0.5], [2.0, 1.0], 3.0), &options);
-    let curves = solved.function.level_curves(0.4, 0.0, CurveSettings::default());
+    let curves = solved.function.level_curves(0.4, 0.0, CurveSettings::default()).unwrap();
     let reach = curves.iter().flatten().map(|p| hypot(p[0], p[1])).fold(0.0, f64::max);
     assert!((reach - 6.0).abs() < 1e-6, "{reach}");
     let widest = curves.iter().map(|curve| signed_area(curve)).fold(0.0, f64::max);

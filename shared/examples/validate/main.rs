@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     step("unequal vehicles");
     let unequal = unequal::check()?;
     step("pictures");
-    let traced = pictures::traced(&mitchell[polar::STANDARD]);
+    let traced = pictures::traced(&mitchell[polar::STANDARD])?;
     let slices = pictures::slices(&mitchell[polar::STANDARD])?;
     let map = pictures::error_map(&paper[polar::STANDARD])?;
     let report = json!({

@@ -50,19 +50,19 @@ const CURVES: CurveSettings = CurveSettings { flatness_m: 0.002, spacing_m: 0.1 
 
 /// How far curves that are traced through the grid of a solution are from its {V = 0}: |V|, m, on
 /// their points and midway between these, at 24 headings.
-pub(crate) fn traced(solved: &Solved) -> Errors {
+pub(crate) fn traced(solved: &Solved) -> Result<Errors, Box<dyn Error>> {
     let polar = &solved.function;
     let mut errors = Vec::new();
     for step in 0..24 {
         let psi = TAU * f64::from(step) / 24.0;
-        for curve in polar.level_curves(psi, 0.0, CurveSettings::default()) {
+        for curve in polar.level_curves(psi, 0.0, CurveSettings::default())? {
             for (a, b) in curve.iter().zip(curve.iter().cycle().skip(1)) {
                 let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
                 errors.extend([*a, middle].map(|[x, y]| polar.value([x, y, psi]).abs()));
             }
         }
     }
-    Errors::of(errors)
+    Ok(Errors::of(errors))
 }
 
 /// Three slices, by the polar solver as it was solved before.
@@ -76,17 +76,18 @@ pub(crate) fn slices(polar: &Solved) -> Result<Vec<Slice>, Box<dyn Error>> {
     let options = Options { horizon_s: HORIZON_S, grid: Some(grid), ..Options::default() };
     let cartesian = solved(MITCHELL, &options)?.function;
     let exact = ValueFunction::Exact(MITCHELL.exact()?);
-    let slice = |psi_deg: f64| {
+    let slice = |psi_deg: f64| -> Result<Slice, Box<dyn Error>> {
         let psi = psi_deg * TAU / 360.0;
-        let [exact, polar, cartesian] = [&exact, &polar.function, &cartesian]
-            .map(|function| function.level_curves(psi, 0.0, CURVES));
+        let curves = |function: &ValueFunction| function.level_curves(psi, 0.0, CURVES);
+        let (exact, polar) = (curves(&exact)?, curves(&polar.function)?);
+        let cartesian = curves(&cartesian)?;
         let farther = |a: [f64; 2], b: &[f64; 2]| {
             if hypot(b[0], b[1]) > hypot(a[0], a[1]) { *b } else { a }
         };
         let tip = exact.iter().flatten().fold([0.0; 2], farther);
-        Slice { psi_deg, exact, polar, cartesian, tip }
+        Ok(Slice { psi_deg, exact, polar, cartesian, tip })
     };
-    Ok([60.0, 120.0, 180.0].map(slice).into())
+    [60.0, 120.0, 180.0].into_iter().map(slice).collect()
 }
 
 /// The map of a solution of *paper*.
@@ -103,6 +104,6 @@ pub(crate) fn error_map(polar: &Solved) -> Result<ErrorMap, Box<dyn Error>> {
     let errors = rows.concat();
     let worst = (0..errors.len()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
     let worst = at(worst % columns, worst / columns);
-    let zero = exact.level_curves(PI, 0.0, CURVES);
+    let zero = exact.level_curves(PI, 0.0, CURVES)?;
     Ok(ErrorMap { errors: Errors::of(errors), worst, origin, cell_m, rows, zero })
 }

@@ -63,7 +63,7 @@ impl DecisionMap {
 /// A map for each feature set and encounter.
 ///
 /// # Errors
-/// Never: the comparison's predictors are valid.
+/// Never: the comparison's predictors and headings are valid.
 pub(super) fn decision_maps(
     comparison: &Comparison,
     safety: &SafetyLevels,
@@ -73,7 +73,7 @@ pub(super) fn decision_maps(
         for (heading, encounter) in ENCOUNTERS {
             let probabilities = probabilities(comparison, features, heading, safety)?;
             let curve = CurveSettings::default();
-            let boundary = safety.of(Evader::Human).level_curves(heading, 0.0, curve);
+            let boundary = safety.of(Evader::Human).level_curves(heading, 0.0, curve)?;
             maps.push(DecisionMap { features, heading, encounter, probabilities, boundary });
         }
     }

@@ -34,7 +34,8 @@ pub fn domain(function: &ValueFunction) -> Window {
     let mut window = Window::square(radius_m);
     for heading in 0..HEADINGS {
         let psi = f64::from(heading) * TAU / f64::from(HEADINGS);
-        for point in function.level_curves(psi, radius_m / 3.0, coarse).into_iter().flatten() {
+        let curves = function.level_curves(psi, radius_m / 3.0, coarse).unwrap_or_default();
+        for point in curves.into_iter().flatten() {
             window = window.including(point, 0.0);
         }
     }
@@ -84,11 +85,10 @@ impl Map {
         let all = vec![[x[0], y[0], x[1], y[1]]];
         let last = scale.levels.len();
         map.chart.add(Cells { ink: scale.tone(last).into(), boxes: all });
-        let curves: Vec<(f64, Vec<Vec<Point>>)> = scale
-            .levels
-            .iter()
-            .map(|&level| (level, function.level_curves(psi, level, settings)))
-            .collect();
+        // A level that no state can have is drawn as nothing.
+        let of_level = |level| function.level_curves(psi, level, settings).unwrap_or_default();
+        let curves: Vec<(f64, Vec<Vec<Point>>)> =
+            scale.levels.iter().map(|&level| (level, of_level(level))).collect();
         // The largest set first: each lies within the next level's.
         for (band, (level, curves)) in curves.iter().enumerate().rev() {
             let mut sized: Vec<_> = curves.iter().map(|curve| (area(curve), curve)).collect();

@@ -19,8 +19,10 @@ pub fn slices(function: &ValueFunction, psi_deg: &[f64], levels: &[f64]) -> Draw
     let curves: Vec<Vec<Curves>> = psi_deg
         .iter()
         .map(|psi| {
+            // A level that no state can have is drawn as nothing.
             let curves = |level: &f64| {
-                function.level_curves(psi * PI / 180.0, *level, CurveSettings::default())
+                let settings = CurveSettings::default();
+                function.level_curves(psi * PI / 180.0, *level, settings).unwrap_or_default()
             };
             levels.iter().map(curves).collect()
         })

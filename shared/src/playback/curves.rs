@@ -44,7 +44,11 @@ impl Curves {
         if kept.psi.to_bits() != psi.to_bits() {
             kept.psi = psi;
             let (function, curves) = (safety.of(evader), &mut kept.curves);
-            function.level_curves_into(psi, level_m, CurveSettings::default(), curves);
+            let drawn = function.level_curves_into(psi, level_m, CurveSettings::default(), curves);
+            if drawn.is_err() {
+                // A level that no state can have is nowhere, as the legend says.
+                curves.clear();
+            }
         }
         &kept.curves
     }

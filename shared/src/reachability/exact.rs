@@ -10,6 +10,8 @@
 
 mod curve;
 
+pub(super) use curve::{check_fineness, check_slice};
+
 use crate::invalid::{Invalid, finite, length, positive};
 use crate::math::{PI, atan2, hypot, sin_cos, wrap_positive};
 

@@ -1,8 +1,10 @@
 //! Level curves of a value function at one heading, for drawing.
 
 use super::contour::{Lattice, closed_curves};
+use super::exact::{check_fineness, check_slice};
 use super::sampled::{SampledState, SampledValue, Slice};
 use super::value_function::ValueFunction;
+use crate::invalid::Invalid;
 use crate::math::{TAU, hypot, sin_cos};
 
 /// How finely a curve is traced.
@@ -23,44 +25,60 @@ impl Default for CurveSettings {
 impl ValueFunction {
     /// {V = `level`} at relative heading `psi`: closed polygons in the evader's frame,
     /// m, with {V ≤ level} on their left. A set that leaves the grid is closed along the grid's edge.
-    /// There are no curves if the set is empty, if `psi` or `level` is not finite, or if `level` ≤ −R,
-    /// where the set is at most the point r = 0.
-    #[must_use]
+    /// There are no curves where no state of this heading has V ≤ level.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a `psi` that is not finite, a `level` that no state can have (not finite, or
+    /// ≤ −R, where the set is at most the point r = 0), or settings that are not > 0.
     pub fn level_curves(
         &self,
         psi: f64,
         level: f64,
         settings: CurveSettings,
-    ) -> Vec<Vec<[f64; 2]>> {
+    ) -> Result<Vec<Vec<[f64; 2]>>, Invalid> {
         let mut curves = Vec::new();
-        self.level_curves_into(psi, level, settings, &mut curves);
-        curves
+        self.level_curves_into(psi, level, settings, &mut curves)?;
+        Ok(curves)
     }
 
     /// [`Self::level_curves`] in the place of what `curves` holds. Closed forms reuse its memory.
+    ///
+    /// # Errors
+    /// As [`Self::level_curves`]; `curves` is empty then.
     pub fn level_curves_into(
         &self,
         psi: f64,
         level: f64,
         settings: CurveSettings,
         curves: &mut Vec<Vec<[f64; 2]>>,
-    ) {
-        if !psi.is_finite() || !level.is_finite() || level <= -self.game().radius_m {
+    ) -> Result<(), Invalid> {
+        if let Err(invalid) = self.check_curve(psi, level, settings) {
             curves.clear();
-            return;
+            return Err(invalid);
         }
         match self {
             Self::Exact(exact) => {
                 curves.resize_with(1, Vec::new);
-                exact.level_curve_into(psi, level, settings.flatness_m, &mut curves[0]);
+                let drawn = exact.level_curve_into(psi, level, settings.flatness_m, &mut curves[0]);
+                if drawn.is_err() {
+                    curves.clear();
+                }
+                drawn
             }
             Self::Sampled(sampled) => {
                 *curves = closed_curves(&SliceLattice::new(sampled, psi, level));
                 for curve in curves {
                     *curve = smoothed(curve, sampled, psi, level, settings);
                 }
+                Ok(())
             }
         }
+    }
+
+    fn check_curve(&self, psi: f64, level: f64, settings: CurveSettings) -> Result<(), Invalid> {
+        check_slice(psi, level, self.game().radius_m)?;
+        check_fineness("flatness_m", settings.flatness_m)?;
+        check_fineness("spacing_m", settings.spacing_m)
     }
 }
 

@@ -65,14 +65,14 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     figures.add("level curve", CURVES, || {
         for i in 0..CURVES {
             let psi = black_box(TAU * (i as f64 + 0.3) / CURVES as f64);
-            black_box(solved.function.level_curves(psi, 0.0, CurveSettings::default()));
+            let _ = black_box(solved.function.level_curves(psi, 0.0, CurveSettings::default()));
         }
     });
     let closed = ValueFunction::Exact(exact);
     figures.add("level curve, closed form", CURVES, || {
         for i in 0..CURVES {
             let psi = black_box(TAU * (i as f64 + 0.3) / CURVES as f64);
-            black_box(closed.level_curves(psi, 0.0, CurveSettings::default()));
+            let _ = black_box(closed.level_curves(psi, 0.0, CurveSettings::default()));
         }
     });
     figures.add("exact value", STATES, || {

@@ -6,32 +6,70 @@
 //! straight line, the involute of a circle, and an arc, one for each [`Ending`](super::Ending) of the pursuit.
 
 use super::{ExactValue, Sheet};
+use crate::invalid::{Invalid, finite};
 use crate::math::{PI, sin_cos, wrap_positive};
+
+/// Refuses a heading that is not finite, and a level, m, that no state can have.
+pub(in crate::reachability) fn check_slice(
+    psi: f64,
+    level: f64,
+    radius_m: f64,
+) -> Result<(), Invalid> {
+    finite("psi", psi)?;
+    finite("level", level)?;
+    if level <= -radius_m {
+        let expected = format!("above -radius_m = {}", -radius_m);
+        return Err(Invalid::new("level", expected, level));
+    }
+    Ok(())
+}
+
+/// Accepts a distance, m, that a curve can keep; infinite means as coarse as it gets.
+pub(in crate::reachability) fn check_fineness(name: &str, fine_m: f64) -> Result<(), Invalid> {
+    if fine_m > 0.0 { Ok(()) } else { Err(Invalid::new(name, "a number > 0", fine_m)) }
+}
 
 impl ExactValue {
     /// The boundary of {V ≤ `level`} at relative heading `psi`, rad, as a counter-clockwise polygon in the
     /// evader's frame, m, without repeated end point. Its corners lie on the level, and the level nowhere
-    /// farther than about `flatness_m` from its edges. There are none if the set is at most the point
-    /// r = 0 (`level` ≤ −R), or if a number is not finite.
-    #[must_use]
-    pub fn level_curve(&self, psi: f64, level: f64, flatness_m: f64) -> Vec<[f64; 2]> {
+    /// farther than about `flatness_m` from its edges.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a `psi` that is not finite, a `level` that no state can have (not finite, or
+    /// ≤ −R, where the set is at most the point r = 0) or whose range overflows in turning radii, or a
+    /// `flatness_m` that is not > 0.
+    pub fn level_curve(
+        &self,
+        psi: f64,
+        level: f64,
+        flatness_m: f64,
+    ) -> Result<Vec<[f64; 2]>, Invalid> {
         let mut curve = Vec::new();
-        self.level_curve_into(psi, level, flatness_m, &mut curve);
-        curve
+        self.level_curve_into(psi, level, flatness_m, &mut curve)?;
+        Ok(curve)
     }
 
     /// [`Self::level_curve`] in the place of what `curve` holds.
+    ///
+    /// # Errors
+    /// As [`Self::level_curve`]; `curve` is empty then.
     pub fn level_curve_into(
         &self,
         psi: f64,
         level: f64,
         flatness_m: f64,
         curve: &mut Vec<[f64; 2]>,
-    ) {
+    ) -> Result<(), Invalid> {
         curve.clear();
+        check_slice(psi, level, self.radius_m)?;
+        check_fineness("flatness_m", flatness_m)?;
         let range = (level + self.radius_m) / self.turning_radius_m;
-        if !(psi.is_finite() && range.is_finite() && range > 0.0) {
-            return;
+        if !(range.is_finite() && range > 0.0) {
+            let expected = format!(
+                "a level whose range is a finite number > 0 in turning radii of {} m",
+                self.turning_radius_m
+            );
+            return Err(Invalid::new("level", expected, level));
         }
         let half = 0.5 * wrap_positive(psi);
         let (sin_half, cos_half) = sin_cos(half);
@@ -57,6 +95,7 @@ impl ExactValue {
             add([-ahead, right]);
         }
         right.places(back, flatness).rev().for_each(|place| add(right.point(place)));
+        Ok(())
     }
 }
 
@@ -183,7 +222,7 @@ mod tests {
             let game = ExactValue::new(speed_mps, turn_rate_radps, radius_m).unwrap();
             let level = if level < 0.0 { level * radius_m } else { level };
             let flatness_m = 0.01;
-            let curve = game.level_curve(psi, level, flatness_m);
+            let curve = game.level_curve(psi, level, flatness_m).unwrap();
             for &[x, y] in &curve {
                 let value = game.value([x, y, psi]);
                 prop_assert!((value - level).abs() < 1e-9, "V({x}, {y}) = {value}, not {level}");
@@ -206,7 +245,7 @@ mod tests {
     #[test]
     fn same_heading_gives_the_danger_zone() {
         let game = ExactValue::new(2.0, 0.5, 3.0).unwrap();
-        let disc = game.level_curve(0.0, 0.0, 0.001);
+        let disc = game.level_curve(0.0, 0.0, 0.001).unwrap();
         assert!((area(&disc) - 9.0 * PI).abs() < 0.02, "{}", area(&disc));
         assert!(disc.iter().all(|p| (hypot(p[0], p[1]) - 3.0).abs() < 1e-12));
         let twice = disc.iter().zip(disc.iter().cycle().skip(1)).filter(|(a, b)| a == b).count();
@@ -216,17 +255,32 @@ mod tests {
     #[test]
     fn the_tip_is_not_cut_off() {
         let game = ExactValue::new(2.0, 0.5, 3.0).unwrap();
-        let curve = game.level_curve(PI, 0.0, 0.01);
+        let curve = game.level_curve(PI, 0.0, 0.01).unwrap();
         let reach = curve.iter().map(|p| hypot(p[0], p[1])).fold(0.0, f64::max);
         // Published: 13.021 m.
         assert!((reach - 13.021).abs() < 5e-4, "{reach}");
     }
 
     #[test]
-    fn there_is_no_curve_of_a_point_or_of_no_number() {
+    fn what_no_state_can_have_is_named() {
         let game = ExactValue::new(2.0, 0.5, 3.0).unwrap();
-        for (psi, level) in [(0.0, -3.0), (0.0, -4.0), (f64::NAN, 0.0), (0.0, f64::INFINITY)] {
-            assert!(game.level_curve(psi, level, 0.01).is_empty());
+        let mut curve = vec![[1.0, 1.0]];
+        let mut refused = |psi, level, flatness_m| {
+            let invalid = game.level_curve_into(psi, level, flatness_m, &mut curve).unwrap_err();
+            assert!(curve.is_empty());
+            invalid.to_string()
+        };
+        for (psi, level, flatness_m, expected) in [
+            (0.0, -3.0, 0.01, "level: expected above -radius_m = -3, found -3"),
+            (0.0, -4.0, 0.01, "level: expected above -radius_m = -3, found -4"),
+            (f64::NAN, 0.0, 0.01, "psi: expected a finite number, found NaN"),
+            (0.0, f64::INFINITY, 0.01, "level: expected a finite number, found inf"),
+            (0.0, 0.0, 0.0, "flatness_m: expected a number > 0, found 0"),
+            (0.0, 0.0, f64::NAN, "flatness_m: expected a number > 0, found NaN"),
+        ] {
+            assert_eq!(refused(psi, level, flatness_m), expected);
         }
+        let tight = ExactValue::new(1e-9, 1.0, 3.0).unwrap();
+        assert_eq!(tight.level_curve(0.0, 1e300, 0.01).unwrap_err().field, "level");
     }
 }
