@@ -218,7 +218,7 @@ fn with_the_papers_rollouts_a_larger_epsilon_can_give_a_smaller_set() {
     let sticks_out = |rollout| {
         let polygon = |epsilon| set(epsilon, rollout).step_polygon(2, PolygonSettings::default());
         let outer = polygon(0.16);
-        polygon(0.15).iter().map(|&p| -signed_distance(&outer, p)).fold(f64::MIN, f64::max)
+        polygon(0.15).iter().map(|&p| signed_distance(&outer, p)).fold(f64::MIN, f64::max)
     };
     assert!(sticks_out(Rollout::Paper) > 5e-3, "{}", sticks_out(Rollout::Paper));
     assert!(sticks_out(Rollout::Base) < 1e-4, "{}", sticks_out(Rollout::Base));
@@ -286,7 +286,7 @@ fn drawn_sets_are_nested_within_their_accuracy() {
             let polygons: Vec<_> = sets.iter().map(of).collect();
             for (j, pair) in polygons.windows(2).enumerate() {
                 for &vertex in &pair[0] {
-                    let out = -signed_distance(&pair[1], vertex);
+                    let out = signed_distance(&pair[1], vertex);
                     assert!(out <= drawn.accuracy_m(), "problem {seed} {what} {j}: {out} m");
                 }
             }

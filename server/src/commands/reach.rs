@@ -242,14 +242,14 @@ fn set_answer(
             return Err(Invalid::new(format!("queries[{q}].step"), expected, query.step));
         };
         let position = query.state.position();
-        let margin = if input.conservative {
+        let beyond_m = if input.conservative {
             let make = || set.step_polygon(query.step, exact_settings);
             signed_distance(exact[query.step].get_or_insert_with(make), position)
         } else {
             signed_distance(polygon, position)
         };
         Ok(QueryAnswer {
-            planar: margin >= -tolerance.position_m,
+            planar: beyond_m <= tolerance.position_m,
             full: set.contains_state(query.step, query.state, tolerance),
         })
     });

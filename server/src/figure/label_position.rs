@@ -18,7 +18,7 @@ pub(super) fn label_position(
         (0..=((high - low) / SPACING) as usize).map(move |i| low + SPACING * i as f64)
     };
     let points = tried(left, right).flat_map(|x| tried(top, bottom).map(move |y| [x, y]));
-    let room = |at| signed_distance(outer, at).min(-signed_distance(inner, at));
+    let room = |at| (-signed_distance(outer, at)).min(signed_distance(inner, at));
     let (most, at) = points.map(|at| (room(at), at)).max_by(|a, b| a.0.total_cmp(&b.0))?;
     (most >= least).then_some(at)
 }

@@ -48,7 +48,7 @@ impl OfKind {
     /// Compares a conservative polygon with the exact one.
     fn compare(&mut self, drawn: &[[f64; 2]], exact: &[[f64; 2]]) {
         self.compared += 1;
-        let beyond = drawn.iter().map(|&vertex| -signed_distance(exact, vertex));
+        let beyond = drawn.iter().map(|&vertex| signed_distance(exact, vertex));
         self.excess_m = beyond.fold(self.excess_m, f64::max);
         let area = signed_area(exact);
         let excess = signed_area(drawn) - area;
@@ -126,7 +126,8 @@ fn of_kind(kind: Kind, rng: &mut SeededRng) -> Result<OfKind, Box<dyn Error>> {
                 (at_end, after(steps)),
             ] {
                 found.positions += 1;
-                found.least_margin_m = found.least_margin_m.min(signed_distance(polygon, position));
+                found.least_margin_m =
+                    found.least_margin_m.min(-signed_distance(polygon, position));
             }
         }
     }

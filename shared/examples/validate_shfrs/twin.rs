@@ -78,7 +78,7 @@ fn twin(turn_rate: (f64, f64), tube: &[[f64; 2]], (spacing_m, headings): (f64, u
     let solution = solve::<f32, 3, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()))?;
     let reached: Vec<[f64; 2]> =
         shadow(&solution).into_iter().filter(|(_, v)| *v <= 0.0).map(|(node, _)| node).collect();
-    let outside = reached.iter().map(|&node| -signed_distance(tube, node));
+    let outside = reached.iter().map(|&node| signed_distance(tube, node));
     Ok(json!({
         "turn_rate_radps": turn_rate,
         "spacing_m": spacing_m,

@@ -308,7 +308,7 @@ impl Footprint {
         let (dx, dy) = (x - pose.x, y - pose.y);
         let (sin, cos) = sin_cos(pose.psi);
         let seen = [cos * dx + sin * dy, -sin * dx + cos * dy];
-        -signed_distance(&self.corners, seen) - self.margin_m
+        signed_distance(&self.corners, seen) - self.margin_m
     }
 
     /// The part of the polygon at `pose` that lies least far along a direction (unit vector, world

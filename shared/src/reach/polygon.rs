@@ -28,9 +28,9 @@ pub fn bounding_box(polygon: &[[f64; 2]]) -> Option<[f64; 4]> {
     }))
 }
 
-/// Distance, m, from a position to the polygon's boundary: positive inside,
-/// negative outside, −∞ if there is no vertex. Inside means a winding number
-/// other than zero.
+/// Distance, m, from a position to the polygon's boundary: negative inside, as V is,
+/// positive outside, +∞ if there is no vertex. Inside means a winding number other than
+/// zero.
 #[must_use]
 pub fn signed_distance(polygon: &[[f64; 2]], position: [f64; 2]) -> f64 {
     let [x, y] = position;
@@ -49,7 +49,7 @@ pub fn signed_distance(polygon: &[[f64; 2]], position: [f64; 2]) -> f64 {
             if length2 > 0.0 { ((px * dx + py * dy) / length2).clamp(0.0, 1.0) } else { 0.0 };
         nearest = nearest.min(hypot(px - along * dx, py - along * dy));
     }
-    if winding == 0 { -nearest } else { nearest }
+    if winding == 0 { nearest } else { -nearest }
 }
 
 /// Every edge, the one that closes the polygon last.
@@ -68,24 +68,24 @@ mod tests {
     fn a_square() {
         assert_eq!(signed_area(&SQUARE), 4.0);
         assert_eq!(bounding_box(&SQUARE), Some([1.0, 1.0, 3.0, 3.0]));
-        assert_eq!(signed_distance(&SQUARE, [2.0, 2.5]), 0.5);
-        assert_eq!(signed_distance(&SQUARE, [2.0, 4.5]), -1.5);
-        assert_eq!(signed_distance(&SQUARE, [6.0, 7.0]), -5.0);
+        assert_eq!(signed_distance(&SQUARE, [2.0, 2.5]), -0.5);
+        assert_eq!(signed_distance(&SQUARE, [2.0, 4.5]), 1.5);
+        assert_eq!(signed_distance(&SQUARE, [6.0, 7.0]), 5.0);
     }
 
     #[test]
     fn the_other_way_round_the_area_is_negative() {
         let clockwise: Vec<_> = SQUARE.iter().rev().copied().collect();
         assert_eq!(signed_area(&clockwise), -4.0);
-        assert_eq!(signed_distance(&clockwise, [2.0, 2.5]), 0.5);
+        assert_eq!(signed_distance(&clockwise, [2.0, 2.5]), -0.5);
     }
 
     #[test]
     fn a_point_and_nothing() {
         assert_eq!(signed_area(&[[2.0, 3.0]]), 0.0);
-        assert_eq!(signed_distance(&[[2.0, 3.0]], [2.0, 5.0]), -2.0);
+        assert_eq!(signed_distance(&[[2.0, 3.0]], [2.0, 5.0]), 2.0);
         assert_eq!(signed_area(&[]), 0.0);
         assert_eq!(bounding_box(&[]), None);
-        assert_eq!(signed_distance(&[], [0.0, 0.0]), f64::NEG_INFINITY);
+        assert_eq!(signed_distance(&[], [0.0, 0.0]), f64::INFINITY);
     }
 }

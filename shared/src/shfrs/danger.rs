@@ -161,7 +161,7 @@ impl Disc {
             let apart = hypot(robot.x - start.x, robot.y - start.y);
             apart > outside + (i + 1) as f64 * self.step_m
                 || signed_distance(&set.step_polygon(i + 1, self.polygon), robot.position())
-                    < -outside
+                    > outside
         })
     }
 

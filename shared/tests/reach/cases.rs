@@ -168,7 +168,7 @@ impl Case {
         for step in &reference.steps {
             let own = set.step_polygon(step.i, settings);
             let points = || step.boundary.iter().chain(&step.front);
-            let margins = || points().map(|&point| signed_distance(&own, point));
+            let margins = || points().map(|&point| -signed_distance(&own, point));
             case.inside_m = margins().fold(case.inside_m, f64::max);
             if reference.id == COARSE_REAR {
                 let outside = margins().map(|margin| -margin).fold(0.0, f64::max);
@@ -189,11 +189,11 @@ impl Case {
         }
         for query in &reference.queries {
             let position = query.state.position();
-            let margin = signed_distance(&polygons[query.step], position);
+            let margin = -signed_distance(&polygons[query.step], position);
             case.planar.add((margin >= -QUERY.position_m) == query.planar_in);
             case.margin_m = case.margin_m.max((margin - query.planar_margin).abs());
             if query.planar_in {
-                case.outside_tube_m = case.outside_tube_m.max(-signed_distance(&tube, position));
+                case.outside_tube_m = case.outside_tube_m.max(signed_distance(&tube, position));
             }
             if let Some(inside) = query.full_in {
                 case.full.add(set.contains_state(query.step, query.state, QUERY) == inside);

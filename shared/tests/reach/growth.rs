@@ -71,7 +71,7 @@ fn no_drive_leaves_a_conservative_polygon() {
                 ("middle", &middle, at(steps.div_ceil(2))),
                 ("last", &last, at(steps)),
             ] {
-                let margin = signed_distance(polygon, position);
+                let margin = -signed_distance(polygon, position);
                 assert!(margin >= 0.0, "case {case} {what}: {margin} {start:?} {lo:?} {hi:?}");
             }
         }
@@ -101,7 +101,7 @@ fn a_conservative_polygon_exceeds_little() {
                 largest = largest.max(signed_area(&surely) / area - 1.0);
             }
             for &vertex in &surely {
-                let margin = signed_distance(&exact, vertex);
+                let margin = -signed_distance(&exact, vertex);
                 farthest = farthest.max(-margin);
                 // The fine one lies to either side of the boundary.
                 assert!(margin <= fine.accuracy_m(), "{margin}");
@@ -169,7 +169,7 @@ fn an_uncertain_start_gives_the_union_of_its_starts() {
         for one in &exact {
             for (around, polygon) in grown.iter().zip(one) {
                 for &vertex in polygon {
-                    let margin = signed_distance(around, vertex);
+                    let margin = -signed_distance(around, vertex);
                     assert!(margin >= -1e-3, "{margin} {start:?}");
                 }
             }
@@ -208,15 +208,15 @@ fn sums_with_a_disc() {
     // A bay narrower than the disc is filled.
     let bay = [[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [2.0, 2.0], [1.5, 0.5], [1.0, 2.0], [0.0, 2.0]];
     let grown = minkowski_disc(&bay, 1.0, 1e-3).expect("a sum");
-    assert!(signed_distance(&grown, [1.5, 2.0]) > 0.0);
+    assert!(signed_distance(&grown, [1.5, 2.0]) < 0.0);
     let mut rng = SeededRng::new(5);
     for _ in 0..2000 {
         let position = [rng.uniform(-2.0, 5.0), rng.uniform(-2.0, 4.0)];
-        let from_bay = signed_distance(&bay, position) + 1.0;
+        let from_bay = -signed_distance(&bay, position) + 1.0;
         if from_bay >= 0.0 {
-            assert!(signed_distance(&grown, position) >= 0.0);
+            assert!(signed_distance(&grown, position) <= 0.0);
         } else if from_bay < -1e-3 {
-            assert!(signed_distance(&grown, position) < 0.0);
+            assert!(signed_distance(&grown, position) > 0.0);
         }
     }
 }

@@ -118,8 +118,8 @@ impl Drawn {
 
     /// How far outside the positions of a drive are, m, if negative.
     fn margin(&self, drive: &[[f64; 2]]) -> f64 {
-        let along = drive.iter().step_by(3).map(|position| signed_distance(&self.tube, *position));
-        along.fold(signed_distance(&self.last, drive[drive.len() - 1]), f64::min)
+        let along = drive.iter().step_by(3).map(|position| -signed_distance(&self.tube, *position));
+        along.fold(-signed_distance(&self.last, drive[drive.len() - 1]), f64::min)
     }
 }
 
@@ -182,7 +182,7 @@ fn check_rear(bounds: &Bounds, settings: PolygonSettings) {
                             if (first..second).contains(&part) == high { hi } else { lo }
                         },
                     );
-                let margin = signed_distance(&drawn.last, drive[parts - 1]);
+                let margin = -signed_distance(&drawn.last, drive[parts - 1]);
                 assert!(
                     margin > -settings.accuracy_m(),
                     "{margin} {:?} {:?}",

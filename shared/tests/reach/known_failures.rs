@@ -34,7 +34,7 @@ impl Case {
     fn outside_m(&self) -> f64 {
         let settings = PolygonSettings::new(1e-3, 16).unwrap().conservative();
         let polygon = self.set().step_polygon(self.inputs.len(), settings);
-        -signed_distance(&polygon, self.end().position())
+        signed_distance(&polygon, self.end().position())
     }
 }
 
@@ -116,7 +116,7 @@ fn a_polygon_misses_drives_by_more_than_its_accuracy() {
         let mut rng = SeededRng::new(seed);
         let mut next = || random_drive(start, &lo, &hi, PARTS, &mut rng);
         let end = (0..drive).map(|_| next()[6 * PARTS - 1]).last().unwrap();
-        let outside_mm = -1e3 * signed_distance(&polygon, end.position());
+        let outside_mm = 1e3 * signed_distance(&polygon, end.position());
         assert!((outside_mm - expected_mm).abs() < 1e-3, "mended? {outside_mm} mm");
         assert!(outside_mm > 1e3 * settings.accuracy_m());
     }

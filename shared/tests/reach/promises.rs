@@ -92,10 +92,10 @@ impl Subject {
     fn margin(&self, shares: &[f64]) -> f64 {
         let (mut least, mut end) = (f64::INFINITY, origin());
         for pose in self.poses(shares) {
-            least = least.min(signed_distance(&self.tube, pose.position()));
+            least = least.min(-signed_distance(&self.tube, pose.position()));
             end = pose;
         }
-        least.min(signed_distance(&self.last, end.position()))
+        least.min(-signed_distance(&self.last, end.position()))
     }
 
     /// How far inside, m, the curves of membership have the state at the end of a drive.

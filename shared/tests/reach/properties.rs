@@ -70,11 +70,11 @@ proptest! {
         for _ in 0..20 {
             let positions = positions(start, &lo, &hi, &mut rng);
             for (i, &position) in positions.iter().enumerate() {
-                let margin = signed_distance(&tube, position);
+                let margin = -signed_distance(&tube, position);
                 prop_assert!(margin >= -1.1 * accuracy(), "tube: {margin}");
                 if (i + 1) % PARTS == 0 {
                     let step = (i + 1) / PARTS;
-                    let margin = signed_distance(&polygons[step], position);
+                    let margin = -signed_distance(&polygons[step], position);
                     prop_assert!(margin >= -1.1 * accuracy(), "step {step}: {margin}");
                 }
             }
@@ -112,13 +112,13 @@ proptest! {
         for step in [1, outer.steps().div_ceil(2), outer.steps()] {
             let around = outer.step_polygon(step, settings);
             for vertex in inner.step_polygon(step, settings) {
-                let margin = signed_distance(&around, vertex);
+                let margin = -signed_distance(&around, vertex);
                 prop_assert!(margin >= -1.1 * accuracy(), "step {step}: {margin}");
             }
         }
         let around = outer.tube_polygon(settings);
         for vertex in inner.tube_polygon(settings) {
-            prop_assert!(signed_distance(&around, vertex) >= -1.1 * accuracy());
+            prop_assert!(signed_distance(&around, vertex) <= 1.1 * accuracy());
         }
     }
 
@@ -195,10 +195,10 @@ fn without_a_choice_the_set_is_a_path() {
             assert!(hypot(x - pose.x, y - pose.y) < 1e-9);
         }
         assert!(signed_area(&polygon).abs() < 1e-15);
-        assert!(signed_distance(&tube, pose.position()) >= -accuracy());
+        assert!(signed_distance(&tube, pose.position()) <= accuracy());
     }
     assert!(signed_area(&tube).abs() < 1e-12);
-    assert!(signed_distance(&tube, [5.0, 5.0]) < -1e-3);
+    assert!(signed_distance(&tube, [5.0, 5.0]) > 1e-3);
 }
 
 /// A bound close to zero: a long piece of the front belongs to extremals that hardly
@@ -215,7 +215,7 @@ fn a_tube_with_a_bound_close_to_zero() {
     let mut rng = SeededRng::new(4_154_081_824);
     for _ in 0..20 {
         for position in positions(origin(), &lo, &hi, &mut rng) {
-            let margin = signed_distance(&tube, position);
+            let margin = -signed_distance(&tube, position);
             assert!(margin >= -1.1 * accuracy(), "{margin}");
         }
     }
@@ -241,10 +241,10 @@ fn ten_seconds_of_full_turns() {
     for _ in 0..200 {
         let positions = positions(origin(), &lo, &hi, &mut rng);
         for &position in positions.iter().step_by(3) {
-            let margin = signed_distance(&tube, position);
+            let margin = -signed_distance(&tube, position);
             assert!(margin >= -1.1e-3, "{margin} {position:?}");
         }
-        assert!(signed_distance(&last, positions[positions.len() - 1]) >= -1.1e-3);
+        assert!(signed_distance(&last, positions[positions.len() - 1]) <= 1.1e-3);
     }
 }
 

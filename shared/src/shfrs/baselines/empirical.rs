@@ -134,7 +134,7 @@ impl Futures {
     /// The least number of futures whose hull at a step contains a position.
     fn least(&self, step: usize, position: [f64; 2]) -> Option<usize> {
         let hulls = &self.hulls[step];
-        let holds = |hull: &[[f64; 2]]| signed_distance(hull, position) >= -TOLERANCE_M;
+        let holds = |hull: &[[f64; 2]]| signed_distance(hull, position) <= TOLERANCE_M;
         let first = hulls.partition_point(|(_, hull)| !holds(hull));
         hulls.get(first).map(|(from, _)| *from)
     }
@@ -145,7 +145,7 @@ fn growing_hulls(points: impl Iterator<Item = [f64; 2]>) -> Vec<(usize, Vec<[f64
     let mut hulls: Vec<(usize, Vec<[f64; 2]>)> = Vec::new();
     for (i, point) in points.enumerate() {
         let mut hull = hulls.last().map(|(_, hull)| hull.clone()).unwrap_or_default();
-        if signed_distance(&hull, point) < 0.0 {
+        if signed_distance(&hull, point) > 0.0 {
             hull.push(point);
             hulls.push((i + 1, convex_hull(&hull)));
         }

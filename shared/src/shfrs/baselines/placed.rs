@@ -321,7 +321,7 @@ mod tests {
     /// How far the positions of a window's future are inside the sets of their steps, m; negative outside.
     fn inside_by(set: &EmpiricalSet, window: &Window<'_>) -> f64 {
         let positions = window.future().iter().map(|state| state.human.position());
-        let inside = set.steps.iter().zip(positions).map(|(step, at)| signed_distance(step, at));
+        let inside = set.steps.iter().zip(positions).map(|(step, at)| -signed_distance(step, at));
         inside.fold(f64::INFINITY, f64::min)
     }
 
@@ -399,7 +399,7 @@ mod tests {
             }
             let least = score(0.5 * (low + high));
             for set in sets.sets().iter().filter(|set| set.level < most) {
-                let inside = signed_distance(&set.steps[0], at);
+                let inside = -signed_distance(&set.steps[0], at);
                 // The polygon is inscribed in the ellipse, 0.2 % smaller.
                 if (least / set.level - 1.0).abs() > 0.005 {
                     assert_eq!(inside > 0.0, least < set.level, "{least} {} {inside}", set.level);
@@ -428,7 +428,7 @@ mod tests {
                 let [x, y] = [ends(0), ends(1)];
                 let is_in = |_: &usize| {
                     let point = [rng.uniform(x[0], x[1]), rng.uniform(y[0], y[1])];
-                    set.tube.iter().any(|piece| signed_distance(piece, point) > 0.0)
+                    set.tube.iter().any(|piece| signed_distance(piece, point) < 0.0)
                 };
                 let inside = (0..N).filter(is_in).count();
                 let all = (x[1] - x[0]) * (y[1] - y[0]);

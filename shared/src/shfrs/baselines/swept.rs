@@ -143,7 +143,7 @@ mod tests {
                 (0..n).map(|_| [rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0)]).collect();
             let hull = convex_hull(&points);
             assert!(n < 3 || signed_area(&hull) > 0.0);
-            assert!(points.iter().all(|&p| signed_distance(&hull, p) > -1e-12));
+            assert!(points.iter().all(|&p| signed_distance(&hull, p) < 1e-12));
             assert!(hull.iter().all(|vertex| points.contains(vertex)));
         }
     }
@@ -164,7 +164,7 @@ mod tests {
             let inside = (0..N)
                 .filter(|_| {
                     let p = [rng.uniform(0.0, 3.0), rng.uniform(0.0, 3.0)];
-                    polygons.iter().any(|polygon| signed_distance(polygon, p) > 0.0)
+                    polygons.iter().any(|polygon| signed_distance(polygon, p) < 0.0)
                 })
                 .count();
             let counted = 9.0 * inside as f64 / N as f64;
