@@ -75,6 +75,20 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
 }
 
 #[tokio::test]
+async fn whoever_opens_the_page_again_keeps_their_place() {
+    let server = Server::with_study(&study("[recruitment]\nquota = 1\n")).await;
+    let driver = Driver::enrol(&server).await;
+    all_away_for_hours(&server);
+    assert_eq!(admission(&server).await, Admission::Open);
+    let _: Progress = driver.me(&server).await.into(200);
+    // It is noted behind the answer.
+    while admission(&server).await == Admission::Open {
+        tokio::task::yield_now().await;
+    }
+    Driver::ask(&server, json!({ "consent": true })).await.problem(403, "full", None);
+}
+
+#[tokio::test]
 async fn the_same_place_has_the_same_scenes_and_another_place_others() {
     let server = Server::with_study(SHORT_STUDY).await;
     let scenes = |driver: &Driver| -> Vec<_> {
