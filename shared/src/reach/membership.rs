@@ -168,7 +168,8 @@ impl ReachableSet {
     /// each step (world frame), from the first on; `inputs`, if known, are
     /// the turn rates held in each step, rad/s. As long as they satisfy the
     /// bounds, the states are reachable by definition; from the first step on in
-    /// which they do not, each state is tested with `tolerance`.
+    /// which they do not, each state must be [inside](Membership::Inside) with `tolerance`. What is open
+    /// does not count, so that shares of contained trajectories are never too large.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`], or fewer inputs than states.
@@ -190,7 +191,9 @@ impl ReachableSet {
                 .count()
         });
         // Later states usually need the widest bounds, so that one test of the last is often enough.
-        (known..states.len()).rev().all(|i| self.contains_state(i + 1, states[i], tolerance))
+        (known..states.len())
+            .rev()
+            .all(|i| self.state_membership(i + 1, states[i], tolerance, 0) == Membership::Inside)
     }
 
     /// From the world frame, metres, to the human's, seconds of travel.

@@ -6,7 +6,7 @@ use crate::bounds::InputBounds;
 use crate::invalid::Invalid;
 use crate::math::{PI, wrap_angle};
 use crate::reach::polygon::signed_area;
-use crate::reach::{PolygonSettings, ReachableSet, Tolerance};
+use crate::reach::{Membership, PolygonSettings, ReachableSet, Tolerance};
 use crate::scene::SceneParameters;
 use crate::vehicle::Pose;
 
@@ -32,7 +32,7 @@ pub fn widened(
 /// [`RESOLUTION_RADPS`] from above.
 ///
 /// The state after a step is inside if the recorded turn rates up to that step satisfy the bounds, or
-/// if it lies in the reachable set, within `tolerance`. A set that admits every turn rate contains
+/// if it is surely in the reachable set, within `tolerance`. A set that admits every turn rate contains
 /// every trajectory by definition, so a least widening always exists.
 ///
 /// # Errors
@@ -59,7 +59,7 @@ pub fn least_widening(
             let bounds = widened(base, epsilon, range)?;
             let set =
                 ReachableSet::new(start, &bounds, parameters.human.speed_mps, parameters.step_s)?;
-            Ok(set.contains_state(step, state, tolerance))
+            Ok(set.state_membership(step, state, tolerance, 0) == Membership::Inside)
         };
         let below =
             needed_by_heading(base, state.psi - start.psi, (least, enough), parameters, tolerance);

@@ -24,12 +24,12 @@ const fn class(speed_mps: f64, step_s: f64, most: f64, steps: usize, sets: usize
 }
 
 const CLASSES: [Class; 6] = [
-    class(2.0, 0.2, 0.5, 15, 60),
-    class(10.0, 0.5, 3.0, 12, 40),
-    class(2.0, 0.2, 3.0, 25, 40),
-    class(1.5, 0.1, 6.0, 50, 20),
-    class(2.0, 0.2, 0.5, 100, 20),
-    class(2.0, 1.0, PI, 100, 2),
+    class(2.0, 0.2, 0.5, 15, 30),
+    class(10.0, 0.5, 3.0, 12, 20),
+    class(2.0, 0.2, 3.0, 25, 20),
+    class(1.5, 0.1, 6.0, 50, 10),
+    class(2.0, 0.2, 0.5, 100, 10),
+    class(2.0, 1.0, PI, 100, 1),
 ];
 
 /// Parts of a step in which a drive has one turn rate.
