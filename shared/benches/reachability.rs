@@ -8,7 +8,6 @@ mod fastest;
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
-use std::thread;
 use std::time::Duration;
 
 use criterion::{Criterion, SamplingMode, Throughput};
@@ -29,8 +28,8 @@ const RATIOS: &[(&str, &str)] = &[
     ("sampled/level curve", "exact/level curve"),
     ("polar/standard, 1 thread", "cartesian/weno5, 1 thread"),
     ("exact/batch, 1 thread", "exact/scalar"),
-    ("exact/batch, 2 threads", "exact/scalar"),
-    ("exact/batch, 2 threads", "exact/batch, 1 thread"),
+    ("exact/batch, all threads", "exact/scalar"),
+    ("exact/batch, all threads", "exact/batch, 1 thread"),
     ("cartesian/eno2, 2 threads", "cartesian/eno2, 1 thread"),
     ("cartesian/weno5, 2 threads", "cartesian/weno5, 1 thread"),
 ];
@@ -38,7 +37,7 @@ const RATIOS: &[(&str, &str)] = &[
 /// What a measurement may take at most, s (of one item).
 const BUDGETS: &[(&str, f64)] = &[
     ("exact/scalar", 100e-9),
-    ("exact/batch, 2 threads", 15e-3 / (61.0 * 61.0 * 48.0)),
+    ("exact/batch, all threads", 50e-9),
     ("sampled/value and gradient", 60e-9),
     ("polar/standard, 1 thread", 0.1),
 ];
@@ -70,29 +69,17 @@ fn exact(criterion: &mut Criterion, fastest: &mut Fastest) {
     });
     let function = ValueFunction::Exact(game);
     fastest.measure(&mut group, "exact/level curve", CURVES, || curves(&function));
-    for (name, threads) in [("exact/batch, 1 thread", 1), ("exact/batch, 2 threads", 2)] {
-        fastest.measure(&mut group, name, states.len(), || {
-            evaluate(&game, black_box(&states), &mut out, threads);
-            black_box(&out);
-        });
-    }
-    group.finish();
-}
-
-/// Computes the values of `states` on `threads` threads.
-fn evaluate(game: &ExactValue, states: &[[f64; 3]], out: &mut [f64], threads: usize) {
-    let share = states.len().div_ceil(threads);
-    let fill = |states: &[[f64; 3]], out: &mut [f64]| {
-        game.values_into(states, out).expect("the states are finite and the lengths agree");
-    };
-    if threads == 1 {
-        return fill(states, out);
-    }
-    thread::scope(|scope| {
-        for (states, out) in states.chunks(share).zip(out.chunks_mut(share)) {
-            scope.spawn(move || fill(states, out));
-        }
+    fastest.measure(&mut group, "exact/batch, 1 thread", states.len(), || {
+        let done = game.values_into(black_box(&states), &mut out);
+        done.expect("the states are finite and the lengths agree");
+        black_box(&out);
     });
+    fastest.measure(&mut group, "exact/batch, all threads", states.len(), || {
+        let done = game.parallel_values_into(black_box(&states), &mut out);
+        done.expect("the states are finite and the lengths agree");
+        black_box(&out);
+    });
+    group.finish();
 }
 
 /// Headings at which a curve is drawn.

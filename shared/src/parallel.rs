@@ -73,6 +73,26 @@ pub(crate) fn parallel_map<T: Sync, R: Send, E: Send>(
     items.iter().map(work).collect()
 }
 
+/// `work(inputs, outputs)` for corresponding parts, of `part` entries, of two lists of one length, on all
+/// threads there are.
+pub(crate) fn parallel_parts<A: Sync, B: Send>(
+    inputs: &[A],
+    outputs: &mut [B],
+    part: usize,
+    work: impl Fn(&[A], &mut [B]) + Sync + Send,
+) {
+    #[cfg(not(target_arch = "wasm32"))]
+    {
+        use rayon::prelude::*;
+        let parts = inputs.par_chunks(part).zip(outputs.par_chunks_mut(part));
+        parts.for_each(|(inputs, outputs)| work(inputs, outputs));
+    }
+    #[cfg(target_arch = "wasm32")]
+    for (inputs, outputs) in inputs.chunks(part).zip(outputs.chunks_mut(part)) {
+        work(inputs, outputs);
+    }
+}
+
 /// Work that is compiled once for every lane width.
 pub(crate) trait Kernel {
     /// Must be `#[inline(always)]`, and so must every function that it calls.

@@ -477,10 +477,14 @@ fn a_batch_gives_the_same_bits() {
     let states: Vec<_> = (0..10_000).map(|_| random_state(&game, 6.0, &mut rng)).collect();
     let mut values = vec![0.0; states.len()];
     game.values_into(&states, &mut values).unwrap();
-    for (&state, value) in states.iter().zip(values) {
+    let mut parallel = vec![0.0; states.len()];
+    game.parallel_values_into(&states, &mut parallel).unwrap();
+    for ((&state, value), parallel) in states.iter().zip(values).zip(parallel) {
         assert_eq!(value.to_bits(), game.value(state).to_bits());
+        assert_eq!(value.to_bits(), parallel.to_bits());
     }
     game.values_into(&[], &mut []).unwrap();
+    game.parallel_values_into(&[], &mut []).unwrap();
 }
 
 #[test]
@@ -490,9 +494,16 @@ fn a_bad_batch_names_the_row() {
     let mut values = vec![7.0; 20];
     states[17][1] = f64::NAN;
     states[18][0] = f64::INFINITY;
-    let complaint = game.values_into(&states, &mut values).unwrap_err();
-    assert_eq!(complaint.to_string(), "states[17].y: expected a finite number, found NaN");
-    assert_eq!(values, vec![7.0; 20]);
+    for parallel in [false, true] {
+        let refused = if parallel {
+            game.parallel_values_into(&states, &mut values)
+        } else {
+            game.values_into(&states, &mut values)
+        };
+        let complaint = refused.unwrap_err();
+        assert_eq!(complaint.to_string(), "states[17].y: expected a finite number, found NaN");
+        assert_eq!(values, vec![7.0; 20]);
+    }
     let complaint = game.values_into(&states, &mut values[1..]).unwrap_err();
     assert_eq!(complaint.to_string(), "out: expected 20 entries, found 19 entries");
 }

@@ -225,6 +225,26 @@ fn what_is_no_state_has_no_value() {
 }
 
 #[test]
+fn a_batch_gives_the_same_bits() {
+    for f in [&paper_polar().function, &ValueFunction::Exact(paper().exact().unwrap())] {
+        // Three parts of a batch, the last one not full.
+        let mut states = states(12, 10_000, 30.0);
+        let mut values = vec![0.0; states.len()];
+        f.values_into(&states, &mut values).unwrap();
+        for (state, value) in states.iter().zip(&values) {
+            assert_eq!(value.to_bits(), f.value(*state).to_bits(), "{state:?}");
+        }
+        states[9000][2] = f64::INFINITY;
+        let mut untouched = vec![7.0; states.len()];
+        let refused = f.values_into(&states, &mut untouched).unwrap_err();
+        assert_eq!(refused.to_string(), "states[9000].psi: expected a finite number, found inf");
+        let refused = f.values_into(&states[..9000], &mut untouched).unwrap_err();
+        assert_eq!(refused.to_string(), "out: expected 9000 entries, found 10000 entries");
+        assert_eq!(untouched, vec![7.0; states.len()]);
+    }
+}
+
+#[test]
 fn finer_grids_are_better() {
     let p99 = |accuracy| {
         let options = Options { method: Some(Method::Polar), accuracy, ..Options::default() };

@@ -1,8 +1,10 @@
 //! The value function of a pursuit game, whichever method computed it.
 
-use super::exact::ExactValue;
+use super::exact::{ExactValue, PART, check_states};
 use super::pursuit::PursuitGame;
 use super::sampled::SampledValue;
+use crate::invalid::Invalid;
+use crate::parallel::parallel_parts;
 use crate::vehicle::VehicleModel;
 use std::sync::Arc;
 
@@ -70,6 +72,26 @@ impl ValueFunction {
         match self {
             Self::Exact(exact) => exact.value(relative),
             Self::Sampled(sampled) => sampled.state(relative).value,
+        }
+    }
+
+    /// [`Self::value`] of each of `states`, the same bits, into `out`, on all threads there are.
+    ///
+    /// # Errors
+    /// [`Invalid`] if `out` is not as long as `states`, or naming the first coordinate that is not finite
+    /// (`states[17].y`); `out` is untouched then.
+    pub fn values_into(&self, states: &[[f64; 3]], out: &mut [f64]) -> Result<(), Invalid> {
+        match self {
+            Self::Exact(exact) => exact.parallel_values_into(states, out),
+            Self::Sampled(sampled) => {
+                check_states(states, out.len())?;
+                parallel_parts(states, out, PART, |states, out| {
+                    for (value, &state) in out.iter_mut().zip(states) {
+                        *value = sampled.state(state).value;
+                    }
+                });
+                Ok(())
+            }
         }
     }
 
