@@ -9,6 +9,7 @@
 
 mod layout;
 mod kernel;
+mod solution;
 mod march;
 
 use super::game::Game;
@@ -19,9 +20,13 @@ use crate::parallel::default_threads;
 use crate::real::Real;
 use core::ops::ControlFlow;
 use march::march;
+use serde::{Deserialize, Serialize};
+
+pub use solution::{Sample, Snapshot, Solution};
 
 /// Whether a state counts that passes through the target, or only one that ends in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// States from which the target is reached at some time up to the horizon.
     Tube,
@@ -30,9 +35,11 @@ pub enum Kind {
 }
 
 /// Which way time runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Direction {
-    /// States that lead to the target.
+    /// States that lead to the target. The march begins at the end of the game: its time τ is the time
+    /// left.
     Backward,
     /// States that are reached from the target (the initial set): the same game with reversed
     /// velocities, H(x, −p).
@@ -44,20 +51,25 @@ pub enum Direction {
 pub enum Region<'a, const D: usize> {
     /// Fixed.
     Static(&'a (dyn Fn([f64; D]) -> f64 + Sync)),
-    /// Depends on the time τ since the march began, s.
-    Moving(&'a (dyn Fn([f64; D], f64) -> f64 + Sync)),
+    /// Depends on the time t, s, of a clock that runs forward from 0: from the beginning of the game, or
+    /// from the initial set. A backward march needs a finite horizon for it.
+    OfTime(&'a (dyn Fn([f64; D], f64) -> f64 + Sync)),
+    /// Depends on the time τ since the march began, s. Backward, that is the time left.
+    OfMarchTime(&'a (dyn Fn([f64; D], f64) -> f64 + Sync)),
 }
 
 impl<const D: usize> Region<'_, D> {
-    fn at(&self, state: [f64; D], time: f64) -> f64 {
+    /// At τ, and the time t of a clock then.
+    fn at(&self, state: [f64; D], march_time: f64, time: f64) -> f64 {
         match self {
             Self::Static(region) => region(state),
-            Self::Moving(region) => region(state, time),
+            Self::OfTime(region) => region(state, time),
+            Self::OfMarchTime(region) => region(state, march_time),
         }
     }
 
     fn moves(&self) -> bool {
-        matches!(self, Self::Moving(_))
+        !matches!(self, Self::Static(_))
     }
 }
 
@@ -93,6 +105,37 @@ pub struct Problem<'a, const D: usize, G> {
     pub horizon: Horizon,
 }
 
+impl<'a, const D: usize, G> Problem<'a, D, G> {
+    /// From which states is the target {l ≤ 0} reached within `seconds`? A backward tube without
+    /// obstacle; change a field to ask otherwise.
+    pub fn reach(
+        game: &'a G,
+        grid: Grid<D>,
+        target: &'a (dyn Fn([f64; D]) -> f64 + Sync),
+        seconds: f64,
+    ) -> Self {
+        Self {
+            game,
+            grid,
+            target: Region::Static(target),
+            obstacle: None,
+            kind: Kind::Tube,
+            direction: Direction::Backward,
+            horizon: Horizon::Finite(seconds),
+        }
+    }
+
+    /// The time t of a clock that runs forward, after τ of the march; not a number if it has no
+    /// beginning.
+    fn clock(&self, march_time: f64) -> f64 {
+        match (self.direction, self.horizon) {
+            (Direction::Forward, _) => march_time,
+            (Direction::Backward, Horizon::Finite(seconds)) => seconds - march_time,
+            (Direction::Backward, Horizon::Converged { .. }) => f64::NAN,
+        }
+    }
+}
+
 /// How to solve it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -105,6 +148,9 @@ pub struct Settings {
     /// stencils that are stable only up to 0.5 (second order) or 0.37 (third order); with longer steps
     /// V stays bounded, but loses that order in places.
     pub cfl: f64,
+    /// How many instants to store before the end, evenly spaced from the beginning of the march. Needs a
+    /// finite horizon, whose time steps become a little shorter, so that these instants are among them.
+    pub slices: usize,
     /// A solve that needs more memory than this is refused.
     pub memory_limit_bytes: u64,
 }
@@ -117,24 +163,22 @@ impl Settings {
             scheme,
             threads: default_threads(),
             cfl: scheme.cfl(),
+            slices: 0,
             memory_limit_bytes: MEMORY_LIMIT_BYTES,
         }
     }
-}
 
-/// The solution on the nodes.
-#[derive(Clone, Debug)]
-pub struct Solution<T, const D: usize> {
-    /// The nodes.
-    pub grid: Grid<D>,
-    /// V, row-major.
-    pub values: Vec<T>,
-    /// Time steps taken.
-    pub steps: usize,
-    /// Time marched, s.
-    pub horizon_s: f64,
-    /// max |∂V/∂τ| at the end, per second; 0 for a converged value.
-    pub residual: f64,
+    /// With so many stored instants before the end; see [`Settings::slices`].
+    #[must_use]
+    pub fn slices(self, slices: usize) -> Self {
+        Self { slices, ..self }
+    }
+
+    /// On so many threads; see [`Settings::threads`].
+    #[must_use]
+    pub fn threads(self, threads: usize) -> Self {
+        Self { threads, ..self }
+    }
 }
 
 /// Solves `problem`.
@@ -144,8 +188,9 @@ pub struct Solution<T, const D: usize> {
 /// # Errors
 /// [`SolveError::Invalid`] for a grid that is too small for the scheme or too large
 /// for the memory, a horizon that is not > 0, a `cfl` outside (0, 1], a target, an
-/// obstacle or speed bounds that are not finite at a node (which is named), or a game that makes V
-/// infinite or NaN; [`SolveError::Cancelled`] if `progress` cancels it.
+/// obstacle or speed bounds that are not finite at a node (which is named), a game that makes V
+/// infinite or NaN, or stored instants or a clock without a finite horizon;
+/// [`SolveError::Cancelled`] if `progress` cancels it.
 pub fn solve<T: Real, const D: usize, G: Game<D>>(
     problem: &Problem<'_, D, G>,
     settings: &Settings,

@@ -28,3 +28,48 @@ pub trait Game<const D: usize>: Sync {
     /// axis. They set the Lax–Friedrichs dissipation and the time step.
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; D]) -> [T; D];
 }
+
+/// The inputs of both players at one state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inputs<A, B> {
+    /// Of the player that wants to reach the target.
+    pub minimiser: A,
+    /// Of the player that wants to stay away from it.
+    pub maximiser: B,
+}
+
+/// A game that also tells what its players do: then a solution gives their optimal inputs at any state.
+pub trait Players<const D: usize>: Game<D> {
+    /// An input of the minimising player, such as `[f64; 1]`; `[f64; 0]` if there is none.
+    type Minimiser;
+    /// An input of the maximising player.
+    type Maximiser;
+
+    /// The inputs whose p · f(x, a, b) is H(x, p), for p = `gradient`: the maximising player answers
+    /// for every a, the minimising one for every b. An input on which p · f does not depend is the
+    /// middle of its range.
+    fn optimal_inputs(
+        &self,
+        state: [f64; D],
+        gradient: [f64; D],
+    ) -> Inputs<Self::Minimiser, Self::Maximiser>;
+
+    /// ẋ = f(x, a, b), in the unit of each coordinate per second.
+    fn velocity(
+        &self,
+        state: [f64; D],
+        inputs: &Inputs<Self::Minimiser, Self::Maximiser>,
+    ) -> [f64; D];
+}
+
+/// The input in [low, high] for which `factor` · input is least; the middle if `factor` is 0.
+pub(super) fn least([low, high]: [f64; 2], factor: f64) -> f64 {
+    if factor > 0.0 {
+        low
+    } else if factor < 0.0 {
+        high
+    } else {
+        // Halved first, so that the sum of large ends stays finite.
+        0.5 * low + 0.5 * high
+    }
+}

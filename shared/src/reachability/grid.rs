@@ -126,4 +126,79 @@ impl<const D: usize> Grid<D> {
         }
         Ok(())
     }
+
+    /// Refuses a state that is not on the grid, naming the coordinate.
+    pub(super) fn check_state(&self, state: [f64; D]) -> Result<(), Invalid> {
+        for (d, (axis, coordinate)) in self.axes.iter().zip(state).enumerate() {
+            let is_in = match axis.boundary {
+                Boundary::Periodic => coordinate.is_finite(),
+                Boundary::Extrapolate => (axis.low..=axis.high).contains(&coordinate),
+            };
+            if !is_in {
+                let expected = match axis.boundary {
+                    Boundary::Periodic => "a finite number".to_owned(),
+                    Boundary::Extrapolate => {
+                        format!("a number from {} to {}, the ends of the grid", axis.low, axis.high)
+                    }
+                };
+                return Err(Invalid::new(format!("state[{d}]"), expected, coordinate));
+            }
+        }
+        Ok(())
+    }
+
+    /// The cell around a state, as the multi-index of its lowest corner, and the place in it, 0 … 1
+    /// along each axis. A state beyond an end counts as at the end.
+    pub(super) fn cell(&self, state: [f64; D]) -> ([usize; D], [f64; D]) {
+        let (mut cell, mut share) = ([0; D], [0.0; D]);
+        for (d, axis) in self.axes.iter().enumerate() {
+            let place = (state[d] - axis.low) / axis.spacing();
+            let (place, cells) = match axis.boundary {
+                Boundary::Periodic => (place.rem_euclid(axis.nodes as f64), axis.nodes),
+                Boundary::Extrapolate => {
+                    (place.clamp(0.0, (axis.nodes - 1) as f64), axis.nodes - 1)
+                }
+            };
+            // Rounding may give a whole period.
+            cell[d] = (place as usize).min(cells - 1);
+            share[d] = place - cell[d] as f64;
+        }
+        (cell, share)
+    }
+
+    /// The position, row-major, of the node `steps` nodes from `cell`; none beyond an end.
+    pub(super) fn neighbour(&self, cell: [usize; D], steps: [isize; D]) -> Option<usize> {
+        let mut position = 0;
+        for (d, axis) in self.axes.iter().enumerate() {
+            let node = cell[d] as isize + steps[d];
+            let nodes = axis.nodes as isize;
+            let node = match axis.boundary {
+                Boundary::Periodic => node.rem_euclid(nodes),
+                Boundary::Extrapolate => Some(node).filter(|node| (0..nodes).contains(node))?,
+            };
+            position = position * axis.nodes + node as usize;
+        }
+        Some(position)
+    }
+
+    /// What `at_node` gives for the positions of the nodes around a state, linear along each axis between
+    /// them.
+    pub(super) fn blend<const N: usize>(
+        &self,
+        state: [f64; D],
+        at_node: impl Fn(usize) -> [f64; N],
+    ) -> [f64; N] {
+        let (cell, share) = self.cell(state);
+        let mut sum = [0.0; N];
+        for corner in 0..1_usize << D {
+            let up: [usize; D] = core::array::from_fn(|d| corner >> d & 1);
+            let weight: f64 =
+                (0..D).map(|d| if up[d] == 1 { share[d] } else { 1.0 - share[d] }).product();
+            if let Some(position) = self.neighbour(cell, up.map(|up| up as isize)) {
+                let entries = at_node(position);
+                (0..N).for_each(|n| sum[n] += weight * entries[n]);
+            }
+        }
+        sum
+    }
 }

@@ -12,9 +12,12 @@
 mod layout;
 mod meta;
 mod archive;
+mod reading;
+mod solution;
 
 pub use layout::{Layout, shape};
 pub use meta::{FORMAT, Meta, meta};
+pub use solution::SOLUTION_FORMAT;
 
 use super::{Method, SampledValue};
 use archive::Archive;

@@ -140,9 +140,9 @@ fn regions_without_a_value_are_refused() {
     // Beyond f32.
     let complaint = refused(|problem, _| problem.target = Region::Static(&huge));
     assert_eq!([&complaint.field, &complaint.found[..3]], ["target", "inf"]);
-    let complaint = refused(|problem, _| problem.target = Region::Moving(&later));
+    let complaint = refused(|problem, _| problem.target = Region::OfMarchTime(&later));
     assert_eq!(complaint.field, "target");
-    let complaint = refused(|problem, _| problem.obstacle = Some(Region::Moving(&later)));
+    let complaint = refused(|problem, _| problem.obstacle = Some(Region::OfMarchTime(&later)));
     assert_eq!(complaint.field, "obstacle");
 }
 

@@ -289,7 +289,7 @@ fn a_moving_interval_is_met() {
         let problem = Problem {
             game: &game,
             grid: Grid { axes: [Axis::bounded(-4.0, 5.0, 226)] },
-            target: Region::Moving(&target),
+            target: Region::OfMarchTime(&target),
             obstacle: None,
             kind: Kind::Tube,
             direction: BACKWARD,

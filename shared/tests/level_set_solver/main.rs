@@ -3,6 +3,7 @@
 //! and against input that it must refuse.
 //!
 //! Each test prints what it measured (`cargo test --release -- --nocapture`).
+#![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 mod twin;
 mod threads;
@@ -12,6 +13,9 @@ mod pursuit;
 mod bad_input;
 mod games;
 mod steepening;
+mod solutions;
+mod control_affine;
+mod files;
 #[path = "../../examples/measure/mod.rs"]
 mod measure;
 

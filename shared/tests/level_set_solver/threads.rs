@@ -11,7 +11,7 @@ pub(crate) fn compare_threads<const D: usize>(axes: [Axis; D], seconds: f64, sin
     let problem = Problem {
         game: &Twisted,
         grid,
-        target: Region::Moving(&bumpy),
+        target: Region::OfMarchTime(&bumpy),
         obstacle: Some(Region::Static(&still_ball)),
         kind: Kind::Tube,
         direction: Direction::Backward,

@@ -110,7 +110,8 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         let grid = &self.problem.grid;
         let at = |position| match region {
             Region::Static(region) => region(grid.node(grid.index(position))),
-            Region::Moving(region) => region(grid.node(grid.index(position)), time),
+            Region::OfMarchTime(region) => region(grid.node(grid.index(position)), time),
+            Region::OfTime(_) => panic!("the twin knows only the time of the march"),
         };
         (0..grid.len()).map(at).collect()
     }
@@ -185,8 +186,13 @@ pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
         (Kind::Set, Direction::Backward, target, None),
         (Kind::Tube, Direction::Backward, target, None),
         (Kind::Tube, Direction::Forward, target, Some(Region::Static(&still_ball))),
-        (Kind::Set, Direction::Forward, target, Some(Region::Moving(&ball))),
-        (Kind::Tube, Direction::Backward, Region::Moving(&bumpy), Some(Region::Moving(&ball))),
+        (Kind::Set, Direction::Forward, target, Some(Region::OfMarchTime(&ball))),
+        (
+            Kind::Tube,
+            Direction::Backward,
+            Region::OfMarchTime(&bumpy),
+            Some(Region::OfMarchTime(&ball)),
+        ),
     ];
     for scheme in SCHEMES {
         let (mut worst, mut worst_single, mut mean_single) = (0.0_f64, 0.0_f64, 0.0_f64);

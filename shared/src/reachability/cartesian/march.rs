@@ -85,11 +85,12 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         let (layout, grid) = (&self.layout, &self.problem.grid);
         let (lead, slice) = (layout.lead(), layout.slice_length());
         let inside = &mut destination[lead..lead + layout.slices() * slice];
+        let clock = self.problem.clock(time);
         // The first slice with a value that is not finite.
         let bad = AtomicUsize::new(usize::MAX);
         self.workers.for_chunks(inside, slice, |i, data| {
             each_interior(layout, i, |index, offset| {
-                data[offset] = T::from_f64(region.at(grid.node(index), time));
+                data[offset] = T::from_f64(region.at(grid.node(index), time, clock));
                 if !data[offset].to_f64().is_finite() {
                     bad.fetch_min(i, Ordering::Relaxed);
                 }
@@ -100,6 +101,17 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             return Ok(());
         }
         self.all_finite(name, destination, bad)
+    }
+
+    /// The values of the nodes, row-major.
+    fn nodes(&self, value: &[T]) -> Vec<T> {
+        let (layout, grid) = (&self.layout, &self.problem.grid);
+        let mut nodes = Vec::with_capacity(grid.len());
+        for slice in 0..layout.slices() {
+            let start = layout.lead() + slice * layout.slice_length();
+            each_interior(layout, slice, |_, offset| nodes.push(value[start + offset]));
+        }
+        nodes
     }
 
     /// Names the first node from slice `first` on whose value is not finite.
@@ -141,13 +153,14 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     if !(settings.cfl > 0.0 && settings.cfl <= 1.0) {
         return Err(Invalid::new("cfl", "above 0 and at most 1", settings.cfl).into());
     }
+    check_times(problem, settings)?;
     let stages = settings.scheme.stages();
     let limits = usize::from(problem.kind == Kind::Tube) + usize::from(problem.obstacle.is_some());
     let padded = grid
         .axes
         .iter()
         .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * S::REACH)));
-    let arrays = stages.max(2) + limits;
+    let arrays = (stages.max(2) + limits).saturating_add(settings.slices);
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
 
     let layout = Layout::new(grid, S::REACH);
@@ -184,6 +197,9 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
 
     let longest_step = settings.cfl / rate_bound(problem.game, grid)?;
     let planned = (longest / longest_step).ceil().max(1.0);
+    // Stored instants are ends of time steps.
+    let parts = settings.slices.max(1) as f64;
+    let planned = (planned / parts).ceil() * parts;
     if planned > MOST_STEPS {
         let expected = format!("at most {MOST_STEPS:e} time steps of this grid");
         return Err(Invalid::new("horizon_s", expected, format!("{planned:e}")).into());
@@ -194,7 +210,11 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     let (half, quarters, third) = (T::from_f64(0.5), T::from_f64(0.75), T::from_f64(1.0 / 3.0));
     let mut steps = 0;
     let mut residual = f64::INFINITY;
+    let mut earlier = Vec::new();
     while (steps as f64) < planned {
+        if settings.slices > 0 && steps % (planned / parts) as usize == 0 {
+            earlier.push(marcher.nodes(&value));
+        }
         steps += 1;
         let time = steps as f64 * time_step;
         marcher.move_limits(&mut limits, time)?;
@@ -229,17 +249,33 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     residual = largest_change(&value, &first, &layout) / time_step;
     drop(first);
     marcher.all_finite("value", &value, 0)?;
-    let mut values = vec![T::ZERO; grid.len()];
-    let mut write = values.iter_mut();
-    for slice in 0..layout.slices() {
-        let start = layout.lead() + slice * layout.slice_length();
-        each_interior(&layout, slice, |_, offset| {
-            if let Some(entry) = write.next() {
-                *entry = value[start + offset];
-            }
-        });
+    let (values, Problem { direction, kind, .. }) = (marcher.nodes(&value), problem);
+    let (direction, kind) = (*direction, *kind);
+    // Without rounding where the march went to its end.
+    let horizon_s = if steps as f64 >= planned { longest } else { steps as f64 * time_step };
+    Ok(Solution { grid: *grid, values, earlier, direction, kind, steps, horizon_s, residual })
+}
+
+/// Refuses what needs to know when the march ends, if nobody knows.
+fn check_times<const D: usize, G>(
+    problem: &Problem<'_, D, G>,
+    settings: &Settings,
+) -> Result<(), Invalid> {
+    let Horizon::Converged { .. } = problem.horizon else {
+        return Ok(());
+    };
+    if settings.slices > 0 {
+        return Err(Invalid::new("slices", "0, unless the horizon is finite", settings.slices));
     }
-    Ok(Solution { grid: *grid, values, steps, horizon_s: steps as f64 * time_step, residual })
+    for (name, region) in
+        [("target", Some(&problem.target)), ("obstacle", problem.obstacle.as_ref())]
+    {
+        if matches!(region, Some(Region::OfTime(_))) && problem.direction == Direction::Backward {
+            let expected = "a region that is static or of march time, unless the horizon is finite";
+            return Err(Invalid::new(name, expected, "one of a clock that has no beginning"));
+        }
+    }
+    Ok(())
 }
 
 /// More time steps than this would take days on any grid.

@@ -1,6 +1,6 @@
 //! A point mass that is steered towards a target.
 
-use crate::reachability::game::{Game, TERMS};
+use crate::reachability::game::{Game, Inputs, Players, TERMS, least};
 use crate::real::Real;
 
 /// ẋ = v, v̇ = u with |u| ≤ `acceleration`: state (x, v), m and m/s. The input
@@ -24,5 +24,21 @@ impl Game<2> for DoubleIntegrator {
     #[inline(always)]
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; 2]) -> [T; 2] {
         [terms[1][0].abs(), T::from_f64(self.acceleration_mps2)]
+    }
+}
+
+impl Players<2> for DoubleIntegrator {
+    /// u, m/s².
+    type Minimiser = [f64; 1];
+    type Maximiser = [f64; 0];
+
+    fn optimal_inputs(&self, _: [f64; 2], [_, p2]: [f64; 2]) -> Inputs<[f64; 1], [f64; 0]> {
+        let most = self.acceleration_mps2;
+        Inputs { minimiser: [least([-most, most], p2)], maximiser: [] }
+    }
+
+    fn velocity(&self, [_, v]: [f64; 2], inputs: &Inputs<[f64; 1], [f64; 0]>) -> [f64; 2] {
+        let [u] = inputs.minimiser;
+        [v, u]
     }
 }

@@ -1,7 +1,7 @@
 //! A vehicle with constant speed that chooses its turn rate.
 
 use crate::math::sin_cos;
-use crate::reachability::game::{Game, TERMS};
+use crate::reachability::game::{Game, Inputs, Players, TERMS, least};
 use crate::real::Real;
 
 /// ẋ = v cos ψ, ẏ = v sin ψ, ψ̇ = u with `turn_rate_radps.0` ≤ u ≤ `turn_rate_radps.1`:
@@ -37,5 +37,21 @@ impl Game<3> for DubinsCar {
         let (low, high) = self.turn_rate_radps;
         let [drift_x, drift_y, _] = terms[2];
         [drift_x.abs(), drift_y.abs(), T::from_f64(low.abs().max(high.abs()))]
+    }
+}
+
+impl Players<3> for DubinsCar {
+    /// u, rad/s.
+    type Minimiser = [f64; 1];
+    type Maximiser = [f64; 0];
+
+    fn optimal_inputs(&self, _: [f64; 3], [.., p3]: [f64; 3]) -> Inputs<[f64; 1], [f64; 0]> {
+        let (low, high) = self.turn_rate_radps;
+        Inputs { minimiser: [least([low, high], p3)], maximiser: [] }
+    }
+
+    fn velocity(&self, [.., psi]: [f64; 3], inputs: &Inputs<[f64; 1], [f64; 0]>) -> [f64; 3] {
+        let ((sin, cos), [u]) = (sin_cos(psi), inputs.minimiser);
+        [self.speed_mps * cos, self.speed_mps * sin, u]
     }
 }

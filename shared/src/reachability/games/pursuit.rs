@@ -1,7 +1,7 @@
 //! Pursuit and evasion of two Dubins vehicles in the evader's frame.
 
 use crate::math::sin_cos;
-use crate::reachability::game::{Game, TERMS};
+use crate::reachability::game::{Game, Inputs, Players, TERMS};
 use crate::reachability::pursuit::PursuitGame;
 use crate::real::Real;
 
@@ -37,5 +37,22 @@ impl Game<3> for RelativeDubins {
         let evader = T::from_f64(self.0.evader.turn_rate_radps);
         let pursuer = T::from_f64(self.0.pursuer.turn_rate_radps);
         [drift_x.abs() + evader * y.abs(), drift_y.abs() + evader * x.abs(), evader + pursuer]
+    }
+}
+
+impl Players<3> for RelativeDubins {
+    /// The pursuer's turn rate b, rad/s.
+    type Minimiser = [f64; 1];
+    /// The evader's turn rate a, rad/s.
+    type Maximiser = [f64; 1];
+
+    fn optimal_inputs(&self, state: [f64; 3], gradient: [f64; 3]) -> Inputs<[f64; 1], [f64; 1]> {
+        let [evader, pursuer] = self.0.optimal_turns(state, gradient);
+        Inputs { minimiser: [pursuer], maximiser: [evader] }
+    }
+
+    fn velocity(&self, state: [f64; 3], inputs: &Inputs<[f64; 1], [f64; 1]>) -> [f64; 3] {
+        let ([pursuer], [evader]) = (inputs.minimiser, inputs.maximiser);
+        self.0.velocity(state, evader, pursuer)
     }
 }

@@ -1,0 +1,271 @@
+//! What a solve finds, as a function of state and time.
+
+use super::{Direction, Kind};
+use crate::invalid::Invalid;
+use crate::reachability::game::{Inputs, Players};
+use crate::reachability::grid::Grid;
+use crate::real::Real;
+
+/// The solution of a problem: V on the nodes, and by interpolation anywhere on the grid.
+///
+/// # Two times
+/// A solve marches in τ, the time since it began. [`Direction::Backward`] begins at the end of the game:
+/// there τ is the time left, and a clock that starts with the game shows t = horizon − τ.
+/// [`Direction::Forward`] begins at the initial set, and t = τ. [`Solution::at_time`] and
+/// [`Region::OfTime`](super::Region::OfTime) go by t, [`Solution::at_march_time`] and
+/// [`Region::OfMarchTime`](super::Region::OfMarchTime) by τ. [`Solution::value`] and its like are
+/// those of the end of the march: of the whole horizon.
+///
+/// # Accuracy
+/// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences
+/// at both ends of a cell's edges. Where V is smooth, this misses V by the third power of the spacing (by
+/// the second power in the outermost cells of an axis with ends), and its gradient by one power less. At
+/// a kink it never overshoots, and misses by at most a quarter of the spacing times the jump of the slope.
+/// V is continuous, and the gradient is one-sided at nodes and where the parabolas change. The solver's
+/// own error on the nodes comes on top. Between stored instants V is linear in time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solution<T, const D: usize> {
+    /// The nodes.
+    pub grid: Grid<D>,
+    /// V at the end of the march, row-major.
+    pub values: Vec<T>,
+    /// V at earlier instants, from the beginning of the march, evenly spaced:
+    /// [`Settings::slices`](super::Settings::slices) of them.
+    pub earlier: Vec<Vec<T>>,
+    /// Which way time ran.
+    pub direction: Direction,
+    /// Tube or set.
+    pub kind: Kind,
+    /// Time steps taken.
+    pub steps: usize,
+    /// Time marched, s.
+    pub horizon_s: f64,
+    /// max |∂V/∂τ| at the end, per second; 0 for a converged value.
+    pub residual: f64,
+}
+
+/// V and its gradient at a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample<const D: usize> {
+    /// V; the state belongs to the reached set or tube if it is ≤ 0.
+    pub value: f64,
+    /// ∂V/∂x_d, in the unit of V per unit of x_d.
+    pub gradient: [f64; D],
+}
+
+/// V at one instant, from [`Solution::at_time`], [`Solution::at_march_time`] or [`Solution::end`].
+#[derive(Clone, Copy, Debug)]
+pub struct Snapshot<'a, T, const D: usize> {
+    solution: &'a Solution<T, D>,
+    /// The stored values before and after, and where the instant is between them, 0 … 1.
+    before: &'a [T],
+    after: &'a [T],
+    share: f64,
+}
+
+impl<T: Real, const D: usize> Solution<T, D> {
+    /// V at a state, for the whole horizon.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the coordinate that is not finite or beyond the ends of its axis.
+    pub fn value(&self, state: [f64; D]) -> Result<f64, Invalid> {
+        Ok(self.sample(state)?.value)
+    }
+
+    /// V and its gradient at a state, for the whole horizon.
+    ///
+    /// # Errors
+    /// As [`Self::value`].
+    pub fn sample(&self, state: [f64; D]) -> Result<Sample<D>, Invalid> {
+        self.end().sample(state)
+    }
+
+    /// Both players' optimal inputs at a state; see [`Snapshot::inputs`].
+    ///
+    /// # Errors
+    /// As [`Self::value`].
+    pub fn inputs<G: Players<D>>(
+        &self,
+        game: &G,
+        state: [f64; D],
+    ) -> Result<Inputs<G::Minimiser, G::Maximiser>, Invalid> {
+        self.end().inputs(game, state)
+    }
+
+    /// The stored instants, as times of the march τ, s, the last one the horizon.
+    #[must_use]
+    pub fn march_times_s(&self) -> Vec<f64> {
+        let intervals = self.earlier.len().max(1) as f64;
+        let early = (0..self.earlier.len()).map(|k| self.horizon_s * (k as f64 / intervals));
+        early.chain([self.horizon_s]).collect()
+    }
+
+    /// V at time `t_s`, s, of a clock that runs forward from 0: from the beginning of the game, or from
+    /// the initial set ([`Direction::Forward`]).
+    ///
+    /// # Errors
+    /// [`Invalid`] for a time that is not from 0 to the horizon, or is not the march's end if no
+    /// earlier instants were stored.
+    pub fn at_time(&self, t_s: f64) -> Result<Snapshot<'_, T, D>, Invalid> {
+        let march_s = match self.direction {
+            Direction::Backward => self.horizon_s - t_s,
+            Direction::Forward => t_s,
+        };
+        self.snapshot("t_s", t_s, march_s)
+    }
+
+    /// V after `tau_s`, s, of the march: with that much time left, or that long after the initial set.
+    ///
+    /// # Errors
+    /// As [`Self::at_time`].
+    pub fn at_march_time(&self, tau_s: f64) -> Result<Snapshot<'_, T, D>, Invalid> {
+        self.snapshot("tau_s", tau_s, tau_s)
+    }
+
+    fn snapshot(
+        &self,
+        name: &str,
+        asked_s: f64,
+        march_s: f64,
+    ) -> Result<Snapshot<'_, T, D>, Invalid> {
+        if !(asked_s.is_finite() && (0.0..=self.horizon_s).contains(&march_s)) {
+            let expected = format!("a time from 0 to the horizon, {} s", self.horizon_s);
+            return Err(Invalid::new(name, expected, asked_s));
+        }
+        if march_s == self.horizon_s {
+            return Ok(self.end());
+        }
+        let Some(last) = self.earlier.len().checked_sub(1) else {
+            let expected =
+                "the end of the march, since no other instant was stored (Settings::slices)";
+            return Err(Invalid::new(name, expected, format!("{asked_s} s")));
+        };
+        let place = march_s / self.horizon_s * self.earlier.len() as f64;
+        let slice = (place as usize).min(last);
+        let after = self.earlier.get(slice + 1).unwrap_or(&self.values);
+        let (before, share) = (&self.earlier[slice], place - slice as f64);
+        Ok(Snapshot { solution: self, before, after, share })
+    }
+
+    /// V at the end of the march.
+    #[must_use]
+    pub fn end(&self) -> Snapshot<'_, T, D> {
+        Snapshot { solution: self, before: &self.values, after: &self.values, share: 0.0 }
+    }
+}
+
+impl<T: Real, const D: usize> Snapshot<'_, T, D> {
+    /// V at a state.
+    ///
+    /// # Errors
+    /// As [`Solution::value`].
+    pub fn value(&self, state: [f64; D]) -> Result<f64, Invalid> {
+        Ok(self.sample(state)?.value)
+    }
+
+    /// V and its gradient at a state.
+    ///
+    /// # Errors
+    /// As [`Solution::value`].
+    pub fn sample(&self, state: [f64; D]) -> Result<Sample<D>, Invalid> {
+        let grid = &self.solution.grid;
+        grid.check_state(state)?;
+        let before = interpolated(grid, self.before, state);
+        if self.share == 0.0 {
+            return Ok(before);
+        }
+        let after = interpolated(grid, self.after, state);
+        let blend = |from: f64, to: f64| (1.0 - self.share) * from + self.share * to;
+        Ok(Sample {
+            value: blend(before.value, after.value),
+            gradient: core::array::from_fn(|d| blend(before.gradient[d], after.gradient[d])),
+        })
+    }
+
+    /// The inputs that are optimal for the gradient of V at a state. If the march ran backward, they are
+    /// what both players do there and then; if forward, what they did when they arrived there.
+    ///
+    /// # Errors
+    /// As [`Solution::value`].
+    pub fn inputs<G: Players<D>>(
+        &self,
+        game: &G,
+        state: [f64; D],
+    ) -> Result<Inputs<G::Minimiser, G::Maximiser>, Invalid> {
+        let Sample { gradient, .. } = self.sample(state)?;
+        let gradient = match self.solution.direction {
+            Direction::Backward => gradient,
+            Direction::Forward => gradient.map(|slope| -slope),
+        };
+        Ok(game.optimal_inputs(state, gradient))
+    }
+
+    /// V on the nodes, row-major.
+    #[must_use]
+    pub fn values(&self) -> Vec<f64> {
+        let pairs = self.before.iter().zip(self.after);
+        let blend = |(before, after): (&T, &T)| {
+            (1.0 - self.share) * before.to_f64() + self.share * after.to_f64()
+        };
+        pairs.map(blend).collect()
+    }
+}
+
+/// V and its gradient at a state of the grid.
+fn interpolated<T: Real, const D: usize>(
+    grid: &Grid<D>,
+    values: &[T],
+    state: [f64; D],
+) -> Sample<D> {
+    let (cell, share) = grid.cell(state);
+    let at = |steps: [isize; D]| {
+        grid.neighbour(cell, steps).and_then(|node| values.get(node)).map(|v| v.to_f64())
+    };
+    let (mut value, mut slope) = (0.0, [0.0; D]);
+    for corner in 0..1_usize << D {
+        let up: [usize; D] = core::array::from_fn(|d| corner >> d & 1);
+        let weight = |d: usize| if up[d] == 1 { share[d] } else { 1.0 - share[d] };
+        let without = |left_out: &[usize]| -> f64 {
+            (0..D).filter(|d| !left_out.contains(d)).map(weight).product()
+        };
+        let steps = up.map(|up| up as isize);
+        let here = at(steps).unwrap_or_default();
+        value += without(&[]) * here;
+        for d in 0..D {
+            let sign = if up[d] == 1 { 1.0 } else { -1.0 };
+            slope[d] += sign * without(&[d]) * here;
+            if up[d] == 1 {
+                continue;
+            }
+            // The edge along d that begins at this corner.
+            let along =
+                |k: isize| at(core::array::from_fn(|e| steps[e] + if e == d { k } else { 0 }));
+            let bend = bend(along(-1), here, along(1).unwrap_or_default(), along(2));
+            let t = share[d];
+            value -= 0.5 * t * (1.0 - t) * bend * without(&[d]);
+            slope[d] -= 0.5 * (1.0 - 2.0 * t) * bend * without(&[d]);
+            for e in (0..D).filter(|e| *e != d) {
+                let sign = if up[e] == 1 { 1.0 } else { -1.0 };
+                slope[e] -= 0.5 * t * (1.0 - t) * bend * sign * without(&[d, e]);
+            }
+        }
+    }
+    let gradient = core::array::from_fn(|d| slope[d] / grid.axes[d].spacing());
+    Sample { value, gradient }
+}
+
+/// The curvature along an edge: the smaller of the second differences at its ends if they have one sign.
+/// Where the grid ends, V goes on straight.
+fn bend(before: Option<f64>, from: f64, to: f64, behind: Option<f64>) -> f64 {
+    let (Some(before), Some(behind)) = (before, behind) else {
+        return 0.0;
+    };
+    let (low, high) = ((to - from) - (from - before), (behind - to) - (to - from));
+    if low * high <= 0.0 {
+        0.0
+    } else if low.abs() < high.abs() {
+        low
+    } else {
+        high
+    }
+}

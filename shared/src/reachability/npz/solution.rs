@@ -1,0 +1,126 @@
+//! Solutions of the general solver as NumPy archives.
+//!
+//! `value` (float32 or float64; instants, then the axes of the grid, row-major), `tau` (float64, the
+//! instants as times of the march, s, the last one the horizon), `axis0`, `axis1`, … (float64, the
+//! coordinates of the nodes) and `meta` (a JSON object as uint8).
+
+use super::archive::Archive;
+use super::reading::Arrays;
+use crate::invalid::{Invalid, length};
+use crate::reachability::cartesian::{Direction, Kind, Solution};
+use crate::reachability::grid::{Axis, Grid};
+use crate::real::Real;
+use serde::{Deserialize, Serialize};
+
+/// The name of this form of files, with its version.
+pub const SOLUTION_FORMAT: &str = "sidestep-solution-npz/1";
+
+const STORED: &str = "value: V at the instants tau (s of the march, the last one the horizon) and the \
+                      nodes of axis0, axis1, ...; the set or tube is V <= 0. A backward march begins at \
+                      the end of the game: tau is the time left. A forward one begins at the initial set. \
+                      Periodic axes leave out the node that repeats the first one";
+
+/// The content of `meta`.
+#[derive(Serialize, Deserialize)]
+struct Meta {
+    format: String,
+    stored: String,
+    direction: Direction,
+    kind: Kind,
+    axes: Vec<Axis>,
+    steps: usize,
+    horizon_s: f64,
+    residual: f64,
+}
+
+impl<T: Real, const D: usize> Solution<T, D> {
+    /// The solution as a NumPy archive, for `numpy.load` and [`Self::from_npz`]; the same solution gives the
+    /// same bytes.
+    ///
+    /// # Errors
+    /// [`Invalid`] if it needs 4 GiB or more, which this format cannot hold.
+    pub fn npz(&self) -> Result<Vec<u8>, Invalid> {
+        let instants = self.earlier.len() + 1;
+        let needed = self.grid.len().saturating_mul(instants).saturating_mul(size_of::<T>());
+        if needed > MOST_BYTES {
+            let expected = format!("at most {MOST_BYTES} bytes of values");
+            return Err(Invalid::new("solution", expected, needed));
+        }
+        let shape: Vec<usize> =
+            [instants].into_iter().chain(self.grid.axes.map(|axis| axis.nodes)).collect();
+        let mut archive = Archive::default();
+        let values = self.earlier.iter().flatten().chain(&self.values).copied();
+        if dtype::<T>() == "<f4" {
+            archive.add("value", &shape, values.map(|value| value.to_f64() as f32));
+        } else {
+            archive.add("value", &shape, values.map(Real::to_f64));
+        }
+        archive.add("tau", &[instants], self.march_times_s().into_iter());
+        for (d, axis) in self.grid.axes.iter().enumerate() {
+            archive.add(&format!("axis{d}"), &[axis.nodes], axis.coordinates().into_iter());
+        }
+        let meta = Meta {
+            format: SOLUTION_FORMAT.to_owned(),
+            stored: STORED.to_owned(),
+            direction: self.direction,
+            kind: self.kind,
+            axes: self.grid.axes.to_vec(),
+            steps: self.steps,
+            horizon_s: self.horizon_s,
+            // JSON has no infinity.
+            residual: self.residual.min(f64::MAX),
+        };
+        let meta = serde_json::to_vec(&meta).unwrap_or_default();
+        archive.add("meta", &[meta.len()], meta.into_iter());
+        Ok(archive.finish())
+    }
+
+    /// A solution from the bytes of [`Self::npz`], also after `numpy.savez` wrote its arrays again.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the array, or the entry of `meta`, that is not as it should be.
+    pub fn from_npz(bytes: &[u8]) -> Result<Self, Invalid> {
+        let arrays = Arrays::read(bytes)?;
+        let meta: Meta = serde_json::from_slice(arrays.get("meta")?.bytes)
+            .map_err(|error| Invalid::new("meta", "what a solution is, as JSON", error))?;
+        if meta.format != SOLUTION_FORMAT {
+            return Err(Invalid::new("meta.format", SOLUTION_FORMAT, meta.format));
+        }
+        let axes = meta.axes.len();
+        let axes = <[Axis; D]>::try_from(meta.axes)
+            .map_err(|_| Invalid::new("meta.axes", format!("{D} axes"), axes))?;
+        let grid = Grid { axes };
+        grid.check(1).map_err(|invalid| invalid.within("meta"))?;
+        let horizon_s = crate::invalid::positive("meta.horizon_s", meta.horizon_s)?;
+        let stored = arrays.get("value")?;
+        if stored.dtype != dtype::<T>() {
+            return Err(Invalid::new("value", format!("dtype {}", dtype::<T>()), &stored.dtype));
+        }
+        let instants = stored.shape.first().copied().unwrap_or_default();
+        let nodes = grid.axes.map(|axis| axis.nodes);
+        if instants == 0 || stored.shape[1..] != nodes {
+            let expected = format!("instants, at least one, of {nodes:?} nodes");
+            return Err(Invalid::new("value", expected, format!("{:?}", stored.shape)));
+        }
+        let numbers = stored.numbers("value")?;
+        length("value", grid.len().saturating_mul(instants), numbers.len())?;
+        if let Some(i) = numbers.iter().position(|value| !value.is_finite()) {
+            return Err(Invalid::new(format!("value[{i}]"), "a finite number", numbers[i]));
+        }
+        let mut slices: Vec<Vec<T>> = numbers
+            .chunks(grid.len())
+            .map(|slice| slice.iter().map(|value| T::from_f64(*value)).collect())
+            .collect();
+        let values = slices.pop().unwrap_or_default();
+        let Meta { direction, kind, steps, residual, .. } = meta;
+        Ok(Self { grid, values, earlier: slices, direction, kind, steps, horizon_s, residual })
+    }
+}
+
+/// Sizes and places in an archive have 32 bits; this leaves room for axes and headers.
+const MOST_BYTES: usize = (u32::MAX - (1 << 26)) as usize;
+
+/// NumPy's name of a number type.
+fn dtype<T: Real>() -> &'static str {
+    if size_of::<T>() == size_of::<f32>() { "<f4" } else { "<f8" }
+}
