@@ -1,6 +1,19 @@
 //! The library behind Sidestep. The participant's browser simulates trials with it, the server
 //! replays them with it, and analyses use it afterwards: the same code each time.
 //!
+//! # Where to begin
+//! | task | type or function | example |
+//! |---|---|---|
+//! | how dangerous is a state, and which turn is best? | [`PursuitGame`](reachability::PursuitGame) and [`solve`](reachability::solve()); twins: [`ExactValue`](reachability::ExactValue) | `value` |
+//! | a game of one's own | [`ControlAffine`](reachability::ControlAffine) or [`Game`](reachability::Game), [`cartesian::solve`](reachability::cartesian::solve) | `own_game` |
+//! | learn a person's next input | [`train`](training::train), [`Predictor`](predict::Predictor) | `train` |
+//! | where can a person be? | [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |
+//! | the exact set under bounds, and whether it contains a state | [`ReachableSet`](reach::ReachableSet) | below |
+//! | sets that contain the next drive with a stated probability | [`tune`](shfrs::tuning::tune) | `tune` |
+//! | is a plan clear of the person? | [`OnlinePredictor`](planner::OnlinePredictor), [`Plan`](planner::Plan), [`CoverageBounds`](planner::CoverageBounds) | `replan` |
+//!
+//! Examples: `cargo run --release -p sidestep --example value`.
+//!
 //! # Conventions
 //! SI units and radians. World frame: x to the right, y up, heading counter-clockwise from +x and
 //! wrapped to (−π, π]. A *relative state* is the pursuer's pose in the evader's frame (x ahead, y to

@@ -187,6 +187,33 @@ pub struct Shfrs {
 }
 
 /// Predicts sets frame by frame and reuses the memory of the last frame.
+///
+/// # Example
+/// ```
+/// use core::ops::ControlFlow;
+/// use sidestep::features::FeatureSet;
+/// use sidestep::predict::Predictor;
+/// use sidestep::safety::SafetyLevels;
+/// use sidestep::scene::{JointState, SceneParameters};
+/// use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
+/// use sidestep::vehicle::Pose;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let parameters = SceneParameters::default();
+/// let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+/// // Usually a trained one: right, straight, left.
+/// let predictor =
+///     Predictor::constant(FeatureSet::subset("hrd")?, vec![-1, 0, 1], vec![0.6, 0.3, 0.1])?;
+/// let human = PredictedHuman::new(&predictor, &safety, &parameters)?;
+/// let now = JointState { human: Pose::new(1.0, 2.0, 0.5), robot: Pose::new(9.0, 2.0, 3.0) };
+///
+/// let mut online = ShfrsPredictor::default();
+/// let shfrs = online.predict(&[now], &parameters, &human, &ShfrsSettings::paper(3)?)?;
+/// let areas = shfrs.sets.iter().map(|set| set.area_m2); // of F_1 ⊆ F_2 ⊆ …
+/// assert!(areas.is_sorted() && shfrs.sets.len() == 5);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct ShfrsPredictor {
     algorithm: Algorithm1,

@@ -29,6 +29,33 @@ const MIN_TRIALS: usize = 5;
 /// A logistic regression on `features` that predicts the turn direction (experiment 1), or constant
 /// probabilities with the reason: too few trials, or no safety levels.
 ///
+/// # Example
+/// ```
+/// use core::ops::ControlFlow;
+/// use sidestep::features::FeatureSet;
+/// use sidestep::safety::SafetyLevels;
+/// use sidestep::scene::SceneParameters;
+/// use sidestep::synthetic::{Keys, SyntheticParticipant};
+/// use sidestep::training::train;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let parameters = SceneParameters::default(); // the paper's vehicles
+/// let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+/// let person = SyntheticParticipant::new(7, 0);
+/// let drives = (0..10).map(|trial| person.own_trial(trial, Keys::Clock).1);
+/// let drives: Vec<_> = drives.map(|drive| (drive.inputs, drive.states)).collect();
+/// let features = FeatureSet::subset("hrd")?;
+/// let trained = train(&features, Some(&safety), &drives)?;
+/// assert_eq!(trained.fallback, None);
+///
+/// let (mut row, mut probabilities) = (vec![0.0; features.len()], [0.0; 3]);
+/// features.compute_into(&drives[0].1[..1], &safety, &mut row);
+/// trained.predictor.probabilities_into(&row, &mut probabilities); // right, straight, left
+/// assert!((probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+/// # Ok(())
+/// # }
+/// ```
+///
 /// # Errors
 /// [`Invalid`] for features or probabilities that do not fit, which is a defect of this library.
 pub fn train(

@@ -29,6 +29,21 @@ const ALIGNED: f64 = 5e-9;
 const LEAST_SQUARE: f64 = 1e-280;
 
 /// The value function of two vehicles with the same speed and largest turn rate.
+///
+/// # Example
+/// ```
+/// use sidestep::reachability::ExactValue;
+///
+/// # fn main() -> Result<(), sidestep::invalid::Invalid> {
+/// let safety = ExactValue::new(2.0, 0.5, 3.0)?; // m/s, rad/s, m
+/// // The pursuer is 4 m ahead and comes towards the evader: no turn helps.
+/// let state = safety.analyze([4.0, 0.0, core::f64::consts::PI]);
+/// assert!(state.value < 0.0); // m
+/// // It drives away: at most the range that it has now, less the radius.
+/// assert_eq!(safety.value([4.0, 0.0, 0.0]), 1.0);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactValue {
     /// Speed v of both, m/s.

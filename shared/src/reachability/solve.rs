@@ -199,6 +199,26 @@ pub struct Solved {
 
 /// Finds the value function of `game`.
 ///
+/// # Example
+/// ```
+/// use core::ops::ControlFlow;
+/// use sidestep::reachability::{Accuracy, Method, Options, PursuitGame, solve};
+/// use sidestep::vehicle::VehicleModel;
+///
+/// # fn main() -> Result<(), sidestep::reachability::SolveError> {
+/// let person = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
+/// let robot = VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 };
+/// let game = PursuitGame { evader: person, pursuer: robot, radius_m: 3.0 };
+/// let options = Options { accuracy: Accuracy::Draft, ..Options::default() };
+/// let solved = solve(game, &options, &mut |progress| {
+///     if progress.done < 2.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+/// })?;
+/// assert_eq!(solved.method, Method::Polar); // other vehicles, no horizon
+/// assert!(solved.function.value([20.0, 0.0, 0.0]) > 0.0); // m: far ahead, and slower
+/// # Ok(())
+/// # }
+/// ```
+///
 /// # Errors
 /// [`SolveError::Invalid`] for a bad game, horizon, grid, or a method that cannot do
 /// what is asked; [`SolveError::Cancelled`] when `progress` says so.

@@ -117,6 +117,15 @@ pub struct TuningSettings {
     pub confidence: f64,
 }
 
+impl TuningSettings {
+    /// One random window of each trajectory (seed 0), and intervals of 95 %.
+    #[must_use]
+    pub fn new(p: f64, guarantee: Guarantee, candidates: Vec<ActionChoice>) -> Self {
+        let windows = WindowChoice::RandomOne { seed: 0 };
+        Self { p, guarantee, windows, candidates, confidence: 0.95 }
+    }
+}
+
 /// Probabilities τ of the adaptive candidates. A finer grid overfits the training part: with steps of
 /// 0.01, the calibrated tubes are larger, not smaller.
 const TAUS: [f64; 14] =
@@ -196,6 +205,42 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
 
 /// Tunes on recorded trajectories. The predictor must not have been trained on the calibration or test
 /// trajectories; otherwise there is no guarantee.
+///
+/// # Example
+/// For what level of widening does the next drive of somebody stay inside with probability ≥ 0.75?
+/// ```
+/// use sidestep::bounds::{ActionChoice, ActionModel};
+/// use sidestep::scene::{JointState, SceneParameters};
+/// use sidestep::shfrs::guarantee::Guarantee;
+/// use sidestep::shfrs::prediction::Prediction;
+/// use sidestep::shfrs::tuning::{Split, TuningSettings, tune};
+/// use sidestep::shfrs::window::Trajectory;
+/// use sidestep::synthetic::{Keys, SyntheticParticipant};
+///
+/// struct Straight; // somebody who is expected to drive straight on
+/// impl ActionModel for Straight {
+///     fn actions(&self) -> &[f64] {
+///         &[-0.5, 0.0, 0.5] // rad/s
+///     }
+///     fn probabilities(&self, _history: &[JointState], out: &mut [f64]) {
+///         out.copy_from_slice(&[0.1, 0.8, 0.1]);
+///     }
+/// }
+///
+/// # fn main() -> Result<(), sidestep::invalid::Invalid> {
+/// let (parameters, person) = (SceneParameters::default(), SyntheticParticipant::new(7, 0));
+/// let drives = (0..30).map(|trial| person.own_trial(trial, Keys::Clock).1);
+/// let driven = drives.map(|drive| Trajectory::driven(drive.states, &drive.inputs, &parameters));
+/// let trajectories = driven.collect::<Result<Vec<_>, _>>()?;
+/// let sample = Split::default().parts(trajectories.len())?.sample(&trajectories);
+/// let candidates = vec![ActionChoice::TopK(vec![1; 5])];
+/// let settings = TuningSettings::new(0.75, Guarantee::Conformal, candidates);
+/// let tuned = tune(&sample, Prediction::new(&parameters, &Straight), &settings)?;
+/// assert!((0.0..=1.0).contains(&tuned.epsilon)); // rad/s
+/// println!("{}: ε = {:.3} rad/s", tuned.statement, tuned.epsilon);
+/// # Ok(())
+/// # }
+/// ```
 ///
 /// # Errors
 /// [`Invalid`] if a setting is invalid, a trajectory may have several windows, or there are too few
