@@ -401,8 +401,7 @@ impl Store {
         self.write_in(Lane::Request, locks.into(), work).await
     }
 
-    /// The same of somebody who enrols. Of a class that enrols at once, PostgreSQL serves one at a time while others
-    /// drive.
+    /// As [`Self::write`], for an enrolment. While participants drive, PostgreSQL makes one enrolment at a time.
     async fn write_enrolment<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],

@@ -168,13 +168,13 @@ impl Settings {
         }
     }
 
-    /// With so many stored instants before the end; see [`Settings::slices`].
+    /// Sets [`Settings::slices`], the number of instants before the end whose values are stored.
     #[must_use]
     pub fn slices(self, slices: usize) -> Self {
         Self { slices, ..self }
     }
 
-    /// On so many threads; see [`Settings::threads`].
+    /// Sets [`Settings::threads`], the number of threads.
     #[must_use]
     pub fn threads(self, threads: usize) -> Self {
         Self { threads, ..self }

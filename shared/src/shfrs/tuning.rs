@@ -207,7 +207,7 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
 /// trajectories; otherwise there is no guarantee.
 ///
 /// # Example
-/// For what level of widening does the next drive of somebody stay inside with probability ≥ 0.75?
+/// How much must bounds be widened so that a person's next drive stays inside with probability ≥ 0.75?
 /// ```
 /// use sidestep::bounds::{ActionChoice, ActionModel};
 /// use sidestep::scene::{JointState, SceneParameters};

@@ -65,8 +65,8 @@ pub(super) struct Prover {
 }
 
 impl Prover {
-    /// Whether surely no path of so many steps leads to the state, or to one as near as claimed. Each guess takes
-    /// one from `trials`; none are made beyond 0.
+    /// Whether it is proven that no path of `steps` steps leads to a state within the distances of `claim`. Each guess
+    /// subtracts one from `trials`; at 0 there are no more guesses.
     pub(super) fn proves(
         &mut self,
         paths: &Paths,

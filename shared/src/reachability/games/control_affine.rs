@@ -290,7 +290,7 @@ impl<const D: usize, const N: usize> Player<D, N> {
     }
 }
 
-/// Checks a grid, and the memory for so many vectors at each node.
+/// Checks a grid, and whether memory suffices for this number of vectors at each node.
 fn check_grid<const D: usize>(grid: &Grid<D>, vectors: usize) -> Result<(), Invalid> {
     grid.check(1).map_err(|invalid| invalid.within("grid"))?;
     if let Some(d) = grid.axes.iter().position(|axis| axis.nodes > MOST_NODES) {

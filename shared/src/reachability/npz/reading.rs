@@ -76,7 +76,7 @@ impl Array<'_> {
     }
 }
 
-/// The whole number of so many bytes, the lowest first.
+/// The whole number in `count` bytes from `at` on, the least significant byte first.
 fn number(bytes: &[u8], at: usize, count: usize) -> Option<usize> {
     let bytes = bytes.get(at..at.checked_add(count)?)?;
     Some(bytes.iter().rev().fold(0, |number, byte| number << 8 | usize::from(*byte)))
