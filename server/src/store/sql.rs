@@ -202,6 +202,13 @@ impl Connection {
         }
     }
 
+    /// Forgets answers to questions that were [asked ahead](Self::ask_ahead).
+    pub(super) fn forget_answers(&self) {
+        if let Self::Postgres(session) = self {
+            session.forget_later();
+        }
+    }
+
     /// Undoes a transaction of PostgreSQL, with what was put off in it.
     pub(super) fn roll_back(&self) -> Result<()> {
         if let Self::Postgres(session) = self {

@@ -156,14 +156,16 @@ impl Store {
         trial_id: &str,
     ) -> Result<Option<Assignment>, StoreError> {
         let (store, trial_id) = (self.clone(), trial_id.to_owned());
-        self.read(move |db| {
-            let mut statement = db.prepare_cached(&format!(
-                "SELECT {COLUMNS}, {TOKEN}, scene.phase, scene.attempt, {SCENE} FROM participant_token \
-                 JOIN participant ON participant.id = participant_token.participant_id \
-                 JOIN study ON study.id = participant.study_id \
-                 LEFT JOIN scene ON scene.trial_id = ?2 AND scene.participant_id = participant.id \
-                 WHERE participant_token.hash = ?1"
-            ))?;
+        let asked = format!(
+            "SELECT {COLUMNS}, {TOKEN}, scene.phase, scene.attempt, {SCENE} FROM participant_token \
+             JOIN participant ON participant.id = participant_token.participant_id \
+             JOIN study ON study.id = participant.study_id \
+             LEFT JOIN scene ON scene.trial_id = ?2 AND scene.participant_id = participant.id \
+             WHERE participant_token.hash = ?1"
+        );
+        let question = Question::new(&asked, params![token_hash, trial_id]);
+        self.look_up(question, move |db| {
+            let mut statement = db.prepare_cached(&asked)?;
             let mut found = statement.query_and_then(params![token_hash, trial_id], |row| {
                 let after = Visitor::WIDTH;
                 let scene = match row.get::<_, Option<String>>(after)? {
@@ -180,7 +182,8 @@ impl Store {
             let (visitor, scene) = found?;
             let config = store.config_in(db, &visitor.participant.config_hash)?;
             Ok(Some(Assignment { visitor, config, scene }))
-        }).await
+        })
+        .await
     }
 
     /// Stores a participant's trial if it is the next one. A stored trial never changes.
