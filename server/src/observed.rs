@@ -79,6 +79,7 @@ impl Observed {
         counts: Counts,
         connections: usize,
         data_check: &DataCheck,
+        writes_backups: bool,
     ) -> Result<String, std::fmt::Error> {
         let mut all = Registry::with_prefix("sidestep");
         all.register("http_requests", "Requests answered since the start", self.requests.clone());
@@ -110,8 +111,12 @@ impl Observed {
         };
         let help = "When the last check of the stored data ended, since 1970";
         time("data_check_timestamp", help, data_check.at_ms);
-        let help = "When the newest backup of this server was written, since 1970";
-        time("backup_timestamp", help, data_check.backup.as_ref().map(|backup| backup.at_ms));
+        // A server that is to write backups and has none yet says 0, so that somebody is told.
+        let none_yet = writes_backups.then_some(0);
+        let backup_at_ms = data_check.backup.as_ref().map(|backup| backup.at_ms).or(none_yet);
+        let help =
+            "When the newest backup of this server was written, since 1970; 0 before the first";
+        time("backup_timestamp", help, backup_at_ms);
         let waiting = Family::<Lane, Gauge>::default();
         for (lane, count) in ["trial", "request", "background"].into_iter().zip(store.waiting()) {
             waiting.get_or_create(&Lane { lane }).set(clamped(count));

@@ -7,7 +7,7 @@ use super::{CommandError, print_line};
 use crate::clock::now_ms;
 use crate::formats::study_toml::StudyFile;
 use crate::http::app::App;
-use crate::http::bounded::Bounded;
+use crate::http::bounded::{Bounded, TakingTurns};
 use crate::http::connections::{Connections, Limits};
 use crate::http::experimenters::first_key;
 use crate::http::hosts::Hosts;
@@ -26,7 +26,7 @@ use crate::languages::library::Library;
 use crate::observed::Observed;
 use crate::secrets::chosen::ChosenKey;
 use crate::store::studies::StoredStudy;
-use crate::store::{Missing, Store};
+use crate::store::{Purpose, Store};
 use ipnet::IpNet;
 use serde_json::{Map, Value};
 use sidestep::api::DataCheck;
@@ -136,14 +136,14 @@ const PLANS_WAITING: usize = 2_000;
 /// The pause after the scenes of an enrolment are drawn, as a multiple of the time that drawing them took.
 const DRAWING_PAUSE: u32 = 2;
 
-/// Keys that may wait to be compared with a slow hash.
-const KEYS_WAITING: usize = 64;
-
 /// Most connections, if the system lets a process have so many files.
 const MOST_CONNECTIONS: u64 = 50_000;
 
 /// Files that are kept for other things than connections: the database, the site, analyses.
 const FILES_KEPT: u64 = 256;
+
+/// Files of the site that may be open, each until its client has read it: as many as the connections of one origin.
+const SITE_FILES: u64 = 4_096;
 
 /// Bytes of bodies that have not arrived whole.
 const BODY_BYTES: usize = 64 << 20;
@@ -222,8 +222,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     })?;
     let address = listener.local_addr().map_err(CommandError::failure)?;
 
-    let store = Store::open(&args.database, Missing::Create).await?;
-    store.serve_alone()?;
+    let store = Store::open(&args.database, Purpose::Alone).await?;
     let fills_demo = args.demo && demo::prepare(&store, &args.database).await?;
     let names = prepare(&store, given.as_ref(), args.replace_study).await?;
     let studies = of_people(&store, &names).await?;
@@ -250,7 +249,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         pace: Pace::new(&store),
         guesses: Guesses::new(&store),
         drawing: Bounded::new(PLANS_WAITING).with_pauses(DRAWING_PAUSE),
-        hashing: Bounded::new(KEYS_WAITING),
+        hashing: TakingTurns::default(),
         observed: Observed::new(&store),
         connections: Arc::clone(&connections),
         analysis_asked: Arc::clone(&analysis_asked),
@@ -258,6 +257,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         study_stored: Arc::clone(&study_stored),
         self_check: tokio::sync::OnceCell::new(),
         data_check: checked,
+        writes_backups: keeping.backups.is_some(),
         lengths: Arc::default(),
         stopping: stopping.clone(),
     });
@@ -477,8 +477,8 @@ fn host(text: &str) -> Result<String, String> {
     }
 }
 
-/// As many connections as files may be opened, beside those that are needed for other things. Raises the
-/// limit of this process as far as the system allows.
+/// As many connections as files may be opened, beside those that are needed for other things. Raises the limit of this
+/// process as far as the system allows.
 #[cfg(unix)]
 fn most_connections() -> usize {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -489,7 +489,9 @@ fn most_connections() -> usize {
     }
     let files = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
     let kept = FILES_KEPT.min(files / 2);
-    usize::try_from((files - kept).min(MOST_CONNECTIONS)).unwrap_or(usize::MAX)
+    let rest = files - kept;
+    let connections = rest - SITE_FILES.min(rest / 2);
+    usize::try_from(connections.min(MOST_CONNECTIONS)).unwrap_or(usize::MAX)
 }
 
 #[cfg(not(unix))]

@@ -1,6 +1,6 @@
 //! The state that handlers share.
 
-use crate::http::bounded::Bounded;
+use crate::http::bounded::{Bounded, TakingTurns};
 use crate::http::connections::Connections;
 use crate::http::lengths::Lengths;
 use crate::http::pace::{Guesses, Pace};
@@ -35,7 +35,7 @@ pub struct App {
     /// Draws the scenes of plans.
     pub drawing: Bounded,
     /// Compares keys with a slow hash.
-    pub hashing: Bounded,
+    pub hashing: TakingTurns,
     /// What `/metrics` shows.
     pub observed: Observed,
     /// The open connections.
@@ -50,6 +50,8 @@ pub struct App {
     pub self_check: OnceCell<SelfCheck>,
     /// What was found when the data were last checked.
     pub data_check: watch::Receiver<DataCheck>,
+    /// Whether this server is to write backups.
+    pub writes_backups: bool,
     /// The lengths of archives, for the rest of a download.
     pub lengths: Arc<Lengths>,
     /// Cancelled when the server stops, which ends the answers that have no end of their own.

@@ -4,8 +4,10 @@ use crate::http::error::ApiError;
 use crate::store::StoreError;
 use crate::threads;
 use anyhow::Context;
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::net::IpAddr;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Instant;
 use tokio::sync::{Semaphore, oneshot};
 
@@ -46,6 +48,47 @@ impl Bounded {
             return Err(StoreError::Busy.into());
         }
         Ok(InLine { turns: &self.turns, waiting, pause: self.pause })
+    }
+}
+
+/// The same for work that strangers can ask for without end: origins take turns, and nobody is refused. One origin's
+/// flood delays another origin by the work that is under way, and by one piece of each origin that waits.
+#[derive(Debug)]
+pub struct TakingTurns {
+    work: Bounded,
+    /// The turn of each origin to stand in line.
+    turns: Mutex<HashMap<IpAddr, Weak<Semaphore>>>,
+}
+
+impl Default for TakingTurns {
+    fn default() -> Self {
+        Self { work: Bounded::new(usize::MAX), turns: Mutex::default() }
+    }
+}
+
+impl TakingTurns {
+    /// Runs `work` when it is the turn of its origin, and returns its result.
+    ///
+    /// # Errors
+    /// If the work panics.
+    pub async fn run<T: Send + 'static>(
+        &self,
+        origin: IpAddr,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, ApiError> {
+        let _turn = self.turn(origin).acquire_owned().await.context("a turn")?;
+        self.work.queue()?.run(work).await
+    }
+
+    fn turn(&self, origin: IpAddr) -> Arc<Semaphore> {
+        let mut turns = self.turns.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(turn) = turns.get(&origin).and_then(Weak::upgrade) {
+            return turn;
+        }
+        turns.retain(|_, turn| turn.strong_count() > 0);
+        let turn = Arc::new(Semaphore::new(1));
+        turns.insert(origin, Arc::downgrade(&turn));
+        turn
     }
 }
 
@@ -101,5 +144,42 @@ impl<'a> Waiting<'a> {
 impl Drop for Waiting<'_> {
     fn drop(&mut self) {
         self.all.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Ipv4Addr;
+    use std::time::Duration;
+
+    #[tokio::test]
+    async fn another_origin_waits_for_one_piece_of_a_flood() {
+        let turns = Arc::new(TakingTurns::default());
+        let [flood, other] = [1, 2].map(|last| IpAddr::V4(Ipv4Addr::new(192, 0, 2, last)));
+        let done = Arc::new(AtomicUsize::new(0));
+        let ask = |origin| {
+            let (turns, done) = (Arc::clone(&turns), Arc::clone(&done));
+            tokio::spawn(async move {
+                let work = move || {
+                    std::thread::sleep(Duration::from_millis(10));
+                    done.fetch_add(1, Ordering::SeqCst)
+                };
+                turns.run(origin, work).await.unwrap()
+            })
+        };
+        let asked: Vec<_> = (0..200).map(|_| ask(flood)).collect();
+        while done.load(Ordering::SeqCst) == 0 {
+            tokio::task::yield_now().await;
+        }
+        let before = ask(other).await.unwrap();
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        assert!(before < 4 + 2 * processors, "{before} pieces of the flood came first");
+        for asked in asked {
+            asked.await.unwrap();
+        }
+        assert_eq!(done.load(Ordering::SeqCst), 201, "nobody was refused");
+        drop(turns.turn(other));
+        assert_eq!(turns.turns.lock().unwrap().len(), 1, "who is gone is forgotten");
     }
 }

@@ -132,10 +132,14 @@ impl Watch {
             || state.blocked_since.is_some_and(|since| past(since, BLOCKED_LIMIT))
     }
 
-    /// Since when this connection keeps the server waiting; none if it waits for the server.
+    /// Since when this connection keeps the server waiting, with a request or by taking nothing of its answer; none if it
+    /// waits for the server.
     fn idle_since(&self) -> Option<Instant> {
         let state = self.state();
-        (state.phase != Phase::Answered).then_some(state.since)
+        match state.phase {
+            Phase::Answered => state.blocked_since,
+            _ => Some(state.since),
+        }
     }
 
     /// Since when it sends a body.
@@ -205,6 +209,11 @@ impl Connections {
         table.open.insert(id, (origin, Arc::clone(&watch)));
         *table.counts.entry(origin).or_default() += 1;
         Some(Admitted { id, watch, connections: Arc::clone(self) })
+    }
+
+    /// Closes some of those that keep the server waiting, since the system has no place for another one.
+    pub fn make_room(&self) {
+        self.table().make_room(None);
     }
 
     /// How many are open.
@@ -349,6 +358,19 @@ mod tests {
         assert_eq!([&honest, &many[0], &many[1], &new].map(is_open), [true, false, true, true]);
         drop((honest, many, new));
         assert!(all.table().open.is_empty() && all.table().counts.is_empty());
+    }
+
+    #[test]
+    fn who_takes_nothing_of_an_answer_gives_a_place() {
+        let all = connections(2, 10);
+        let [reading, blocked] = [(); 2].map(|()| {
+            let it = all.admit(HERE, false).unwrap();
+            it.watch.has_head(false);
+            it
+        });
+        blocked.watch.sent(false);
+        let new = all.admit(THERE, false).unwrap();
+        assert_eq!([&reading, &blocked, &new].map(is_open), [true, false, true]);
     }
 
     #[test]

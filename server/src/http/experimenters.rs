@@ -233,7 +233,7 @@ pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experime
     let origin = origin(address);
     if let Some(chosen) = &app.environment_key {
         app.guesses.slow_down(origin).await;
-        if is_chosen(app, chosen, key).await? {
+        if is_chosen(app, chosen, key, origin).await? {
             return used(app, Holder::Environment).await;
         }
     }
@@ -245,13 +245,18 @@ pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experime
 }
 
 /// Whether this is the key in the environment.
-async fn is_chosen(app: &App, chosen: &ChosenKey, key: &str) -> Result<bool, ApiError> {
+async fn is_chosen(
+    app: &App,
+    chosen: &ChosenKey,
+    key: &str,
+    origin: IpAddr,
+) -> Result<bool, ApiError> {
     if let Some(answer) = chosen.compare(key) {
         return Ok(answer);
     }
     // The slow hash, a few at a time beside the threads that answer requests.
     let (chosen, key) = (chosen.clone(), key.to_owned());
-    app.hashing.queue()?.run(move || chosen.verify(&key)).await
+    app.hashing.run(origin, move || chosen.verify(&key)).await
 }
 
 /// Whether a known key opens this server: the key in the environment takes the place of the first key.

@@ -79,8 +79,10 @@ fn is_same_origin(headers: &HeaderMap) -> bool {
         return false;
     }
     text("origin").is_none_or(|origin| {
-        let (_, authority) = origin.split_once("://").unwrap_or_default();
-        !authority.is_empty() && text("host") == Some(authority)
+        let (scheme, authority) = origin.split_once("://").unwrap_or_default();
+        matches!(scheme, "http" | "https")
+            && !authority.is_empty()
+            && text("host") == Some(authority)
     })
 }
 

@@ -63,8 +63,9 @@ pub async fn serve(listener: TcpListener, service: Service, stop: impl Future<Ou
                 tokio::spawn(converse(stream, peer, admitted, service.clone(), running.watcher()));
             }
             Err(error) => {
-                // Most likely no file descriptor is left; other connections will release some.
+                // Most likely no file descriptor is left.
                 tracing::warn!(%error, "a connection was not accepted");
+                service.connections.make_room();
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
         }

@@ -42,7 +42,7 @@ async fn method_not_allowed() -> ApiError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::http::bounded::Bounded;
+    use crate::http::bounded::{Bounded, TakingTurns};
     use crate::http::connections::{self, Connections};
     use crate::http::pace::{Guesses, Pace};
     use crate::http::peer::Proxies;
@@ -52,7 +52,7 @@ mod tests {
     use crate::observed::Observed;
     use crate::store::overview::Counts;
     use crate::store::tests::begun;
-    use crate::store::{Missing, Store};
+    use crate::store::{Purpose, Store};
     use axum::body::Body;
     use axum::http::request::Builder;
     use axum::http::{Request, header};
@@ -80,7 +80,7 @@ mod tests {
             std::fs::write(folder.path().join(format!("{page}.html")), "").unwrap();
         }
         let url = format!("sqlite:{}", folder.path().join("test.db").display());
-        let store = Store::open(&url, Missing::Create).await.unwrap();
+        let store = Store::open(&url, Purpose::Create).await.unwrap();
         store.put_study(&StudyConfig::default(), 0).await.unwrap();
         let app = App {
             store: store.clone(),
@@ -90,7 +90,7 @@ mod tests {
             pace: Pace::new(&store),
             guesses: Guesses::new(&store),
             drawing: Bounded::new(plans_waiting),
-            hashing: Bounded::new(0),
+            hashing: TakingTurns::default(),
             observed: Observed::new(&store),
             connections: Arc::new(Connections::new(connections::Limits {
                 all: 100,
@@ -102,6 +102,7 @@ mod tests {
             study_stored: Arc::default(),
             self_check: Default::default(),
             data_check: watch::channel(Default::default()).1,
+            writes_backups: false,
             lengths: Arc::default(),
             stopping: CancellationToken::new(),
         };

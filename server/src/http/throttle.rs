@@ -176,7 +176,7 @@ mod tests {
     async fn who_was_told_to_wait_is_refused_until_then() {
         let folder = tempfile::tempdir().unwrap();
         let url = format!("sqlite:{}", folder.path().join("study.db").display());
-        let store = Store::open(&url, crate::store::Missing::Create).await.unwrap();
+        let store = Store::open(&url, crate::store::Purpose::Create).await.unwrap();
         let throttle = SharedThrottle::new(&store, "tries", 1, Duration::from_secs(1));
         let [who, other] = [1, 2].map(|last| IpAddr::from([127, 0, 0, last]));
         let now = Instant::now();

@@ -24,7 +24,7 @@ use uuid::Uuid;
 /// The query of an upload.
 #[derive(Debug, Deserialize, JsonSchema)]
 pub struct UploadParams {
-    /// How many further trials wait in the participant's browser.
+    /// How many further trials wait in the participant's browser; at most as many as the study can have count.
     #[serde(default)]
     waiting: u32,
 }
@@ -38,6 +38,7 @@ pub async fn store(
     JsonBody(upload): JsonBody<TrialUpload>,
 ) -> Result<(StatusCode, Json<TrialStored>), ApiError> {
     upload.check(&config.parameters)?;
+    let waiting = waiting.min(most_trials(&config));
     let trial = NewTrial { waiting, ..recorded(trial_id.clone(), upload, &config, &scene)? };
     let (status, next) = match app.store.put_trial(&participant_id, trial).await? {
         PutTrial::Stored { next } => (StatusCode::CREATED, next),
@@ -54,6 +55,12 @@ pub async fn store(
         PutTrial::Unknown => return Err(ApiError::not_found("trial of yours")),
     };
     Ok((status, Json(TrialStored { trial_id, next })))
+}
+
+/// The most trials that a participant can have: every scene, twice.
+fn most_trials(config: &StudyConfig) -> u32 {
+    let scenes: usize = config.phases.iter().map(|phase| phase.scenes).sum();
+    u32::try_from(2 * scenes).unwrap_or(u32::MAX)
 }
 
 /// Converts an upload into the trial to be stored, and computes its flags, outcome and hash.

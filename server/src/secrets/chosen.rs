@@ -1,12 +1,18 @@
 //! A key that a person chose.
 
 use super::random;
-use argon2::Argon2;
 use argon2::password_hash::phc::PasswordHash;
 use argon2::password_hash::{PasswordHasher, PasswordVerifier};
+use argon2::{Argon2, Params};
 use sha2::{Digest, Sha256};
 use std::sync::{Arc, OnceLock};
 use subtle::ConstantTimeEq;
+
+/// Most memory for comparing a key, KiB.
+const MOST_MEMORY: u32 = 1 << 18;
+
+/// Most passes over this memory, and most lanes in it.
+const MOST_PASSES: u32 = 16;
 
 /// Fewest characters of a key.
 const SHORTEST: usize = 16;
@@ -46,6 +52,7 @@ impl ChosenKey {
                                damaged one";
                 return Err(message.to_owned());
             }
+            check_costs(text)?;
         } else {
             check_length(text)?;
         }
@@ -107,6 +114,23 @@ pub fn hashed(key: &str) -> Result<String, String> {
     hash.map(|hash| hash.to_string()).map_err(|error| error.to_string())
 }
 
+/// Refuses a hash that would take more of the server than a study leaves.
+fn check_costs(hash: &str) -> Result<(), String> {
+    let parsed = PasswordHash::new(hash).ok();
+    let costs = parsed.as_ref().and_then(|hash| Params::try_from(hash).ok());
+    let Some(costs) = costs else {
+        return Err("expected costs of an Argon2 hash, found others".to_owned());
+    };
+    let (memory, passes, lanes) = (costs.m_cost(), costs.t_cost(), costs.p_cost());
+    if memory <= MOST_MEMORY && passes <= MOST_PASSES && lanes <= MOST_PASSES {
+        return Ok(());
+    }
+    Err(format!(
+        "expected an Argon2 hash with at most m={MOST_MEMORY} (KiB), t={MOST_PASSES} and p={MOST_PASSES}, found \
+         m={memory}, t={passes} and p={lanes}"
+    ))
+}
+
 fn check_length(key: &str) -> Result<(), String> {
     match key.chars().count() {
         count if count < SHORTEST => {
@@ -153,6 +177,8 @@ mod tests {
         assert!(ChosenKey::of("short").unwrap_err().ends_with("16 characters or more, found 5"));
         assert!(ChosenKey::of("$argon2id$v=19$m=1").unwrap_err().contains("hash-key"));
         assert!(hashed("short").is_err());
+        let dear = "$argon2id$v=19$m=10485760,t=2,p=1$c29tZXNhbHQ$CTFhFdXPJO1aFaMaO6Mm5c8y7cJHAph8ArZWb2GRPPc";
+        assert!(ChosenKey::of(dear).unwrap_err().ends_with("found m=10485760, t=2 and p=1"));
     }
 
     #[test]
