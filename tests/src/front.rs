@@ -140,6 +140,8 @@ fn adapted(
         Kind::Haproxy => {
             put("    user haproxy\n    group haproxy\n", "");
             put("/run/haproxy.pid", &folder.name("pid"));
+            // Twice as many files as whoever runs the tests may open.
+            put("maxconn 20000", "maxconn 2000");
             put("bind :80\n", &format!("bind 127.0.0.1:{plain}\n"));
             put("bind :443 ", &format!("bind 127.0.0.1:{encrypted} "));
         }
