@@ -2,7 +2,7 @@
 
 use crate::clock::date_time;
 use crate::soundness::{self, Report};
-use crate::store::{Missing, OpenError, Store, StoreError};
+use crate::store::{OpenError, Purpose, Store, StoreError};
 use crate::transfer::{self, TransferError};
 use std::fs::File;
 use std::io;
@@ -82,12 +82,12 @@ pub async fn write(
     let file = folder.path().join("backup.db");
     let url = format!("sqlite:{}", file.display());
     if !store.write_snapshot(&file).await? {
-        let copy = Store::open(&url, Missing::Create).await?;
+        let copy = Store::open(&url, Purpose::Create).await?;
         transfer::copy(store, &copy, &store.slugs().await?, cancel, progress).await?;
         copy.put_access_copy(store.access_copy().await?).await?;
         copy.close().await;
     }
-    let copy = Store::open(&url, Missing::Refuse).await?;
+    let copy = Store::open(&url, Purpose::Read).await?;
     let report = cancel.run_until_cancelled(soundness::report(&copy)).await;
     copy.close().await;
     let report = report.ok_or(TransferError::Stopped)??;

@@ -68,9 +68,12 @@ impl CommandError {
 
 impl From<OpenError> for CommandError {
     fn from(error: OpenError) -> Self {
-        match error {
-            OpenError::Address { .. } => Self::Input(error.to_string()),
-            _ => Self::Failure(error.to_string()),
+        match &error {
+            // A wrong address of PostgreSQL is like a wrong password: whatever keeps us from that database is a failure.
+            OpenError::Address { url, .. } if !url.to_lowercase().contains("postgres") => {
+                Self::Input(error.to_string())
+            }
+            _ => Self::failure(error),
         }
     }
 }

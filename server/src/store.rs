@@ -73,13 +73,19 @@ enum Database {
     Postgres(Postgres),
 }
 
-/// What to do if there is no database.
+/// What a database is opened for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Missing {
-    /// Create an empty one.
+pub enum Purpose {
+    /// To serve it or to fill it. It is created if there is none. No other server may use this file until it is
+    /// closed: each would wait for the other's writes, and neither would know of them. Commands may read and write
+    /// beside a server. Several servers share a PostgreSQL database.
+    Alone,
+    /// To add something. It is created if there is none.
     Create,
-    /// Return an error.
-    Refuse,
+    /// To change what is there.
+    Change,
+    /// To read. The database is not changed: of a file of an older version, a copy is migrated and read.
+    Read,
 }
 
 /// Why a database cannot be used. One line, naming the database.
@@ -147,19 +153,20 @@ fn harmless(url: &str) -> String {
 }
 
 impl Store {
-    /// Opens the database at `url` (`sqlite:FILE` or `postgres://…`) and applies missing migrations.
+    /// Opens the database at `url` (`sqlite:FILE` or `postgres://…`) and applies missing migrations, unless it is
+    /// only to be read.
     ///
     /// # Errors
     /// [`OpenError`], in one line; the database is unchanged then.
-    pub async fn open(url: &str, missing: Missing) -> Result<Self, OpenError> {
+    pub async fn open(url: &str, purpose: Purpose) -> Result<Self, OpenError> {
         let url = url.to_owned();
         let opening = tokio::task::spawn_blocking(move || {
             Ok(match Postgres::is_address(&url) {
-                true => Database::Postgres(Postgres::open(&url, missing)?),
+                true => Database::Postgres(Postgres::open(&url, purpose)?),
                 false => {
                     let file = DatabaseFile::of_url(&url)
                         .map_err(|found| OpenError::Address { url: harmless(&url), found })?;
-                    Database::Sqlite(Sqlite::open(file, missing)?)
+                    Database::Sqlite(Sqlite::open(file, purpose)?)
                 }
             })
         });
@@ -171,19 +178,6 @@ impl Store {
             database.watch();
         }
         Ok(Self { open: Arc::new(Open { database, configs: RwLock::default() }) })
-    }
-
-    /// Ensures that no other server uses this file until it is closed: each would wait for the other's
-    /// writes, and neither would know of them. Commands may read and write beside a server. Several servers
-    /// share a PostgreSQL database.
-    ///
-    /// # Errors
-    /// [`OpenError::Served`] if another server uses the file.
-    pub fn serve_alone(&self) -> Result<(), OpenError> {
-        match &self.open.database {
-            Database::Sqlite(database) => database.serve_alone(),
-            Database::Postgres(_) => Ok(()),
-        }
     }
 
     /// The file of a database at `url`; none if that is the address of a server.
@@ -205,6 +199,18 @@ impl Store {
         DatabaseFile::at(file).has_log()
     }
 
+    /// Whether this is the file at `url`, by whatever name.
+    ///
+    /// # Errors
+    /// [`OpenError::Address`].
+    pub fn is_file_at(&self, url: &str) -> Result<bool, OpenError> {
+        let other = Self::file(url)?.and_then(|path| DatabaseFile::at(&path).identity().ok());
+        Ok(match &self.open.database {
+            Database::Sqlite(database) => other.is_some() && other == database.identity().ok(),
+            Database::Postgres(_) => false,
+        })
+    }
+
     /// Whether both are one database, by whatever names.
     ///
     /// # Errors
@@ -215,7 +221,10 @@ impl Store {
 
     async fn identity(&self) -> Result<String, StoreError> {
         match &self.open.database {
-            Database::Sqlite(database) => database.identity(),
+            Database::Sqlite(database) => {
+                let (device, inode) = database.identity()?;
+                Ok(format!("{device} {inode}"))
+            }
             Database::Postgres(database) => database.identity().await,
         }
     }
@@ -362,6 +371,18 @@ impl Store {
         match &self.open.database {
             Database::Sqlite(database) => database.read(read),
             Database::Postgres(database) => database.read(read).await,
+        }
+    }
+
+    /// A few rows that `question` asks for, and no other: where many ask at the same time, they are asked together.
+    async fn look_up<T: Send + 'static>(
+        &self,
+        question: Question,
+        read: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        match &self.open.database {
+            Database::Sqlite(database) => database.read(read),
+            Database::Postgres(database) => database.look_up(question, read).await,
         }
     }
 

@@ -6,7 +6,7 @@ use peak_alloc::PeakAlloc;
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep_server::commands::import::{self, ImportArgs};
 use sidestep_server::formats::exports::{self, Dataset, Filter, Format};
-use sidestep_server::store::{Missing, Store};
+use sidestep_server::store::{Purpose, Store};
 use std::fmt::Write as _;
 use std::future::Future;
 use tokio_util::sync::CancellationToken;
@@ -42,7 +42,7 @@ async fn peaks(people: u64) -> Vec<(String, f64)> {
     let database = format!("sqlite:{}", folder.path().join("study.db").display());
     let args = ImportArgs { database: database.clone(), study: "default".to_owned(), trials };
     let import = peak(async { import::run(args).await.unwrap() }).await;
-    let store = Store::open(&database, Missing::Refuse).await.unwrap();
+    let store = Store::open(&database, Purpose::Read).await.unwrap();
     let study = store.study("default").await.unwrap().unwrap();
     let mut peaks = vec![("import".to_owned(), import)];
     let formats = [Format::Csv, Format::Jsonl, Format::Parquet, Format::PsychDs, Format::Sqlite];

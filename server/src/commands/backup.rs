@@ -5,7 +5,7 @@ use super::solving::Interrupt;
 use super::{CommandError, print_json};
 use crate::backups::{self, FaultyTrials, Written};
 use crate::soundness::{self, Report};
-use crate::store::{Missing, OpenError, Store};
+use crate::store::{OpenError, Purpose, Store};
 use crate::transfer::TransferError;
 use serde::Serialize;
 use std::fs::{self, File};
@@ -71,7 +71,7 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
         let message = format!("--out {}: expected a file that does not exist", out.display());
         return Err(CommandError::Input(message));
     }
-    let store = Store::open(&args.database, Missing::Refuse).await?;
+    let store = Store::open(&args.database, Purpose::Read).await?;
     let interrupt = Interrupt::listen();
     let (bar, progress) = copying();
     let written =
@@ -88,7 +88,7 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
 /// [`CommandError::Input`] if there is a database already; [`CommandError::Failure`] if the backup is not
 /// sound or the database refuses.
 pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
-    match Store::open(&args.database, Missing::Refuse).await {
+    match Store::open(&args.database, Purpose::Read).await {
         Err(OpenError::Absent(_)) => {}
         Err(error) => return Err(error.into()),
         Ok(store) => {
@@ -151,12 +151,12 @@ async fn fill(
     let file = folder.join("backup.db");
     fs::copy(&args.from, &file)
         .map_err(|error| CommandError::Input(format!("--from {named}: cannot read: {error}")))?;
-    let backup = Store::open(&format!("sqlite:{}", file.display()), Missing::Refuse).await;
+    let backup = Store::open(&format!("sqlite:{}", file.display()), Purpose::Read).await;
     let backup = backup.map_err(|error| error.named(named))?;
     let before = interrupt.unless_stopped(soundness::report(&backup)).await??;
     let accepted = if args.with_faulty_trials { FaultyTrials::Kept } else { FaultyTrials::Refused };
     backups::sound(&args.from, &before, accepted).map_err(CommandError::failure)?;
-    let to = Store::open(url, Missing::Create).await?;
+    let to = Store::open(url, Purpose::Alone).await?;
     let filling = async {
         whole(&backup, &to, &backup.slugs().await?, true, interrupt).await?;
         Ok::<_, TransferError>(soundness::report(&to).await?)

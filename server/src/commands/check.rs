@@ -2,7 +2,7 @@
 
 use super::{CommandError, print_json};
 use crate::soundness;
-use crate::store::{Missing, Store};
+use crate::store::{Purpose, Store};
 
 /// Check a database: whether the file is sound, and whether every trial replays as when it was
 /// stored.
@@ -20,7 +20,7 @@ pub struct CheckArgs {
 /// # Errors
 /// [`CommandError::Failure`] if anything is wrong or the check cannot be done.
 pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
-    let store = Store::open(&args.database, Missing::Refuse).await?;
+    let store = Store::open(&args.database, Purpose::Read).await?;
     let report = soundness::report(&store).await?;
     let name = store.name();
     store.close().await;

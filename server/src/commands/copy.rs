@@ -3,7 +3,7 @@
 use super::solving::Interrupt;
 use super::solving::bar;
 use super::{CommandError, print_json, study_named};
-use crate::store::{Missing, Store};
+use crate::store::{Purpose, Store};
 use crate::transfer::{self, TransferError};
 use indicatif::ProgressBar;
 
@@ -35,15 +35,21 @@ pub struct CopyArgs {
 /// # Errors
 /// [`CommandError`] for an unknown study (input), or if a database refuses (failure).
 pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
-    let from = Store::open(&args.from, Missing::Refuse).await?;
+    let from = Store::open(&args.from, Purpose::Read).await?;
     let slugs = match &args.study {
         Some(slug) => vec![study_named(&from, slug).await?.slug],
         None => from.slugs().await?,
     };
-    let to = Store::open(&args.to, Missing::Create).await?;
-    if from.is_same(&to).await? {
+    let the_same = || {
         let message = "--to: expected another database than that of --from, found the same";
-        return Err(CommandError::Input(message.to_owned()));
+        CommandError::Input(message.to_owned())
+    };
+    if from.is_file_at(&args.to)? {
+        return Err(the_same());
+    }
+    let to = Store::open(&args.to, Purpose::Alone).await?;
+    if from.is_same(&to).await? {
+        return Err(the_same());
     }
     let access = args.study.is_none();
     let interrupt = Interrupt::listen();

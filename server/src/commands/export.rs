@@ -3,7 +3,7 @@
 use super::solving::Interrupt;
 use super::{CommandError, Words, one_of, print_json, study_named};
 use crate::formats::exports::{self, Dataset, ExportError, FileEntry, Filter, Format, Quality};
-use crate::store::{Missing, Store};
+use crate::store::{Purpose, Store};
 use sidestep::trial::Phase;
 use std::path::PathBuf;
 
@@ -67,7 +67,7 @@ const QUALITIES: Words<Quality> = &[
 /// [`CommandError`] for an unknown study or configuration (input), or what the database or the
 /// disk refuse (failure).
 pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
-    let store = Store::open(&args.database, Missing::Refuse).await?;
+    let store = Store::open(&args.database, Purpose::Read).await?;
     let study = study_named(&store, &args.study).await?;
     let configuration = match args.configuration {
         Some(digits) => Some(configuration(&digits, store.configurations(study.id).await?)?),

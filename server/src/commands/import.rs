@@ -10,7 +10,7 @@ use crate::jobs::safety;
 use crate::store::imports::{Destination, Import, NewImport};
 use crate::store::scenes::PlannedRow;
 use crate::store::trials::NewTrial;
-use crate::store::{Missing, OpenError, Store};
+use crate::store::{OpenError, Purpose, Store};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::invalid::Invalid;
@@ -78,7 +78,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
     })?;
     // A file that is refused leaves no new database behind.
-    let present = match Store::open(&args.database, Missing::Refuse).await {
+    let present = match Store::open(&args.database, Purpose::Change).await {
         Err(OpenError::Absent(_)) => None,
         opened => Some(opened?),
     };
@@ -94,7 +94,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let file = checked.map_err(|error| complain(&error))?;
     let store = match present {
         Some(store) => store,
-        None => Store::open(&args.database, Missing::Create).await?,
+        None => Store::open(&args.database, Purpose::Create).await?,
     };
     let Some(destination) = store.begin_import(config, now_ms()).await? else {
         let message = format!("study {} was changed meanwhile; try again", args.study);

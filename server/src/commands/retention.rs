@@ -5,7 +5,7 @@ use crate::clock::{date_time, now_ms};
 use crate::store::audit::NewEntry;
 use crate::store::retention::{Concern, Due};
 use crate::store::studies::StoredStudy;
-use crate::store::{Missing, Store};
+use crate::store::{Purpose, Store};
 use clap::ArgGroup;
 use serde::Serialize;
 use sidestep::api::Action;
@@ -84,7 +84,8 @@ struct Summary {
 /// # Errors
 /// [`CommandError`] for an unknown study (input), or if the database refuses (failure).
 pub async fn run(args: RetentionArgs) -> Result<(), CommandError> {
-    let store = Store::open(&args.database, Missing::Refuse).await?;
+    let purpose = if args.delete { Purpose::Change } else { Purpose::Read };
+    let store = Store::open(&args.database, purpose).await?;
     let mut studies = Vec::new();
     let slugs = match &args.study {
         Some(slug) => vec![slug.clone()],

@@ -3,7 +3,7 @@
 use super::trials_file::{self, Faults, SceneArgs};
 use super::{CommandError, study_named};
 use crate::recordings;
-use crate::store::{Missing, Store};
+use crate::store::{Purpose, Store};
 use sidestep::motion;
 use sidestep::recording::Recording;
 use std::path::PathBuf;
@@ -65,7 +65,7 @@ impl TrialsArgs {
 
     async fn stored(&self) -> Result<Recording, CommandError> {
         let url = self.source.database.clone().unwrap_or_default();
-        let store = Store::open(&url, Missing::Refuse).await?;
+        let store = Store::open(&url, Purpose::Read).await?;
         let study = study_named(&store, &self.study).await?;
         let recording = recordings::of_study(&store, &study).await?;
         store.close().await;

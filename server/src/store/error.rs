@@ -90,30 +90,39 @@ impl From<rusqlite::Error> for StoreError {
 impl From<tokio_postgres::Error> for StoreError {
     fn from(error: tokio_postgres::Error) -> Self {
         let Some(found) = error.as_db_error() else {
-            return match error.is_closed() || error.source().is_some_and(|it| it.is::<io::Error>())
-            {
-                true => Self::Unavailable(cause(&error)),
-                // Of a value that cannot be read; else of the connection.
-                false if error.to_string().contains("deserializing") => {
-                    Self::corrupt(cause(&error))
+            let source = error.source();
+            let is_network = source.is_some_and(|it| it.is::<io::Error>());
+            return match error.to_string() {
+                _ if error.is_closed() => Self::Unavailable(cause(&error)),
+                text if text.contains("deserializing") => Self::corrupt(cause(&error)),
+                text if text.contains("TLS") => {
+                    Self::Unavailable(format!("{}; {TLS}", cause(&error)))
                 }
-                false => Self::Unavailable(cause(&error)),
+                text if is_network && text.contains("connecting") => {
+                    Self::Unavailable(format!("{}; {NO_SERVER}", cause(&error)))
+                }
+                _ => Self::Unavailable(cause(&error)),
             };
         };
         // Never the detail of a message, which has values of rows.
         let message = found.message().replace('\n', " ");
+        let advised = |advice: &str| Self::Unavailable(format!("{message}; {advice}"));
         match found.code().code() {
             // Serialization failures, deadlocks, and locks that were waited for too long; a reference to
             // a row that another transaction has just deleted.
             "40001" | "40P01" | "55P03" | "23503" => Self::Locked,
             "53100" => Self::Full,
-            // A standby that takes no writes, or a missing right.
-            "25006" | "42501" => Self::Unavailable(message),
-            // No resources, operator intervention, invalid authorization, connection exceptions.
-            code if ["53", "57", "58", "28", "08", "3D"]
-                .iter()
-                .any(|class| code.starts_with(class)) =>
-            {
+            // A standby that takes no writes.
+            "25006" => Self::Unavailable(message),
+            "42501" => {
+                advised("use the user who owns the database, or have that one GRANT this right")
+            }
+            "3D000" => advised("create it with 'createdb', or name another one in the address"),
+            code if code.starts_with("28") => advised(
+                "check the user and the password (in the address or in PGPASSWORD), and pg_hba.conf",
+            ),
+            // No resources, operator intervention, connection exceptions.
+            code if ["53", "57", "58", "08"].iter().any(|class| code.starts_with(class)) => {
                 Self::Unavailable(message)
             }
             "XX001" | "XX002" => Self::Corrupt(message),
@@ -121,6 +130,13 @@ impl From<tokio_postgres::Error> for StoreError {
         }
     }
 }
+
+/// What to do if there is no connection to PostgreSQL.
+const NO_SERVER: &str = "check the host and the port, and that PostgreSQL runs there";
+
+/// What to do if the connection cannot be encrypted.
+const TLS: &str = "check the certificate of the server (it must be one for servers, not one that signs others, and name \
+                   its host), and sslrootcert=FILE, or add sslmode=disable if nobody can listen between";
 
 /// What an error of PostgreSQL's client says, with its cause, in one line.
 fn cause(error: &tokio_postgres::Error) -> String {

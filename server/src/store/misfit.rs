@@ -14,6 +14,17 @@ pub enum Misfit {
         /// The highest number that this program knows.
         known: i64,
     },
+    /// An older version has made it, and it is only to be read.
+    #[error(
+        "an older version of Sidestep made it (its last migration is {found}, that of this version is {known}), and \
+         reading changes nothing; stop its servers and start 'sidestep serve' of this version, which migrates it"
+    )]
+    Older {
+        /// The highest number in the database.
+        found: i64,
+        /// The highest number that this program knows.
+        known: i64,
+    },
     /// A migration of another build, with the same number as one of this build, was applied.
     #[error("its migration {0} is not the one of this version; it comes from another build")]
     Other(i64),

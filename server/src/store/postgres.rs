@@ -6,17 +6,21 @@
 //! database, or the one that took its place, is back.
 
 mod address;
+mod lookups;
 mod migrations;
 mod pool;
 mod trials;
 
 use super::error::StoreError;
 use super::lanes::{Lane, Lock};
+use super::misfit::Misfit;
 use super::operation::operation;
 use super::sql::{Connection, Question};
-use super::{Missing, OpenError};
+use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use address::Address;
+use lookups::{Lookup, Lookups};
+use migrations::State;
 use pool::Pool;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -29,15 +33,16 @@ use tokio::task;
 use trials::{Trials, Waiting};
 
 /// Most sessions for each purpose. Those that write trials take turns with those of other servers.
-const SESSIONS: [usize; 5] = [4, 2, 1, 6, 4];
+const SESSIONS: [usize; 6] = [4, 2, 1, 5, 4, 1];
 
-/// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, and to
-/// read many.
+/// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, to read many,
+/// and to look up who uploads a trial.
 const TRIALS: usize = 0;
 const REQUESTS: usize = 1;
 const JOBS: usize = 2;
 const READS: usize = 3;
 const LONG_READS: usize = 4;
+const LOOKUPS: usize = 5;
 
 /// Most operations that wait for a session of one kind; further ones are refused.
 const QUEUE: usize = 1_024;
@@ -58,7 +63,7 @@ pub(super) struct Postgres {
     /// The address without the password.
     name: String,
     shared: Arc<Shared>,
-    kinds: [Kind; 5],
+    kinds: [Kind; 6],
     /// Of which an enrolment needs one, besides its session, while trials come.
     enrolments: Kind,
 }
@@ -67,6 +72,7 @@ pub(super) struct Postgres {
 struct Shared {
     pool: Pool,
     trials: Trials,
+    lookups: Lookups,
     committed: watch::Sender<u64>,
     observed: Commits,
 }
@@ -116,32 +122,48 @@ impl Postgres {
         Address::is_one(url)
     }
 
-    /// Connects to the database and applies missing migrations.
-    pub(super) fn open(url: &str, missing: Missing) -> Result<Self, OpenError> {
+    /// Connects to the database and applies missing migrations, if it may be changed.
+    pub(super) fn open(url: &str, purpose: Purpose) -> Result<Self, OpenError> {
         let address = Address::parse(url)?;
         let database = address.name.clone();
         let unusable =
             |reason: String| OpenError::Unusable { database: address.name.clone(), reason };
+        let refused = |error: StoreError| match error {
+            StoreError::Unavailable(reason) => unusable(reason),
+            other => unusable(other.to_string()),
+        };
         let pool = Pool::new(address.config.clone(), address.tls.clone());
-        let db = pool.connect().map_err(|error| unusable(error.to_string()))?;
+        let db = pool.connect().map_err(refused)?;
         let misfit = |failure: migrations::Failure| match failure {
-            migrations::Failure::Unusable(error) => unusable(error.to_string()),
+            migrations::Failure::Unusable(error) => refused(error),
             migrations::Failure::Misfit(reason) => {
                 OpenError::Version { database: address.name.clone(), reason }
             }
         };
-        let is_new = migrations::check(&db).map_err(misfit)?;
-        if is_new && missing == Missing::Refuse {
-            return Err(OpenError::Absent(database));
+        let may_change = purpose != Purpose::Read;
+        match (migrations::check(&db).map_err(misfit)?, purpose) {
+            (State::Empty, Purpose::Change | Purpose::Read) => {
+                return Err(OpenError::Absent(database));
+            }
+            (State::Older { found, known }, Purpose::Read) => {
+                return Err(OpenError::Version {
+                    database,
+                    reason: Misfit::Older { found, known },
+                });
+            }
+            _ => {}
         }
-        migrations::apply(&db).map_err(misfit)?;
+        if may_change {
+            migrations::apply(&db).map_err(misfit)?;
+            check_rights(&db).map_err(refused)?;
+        }
         pool.give_back(db);
         let mut sessions = SESSIONS;
         // More would only wait for a turn.
         sessions[TRIALS] = sessions[TRIALS].min(pool.writers());
         let (kinds, enrolments) = (sessions.map(Kind::new), Kind::new(1));
-        let (trials, observed) = (Trials::default(), Commits::default());
-        let shared = Shared { pool, trials, committed: watch::Sender::new(0), observed };
+        let (trials, lookups, observed) = Default::default();
+        let shared = Shared { pool, trials, lookups, committed: watch::Sender::new(0), observed };
         Ok(Self { name: database, shared: Arc::new(shared), kinds, enrolments })
     }
 
@@ -172,7 +194,7 @@ impl Postgres {
                            current_setting('transaction_read_only') = 'on'";
                 match db.query_row(refuses, [], |row| row.get(0))? {
                     true => Err(StoreError::Unavailable("it takes no writes now".to_owned())),
-                    false => Ok(()),
+                    false => check_rights(db),
                 }
             });
         tokio::time::timeout(PATIENCE, asked).await.unwrap_or(Err(StoreError::Locked))
@@ -229,6 +251,27 @@ impl Postgres {
             shared.pool.with(read)
         });
         reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
+    }
+
+    /// What one question finds: whoever gets the session asks all that wait.
+    pub(super) async fn look_up<T: Send + 'static>(
+        &self,
+        question: Question,
+        read: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let (operation, mut answered) = operation(read);
+        self.shared.lookups.push(Lookup { question, operation })?;
+        let lost = |_| Err(StoreError::Defect("a lookup ended without an answer".to_owned()));
+        let turn = tokio::select! {
+            answer = &mut answered => return answer.unwrap_or_else(lost),
+            turn = self.kinds[LOOKUPS].turn() => turn?,
+        };
+        let shared = Arc::clone(&self.shared);
+        task::spawn_blocking(move || {
+            let _turn = turn;
+            shared.look_up();
+        });
+        answered.await.unwrap_or_else(lost)
     }
 
     /// Any number of rows, as they are at one instant.
@@ -332,6 +375,26 @@ impl Shared {
         ended?;
         Ok(found)
     }
+}
+
+/// Checks that the user may write whatever a server writes.
+fn check_rights(db: &Connection) -> Result<(), StoreError> {
+    let asked = "SELECT coalesce(string_agg(relname, ', ' ORDER BY relname), '') FROM pg_class \
+                 WHERE relnamespace = CAST(current_schema() AS regnamespace) AND CASE \
+                 WHEN relname = 'sidestep_migration' THEN FALSE \
+                 WHEN relname = 'changed' THEN NOT (has_sequence_privilege(oid, 'USAGE') \
+                     AND has_sequence_privilege(oid, 'SELECT')) \
+                 WHEN relkind = 'r' THEN NOT (has_table_privilege(oid, 'SELECT') \
+                     AND has_table_privilege(oid, 'INSERT') AND has_table_privilege(oid, 'UPDATE') \
+                     AND has_table_privilege(oid, 'DELETE')) ELSE FALSE END";
+    let refused: String = db.query_row(asked, [], |row| row.get(0))?;
+    if refused.is_empty() {
+        return Ok(());
+    }
+    Err(StoreError::Unavailable(format!(
+        "this user must not write to {refused}; use the user who owns the tables, or have that one GRANT SELECT, \
+         INSERT, UPDATE, DELETE on all tables and USAGE, SELECT on the sequence 'changed'"
+    )))
 }
 
 /// Begins a transaction with these locks. Everybody takes locks in the same order, so nobody waits for each

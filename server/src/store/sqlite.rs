@@ -13,34 +13,41 @@ mod writer;
 use super::error::{StoreError, reason};
 use super::lanes::Lane;
 use super::sql::Connection;
-use super::{Missing, OpenError};
+use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use readers::Readers;
 use rusqlite::ErrorCode;
 use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+use tempfile::TempDir;
 use tokio::sync::watch;
 use writer::Writer;
 
-pub(super) use file::DatabaseFile;
 pub use file::LEAST_FREE_BYTES;
+pub(super) use file::{DatabaseFile, Identity};
 
-/// An open file with all migrations applied.
+/// An open file of this version.
 #[derive(Debug)]
 pub(super) struct Sqlite {
+    /// The file that the user named.
+    named: DatabaseFile,
+    /// The file that is used: that one, or a copy of it.
     file: DatabaseFile,
     readers: Arc<Readers>,
     writer: Writer,
-    /// The lock that a server holds.
+    /// The lock of who uses the file alone.
     lock: Mutex<Option<File>>,
+    #[expect(dead_code, reason = "it is deleted when this is dropped")]
+    copy_folder: Option<TempDir>,
 }
 
 impl Sqlite {
-    /// Opens the file and applies missing migrations.
-    pub(super) fn open(file: DatabaseFile, missing: Missing) -> Result<Self, OpenError> {
-        let name = || file.path().display().to_string();
+    /// Opens the file and applies missing migrations, if it may be changed.
+    pub(super) fn open(named: DatabaseFile, purpose: Purpose) -> Result<Self, OpenError> {
+        let name = || named.path().display().to_string();
         let unusable = |reason: String| OpenError::Unusable { database: name(), reason };
         let hint =
             |reason: String| unusable(format!("{reason}; check the path and that it is writable"));
@@ -52,33 +59,49 @@ impl Sqlite {
             migrations::Failure::Unusable(error) => sqlite(error),
             migrations::Failure::Misfit(reason) => OpenError::Version { database: name(), reason },
         };
-        match missing {
-            Missing::Create => file.create().map_err(|error| hint(error.to_string()))?,
-            Missing::Refuse if file.is_empty() => return Err(OpenError::Absent(name())),
-            Missing::Refuse => {}
+        let disk = |error: io::Error| hint(error.to_string());
+        match purpose {
+            Purpose::Alone | Purpose::Create => named.create().map_err(disk)?,
+            Purpose::Change | Purpose::Read if named.is_empty() => {
+                return Err(OpenError::Absent(name()));
+            }
+            Purpose::Change | Purpose::Read => {}
         }
-        // A file that this program cannot use is not changed by a single byte.
-        let untouching = connection::untouching(file.path()).map_err(sqlite)?;
-        migrations::check(&untouching).map_err(misfit)?;
+        // A file that this program cannot use, or that another server uses, is not changed by a single byte.
+        let untouching = connection::untouching(named.path()).map_err(sqlite)?;
+        let is_current = migrations::check(&untouching).map_err(misfit)?;
         drop(untouching);
-        let mut db = connection::writing(file.path()).map_err(sqlite)?;
-        migrations::apply(&mut db).map_err(misfit)?;
+        let lock = match (purpose, is_current) {
+            // A server of an older version may use the file, which could not go on with a migrated one.
+            (Purpose::Alone, _) | (Purpose::Create | Purpose::Change, false) => {
+                let lock = named.lock().map_err(|error| unusable(error.to_string()))?;
+                Some(lock.ok_or_else(|| OpenError::Served(name()))?)
+            }
+            _ => None,
+        };
+        let is_copied = purpose == Purpose::Read && !is_current;
+        let copy_folder = is_copied.then(|| named.room_for_copy()).transpose().map_err(disk)?;
+        let file = match &copy_folder {
+            None => named.clone(),
+            Some(folder) => {
+                let file = DatabaseFile::at(&folder.path().join("copy.db"));
+                file.create().map_err(disk)?;
+                connection::copy(named.path(), file.path()).map_err(sqlite)?;
+                file
+            }
+        };
+        if purpose != Purpose::Read || is_copied {
+            let mut db = connection::writing(file.path()).map_err(sqlite)?;
+            migrations::apply(&mut db).map_err(misfit)?;
+        }
         let unstarted = |error: StoreError| unusable(error.to_string());
-        let writer = Writer::start(file.clone()).map_err(unstarted)?;
+        let writer = match purpose {
+            Purpose::Read => Ok(Writer::none()),
+            _ => Writer::start(file.clone()),
+        };
+        let writer = writer.map_err(unstarted)?;
         let readers = Arc::new(Readers::new(file.clone()).map_err(unstarted)?);
-        Ok(Self { readers, writer, lock: Mutex::default(), file })
-    }
-
-    /// Ensures that no other server uses this file until it is closed.
-    pub(super) fn serve_alone(&self) -> Result<(), OpenError> {
-        let name = || self.file.path().display().to_string();
-        let lock = self
-            .file
-            .lock()
-            .map_err(|error| OpenError::Unusable { database: name(), reason: error.to_string() })?;
-        let lock = lock.ok_or_else(|| OpenError::Served(name()))?;
-        *self.lock.lock().unwrap_or_else(PoisonError::into_inner) = Some(lock);
-        Ok(())
+        Ok(Self { named, file, readers, writer, lock: Mutex::new(lock), copy_folder })
     }
 
     /// Whether a write could be made now.
@@ -86,8 +109,7 @@ impl Sqlite {
         const PATIENCE: Duration = Duration::from_secs(2);
         let begun = self.write(Lane::Request, |db| Ok(db.query_row("SELECT 1", [], |_| Ok(()))?));
         tokio::time::timeout(PATIENCE, begun).await.unwrap_or(Err(StoreError::Locked))?;
-        let free = self.file.free_bytes()?;
-        if free < LEAST_FREE_BYTES { Err(StoreError::Full) } else { Ok(()) }
+        self.file.check_disk()
     }
 
     /// The folder of the file, if it has room for a temporary file of this length.
@@ -100,13 +122,12 @@ impl Sqlite {
     }
 
     /// What tells this file from every other one, whatever it is called.
-    pub(super) fn identity(&self) -> Result<String, StoreError> {
-        let (device, inode) = self.file.identity()?;
-        Ok(format!("{device} {inode}"))
+    pub(super) fn identity(&self) -> Result<Identity, StoreError> {
+        self.named.identity()
     }
 
     pub(super) fn name(&self) -> String {
-        self.file.path().display().to_string()
+        self.named.path().display().to_string()
     }
 
     /// Writes all rows into a new file that only its owner can read.
@@ -115,9 +136,7 @@ impl Sqlite {
         let writing = tokio::task::spawn_blocking(move || {
             let refused = |error: std::io::Error| StoreError::Unavailable(error.to_string());
             to.create().map_err(refused)?;
-            let db = connection::untouching(&from)?;
-            db.execute("VACUUM INTO ?1", [to.path().to_string_lossy()])?;
-            Ok(())
+            Ok(connection::copy(&from, to.path())?)
         });
         writing.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }

@@ -9,7 +9,7 @@ use super::retention::Concern;
 use super::scenes::PlannedRow;
 use super::sql::Connection;
 use super::trials::{NewTrial, PutTrial};
-use super::{Database, Missing, Store, StoreError};
+use super::{Database, Purpose, Store, StoreError};
 use crate::content::{Content, Recipe};
 use crate::transfer::{self, TransferError};
 use sidestep::api::{Action, ComprehensionResult};
@@ -37,7 +37,7 @@ pub(crate) async fn store() -> (TempDir, Store) {
         client.batch_execute(&create).unwrap();
     });
     created.await.unwrap();
-    let store = Store::open(&cluster.replace("DATABASE", &name), Missing::Create).await.unwrap();
+    let store = Store::open(&cluster.replace("DATABASE", &name), Purpose::Create).await.unwrap();
     (TempDir::new().unwrap(), store)
 }
 
@@ -45,7 +45,7 @@ pub(crate) async fn store() -> (TempDir, Store) {
 pub(crate) async fn file_store() -> (TempDir, Store) {
     let folder = TempDir::new().unwrap();
     let url = format!("sqlite:{}", folder.path().join("test.db").display());
-    let store = Store::open(&url, Missing::Create).await.unwrap();
+    let store = Store::open(&url, Purpose::Create).await.unwrap();
     (folder, store)
 }
 

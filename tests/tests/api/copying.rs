@@ -94,18 +94,31 @@ async fn a_database_in_use_is_no_backup() {
 
 #[tokio::test]
 async fn a_password_is_in_no_message() {
-    for url in [
-        "POSTGRES://side:WRONG@h/d",
-        "mysql://side:WRONG@h/d",
-        " postgres://side:WRONG@h/d",
-        "'postgres://side:WRONG@h/d'",
-        "host=h password=WRONG",
-        "postgres://side:p@WRONG@h/d",
+    for (url, code) in [
+        ("POSTGRES://side:WRONG@h/d", 1),
+        ("mysql://side:WRONG@h/d", 2),
+        (" postgres://side:WRONG@h/d", 1),
+        ("'postgres://side:WRONG@h/d'", 1),
+        ("host=h password=WRONG", 2),
+        ("postgres://side:p@WRONG@h/d", 1),
     ] {
         let refused = run(&["check", "--database", url]).await;
         assert!(!format!("{refused:?}").contains("WRONG"), "{refused:?}");
-        refused.refused(2, &["--database", "expected"]);
+        refused.refused(code, &["--database", "expected"]);
     }
+}
+
+#[tokio::test]
+async fn a_file_that_is_served_is_not_filled_by_others() {
+    let folder = Folder::default();
+    let server = Server::on(folder.database("served.db"), None).await;
+    let copy = ["copy", "--from", &server.database(), "--to", &server.database()];
+    run(&copy).await.refused(2, &["--to", "another database"]);
+    let other = Server::on(folder.database("other.db"), None).await;
+    let copy = ["copy", "--from", &other.database(), "--to", &server.database()];
+    run(&copy).await.refused(1, &["served.db", "another 'sidestep serve'"]);
+    server.stop().await;
+    other.stop().await;
 }
 
 #[tokio::test]

@@ -8,7 +8,7 @@ use sidestep::api::{
 };
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep_tests::behind::new_postgres_database;
-use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::server::{SHORT_STUDY, write_site};
 use sidestep_tests::{
     Answer, Driver, Folder, Server, behind, behind_file, driven, driven_with, run,
 };
@@ -143,7 +143,7 @@ async fn ids_that_are_one_person_now_belong_to_the_first() {
     let change = "UPDATE participant SET external_id = ' P-' || 18 WHERE number = 2 AND study_id = 1; \
                   UPDATE participant SET external_id = 'p-18' WHERE number = 3 AND study_id = 1";
     behind_file(&database).execute_batch(change).unwrap();
-    run(&["check", "--database", &database]).await.json();
+    Server::on(database.clone(), None).await.stop().await;
     let query = "SELECT number, external_key FROM participant WHERE study_id = 1 \
                  AND number IN (2, 3) ORDER BY number";
     let db = behind_file(&database);
@@ -243,6 +243,107 @@ async fn what_cannot_be_used_stays_as_it_was() {
     // The fourth migration fails half way: its first statements are undone.
     let in_the_way = "CREATE TABLE new_analysis (x)";
     is_refused(in_the_way, &["migration 4 failed", "nothing was changed"]).await;
+}
+
+#[tokio::test]
+async fn reading_changes_no_file_of_an_older_version() {
+    let folder = Folder::default();
+    let file = folder.path("sidestep.db");
+    std::fs::copy(old("sidestep.db"), &file).unwrap();
+    let before = std::fs::read(&file).unwrap();
+    let (database, to) = (folder.database("sidestep.db"), folder.database("to.db"));
+    let [out, backup] = ["out", "backup.db"].map(|name| folder.name(name));
+    for args in [
+        &["check", "--database", &database][..],
+        &["export", "--database", &database, "--study", "first", "--out", &out],
+        &["backup", "--database", &database, "--out", &backup],
+        &["retention", "--database", &database, "--audit", "1"],
+        &["copy", "--from", &database, "--to", &to],
+    ] {
+        run(args).await.json();
+        assert!(std::fs::read(&file).unwrap() == before, "{args:?} wrote to the file");
+    }
+    let left = std::fs::read_dir(folder.root()).unwrap().map(|it| it.unwrap().file_name());
+    assert!(left.into_iter().all(|name| !name.to_string_lossy().starts_with('.')));
+    // A program of that version serves it: nobody migrates it under its hands.
+    let served = std::fs::File::open(&file).unwrap();
+    served.lock().unwrap();
+    let site = folder.name("site");
+    write_site(Path::new(&site));
+    let serve = ["serve", "--listen", "127.0.0.1:0", "--static", &site, "--database", &database];
+    let delete = ["retention", "--database", &database, "--audit", "1", "--delete"];
+    for args in [&serve[..], &delete] {
+        run(args).await.refused(1, &["sidestep.db", "another 'sidestep serve'"]);
+        assert!(std::fs::read(&file).unwrap() == before, "{args:?} wrote to the file");
+    }
+    run(&["check", "--database", &database]).await.json();
+    drop(served);
+    run(&delete).await.json();
+    assert!(std::fs::read(&file).unwrap() != before, "it is migrated");
+}
+
+/// One line that says what to do, and exit code 1.
+#[tokio::test]
+#[ignore = "needs PostgreSQL"]
+async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
+    let new = || new_postgres_database().expect("a cluster, which cargo xtask test starts");
+    let url = new();
+    let whole = url.as_str();
+    let (_, rest) = whole.split_once(":///").unwrap();
+    let name = rest.split('?').next().unwrap();
+    let admin = behind(whole);
+    let folder = Folder::default();
+    let site = folder.name("site");
+    write_site(Path::new(&site));
+    let serve = async |url: &str| {
+        run(&["serve", "--listen", "127.0.0.1:0", "--static", &site, "--database", url]).await
+    };
+    serve("postgres://me:secret@127.0.0.1:1/db").await.refused(1, &["check the host and the port"]);
+    serve(&whole.replace(name, "absent")).await.refused(1, &["absent", "createdb"]);
+    let narrow = format!("{name}_narrow");
+    let encoding = "ENCODING 'SQL_ASCII' LC_COLLATE 'C' LC_CTYPE 'C' TEMPLATE template0";
+    admin.execute_batch(&format!("CREATE DATABASE {narrow} {encoding}")).unwrap();
+    serve(&whole.replace(name, &narrow)).await.refused(1, &["UTF8", "SQL_ASCII", "template0"]);
+    let asks = |number: &str| format!("ALTER DATABASE {name} SET sidestep.writers = '{number}'");
+    for wrong in ["abc", "0", "65"] {
+        admin.execute_batch(&asks(wrong)).unwrap();
+        serve(whole).await.refused(1, &["sidestep.writers", "from 1 to 64", wrong]);
+    }
+    admin.execute_batch(&asks("4")).unwrap();
+    Server::on(url.clone(), Some(SHORT_STUDY)).await.stop().await;
+
+    // Somebody who may only read.
+    let reader = format!("reader_{name}");
+    let grants = format!(
+        "CREATE ROLE {reader} LOGIN; GRANT USAGE ON SCHEMA public TO {reader}; \
+         GRANT SELECT ON ALL TABLES IN SCHEMA public TO {reader}"
+    );
+    admin.execute_batch(&grants).unwrap();
+    let owner = rest.split('&').find(|part| part.starts_with("user=")).unwrap();
+    let of = |user: &str| whole.replace(owner, &format!("user={user}"));
+    serve(&of(&reader)).await.refused(1, &["must not write to", "trial", "GRANT"]);
+    run(&["check", "--database", &of(&reader)]).await.json();
+    serve(&of("nobody_at_all")).await.refused(1, &["nobody_at_all", "check the user"]);
+    let writes = format!(
+        "GRANT INSERT, UPDATE, DELETE ON ALL TABLES IN SCHEMA public TO {reader}; \
+         GRANT USAGE, SELECT ON SEQUENCE changed TO {reader}"
+    );
+    admin.execute_batch(&writes).unwrap();
+    let server = Server::on(of(&reader), Some(SHORT_STUDY)).await;
+    assert_eq!(server.get("/readyz").await.status, 200);
+    Driver::enrol(&server).await.drive(&server, 5).await;
+    admin.execute_batch(&format!("REVOKE INSERT ON trial FROM {reader}")).unwrap();
+    let told = server.get("/readyz").await;
+    assert!(told.problem(503, "not_ready", None).contains("must not write to trial"));
+    server.stop().await;
+
+    // Reading migrates nothing.
+    let old = new();
+    let dump = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-postgres/schema-2.sql");
+    behind(&old).execute_batch(&std::fs::read_to_string(dump).unwrap()).unwrap();
+    run(&["check", "--database", &old]).await.refused(1, &["older version", "sidestep serve"]);
+    let last = "SELECT CAST(max(version) AS BIGINT) FROM sidestep_migration";
+    assert_eq!(behind(&old).query_row(last, [], |row| row.get::<i64>(0)).unwrap(), 2);
 }
 
 #[tokio::test]

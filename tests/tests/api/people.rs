@@ -4,7 +4,7 @@ use serde_json::json;
 use sidestep::api::{KeyEvent, ParticipantPage, ParticipantSummary, Quality, Stage, routes};
 use sidestep::scene::Scene;
 use sidestep::vehicle::TurnInput;
-use sidestep_server::store::{Missing, Store};
+use sidestep_server::store::{Purpose, Store};
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Driver, Server, behind, driven, driver};
 
@@ -130,7 +130,7 @@ async fn a_wrong_tally_is_found() {
     driver.drive(&server, 5).await;
     let url = server.database();
     let wrong = async || {
-        let store = Store::open(&url, Missing::Refuse).await.unwrap();
+        let store = Store::open(&url, Purpose::Read).await.unwrap();
         store.wrong_tallies().await.unwrap()
     };
     assert!(wrong().await.is_empty());

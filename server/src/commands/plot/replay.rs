@@ -7,7 +7,7 @@ use crate::commands::solving::{Interrupt, flagged, safety_levels};
 use crate::commands::trials_file;
 use crate::http::predictors;
 use crate::recordings;
-use crate::store::{Missing, Store};
+use crate::store::{Purpose, Store};
 use sidestep::api::{scene_words, trial_heading};
 use sidestep::chart::Drawing;
 use sidestep::invalid::Invalid;
@@ -216,7 +216,7 @@ async fn of_database(
     trial_id: &str,
     sources: &[&Source],
 ) -> Result<Found, CommandError> {
-    let store = Store::open(url, Missing::Refuse).await?;
+    let store = Store::open(url, Purpose::Read).await?;
     let trial = store.trial(trial_id).await?;
     let Some(trial) = trial else {
         store.close().await;

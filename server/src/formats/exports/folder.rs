@@ -39,6 +39,7 @@ pub async fn write(
     // Tasks read; a thread prints.
     let writing = tokio::task::spawn_blocking(move || {
         let files = tables(&path, &dataset, format, |printing| printing.add_all(people, &asked))?;
+        files.iter().try_for_each(|file| keep_private(&path.join(&file.name)))?;
         Ok::<_, ExportError>((dataset, files))
     });
     let (dataset, files) = writing.await??;
@@ -117,6 +118,15 @@ fn created(path: &Path) -> io::Result<File> {
         fs::create_dir_all(parent)?;
     }
     File::create(path)
+}
+
+/// Lets only the owner read a file, which may have external ids of participants.
+fn keep_private(file: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    fs::set_permissions(file, std::os::unix::fs::PermissionsExt::from_mode(0o600))?;
+    #[cfg(not(unix))]
+    let _ = file;
+    Ok(())
 }
 
 /// The entry of a file that something else has written.

@@ -4,7 +4,7 @@ use super::Server;
 use crate::backups::{self, BackupError, FaultyTrials, Written};
 use crate::jobs::frames::FromChild;
 use crate::soundness;
-use crate::store::{Missing, Store};
+use crate::store::{Purpose, Store};
 use std::io;
 use std::path::Path;
 use tokio_util::sync::CancellationToken;
@@ -20,7 +20,7 @@ pub(super) fn run(server: &Server, database: &str, backup: Option<&Path>) -> io:
 }
 
 async fn checked(database: &str, backup: Option<&Path>) -> Result<Written, BackupError> {
-    let store = Store::open(database, Missing::Refuse).await?;
+    let store = Store::open(database, Purpose::Read).await?;
     let written = match backup {
         Some(file) => {
             // A faulty trial must not end all backups: it is told, and those of before are kept.

@@ -58,9 +58,30 @@ impl From<Misfit> for Failure {
     }
 }
 
-/// Checks that this program can use the database, without changing it. Returns whether it is empty.
-pub(super) fn check(db: &Connection) -> Result<bool, Failure> {
-    Ok(pending(db)?.len() == MIGRATIONS.len())
+/// What there is already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum State {
+    /// Nothing.
+    Empty,
+    /// The tables of an older version.
+    Older {
+        /// The number of its last migration.
+        found: i64,
+        /// The number of the last migration of this version.
+        known: i64,
+    },
+    /// The tables of this version.
+    Current,
+}
+
+/// Checks that this program can use the database, without changing it.
+pub(super) fn check(db: &Connection) -> Result<State, Failure> {
+    let known = MIGRATIONS[MIGRATIONS.len() - 1].version;
+    Ok(match pending(db)?.first() {
+        None => State::Current,
+        Some(first) if first.version == 1 => State::Empty,
+        Some(first) => State::Older { found: first.version - 1, known },
+    })
 }
 
 /// Applies the missing migrations. Of several servers that start at once, one does.

@@ -24,12 +24,21 @@ const OLDEST: i32 = 140_000;
 /// one statement of each kind; only where PostgreSQL has many cores do several together store more.
 const WRITERS: usize = 1;
 
-/// Most that count.
+/// Most that a database may ask for.
 const MOST_WRITERS: usize = 64;
+
+/// The number that the database's setting names, if it is one; [`WRITERS`] if there is no setting.
+fn writers_of(setting: &str) -> Option<usize> {
+    match setting.trim() {
+        "" => Some(WRITERS),
+        number => number.parse().ok().filter(|number| (1..=MOST_WRITERS).contains(number)),
+    }
+}
 
 /// Idle sessions, and how to begin one.
 pub(super) struct Pool {
-    /// How many transactions of all servers store trials at a time: the database's setting `sidestep.writers`.
+    /// How many transactions of all servers store trials at a time: the database's setting `sidestep.writers`; 0
+    /// until a session has asked for it.
     writers: AtomicUsize,
     config: Config,
     tls: ClientConfig,
@@ -53,7 +62,7 @@ fn end(sessions: Option<Vec<Connection>>) {
 
 impl Pool {
     pub(super) fn new(config: Config, tls: ClientConfig) -> Self {
-        let writers = AtomicUsize::new(WRITERS);
+        let writers = AtomicUsize::new(0);
         Self { writers, config, tls, idle: Mutex::new(Some(Vec::new())) }
     }
 
@@ -63,22 +72,43 @@ impl Pool {
         let db = Connection::to_server(&self.config, tls)?;
         db.batch(SETTINGS)?;
         let about = "SELECT CAST(current_setting('server_version_num') AS INTEGER), \
-                         current_setting('server_version'), \
+                         current_setting('server_version'), current_setting('server_encoding'), \
                          coalesce(current_setting('sidestep.writers', TRUE), '')";
-        let (number, words, writers): (i64, String, String) =
-            db.query_row(about, [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)))?;
-        let writers = writers.trim().parse().unwrap_or(WRITERS).clamp(1, MOST_WRITERS);
-        self.writers.store(writers, Ordering::Relaxed);
+        let (number, version, encoding, writers): (i64, String, String, String) =
+            db.query_row(about, [], |row| {
+                Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
+            })?;
         if number < OLDEST.into() {
-            let old = format!("expected PostgreSQL {} or newer, found {words}", OLDEST / 10_000);
+            let old = format!("expected PostgreSQL {} or newer, found {version}", OLDEST / 10_000);
             return Err(StoreError::Unavailable(old));
+        }
+        if encoding != "UTF8" {
+            let other = format!(
+                "expected a database with the encoding UTF8, found {encoding}; make one with CREATE DATABASE … \
+                 ENCODING 'UTF8' TEMPLATE template0"
+            );
+            return Err(StoreError::Unavailable(other));
+        }
+        match writers_of(&writers) {
+            Some(writers) => self.writers.store(writers, Ordering::Relaxed),
+            None => {
+                let faulty = format!(
+                    "the setting sidestep.writers of the database: expected a number from 1 to {MOST_WRITERS}, \
+                     found {writers:?}"
+                );
+                if self.writers.load(Ordering::Relaxed) == 0 {
+                    return Err(StoreError::Unavailable(faulty));
+                }
+                // A server that runs goes on as before.
+                tracing::warn!("{faulty}");
+            }
         }
         Ok(db)
     }
 
     /// How many transactions of all servers store trials at a time.
     pub(super) fn writers(&self) -> usize {
-        self.writers.load(Ordering::Relaxed)
+        self.writers.load(Ordering::Relaxed).max(1)
     }
 
     /// A session in which the statements of `begin` were run.

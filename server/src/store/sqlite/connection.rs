@@ -19,11 +19,22 @@ pub(super) fn untouching(path: &Path) -> rusqlite::Result<Connection> {
     Ok(db)
 }
 
+/// Writes all rows, as they are at one instant, into another file, which must be empty.
+pub(super) fn copy(from: &Path, to: &Path) -> rusqlite::Result<()> {
+    untouching(from)?.execute("VACUUM INTO ?1", [to.to_string_lossy()]).map(drop)
+}
+
 /// A connection that writes. The file must exist; a deleted file is not created again.
 pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let db = Connection::open_with_flags(path, flags)?;
     db.busy_timeout(WRITE_PATIENCE)?;
+    if db.is_readonly(rusqlite::MAIN_DB)? {
+        // SQLite opens such a file, and refuses the first write.
+        let code = rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_READONLY);
+        let words = "this user must not write to the file".to_owned();
+        return Err(rusqlite::Error::SqliteFailure(code, Some(words)));
+    }
     db.pragma_update(None, "journal_mode", "WAL")?;
     // So that an acknowledged trial survives a power cut, not only a crash.
     db.pragma_update(None, "synchronous", "FULL")?;

@@ -1,10 +1,11 @@
 //! The database's file: its address, its permissions, its lock, and whether it is still the same file.
 
 use crate::store::error::StoreError;
-use rustix::fs::statvfs;
+use rustix::fs::{StatVfs, StatVfsMountFlags, statvfs};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 /// Free space, bytes, below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
@@ -17,7 +18,7 @@ pub(in crate::store) struct DatabaseFile {
 }
 
 /// The identity of a file, independent of its name: device and inode number.
-pub(super) type Identity = (u64, u64);
+pub(in crate::store) type Identity = (u64, u64);
 
 impl DatabaseFile {
     /// The file of an address `sqlite:FILE`, or what was found instead.
@@ -74,7 +75,7 @@ impl DatabaseFile {
     }
 
     /// The identity of the file that is at the database's path now.
-    pub(super) fn identity(&self) -> Result<Identity, StoreError> {
+    pub(in crate::store) fn identity(&self) -> Result<Identity, StoreError> {
         identity(&self.path)
     }
 
@@ -89,14 +90,30 @@ impl DatabaseFile {
         folder.unwrap_or(Path::new("."))
     }
 
-    /// Free space on the file's disk, bytes.
-    pub(super) fn free_bytes(&self) -> Result<u64, StoreError> {
-        let found = statvfs(self.folder());
-        let found = found.map_err(|error| StoreError::Unavailable(error.to_string()))?;
-        Ok(found.f_bavail.saturating_mul(found.f_frsize))
+    /// A folder for a copy of the file, which only this user can read: beside it, where there is room, or where
+    /// the system has temporary files, if nothing can be written beside it.
+    pub(super) fn room_for_copy(&self) -> io::Result<TempDir> {
+        TempDir::with_prefix_in(".sidestep-copy-", self.folder()).or_else(|_| TempDir::new())
     }
 
-    /// A lock that a server holds while it runs; none if another server holds it. It is not one of
+    /// Free space on the file's disk, bytes.
+    pub(super) fn free_bytes(&self) -> Result<u64, StoreError> {
+        self.disk().map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize))
+    }
+
+    /// Checks that the disk has room and takes writes.
+    pub(super) fn check_disk(&self) -> Result<(), StoreError> {
+        if self.disk()?.f_flag.contains(StatVfsMountFlags::RDONLY) {
+            return Err(StoreError::Unavailable("its disk takes no writes".to_owned()));
+        }
+        if self.free_bytes()? < LEAST_FREE_BYTES { Err(StoreError::Full) } else { Ok(()) }
+    }
+
+    fn disk(&self) -> Result<StatVfs, StoreError> {
+        statvfs(self.folder()).map_err(|error| StoreError::Unavailable(error.to_string()))
+    }
+
+    /// A lock that a server holds while it runs; none if another process holds it. It is not one of
     /// SQLite's locks, so commands can work beside the server.
     pub(super) fn lock(&self) -> io::Result<Option<File>> {
         let file = File::open(&self.path)?;

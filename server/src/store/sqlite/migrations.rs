@@ -63,9 +63,9 @@ impl From<rusqlite::Error> for Failure {
     }
 }
 
-/// Checks that this program can use the file, without changing it.
-pub(super) fn check(db: &Connection) -> Result<(), Failure> {
-    pending(db).map(drop)
+/// Checks that this program can use the file, without changing it. Returns whether no migration is missing.
+pub(super) fn check(db: &Connection) -> Result<bool, Failure> {
+    Ok(pending(db)?.is_empty())
 }
 
 /// Applies the missing migrations.

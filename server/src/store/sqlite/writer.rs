@@ -181,6 +181,17 @@ impl Writer {
         Ok(Self { queue, committed, observed, thread: Mutex::new(Some(thread)) })
     }
 
+    /// The writer of a file that is only read: it refuses everything.
+    pub(super) fn none() -> Self {
+        let lanes = Lanes { closed: true, ..Lanes::default() };
+        Self {
+            queue: Arc::new(Queue { lanes: Mutex::new(lanes), changed: Condvar::new() }),
+            committed: watch::Sender::new(0),
+            observed: Commits::default(),
+            thread: Mutex::default(),
+        }
+    }
+
     /// Runs an operation and returns its result after the commit.
     pub(super) async fn run<T: Send + 'static>(
         &self,
