@@ -22,6 +22,7 @@ mod multi_switch;
 mod rear;
 mod envelope;
 
+use super::budget::Budget;
 use super::outer::Outer;
 use super::outline::Outliner;
 use super::paths::{Path, Paths, unit};
@@ -42,6 +43,8 @@ pub struct Workspace {
     pub(super) brush: Vec<Complex<f64>>,
     pub(super) outliner: Outliner,
     pub(super) outer: Outer,
+    /// Of the convex hull.
+    pub(super) instants: Vec<f64>,
     curves: Curves,
     family: Vec<Piece>,
     envelope: Envelope,
@@ -49,8 +52,16 @@ pub struct Workspace {
 
 impl Workspace {
     /// Replaces the boundary by that of the set after `step` steps. The polygon follows it
-    /// within `tolerance`, s, and each of its curves gets at least `least` edges.
-    pub(super) fn draw_step(&mut self, paths: &Paths, step: usize, least: usize, tolerance: f64) {
+    /// within `tolerance`, s, and each of its curves gets at least `least` edges. Once the budget is spent, the boundary is
+    /// unfinished.
+    pub(super) fn draw_step(
+        &mut self,
+        paths: &Paths,
+        step: usize,
+        least: usize,
+        tolerance: f64,
+        budget: &Budget,
+    ) {
         let Self { boundary, curves, family, envelope, outliner, .. } = self;
         boundary.clear();
         if step == 0 {
@@ -58,8 +69,11 @@ impl Workspace {
             return;
         }
         curves.clear();
-        front::front(paths, step, least, tolerance, family, boundary);
-        rear::candidates(paths, step, least, tolerance, curves);
+        front::front(paths, step, (least, tolerance), family, boundary, budget);
+        rear::candidates(paths, step, (least, tolerance), curves, budget);
+        if budget.is_spent() {
+            return;
+        }
         if let Some(direction) = common_direction(paths, step) {
             let (turned, back) = (unit(-direction), unit(direction));
             envelope.clear();
@@ -74,17 +88,23 @@ impl Workspace {
             outliner.add(boundary);
             curves.iter().for_each(|curve| outliner.add(curve));
             boundary.truncate(1);
-            outliner.outline(boundary);
+            outliner.outline(boundary, budget);
         }
     }
 
     /// Replaces the boundary by that of the tube over all steps; see [`Self::draw_step`].
-    pub(super) fn draw_tube(&mut self, paths: &Paths, least: usize, tolerance: f64) {
+    pub(super) fn draw_tube(
+        &mut self,
+        paths: &Paths,
+        least: usize,
+        tolerance: f64,
+        budget: &Budget,
+    ) {
         let Self { boundary, curve, curves, family, outliner, .. } = self;
         let steps = paths.steps();
         boundary.clear();
         outermost(&paths.low, steps, least, tolerance, boundary);
-        front::front(paths, steps, least, tolerance, family, boundary);
+        front::front(paths, steps, (least, tolerance), family, boundary, budget);
         curve.clear();
         outermost(&paths.high, steps, least, tolerance, curve);
         boundary.extend(curve.iter().rev());
@@ -97,7 +117,7 @@ impl Workspace {
         outliner.add(boundary);
         curves.clear();
         if !common {
-            rear::candidates(paths, steps, least, tolerance, curves);
+            rear::candidates(paths, steps, (least, tolerance), curves, budget);
             curves.iter().for_each(|curve| outliner.add(curve));
         }
         let (low, high) = paths.heading_range(steps);
@@ -106,7 +126,7 @@ impl Workspace {
             // outermost paths.
             for phi in [-FRAC_PI_2, FRAC_PI_2] {
                 curve.clear();
-                sideways(paths, phi, least, tolerance, curve);
+                sideways(paths, phi, (least, tolerance), curve, budget);
                 // The last of these is an end of the set after the last step as well. There
                 // it must not stop short of the chords, or what it encloses is lost.
                 let ends = core::iter::once(boundary.as_slice()).chain(curves.iter());
@@ -116,9 +136,12 @@ impl Workspace {
             }
         }
         boundary.truncate(1);
-        outliner.outline(boundary);
+        outliner.outline(boundary, budget);
     }
 }
+
+/// About what tracing an extremal through a step takes, in units of a [`Budget`].
+const TRACING: usize = 4;
 
 /// The middle of all admissible headings of the first `steps` steps, rad in the human's frame,
 /// if none of them is π/2 or more away from it.
@@ -156,16 +179,19 @@ fn outermost(
 fn sideways(
     paths: &Paths,
     phi: f64,
-    least_pieces: usize,
-    tolerance: f64,
+    (least_pieces, tolerance): (usize, f64),
     points: &mut Vec<Complex<f64>>,
+    budget: &Budget,
 ) {
     let each = least_pieces.div_ceil(paths.steps());
     points.push(Complex::new(0.0, 0.0));
     for step in 0..paths.steps() {
-        let curve =
-            |seconds: f64| Costate::end(phi).to_start(paths, PathTime { step, seconds }).sample();
-        sample(&curve, (0.0, paths.step_s), each, tolerance, &|_, _, _| {}, points);
+        let curve = |seconds: f64| {
+            let start = Costate::end(phi).to_start(paths, PathTime { step, seconds });
+            budget.spend(start.work);
+            start.sample()
+        };
+        sample(&curve, (0.0, paths.step_s), each, tolerance, &|_, _, _| {}, (points, budget));
     }
     sampling::space(points, 0);
 }

@@ -1,6 +1,7 @@
 //! Minkowski sums with a disc or a box, and unions over rotations about the start.
 
 use super::boundary::Workspace;
+use super::budget::Budget;
 use super::paths::unit;
 use super::start::non_negative;
 use crate::invalid::Invalid;
@@ -36,10 +37,11 @@ pub fn minkowski_disc(
     let mut workspace = Workspace::default();
     let boundary = &mut workspace.boundary;
     boundary.extend(polygon.iter().map(|[x, y]| Point::new(x - x0, y - y0)));
-    workspace.outliner.tidy(boundary);
+    let budget = Budget::new(usize::MAX);
+    workspace.outliner.tidy(boundary, &budget);
     // A little more than the radius outweighs the rounding of the outline.
     let brush = Brush { radius: radius_m + 0.25 * accuracy_m, half: [0.0; 2], outside: true };
-    brush.sweep(0.5 * accuracy_m, &mut workspace);
+    brush.sweep(0.5 * accuracy_m, &mut workspace, &budget);
     Ok(workspace.boundary.iter().map(|p| [x0 + p.re, y0 + p.im]).collect())
 }
 
@@ -57,8 +59,8 @@ pub(super) struct Brush {
 impl Brush {
     /// Replaces the boundary in the workspace, which must be [tidy](super::outline::Outliner::tidy), by that of its Minkowski
     /// sum with the brush. The disc is followed within `tolerance`.
-    pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace) {
-        if self.radius == 0.0 && self.half == [0.0; 2] {
+    pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace, budget: &Budget) {
+        if self.radius == 0.0 && self.half == [0.0; 2] || budget.is_spent() {
             return;
         }
         let Workspace { boundary, curve, brush, outliner, .. } = workspace;
@@ -67,7 +69,13 @@ impl Brush {
         outliner.clear();
         outliner.add_closed(curve);
         boundary.truncate(1);
-        outliner.outline(boundary);
+        outliner.outline(boundary, budget);
+    }
+
+    /// How far it gets in a direction, a unit vector.
+    pub(super) fn support(self, direction: Point) -> f64 {
+        let [a, b] = self.half;
+        self.radius + a * direction.re.abs() + b * direction.im.abs()
     }
 
     /// The brush as a convex polygon: with k vertices, edge j runs from vertex j in
@@ -135,7 +143,7 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
 ///
 /// The union is bounded by edges of the set at both ends of the rotation and by arcs of those
 /// points whose distance from the origin is a local maximum or minimum along the boundary.
-pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace) {
+pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budget: &Budget) {
     let Workspace { boundary, curve, outliner, .. } = workspace;
     outliner.clear();
     let ends = [unit(-angle), unit(angle)];
@@ -147,6 +155,10 @@ pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace) {
     let mut arc = |point: Point| {
         let radius = point.norm_sqr().sqrt();
         let count = (2.0 * angle * (radius / (8.0 * tolerance)).sqrt()).ceil().max(1.0) as usize;
+        budget.spend(count);
+        if budget.is_spent() {
+            return;
+        }
         let step = unit(2.0 * angle / count as f64);
         curve.clear();
         curve.push(point * ends[0]);
@@ -170,5 +182,5 @@ pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace) {
         }
     }
     boundary.truncate(1);
-    outliner.outline(boundary);
+    outliner.outline(boundary, budget);
 }

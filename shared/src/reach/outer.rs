@@ -24,6 +24,7 @@
 mod swept;
 mod lines;
 
+use super::budget::Budget;
 use super::outline::Outliner;
 use super::paths::{Paths, unit};
 use crate::math::{PI, cbrt};
@@ -133,6 +134,9 @@ const MOST_CORNERS: usize = 1_500;
 /// A curve with more extremes of the distance from the vehicle is replaced by its outline.
 const MOST_EXTREMES: usize = 24;
 
+/// What sweeping a corner takes, in units of a [`Budget`].
+const SWEEPING: usize = 8;
+
 /// Shares of the accuracy: errors of the pieces, drawing arcs as lines, and leaving out vertices.
 const OF_PIECES: f64 = 0.2;
 const OF_ARCS: f64 = 0.1;
@@ -170,7 +174,7 @@ pub(super) struct Request {
 
 impl Outer {
     /// Replaces `boundary` by that of a polygon which, grown by the distance returned, s of travel,
-    /// contains the set.
+    /// contains the set. Once the budget is spent, the boundary is unfinished and may not.
     pub(super) fn draw(
         &mut self,
         paths: &Paths,
@@ -178,26 +182,33 @@ impl Outer {
         outliner: &mut Outliner,
         scratch: &mut Vec<Point>,
         boundary: &mut Vec<Point>,
+        budget: &Budget,
     ) -> f64 {
-        let error = self.surround(paths, request, outliner, scratch, boundary);
+        let error = self.surround(paths, request, (outliner, budget), scratch, boundary);
         polyline(&self.curve.corners, OF_ARCS * request.accuracy, boundary);
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
-        outliner.tidy(boundary);
+        outliner.tidy(boundary, budget);
         // Each tooth that is left would go round with the whole of an uncertain position.
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         error
     }
 
-    /// How far away from the set a line is, s of travel, at least; not positive if it may touch the set.
+    /// How far away from the set a line is, s of travel, at least; not positive if it may touch the set, and once the
+    /// budget is spent.
     pub(super) fn clearance(
         &mut self,
         paths: &Paths,
         request: Request,
         line: [Point; 2],
         outliner: &mut Outliner,
+        budget: &Budget,
     ) -> f64 {
         let (mut scratch, mut boundary) = (Vec::new(), Vec::new());
-        let error = self.surround(paths, request, outliner, &mut scratch, &mut boundary);
+        let drawing = (outliner, budget);
+        let error = self.surround(paths, request, drawing, &mut scratch, &mut boundary);
+        if budget.is_spent() {
+            return 0.0;
+        }
         polyline(&self.curve.corners, OF_ARCS * request.accuracy, &mut boundary);
         outside_by(&boundary, line) - error
     }
@@ -207,7 +218,7 @@ impl Outer {
         &mut self,
         paths: &Paths,
         request: Request,
-        outliner: &mut Outliner,
+        (outliner, budget): (&mut Outliner, &Budget),
         scratch: &mut Vec<Point>,
         boundary: &mut Vec<Point>,
     ) -> f64 {
@@ -246,14 +257,18 @@ impl Outer {
                     error += angle * farthest;
                     continue;
                 }
+                budget.spend(SWEEPING * self.curve.corners.len());
                 let extremes = self.curve.sweep(angle);
                 let corners = self.curve.corners.len();
                 if extremes > 2 * kept.0 + MOST_EXTREMES || corners > 2 * kept.1 + MOST_CORNERS {
-                    self.simplify(arcs, outliner, scratch, boundary);
+                    self.simplify(arcs, (outliner, budget), scratch, boundary);
                     kept = (extremes, self.curve.corners.len());
                 }
                 if request.tube {
                     self.curve.begin_at_origin();
+                }
+                if budget.is_spent() {
+                    return f64::INFINITY;
                 }
             }
         }
@@ -264,13 +279,13 @@ impl Outer {
     fn simplify(
         &mut self,
         tolerance: f64,
-        outliner: &mut Outliner,
+        (outliner, budget): (&mut Outliner, &Budget),
         scratch: &mut Vec<Point>,
         boundary: &mut Vec<Point>,
     ) {
         polyline(&self.curve.corners, tolerance, boundary);
         loosen(boundary, scratch, tolerance);
-        outliner.tidy(boundary);
+        outliner.tidy(boundary, budget);
         coarsen(boundary, scratch, tolerance);
         let corners = boundary.iter().map(|&point| Corner { point, edge: Edge::Line });
         self.curve.corners.clear();

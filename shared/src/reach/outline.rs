@@ -3,6 +3,7 @@
 //! All points are first rounded to a fine grid, and crossings and touching
 //! points are made vertices of both curves. Then one walks round the outside.
 
+use super::budget::Budget;
 use core::cmp::Ordering;
 use nalgebra::Complex;
 
@@ -24,6 +25,9 @@ const ON_EDGE: f64 = 0.75;
 /// Least height of the strips of the plane in which crossings are sought, in grid spacings.
 const LEAST_STRIP: i64 = 1 << 10;
 
+/// What sorting takes for each entry, in units of a [`Budget`].
+const SORTING: usize = 12;
+
 /// Rounding a crossing to the grid moves the edges a little, which can make new crossings; they
 /// are sought at most this often.
 const MOST_ROUNDS: usize = 8;
@@ -35,8 +39,8 @@ pub(super) struct Outliner {
     edges: Vec<Edge>,
     /// Edges that are to be cut, and where.
     cuts: Vec<(usize, Node)>,
-    /// Which strips of the plane which edges are in.
-    in_strips: Vec<(i64, usize)>,
+    /// Which strips of the plane which edges are in, and the first strip of each edge.
+    in_strips: Vec<(i64, usize, i64)>,
     /// Every edge in both directions, in order of its first node and, there, of its
     /// direction counter-clockwise.
     darts: Vec<Dart>,
@@ -67,12 +71,19 @@ impl Outliner {
     /// Replaces `boundary` by the boundary of the unbounded region left by the
     /// curves, counter-clockwise, without the first point repeated: whatever the
     /// curves enclose is filled. The curves must hang together through shared points
-    /// or crossings. If they have no length, `boundary` stays as it is.
-    pub(super) fn outline(&mut self, boundary: &mut Vec<Point>) {
+    /// or crossings. If they have no length, or once the budget is spent, `boundary` stays as it is.
+    pub(super) fn outline(&mut self, boundary: &mut Vec<Point>, budget: &Budget) {
+        budget.spend(SORTING * self.edges.len());
+        if budget.is_spent() {
+            return;
+        }
         self.edges.sort_unstable();
         self.edges.dedup();
         for _ in 0..MOST_ROUNDS {
-            self.find_cuts();
+            self.find_cuts(budget);
+            if budget.is_spent() {
+                return;
+            }
             if self.cuts.is_empty() {
                 break;
             }
@@ -89,18 +100,18 @@ impl Outliner {
     }
 
     /// Replaces a closed boundary by its outline, without crossings and counter-clockwise.
-    pub(super) fn tidy(&mut self, boundary: &mut Vec<Point>) {
+    pub(super) fn tidy(&mut self, boundary: &mut Vec<Point>, budget: &Budget) {
         self.clear();
         self.add_closed(boundary);
         boundary.truncate(1);
-        self.outline(boundary);
+        self.outline(boundary, budget);
     }
 
     /// Notes for each edge the nodes inside it at which others cross or touch it.
     ///
     /// The plane is cut into strips about as high as edges are, and only edges of one strip are compared,
     /// in order of their smallest x.
-    fn find_cuts(&mut self) {
+    fn find_cuts(&mut self, budget: &Budget) {
         self.cuts.clear();
         let n = self.edges.len();
         let rise: i64 = self.edges.iter().map(|(a, b)| (b[1] - a[1]).abs()).sum();
@@ -113,21 +124,31 @@ impl Outliner {
         self.in_strips.clear();
         for (i, &edge) in self.edges.iter().enumerate() {
             let (first, last) = strips(edge);
-            self.in_strips.extend((first..=last).map(|strip| (strip, i)));
+            self.in_strips.extend((first..=last).map(|strip| (strip, i, first)));
+        }
+        budget.spend(SORTING * self.in_strips.len());
+        if budget.is_spent() {
+            return;
         }
         self.in_strips.sort_unstable();
         for strip in self.in_strips.chunk_by(|a, b| a.0 == b.0) {
-            for (place, &(number, i)) in strip.iter().enumerate() {
+            for (place, &(number, i, first)) in strip.iter().enumerate() {
                 let e = self.edges[i];
-                for &(_, j) in &strip[place + 1..] {
+                let mut compared = 0;
+                for &(_, j, other) in &strip[place + 1..] {
                     let f = self.edges[j];
                     if f.0[0] > e.1[0] + 1 {
                         break;
                     }
+                    compared += 1;
                     // Where two share several strips, the first of them is enough.
-                    if number == strips(e).0.max(strips(f).0) {
+                    if number == first.max(other) {
                         compare((i, e), (j, f), &mut self.cuts);
                     }
+                }
+                budget.spend(compared);
+                if budget.is_spent() {
+                    return;
                 }
             }
         }
@@ -260,9 +281,10 @@ mod tests {
 
     fn outline(curve: &[Point]) -> Vec<Point> {
         let (mut outliner, mut boundary) = (Outliner::default(), curve.to_vec());
+        let budget = Budget::new(1 << 20);
         boundary.truncate(1);
         outliner.add(curve);
-        outliner.outline(&mut boundary);
+        outliner.outline(&mut boundary, &budget);
         boundary
     }
 

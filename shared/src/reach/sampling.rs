@@ -1,5 +1,6 @@
 //! Curves to polylines with a stated error.
 
+use super::budget::Budget;
 use crate::invalid::Invalid;
 use nalgebra::Complex;
 
@@ -10,10 +11,32 @@ pub struct PolygonSettings {
     least_pieces: usize,
     conservative: bool,
     most_pieces: usize,
+    most_work: usize,
+}
+
+/// How a polygon follows its set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Outline {
+    /// Along the boundary, also where that is not convex.
+    Refined {
+        /// By how much the polygon was grown so that it surely contains the set, m; 0 unless it is
+        /// [conservative](PolygonSettings::conservative). More than the accuracy if that would have taken more than
+        /// [`PolygonSettings::most_pieces`].
+        margin_m: f64,
+    },
+    /// Convex, and around the whole set with its holes and indentations, whatever the settings: following the boundary would
+    /// have taken more than [`PolygonSettings::most_work`], or the margin would have made the polygon larger than this
+    /// one. In every direction it reaches at most 0.03 % farther than if each path could have, at each
+    /// instant, the admissible heading nearest to that direction.
+    ConvexHull,
 }
 
 /// Of conservative polygons, unless something else is asked for.
 const MOST_PIECES: usize = 100;
+
+/// Of any polygon, unless something else is asked for.
+const MOST_WORK: usize = 4_000_000;
 
 impl PolygonSettings {
     /// `accuracy_m`: how far, m, the polygon's edges may lie from the true
@@ -30,7 +53,7 @@ impl PolygonSettings {
         if !(1..=1000).contains(&least_pieces) {
             return Err(Invalid::new("least_pieces", "1 to 1000", least_pieces));
         }
-        Ok(Self { accuracy_m, least_pieces, conservative: false, most_pieces: MOST_PIECES })
+        Ok(Self { accuracy_m, least_pieces, ..Self::default() })
     }
 
     /// The same, but with polygons that contain the whole set, for all bounds that
@@ -64,6 +87,21 @@ impl PolygonSettings {
         self.most_pieces
     }
 
+    /// The same, with another limit on the work of a polygon, conservative or not. What would take more becomes an
+    /// [`Outline::ConvexHull`], which contains the set; with 0 every polygon does. A unit is about what
+    /// the comparison of two edges takes; the default takes some hundredths of a second. Work is counted and not
+    /// timed, so that polygons are the same on every machine.
+    #[must_use]
+    pub fn with_most_work(self, units: usize) -> Self {
+        Self { most_work: units, ..self }
+    }
+
+    /// Most units of work of a polygon; 4 million by default.
+    #[must_use]
+    pub fn most_work(&self) -> usize {
+        self.most_work
+    }
+
     /// Whether polygons are [conservative](Self::conservative).
     #[must_use]
     pub fn is_conservative(&self) -> bool {
@@ -86,7 +124,13 @@ impl PolygonSettings {
 impl Default for PolygonSettings {
     /// 0.1 mm and 16 edges a curve.
     fn default() -> Self {
-        Self { accuracy_m: 1e-4, least_pieces: 16, conservative: false, most_pieces: MOST_PIECES }
+        Self {
+            accuracy_m: 1e-4,
+            least_pieces: 16,
+            conservative: false,
+            most_pieces: MOST_PIECES,
+            most_work: MOST_WORK,
+        }
     }
 }
 
@@ -107,20 +151,20 @@ const MOST_HALVINGS: u32 = 64;
 /// chords stay within `tolerance` of it. Between neighbours the curve is taken
 /// to turn one way only, so it lies in the triangle of chord and tangents. Where two
 /// neighbouring numbers give points that are farther apart, `bridge` appends what
-/// lies between, without the ends.
+/// lies between, without the ends. `curve` is to spend the budget; once it is spent, sampling ends.
 pub(super) fn sample(
     curve: &impl Fn(f64) -> Sample,
     (from, to): (f64, f64),
     pieces: usize,
     tolerance: f64,
     bridge: &impl Fn(f64, f64, &mut Vec<Complex<f64>>),
-    points: &mut Vec<Complex<f64>>,
+    (points, budget): (&mut Vec<Complex<f64>>, &Budget),
 ) {
     let mut start = (from, curve(from));
     for i in 1..=pieces {
         let parameter = from + (to - from) * (i as f64 / pieces as f64);
         let end = (parameter, curve(parameter));
-        halve(curve, (start, end), tolerance, MOST_HALVINGS, bridge, points);
+        halve(curve, (start, end), tolerance, MOST_HALVINGS, bridge, (&mut *points, budget));
         start = end;
     }
 }
@@ -131,9 +175,9 @@ fn halve(
     tolerance: f64,
     halvings: u32,
     bridge: &impl Fn(f64, f64, &mut Vec<Complex<f64>>),
-    points: &mut Vec<Complex<f64>>,
+    (points, budget): (&mut Vec<Complex<f64>>, &Budget),
 ) {
-    if triangle_height(start.1, end.1) <= tolerance {
+    if triangle_height(start.1, end.1) <= tolerance || budget.is_spent() {
         points.push(end.1.point);
         return;
     }
@@ -144,8 +188,8 @@ fn halve(
         return;
     }
     let middle = (parameter, curve(parameter));
-    halve(curve, (start, middle), tolerance, halvings - 1, bridge, points);
-    halve(curve, (middle, end), tolerance, halvings - 1, bridge, points);
+    halve(curve, (start, middle), tolerance, halvings - 1, bridge, (&mut *points, budget));
+    halve(curve, (middle, end), tolerance, halvings - 1, bridge, (points, budget));
 }
 
 /// The largest height of a triangle whose base is the chord and whose other sides are the
@@ -285,7 +329,8 @@ mod tests {
         };
         for tolerance in [1e-2, 1e-3, 1e-5] {
             let mut points = vec![circle(0.0).point];
-            sample(&circle, (0.0, PI), 3, tolerance, &|_, _, _| {}, &mut points);
+            let budget = Budget::new(1);
+            sample(&circle, (0.0, PI), 3, tolerance, &|_, _, _| {}, (&mut points, &budget));
             for pair in points.windows(2) {
                 let middle = (pair[0] + pair[1]) * 0.5;
                 assert!(1.0 - hypot(middle.re, middle.im) <= tolerance);

@@ -1,10 +1,12 @@
 //! The set from a start, and the polygons around it.
 
 use super::boundary::Workspace;
+use super::budget::Budget;
+use super::hull;
 use super::minkowski::{self, Brush};
 use super::outer::Request;
 use super::paths::{Paths, unit};
-use super::sampling::PolygonSettings;
+use super::sampling::{Outline, PolygonSettings};
 use super::start::StartSet;
 use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
@@ -122,7 +124,7 @@ impl ReachableSet {
     /// vertices lie on the boundary; its edges follow it within
     /// [`PolygonSettings::accuracy_m`]. A set that is a single position, as at
     /// step 0, has one vertex. For [conservative](PolygonSettings::conservative) polygons see
-    /// there.
+    /// there, and for those that would take much work, [`Outline`].
     ///
     /// From headings that span more than 2π on, the set may surround positions
     /// that cannot be reached in exactly that time; such holes are filled.
@@ -136,7 +138,7 @@ impl ReachableSet {
         polygon
     }
 
-    /// The same as [`Self::step_polygon`], replacing the contents of `polygon`.
+    /// The same as [`Self::step_polygon`], replacing the contents of `polygon`. Returns which kind of polygon it is.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -146,15 +148,9 @@ impl ReachableSet {
         settings: PolygonSettings,
         workspace: &mut Workspace,
         polygon: &mut Vec<[f64; 2]>,
-    ) {
+    ) -> Outline {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
-        if settings.is_conservative() {
-            self.surround(step, false, settings, workspace, polygon);
-            return;
-        }
-        let tolerance = self.tolerance(settings);
-        workspace.draw_step(&self.paths, step, settings.least_pieces(), tolerance);
-        self.finish(settings, workspace, polygon);
+        self.draw((step, false), settings, workspace, polygon)
     }
 
     /// The positions reachable at any instant from the start to the last step,
@@ -168,19 +164,46 @@ impl ReachableSet {
         polygon
     }
 
-    /// The same as [`Self::tube_polygon`], replacing the contents of `polygon`.
+    /// The same as [`Self::tube_polygon`], replacing the contents of `polygon`. Returns which kind of polygon it is.
     pub fn tube_polygon_into(
         &self,
         settings: PolygonSettings,
         workspace: &mut Workspace,
         polygon: &mut Vec<[f64; 2]>,
-    ) {
-        if settings.is_conservative() {
-            self.surround(self.steps(), true, settings, workspace, polygon);
-            return;
-        }
-        workspace.draw_tube(&self.paths, settings.least_pieces(), self.tolerance(settings));
-        self.finish(settings, workspace, polygon);
+    ) -> Outline {
+        self.draw((self.steps(), true), settings, workspace, polygon)
+    }
+
+    /// Replaces the polygon by that of a step, or by that of the tube up to then.
+    fn draw(
+        &self,
+        (steps, tube): (usize, bool),
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+        polygon: &mut Vec<[f64; 2]>,
+    ) -> Outline {
+        let budget = Budget::new(settings.most_work());
+        // Whatever the set, it takes some.
+        budget.spend(1);
+        let margin_m = if settings.is_conservative() {
+            self.speed_mps * self.surround((steps, tube), settings, workspace, &budget)
+        } else {
+            self.follow((steps, tube), settings, workspace, &budget);
+            0.0
+        };
+        let outline = if budget.is_spent() {
+            self.surround_hull((steps, tube), settings, workspace);
+            Outline::ConvexHull
+        } else if margin_m > settings.accuracy_m()
+            && self.hull_is_smaller((steps, tube), settings, workspace)
+        {
+            core::mem::swap(&mut workspace.boundary, &mut workspace.curve);
+            Outline::ConvexHull
+        } else {
+            Outline::Refined { margin_m }
+        };
+        self.to_world(&workspace.boundary, polygon);
+        outline
     }
 
     /// The error, in seconds of travel, that the boundary from the start pose itself may have.
@@ -194,22 +217,28 @@ impl ReachableSet {
         self.start_set == StartSet::from(self.start)
     }
 
-    /// Turns the boundary in the workspace, which is that from the start pose itself, into the
-    /// polygon.
-    fn finish(
+    /// Replaces the boundary in the workspace by one that follows that of the set to either side.
+    fn follow(
         &self,
+        (steps, tube): (usize, bool),
         settings: PolygonSettings,
         workspace: &mut Workspace,
-        polygon: &mut Vec<[f64; 2]>,
+        budget: &Budget,
     ) {
-        if !self.starts_at_a_pose() {
-            workspace.outliner.tidy(&mut workspace.boundary);
-            if self.start_set.heading_rad > 0.0 {
-                minkowski::rotate(self.start_set.heading_rad, self.tolerance(settings), workspace);
-            }
-            self.brush(0.0, false).sweep(0.25 * settings.accuracy_m() / self.speed_mps, workspace);
+        let (least, tolerance) = (settings.least_pieces(), self.tolerance(settings));
+        if tube {
+            workspace.draw_tube(&self.paths, least, tolerance, budget);
+        } else {
+            workspace.draw_step(&self.paths, steps, least, tolerance, budget);
         }
-        self.to_world(&workspace.boundary, polygon);
+        if !self.starts_at_a_pose() {
+            workspace.outliner.tidy(&mut workspace.boundary, budget);
+            if self.start_set.heading_rad > 0.0 {
+                minkowski::rotate(self.start_set.heading_rad, tolerance, workspace, budget);
+            }
+            let tolerance = 0.25 * settings.accuracy_m() / self.speed_mps;
+            self.brush(0.0, false).sweep(tolerance, workspace, budget);
+        }
     }
 
     /// The uncertain position, with a disc around it grown by `margin`, s.
@@ -222,15 +251,15 @@ impl ReachableSet {
         }
     }
 
-    /// Replaces the polygon by a conservative one.
+    /// Replaces the boundary in the workspace by one around the set, and returns the margin by which it was grown, s of
+    /// travel.
     fn surround(
         &self,
-        steps: usize,
-        tube: bool,
+        (steps, tube): (usize, bool),
         settings: PolygonSettings,
         workspace: &mut Workspace,
-        polygon: &mut Vec<[f64; 2]>,
-    ) {
+        budget: &Budget,
+    ) -> f64 {
         let accuracy = settings.accuracy_m() / self.speed_mps;
         let request = Request {
             steps,
@@ -241,10 +270,38 @@ impl ReachableSet {
             body_point: Complex::new(0.0, 0.0),
         };
         let Workspace { boundary, curve, outliner, outer, .. } = &mut *workspace;
-        let margin = outer.draw(&self.paths, request, outliner, curve, boundary);
-        outliner.tidy(boundary);
-        self.brush(margin, true).sweep(0.125 * accuracy, workspace);
-        self.to_world(&workspace.boundary, polygon);
+        let margin = outer.draw(&self.paths, request, outliner, curve, boundary, budget);
+        outliner.tidy(boundary, budget);
+        self.brush(margin, true).sweep(0.125 * accuracy, workspace, budget);
+        margin
+    }
+
+    /// Replaces the boundary in the workspace by a convex one around the set.
+    fn surround_hull(
+        &self,
+        (steps, tube): (usize, bool),
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+    ) {
+        let Workspace { boundary, instants, .. } = workspace;
+        // Wide enough that no two corners are one after rounding.
+        let brush = self.brush(0.01 * settings.accuracy_m() / self.speed_mps, true);
+        let more = |direction| brush.support(direction);
+        let heading = self.start_set.heading_rad;
+        hull::surround(&self.paths, (steps, tube), heading, more, instants, boundary);
+    }
+
+    /// Makes a convex boundary beside the one in the workspace. Returns whether it encloses less.
+    fn hull_is_smaller(
+        &self,
+        what: (usize, bool),
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+    ) -> bool {
+        core::mem::swap(&mut workspace.boundary, &mut workspace.curve);
+        self.surround_hull(what, settings, workspace);
+        core::mem::swap(&mut workspace.boundary, &mut workspace.curve);
+        hull::twice_area(&workspace.curve) < hull::twice_area(&workspace.boundary)
     }
 
     /// From the human's frame, seconds of travel, to the world frame, metres.

@@ -10,6 +10,7 @@ mod hard;
 mod known_failures;
 mod growth;
 mod promises;
+mod hull;
 mod membership;
 mod reference;
 

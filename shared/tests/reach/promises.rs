@@ -1,5 +1,5 @@
 //! Promises against drives that try to break them, at turns of up to half a turn a step and over up to 100 steps:
-//! conservative polygons contain every drive, and membership every state that a drive leads to.
+//! conservative polygons and convex hulls contain every drive, and membership every state that a drive leads to.
 
 use super::{any_drive, origin};
 use sidestep::bounds::InputBounds;
@@ -29,7 +29,7 @@ const CLASSES: [Class; 6] = [
     class(2.0, 0.2, 3.0, 25, 20),
     class(1.5, 0.1, 6.0, 50, 10),
     class(2.0, 0.2, 0.5, 100, 10),
-    class(2.0, 1.0, PI, 100, 1),
+    class(2.0, 1.0, PI, 100, 3),
 ];
 
 /// Parts of a step in which a drive has one turn rate.
@@ -47,8 +47,9 @@ struct Subject {
     lo: Vec<f64>,
     hi: Vec<f64>,
     set: ReachableSet,
-    tube: Vec<[f64; 2]>,
-    last: Vec<[f64; 2]>,
+    /// Of the tube and the last step: conservative ones, and convex hulls.
+    surely: [Vec<[f64; 2]>; 2],
+    hulls: [Vec<[f64; 2]>; 2],
     /// That a polygon took at most, s.
     slowest: f64,
 }
@@ -69,13 +70,24 @@ impl Subject {
         let (lo, hi): (Vec<_>, Vec<_>) = bounds.unzip();
         let bounds = InputBounds::new(lo.clone(), hi.clone(), (-most, most)).unwrap();
         let set = ReachableSet::new(origin(), &bounds, class.speed_mps, class.step_s).unwrap();
-        let settings = PolygonSettings::new(1e-3, 2).unwrap().conservative();
-        let begun = Instant::now();
-        let tube = set.tube_polygon(settings);
-        let between = Instant::now();
-        let last = set.step_polygon(lo.len(), settings);
-        let slowest = (between - begun).max(between.elapsed()).as_secs_f64();
-        Self { class, lo, hi, set, tube, last, slowest }
+        let settings = PolygonSettings::new(1e-3, 2).unwrap();
+        let mut slowest = 0.0_f64;
+        let mut both = |settings| {
+            [true, false].map(|tube| {
+                let begun = Instant::now();
+                let polygon = if tube {
+                    set.tube_polygon(settings)
+                } else {
+                    set.step_polygon(lo.len(), settings)
+                };
+                slowest = slowest.max(begun.elapsed().as_secs_f64());
+                polygon
+            })
+        };
+        let surely = both(settings.conservative());
+        let hulls = both(settings.with_most_work(0));
+        both(settings);
+        Self { class, lo, hi, set, surely, hulls, slowest }
     }
 
     /// The poses after each part.
@@ -88,14 +100,22 @@ impl Subject {
         })
     }
 
-    /// How far inside the polygons a drive stays, m.
-    fn margin(&self, shares: &[f64]) -> f64 {
+    /// How far inside the polygons of tube and last step a drive stays, m.
+    fn margin(&self, [tube, last]: &[Vec<[f64; 2]>; 2], shares: &[f64]) -> f64 {
         let (mut least, mut end) = (f64::INFINITY, origin());
         for pose in self.poses(shares) {
-            least = least.min(-signed_distance(&self.tube, pose.position()));
+            least = least.min(-signed_distance(tube, pose.position()));
             end = pose;
         }
-        least.min(-signed_distance(&self.last, end.position()))
+        least.min(-signed_distance(last, end.position()))
+    }
+
+    fn margin_of_conservative(&self, shares: &[f64]) -> f64 {
+        self.margin(&self.surely, shares)
+    }
+
+    fn margin_of_hulls(&self, shares: &[f64]) -> f64 {
+        self.margin(&self.hulls, shares)
     }
 
     /// How far inside, m, the curves of membership have the state at the end of a drive.
@@ -146,9 +166,11 @@ fn search(sets: impl Fn(&Class) -> usize, polygons: Effort, states: Effort, seed
         for _ in 0..count {
             let subject = Subject::any(class, &mut rng);
             slowest = slowest.max(subject.slowest);
-            let margin = subject.search(Subject::margin, polygons, &mut rng);
-            assert!(margin >= 0.0, "{margin} m, lo {:?} hi {:?}", subject.lo, subject.hi);
-            least = least.min(margin);
+            for margin in [Subject::margin_of_conservative, Subject::margin_of_hulls] {
+                let margin = subject.search(margin, polygons, &mut rng);
+                assert!(margin >= 0.0, "{margin} m, lo {:?} hi {:?}", subject.lo, subject.hi);
+                least = least.min(margin);
+            }
             let margin = subject.search(Subject::state_margin, states, &mut rng);
             missed += usize::from(margin < -Tolerance::default().position_m);
         }

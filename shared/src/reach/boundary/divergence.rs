@@ -8,8 +8,10 @@
 //! about to diverge, and the extremals between them get a new parameter there: the share of the
 //! way from one to the other.
 
+use super::super::budget::Budget;
 use super::super::paths::Paths;
 use super::super::sampling::{sample, triangle_height};
+use super::TRACING;
 use super::extremal::{Costate, PathTime};
 use nalgebra::Complex;
 
@@ -26,6 +28,9 @@ const CLOSE: f64 = 1e-9;
 
 /// Closer than this, rad and s, two extremals that are neighbours in the family have not diverged.
 const NEIGHBOURING: f64 = 1e-5;
+
+/// A search for the instant of divergence traces extremals through about this many steps more than back to the start.
+const SEARCH: usize = 2;
 
 /// Neighbours are followed from one divergence to the next at most this often.
 pub(super) const MOST_DIVERGENCES: u32 = 16;
@@ -89,21 +94,29 @@ impl Neighbours {
         paths: &Paths,
         tolerance: f64,
         divergences: u32,
-        points: &mut Vec<Complex<f64>>,
+        (points, budget): (&mut Vec<Complex<f64>>, &Budget),
     ) {
+        budget.spend(SEARCH * TRACING * self.at.step);
+        if budget.is_spent() {
+            return;
+        }
         let Some(close) = self.before_divergence(paths, PathTime::beginning(0)) else {
             return;
         };
-        let curve = |share: f64| close.between(share).to_start(paths, close.at).sample();
+        let curve = |share: f64| {
+            let start = close.between(share).to_start(paths, close.at);
+            budget.spend(start.work);
+            start.sample()
+        };
         let bridge = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
             let nearer = Self { first: close.between(from), last: close.between(to), at: close.at };
             // Otherwise they diverge at once.
             if close.at < self.at && divergences > 0 {
-                nearer.bridge(paths, tolerance, divergences - 1, points);
+                nearer.bridge(paths, tolerance, divergences - 1, (points, budget));
             }
         };
         if triangle_height(curve(0.0), curve(1.0)) > tolerance {
-            sample(&curve, (0.0, 1.0), 1, tolerance, &bridge, points);
+            sample(&curve, (0.0, 1.0), 1, tolerance, &bridge, (points, budget));
         }
     }
 }

@@ -37,6 +37,8 @@ pub(super) struct Costate {
     pub(super) second_variation: f64,
     /// The step of the last switch but one.
     pub(super) before_last: Option<usize>,
+    /// What tracing it so far has taken, in units of a budget.
+    pub(super) work: usize,
 }
 
 /// Where the rate switches from one bound to the other.
@@ -72,6 +74,11 @@ enum Side {
 /// Costates closer to zero than this, s, are rounding errors of zero.
 const ZERO_COSTATE: f64 = 1e-15;
 
+/// What a turn takes in units of a budget: if p keeps its sign; else, if it is short or long.
+const KEEPING: usize = 3;
+const CROSSING_BRIEFLY: usize = 8;
+const CROSSING: usize = 24;
+
 /// Paths with more switches than this for each step are not traced further: only a path that
 /// chatters about φ = π has that many.
 const MOST_SWITCHES: usize = 8;
@@ -91,6 +98,7 @@ impl Costate {
             switch,
             second_variation: 0.0,
             before_last: None,
+            work: 0,
         }
     }
 
@@ -155,6 +163,14 @@ impl Costate {
             let turn = if left == paths.step_s { whole } else { Turn::new(rate, left) };
             let (facing, rest) = self.seen_before(&turn);
             let kept = (rate * left).abs() < 1.5 && self.keeps_sign(facing, rest);
+            let brief = (rate * left).abs() < BRIEF;
+            self.work += if kept {
+                KEEPING
+            } else if brief {
+                CROSSING_BRIEFLY
+            } else {
+                CROSSING
+            };
             let crossing = if kept { None } else { self.back_to_zero(rate, left) };
             let Some((seconds, turn)) = crossing else {
                 (self.facing, self.rest) = (facing, rest);
@@ -208,7 +224,7 @@ impl Costate {
     pub(super) fn between(&self, other: &Self, share: f64) -> Self {
         let phi = self.phi + share * (other.phi - self.phi);
         let rest = self.rest + (other.rest - self.rest) * share;
-        Self { phi, facing: unit(phi), rest, ..*self }
+        Self { phi, facing: unit(phi), rest, work: 0, ..*self }
     }
 
     /// Where the extremal ends, seen from its start, if this is its start. Its

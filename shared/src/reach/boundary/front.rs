@@ -1,6 +1,7 @@
 //! The front of a planar set: the ends of the paths that get farthest, from the
 //! lowest-rate path's end to the highest-rate path's.
 
+use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
 use super::super::sampling::{Sample, pieces, sample, space, triangle_height};
 use super::divergence::MOST_DIVERGENCES;
@@ -12,10 +13,10 @@ use nalgebra::Complex;
 pub(super) fn front(
     paths: &Paths,
     steps: usize,
-    least_pieces: usize,
-    tolerance: f64,
+    (least_pieces, tolerance): (usize, f64),
     family: &mut Vec<Piece>,
     points: &mut Vec<Complex<f64>>,
+    budget: &Budget,
 ) {
     let from = points.len();
     if paths.straight_always(steps) {
@@ -26,7 +27,7 @@ pub(super) fn front(
         turn_then_straight(&paths.high, steps, least, tolerance, points);
     } else {
         points.push(paths.low.point(steps));
-        extremals(paths, steps, least_pieces, tolerance, family, points);
+        extremals(paths, steps, (least_pieces, tolerance), family, points, budget);
     }
     points.push(paths.high.point(steps));
     space(points, from);
@@ -68,28 +69,37 @@ fn turn_then_straight(
 fn extremals(
     paths: &Paths,
     steps: usize,
-    least_pieces: usize,
-    tolerance: f64,
+    (least_pieces, tolerance): (usize, f64),
     family: &mut Vec<Piece>,
     points: &mut Vec<Complex<f64>>,
+    budget: &Budget,
 ) {
-    singular::pieces(paths, steps, family);
+    singular::pieces(paths, steps, family, budget);
     let each = least_pieces.div_ceil(family.len().max(1));
     // The family runs from left to right.
     let mut before: Option<(&Piece, Sample)> = None;
     for piece in family.iter().rev() {
-        let curve = |parameter: f64| piece.start(paths, parameter).sample();
+        if budget.is_spent() {
+            return;
+        }
+        let curve = |parameter: f64| {
+            let start = piece.start(paths, parameter);
+            budget.spend(start.work);
+            start.sample()
+        };
         let begin = curve(piece.to);
         if let Some((right, end)) = before
             && triangle_height(end, begin) > tolerance
         {
-            right.neighbours(piece, paths).bridge(paths, tolerance, MOST_DIVERGENCES, points);
+            let gap = right.neighbours(piece, paths);
+            gap.bridge(paths, tolerance, MOST_DIVERGENCES, (points, budget));
         }
         points.push(begin.point);
         let bridge = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
-            piece.between(from, to).bridge(paths, tolerance, MOST_DIVERGENCES, points);
+            let gap = piece.between(from, to);
+            gap.bridge(paths, tolerance, MOST_DIVERGENCES, (points, budget));
         };
-        sample(&curve, (piece.to, piece.from), each, tolerance, &bridge, points);
+        sample(&curve, (piece.to, piece.from), each, tolerance, &bridge, (points, budget));
         before = Some((piece, curve(piece.from)));
     }
 }
@@ -115,8 +125,9 @@ mod tests {
         };
         for steps in 1..=4 {
             let (mut family, mut simple, mut general) = (Vec::new(), Vec::new(), Vec::new());
-            front(&paths, steps, 16, 1e-6, &mut family, &mut simple);
-            extremals(&paths, steps, 16, 1e-6, &mut family, &mut general);
+            let budget = Budget::new(1 << 30);
+            front(&paths, steps, (16, 1e-6), &mut family, &mut simple, &budget);
+            extremals(&paths, steps, (16, 1e-6), &mut family, &mut general, &budget);
             assert!(distance(&simple, &general) < 1e-6, "{steps}");
             assert!(distance(&general, &simple) < 1e-6, "{steps}");
         }

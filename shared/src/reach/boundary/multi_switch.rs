@@ -7,6 +7,7 @@
 //! the search begins where the last switch passes from one step to the next, and goes on while
 //! the switch before it skips a step.
 
+use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
 use super::super::sampling::{Curves, Sample, triangle_height};
 use super::extremal::Costate;
@@ -46,8 +47,14 @@ const AT_REST: f64 = 1e-6;
 
 /// Appends the ends of the extremals with more than one switch that may stay farther back than
 /// those with one by more than half of `tolerance`.
-pub(super) fn append(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Curves) {
-    let search = Search::new(paths, steps, tolerance);
+pub(super) fn append(
+    paths: &Paths,
+    steps: usize,
+    tolerance: f64,
+    curves: &mut Curves,
+    budget: &Budget,
+) {
+    let search = Search::new(paths, steps, tolerance, budget);
     if search.gain() <= 0.5 * tolerance {
         return;
     }
@@ -122,15 +129,16 @@ struct Search<'a> {
     straight: bool,
     /// The highest rate to the left and, without sign, to the right.
     rates: (f64, f64),
+    budget: &'a Budget,
 }
 
 impl<'a> Search<'a> {
-    fn new(paths: &'a Paths, steps: usize, tolerance: f64) -> Self {
+    fn new(paths: &'a Paths, steps: usize, tolerance: f64, budget: &'a Budget) -> Self {
         let left = paths.hi[..steps].iter().fold(0.0, |most: f64, hi| most.max(*hi));
         let right = paths.lo[..steps].iter().fold(0.0, |most: f64, lo| most.max(-lo));
         let seconds = steps as f64 * paths.step_s;
         let straight = paths.straight_always(steps);
-        Self { paths, steps, seconds, tolerance, straight, rates: (left, right) }
+        Self { paths, steps, seconds, tolerance, straight, rates: (left, right), budget }
     }
 
     /// Whether a switch between the bounds of this step may belong to one of these paths. Where
@@ -164,6 +172,7 @@ impl<'a> Search<'a> {
                 break;
             }
         }
+        self.budget.spend(costate.work);
         let more = candidate && costate.switches > 1;
         let before_last = costate.before_last.map_or(0, |step| step + 1);
         Trace { phi, candidate, more, before_last, sample: costate.sample() }
@@ -187,7 +196,7 @@ impl<'a> Search<'a> {
     ) {
         let edge = !(start.candidate && end.candidate)
             && (start.phi - end.phi).abs() * self.seconds < EDGE * self.tolerance;
-        if edge || halvings == 0 || *traces == 0 {
+        if edge || halvings == 0 || *traces == 0 || self.budget.is_spent() {
             return;
         }
         *traces -= 1;

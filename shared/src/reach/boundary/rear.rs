@@ -5,6 +5,7 @@
 //! otherwise a path may have to cross the line through its end more often, and the extremals
 //! with two switches and more are added.
 
+use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
 use super::super::sampling::{Curves, pieces};
 use super::multi_switch;
@@ -16,18 +17,18 @@ use nalgebra::Complex;
 pub(super) fn candidates(
     paths: &Paths,
     steps: usize,
-    least_pieces: usize,
-    tolerance: f64,
+    (least_pieces, tolerance): (usize, f64),
     curves: &mut Curves,
+    budget: &Budget,
 ) {
     let (low, high) = (&paths.low, &paths.high);
     let least = least_pieces.div_ceil(steps);
     for (first, last) in [(high, low), (low, high)] {
         let points = curves.begin();
-        one_switch(first, last, steps, least, tolerance, points);
+        one_switch(first, last, steps, (least, tolerance), points, budget);
         curves.space_last();
     }
-    multi_switch::append(paths, steps, tolerance, curves);
+    multi_switch::append(paths, steps, tolerance, curves, budget);
 }
 
 /// Appends the ends of the paths that follow `first`, then take the rates of `last`, for every
@@ -36,9 +37,9 @@ fn one_switch(
     first: &Path,
     last: &Path,
     steps: usize,
-    least: usize,
-    tolerance: f64,
+    (least, tolerance): (usize, f64),
     points: &mut Vec<Complex<f64>>,
+    budget: &Budget,
 ) {
     let (step_s, end) = (first.step_s(), last.point(steps));
     points.push(end);
@@ -56,6 +57,10 @@ fn one_switch(
         let slant = (ahead.im / length).abs() + (width + other.rate.abs()) * step_s;
         let bend = width * (width * (length + step_s) + slant);
         let count = pieces(step_s, bend, tolerance, least);
+        budget.spend(count);
+        if budget.is_spent() {
+            return;
+        }
         let (turn, other) = (first.piece(step, count), last.piece(step, count));
         // What comes after the switch is turned by how far the headings differ.
         let back = other.turned.conj();

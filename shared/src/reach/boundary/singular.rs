@@ -8,7 +8,9 @@
 //! instant at which some extremal, coming backward, meets φ = 0 and p = 0 while
 //! straight is admissible, and it stops where straight is not admissible.
 
+use super::super::budget::Budget;
 use super::super::paths::Paths;
+use super::TRACING;
 use super::divergence::{MOST_DIVERGENCES, Neighbours};
 use super::extremal::{Costate, PathTime};
 use crate::math::cos;
@@ -74,8 +76,8 @@ impl Piece {
 }
 
 /// Replaces `family` by the front's extremals for a horizon of `steps` steps, φ rising (left
-/// to right).
-pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
+/// to right). Once the budget is spent, some are missing.
+pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budget: &Budget) {
     let (left, right) = paths.end_phi_range(steps);
     let end = |from, to| Piece { from, to, origin: PathTime::beginning(steps), kind: Kind::End };
     family.clear();
@@ -96,6 +98,11 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
         let (place, rest, last) = match singular {
             Some((place, rest)) => (place, rest + paths.step_s, paths.step_s),
             None => {
+                let traces = 2 * family.len() + MOST_BISECTIONS as usize;
+                budget.spend(TRACING * traces * (steps - step));
+                if budget.is_spent() {
+                    return;
+                }
                 let Some(onset) = onset(paths, step, family) else {
                     continue;
                 };

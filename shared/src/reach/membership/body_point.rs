@@ -10,6 +10,7 @@
 //! −∂d/∂ψ. The component along λ bends them outward. Where boundary paths switch on a line along λ, the point is
 //! between the two switches.
 
+use super::super::budget::Budget;
 use super::super::outer::{Outer, Request};
 use super::super::outline::Outliner;
 use super::super::paths::{Paths, unit};
@@ -53,6 +54,9 @@ const SMALL: f64 = 1e-4;
 
 /// Most pieces of time of one proof.
 const MOST_PIECES: usize = 200;
+
+/// Most work of one proof, in units of a [`Budget`].
+const MOST_WORK: usize = 4_000_000;
 
 /// Smaller distances, s, are not told apart.
 const FINEST: f64 = 1e-6;
@@ -107,10 +111,11 @@ impl Prover {
                 heading: claim.start_heading,
                 body_point: arm * unit(-claim.heading),
             };
+            let budget = Budget::new(MOST_WORK);
             // Where the point is in the states whose headings are as near, up to the height of an arc over its chord.
             let line = [-claim.turn, claim.turn].map(|turn| claim.position + arm * unit(turn));
             let height = 0.5 * arm.norm_sqr().sqrt() * claim.turn * claim.turn;
-            let clearance = self.outer.clearance(paths, request, line, &mut self.outliner);
+            let clearance = self.outer.clearance(paths, request, line, &mut self.outliner, &budget);
             if clearance > claim.near + height {
                 return true;
             }

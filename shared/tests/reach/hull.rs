@@ -1,0 +1,277 @@
+//! The convex polygons that take little work, and the limit on work.
+
+use super::{any_drive, random_pose};
+use sidestep::bounds::InputBounds;
+use sidestep::math::{PI, SeededRng, TAU, sin_cos};
+use sidestep::reach::polygon::{signed_area, signed_distance};
+use sidestep::reach::{
+    Outline, PolygonSettings, PositionUncertainty, ReachableSet, StartSet, Workspace,
+};
+use sidestep::vehicle::{Pose, dubins};
+
+/// Directions in which a hull touches what it surrounds.
+const DIRECTIONS: usize = 128;
+
+/// By how much hulls are grown, m, for an accuracy of 1 mm, and a nanosecond of travel per second.
+const GROWN_M: f64 = 1.1e-5;
+
+fn settings() -> PolygonSettings {
+    PolygonSettings::new(1e-3, 2).unwrap()
+}
+
+/// Speeds, m/s, steps, s, highest turn rates, rad/s, and numbers of steps.
+const CLASSES: [(f64, f64, f64, usize); 6] = [
+    (2.0, 0.2, 0.5, 15),
+    (10.0, 0.5, 3.0, 12),
+    (2.0, 0.2, 3.0, 25),
+    (1.5, 0.1, 6.0, 50),
+    (2.0, 0.2, 0.5, 100),
+    (2.0, 1.0, PI, 100),
+];
+
+struct Case {
+    speed_mps: f64,
+    step_s: f64,
+    bounds: Vec<(f64, f64)>,
+    start: StartSet,
+}
+
+impl Case {
+    /// Any bounds of a class, from any start.
+    fn any(class: usize, rng: &mut SeededRng) -> Self {
+        let (speed_mps, step_s, most, steps) = CLASSES[class];
+        let bound = |rng: &mut SeededRng| {
+            let (a, b) = (rng.uniform(-most, most), rng.uniform(-most, most));
+            match rng.below(4) {
+                0 => (a, a),
+                1 => (-most, most),
+                _ => (a.min(b), a.max(b)),
+            }
+        };
+        let bounds = (0..=rng.below(steps)).map(|_| bound(rng)).collect();
+        let position = match rng.below(3) {
+            0 => PositionUncertainty::None,
+            1 => PositionUncertainty::Disc { radius_m: rng.uniform(0.0, 1.0) },
+            _ => PositionUncertainty::Box {
+                along_m: rng.uniform(0.0, 1.0),
+                across_m: rng.uniform(0.0, 0.5),
+            },
+        };
+        let heading = if rng.below(2) == 0 { 0.0 } else { rng.uniform(0.0, PI) };
+        let start = StartSet::new(Pose::new(3.0, -2.0, rng.uniform(-3.0, 3.0)), position, heading);
+        Self { speed_mps, step_s, bounds, start: start.unwrap() }
+    }
+
+    fn set(&self) -> ReachableSet {
+        let (lo, hi) = self.bounds.iter().copied().unzip();
+        let bounds = InputBounds::new(lo, hi, (-10.0, 10.0)).unwrap();
+        ReachableSet::new(self.start, &bounds, self.speed_mps, self.step_s).unwrap()
+    }
+
+    /// How far in direction `phi`, rad in the world frame, from the start's middle, at the end and at any instant: the
+    /// integral of the largest admissible speed in that direction, by many small steps.
+    fn support(&self, phi: f64) -> (f64, f64) {
+        const PARTS: usize = 400;
+        let part_s = self.step_s / PARTS as f64;
+        let pose = self.start.pose();
+        let (mut low, mut high) =
+            (pose.psi - self.start.heading_rad() - phi, pose.psi + self.start.heading_rad() - phi);
+        let (mut along, mut most) = (0.0, 0.0_f64);
+        for &(lo, hi) in &self.bounds {
+            for _ in 0..PARTS {
+                let (from, to) = (low + 0.5 * lo * part_s, high + 0.5 * hi * part_s);
+                // A whole number of turns lies between them, or the nearer end is the best.
+                let turns = (to / TAU).floor() * TAU;
+                let best = if turns >= from { 1.0 } else { sin_cos(from).1.max(sin_cos(to).1) };
+                along += best * self.speed_mps * part_s;
+                most = most.max(along);
+                (low, high) = (low + lo * part_s, high + hi * part_s);
+            }
+        }
+        let (sin, cos) = sin_cos(phi - pose.psi);
+        let more = match self.start.position() {
+            PositionUncertainty::Disc { radius_m } => radius_m,
+            PositionUncertainty::Box { along_m, across_m } => {
+                along_m * cos.abs() + across_m * sin.abs()
+            }
+            _ => 0.0,
+        };
+        (along + more, most + more)
+    }
+}
+
+/// How far a polygon gets in a direction, from a position.
+fn farthest(polygon: &[[f64; 2]], [x, y]: [f64; 2], phi: f64) -> f64 {
+    let (sin, cos) = sin_cos(phi);
+    let along = polygon.iter().map(|p| (p[0] - x) * cos + (p[1] - y) * sin);
+    along.fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Twin: quadrature instead of the closed form, from uncertain starts as well.
+#[test]
+fn a_hull_gets_as_far_as_the_best_headings_do() {
+    let mut rng = SeededRng::new(61);
+    let hull = settings().with_most_work(0);
+    let mut largest = 0.0_f64;
+    for class in 0..CLASSES.len() {
+        for _ in 0..8 {
+            let case = Case::any(class, &mut rng);
+            let set = case.set();
+            let (step, tube) = (set.step_polygon(set.steps(), hull), set.tube_polygon(hull));
+            let Pose { psi, .. } = case.start.pose();
+            for _ in 0..8 {
+                let phi = psi + TAU * rng.below(DIRECTIONS) as f64 / DIRECTIONS as f64;
+                let (end, any) = case.support(phi);
+                for (polygon, expected) in [(&step, end), (&tube, any)] {
+                    let found = farthest(polygon, case.start.pose().position(), phi);
+                    largest = largest.max((found - expected).abs());
+                }
+            }
+        }
+    }
+    println!("{:.6} mm at most", 1e3 * largest);
+    // The quadrature's own error at 400 parts a step, and the little by which hulls are grown.
+    assert!(largest < 1e-4, "{largest}");
+}
+
+/// Where straight driving is always admissible and bounds are symmetric, a drive that turns toward a direction and then goes
+/// straight gets as far as the hull, in every direction.
+#[test]
+fn a_drive_touches_the_hull_in_every_direction() {
+    let mut rng = SeededRng::new(62);
+    let hull = settings().with_most_work(0);
+    for (speed_mps, step_s, most, steps) in CLASSES {
+        let rates: Vec<f64> = (0..steps).map(|_| rng.uniform(0.0, most)).collect();
+        let lo: Vec<f64> = rates.iter().map(|rate| -rate).collect();
+        let bounds = InputBounds::new(lo, rates.clone(), (-most, most)).unwrap();
+        let start = Pose::new(0.0, 0.0, 0.0);
+        let set = ReachableSet::new(start, &bounds, speed_mps, step_s).unwrap();
+        let (step, tube) = (set.step_polygon(steps, hull), set.tube_polygon(hull));
+        for k in 0..DIRECTIONS {
+            let phi = TAU * (k as f64 / DIRECTIONS as f64 - 0.5);
+            let (sin, cos) = sin_cos(phi);
+            let along = |pose: Pose| pose.x * cos + pose.y * sin;
+            let (mut pose, mut turn, mut farthest_yet) = (start, 0.0, 0.0_f64);
+            for rate in &rates {
+                let turning_s = ((phi.abs() - turn) / rate).clamp(0.0, step_s);
+                // Across the direction, where it stops getting farther or nearer, and toward it.
+                let across_s = ((phi.abs() - 0.5 * PI - turn) / rate).clamp(0.0, turning_s);
+                for seconds in [across_s, turning_s - across_s] {
+                    pose = dubins::arc(pose, speed_mps, rate * phi.signum(), seconds);
+                    farthest_yet = farthest_yet.max(along(pose));
+                }
+                turn += rate * turning_s;
+                pose = dubins::arc(pose, speed_mps, 0.0, step_s - turning_s);
+                farthest_yet = farthest_yet.max(along(pose));
+            }
+            for (polygon, reached) in [(&step, along(pose)), (&tube, farthest_yet)] {
+                let gap = farthest(polygon, [0.0; 2], phi) - reached;
+                assert!((0.0..GROWN_M).contains(&gap), "{gap} m in direction {phi} of {rates:?}");
+            }
+        }
+    }
+}
+
+/// The vertices of polygons that follow the boundary are reached.
+#[test]
+fn a_hull_contains_what_follows_the_boundary() {
+    let mut rng = SeededRng::new(63);
+    let hull = settings().with_most_work(0);
+    for class in 0..CLASSES.len() {
+        for _ in 0..10 {
+            let mut case = Case::any(class, &mut rng);
+            case.start = case.start.pose().into();
+            let set = case.set();
+            let step = set.steps().div_ceil(2);
+            for (fine, around) in [
+                (set.tube_polygon(settings()), set.tube_polygon(hull)),
+                (set.step_polygon(step, settings()), set.step_polygon(step, hull)),
+            ] {
+                for vertex in fine {
+                    let outside = signed_distance(&around, vertex);
+                    // Vertices are rounded to a fine grid.
+                    assert!(outside <= 1e-8, "{outside} m outside: {:?}", case.bounds);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn hulls_from_uncertain_starts_contain_every_drive() {
+    const PARTS: usize = 4;
+    let mut rng = SeededRng::new(64);
+    let hull = settings().with_most_work(0);
+    for class in 0..CLASSES.len() {
+        for _ in 0..10 {
+            let case = Case::any(class, &mut rng);
+            let set = case.set();
+            let (step, tube) = (set.step_polygon(set.steps(), hull), set.tube_polygon(hull));
+            for _ in 0..100 {
+                let mut pose = random_pose(&case.start, true, &mut rng);
+                for (part, share) in
+                    any_drive(PARTS * set.steps(), &mut rng).into_iter().enumerate()
+                {
+                    let (lo, hi) = case.bounds[part / PARTS];
+                    let seconds = case.step_s / PARTS as f64;
+                    pose = dubins::arc(pose, case.speed_mps, lo + (hi - lo) * share, seconds);
+                    assert!(signed_distance(&tube, pose.position()) <= 0.0, "{:?}", case.bounds);
+                }
+                assert!(signed_distance(&step, pose.position()) <= 0.0, "{:?}", case.bounds);
+            }
+        }
+    }
+}
+
+/// Which kind a polygon is depends on the work that it takes: no limit is met at the paper's rates, any is met at 0,
+/// and at half a turn in each of 100 steps the default one is. A hull is convex and counter-clockwise.
+#[test]
+fn the_limit_on_work_decides_between_the_kinds() {
+    let mut rng = SeededRng::new(65);
+    let (mut workspace, mut polygon) = (Workspace::default(), Vec::new());
+    let mut kind = |set: &ReachableSet, settings, tube| {
+        if tube {
+            (set.tube_polygon_into(settings, &mut workspace, &mut polygon), polygon.clone())
+        } else {
+            let step = set.steps();
+            (set.step_polygon_into(step, settings, &mut workspace, &mut polygon), polygon.clone())
+        }
+    };
+    let all = [PolygonSettings::default(), settings().conservative()];
+    for (settings, tube) in all.into_iter().flat_map(|it| [(it, true), (it, false)]) {
+        for _ in 0..100 {
+            let mut case = Case::any(0, &mut rng);
+            if !settings.is_conservative() {
+                case.start = case.start.pose().into();
+            }
+            let set = case.set();
+            let (outline, _) = kind(&set, settings, tube);
+            let Outline::Refined { margin_m } = outline else { panic!("{outline:?}") };
+            assert_eq!(margin_m > 0.0, settings.is_conservative());
+            let (outline, hull) = kind(&set, settings.with_most_work(0), tube);
+            assert_eq!(outline, Outline::ConvexHull);
+            assert_convex(&hull);
+        }
+        let bounds = InputBounds::new(vec![-PI; 100], vec![PI; 100], (-PI, PI)).unwrap();
+        let set = ReachableSet::new(Pose::new(0.0, 0.0, 0.0), &bounds, 2.0, 1.0).unwrap();
+        let (outline, hull) = kind(&set, settings, tube);
+        assert_eq!(outline, Outline::ConvexHull);
+        assert_convex(&hull);
+        // A disc, nearly: turn about within a second, then go straight.
+        let area = signed_area(&hull);
+        assert!((PI * 198.0 * 198.0..PI * 200.0 * 200.0).contains(&area), "{area}");
+    }
+}
+
+fn assert_convex(polygon: &[[f64; 2]]) {
+    let n = polygon.len();
+    let mut turned = 0.0;
+    for i in 0..n {
+        let [[ax, ay], [bx, by], [cx, cy]] = [i, i + 1, i + 2].map(|j| polygon[j % n]);
+        let (ux, uy, vx, vy) = (bx - ax, by - ay, cx - bx, cy - by);
+        let turn = sidestep::math::atan2(ux * vy - uy * vx, ux * vx + uy * vy);
+        assert!(turn > 0.0, "{turn} at {bx}, {by}");
+        turned += turn;
+    }
+    assert!((turned - TAU).abs() < 1e-6, "{turned}");
+}
