@@ -63,7 +63,7 @@ impl ReachableSet {
     /// -------
     /// array of float64, shape (n, 2)
     ///     Vertices (x, y), world frame, m, counter-clockwise, the first not repeated. If the bounds leave no choice,
-    ///     the path there and back.
+    ///     a strip along the path, a five-hundredth of the accuracy wide.
     #[pyo3(signature = (*, accuracy_m=1e-3, conservative=false))]
     fn tube<'py>(
         &self,

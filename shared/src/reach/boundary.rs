@@ -24,7 +24,7 @@ mod envelope;
 
 use super::budget::Budget;
 use super::outer::Outer;
-use super::outline::Outliner;
+use super::outline::{Outliner, thickness};
 use super::paths::{Path, Paths, unit};
 use super::sampling::{self, Curves, pieces, sample};
 use crate::math::PI;
@@ -64,6 +64,7 @@ impl Workspace {
     ) {
         let Self { boundary, curves, family, envelope, outliner, .. } = self;
         boundary.clear();
+        outliner.clear();
         if step == 0 {
             boundary.push(Complex::new(0.0, 0.0));
             return;
@@ -76,15 +77,29 @@ impl Workspace {
         }
         if let Some(direction) = common_direction(paths, step) {
             let (turned, back) = (unit(-direction), unit(direction));
+            let rises = |two: &[Complex<f64>]| ((two[1] - two[0]) * turned).im > LEAST_RISE;
+            let rises = boundary.windows(2).all(rises);
             envelope.clear();
             for curve in curves.iter() {
                 envelope.add(curve.iter().map(|point| point * turned));
             }
-            if let [_, inner @ .., _] = envelope.points() {
-                boundary.extend(inner.iter().rev().map(|point| point * back));
+            // At their ends front and rear touch each other, and their chords may cross: there the rear is just
+            // behind the front.
+            let behind = thickness(tolerance);
+            envelope.add(boundary.iter().map(|point| point * turned - behind));
+            envelope.straighten();
+            let ends = [boundary[0], boundary[boundary.len() - 1]];
+            let rear = envelope.points().iter().rev().map(|point| point * back);
+            let front = boundary.len();
+            boundary.extend(rear.filter(|point| {
+                ends.iter().all(|end| (point - end).norm_sqr() > 0.25 * behind * behind)
+            }));
+            sampling::space(boundary, front);
+            if !rises {
+                // Where extremals nearly coincide, rounding has sent the front back a little.
+                outliner.tidy(boundary, budget);
             }
         } else {
-            outliner.clear();
             outliner.add(boundary);
             curves.iter().for_each(|curve| outliner.add(curve));
             boundary.truncate(1);
@@ -103,6 +118,7 @@ impl Workspace {
         let Self { boundary, curve, curves, family, outliner, .. } = self;
         let steps = paths.steps();
         boundary.clear();
+        outliner.clear();
         outermost(&paths.low, steps, least, tolerance, boundary);
         front::front(paths, steps, (least, tolerance), family, boundary, budget);
         curve.clear();
@@ -110,10 +126,10 @@ impl Workspace {
         boundary.extend(curve.iter().rev());
         boundary.dedup();
         let common = common_direction(paths, steps).is_some();
-        if common && paths.straight_always(steps) {
+        let opens = paths.lo[0] < paths.hi[0];
+        if common && opens && paths.straight_always(steps) {
             return;
         }
-        outliner.clear();
         outliner.add(boundary);
         curves.clear();
         if !common {
@@ -139,6 +155,9 @@ impl Workspace {
         outliner.outline(boundary, budget);
     }
 }
+
+/// By how much each edge of a front rises, s, across the common direction, if no rounding interferes.
+const LEAST_RISE: f64 = 1e-12;
 
 /// About what tracing an extremal through a step takes, in units of a [`Budget`].
 const TRACING: usize = 4;

@@ -19,6 +19,12 @@ type Edge = (Node, Node);
 /// rounding errors.
 const GRID_S: f64 = 1e-10;
 
+/// How wide a part without width is drawn, so that polygons do not touch themselves: a share of the tolerance, but at least some
+/// spacings of the grid, s of travel.
+pub(super) fn thickness(tolerance: f64) -> f64 {
+    (0.001 * tolerance).max(16.0 * GRID_S)
+}
+
 /// A vertex closer than this to an edge, in grid spacings, lies on it.
 const ON_EDGE: f64 = 0.75;
 
@@ -44,6 +50,9 @@ pub(super) struct Outliner {
     /// Every edge in both directions, in order of its first node and, there, of its
     /// direction counter-clockwise.
     darts: Vec<Dart>,
+    /// Whether the last walk left from a node, that is from the first dart there.
+    passed: Vec<bool>,
+    touches: bool,
 }
 
 /// An edge from a node to another.
@@ -53,6 +62,12 @@ impl Outliner {
     /// Begins a new drawing.
     pub(super) fn clear(&mut self) {
         self.edges.clear();
+        self.touches = false;
+    }
+
+    /// Whether the last outline touches itself: in a point, or along a line that it follows there and back.
+    pub(super) fn touches_itself(&self) -> bool {
+        self.touches
     }
 
     /// Adds a curve to the drawing.
@@ -178,21 +193,26 @@ impl Outliner {
     }
 
     /// Once round the unbounded region, keeping it on the right hand.
-    fn walk(&self, boundary: &mut Vec<Point>) {
+    fn walk(&mut self, boundary: &mut Vec<Point>) {
         // At the leftmost node, the lower one of several, every edge leads to the
         // right, or up: the first one counter-clockwise begins the walk.
+        let Self { darts, passed, touches, .. } = self;
         let leaving = |node: Node| {
-            let first = self.darts.partition_point(|dart| dart.0 < node);
-            let count = self.darts[first..].partition_point(|dart| dart.0 == node);
-            &self.darts[first..first + count]
+            let first = darts.partition_point(|dart| dart.0 < node);
+            let count = darts[first..].partition_point(|dart| dart.0 == node);
+            (first, &darts[first..first + count])
         };
-        let start = self.darts[0];
+        passed.clear();
+        passed.resize(darts.len(), false);
+        *touches = false;
+        let start = darts[0];
         let mut dart = start;
         // Each dart has one successor and one predecessor, so the walk comes back to
         // where it began.
         loop {
             boundary.push(Point::new(dart.0[0] as f64 * GRID_S, dart.0[1] as f64 * GRID_S));
-            let leaving = leaving(dart.1);
+            let (node, leaving) = leaving(dart.1);
+            *touches |= leaving.len() == 1 || core::mem::replace(&mut passed[node], true);
             let back = leaving.iter().position(|other| other.1 == dart.0).unwrap_or(0);
             dart = leaving[(back + 1) % leaving.len()];
             if dart == start {

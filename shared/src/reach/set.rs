@@ -5,6 +5,7 @@ use super::budget::Budget;
 use super::hull;
 use super::minkowski::{self, Brush};
 use super::outer::Request;
+use super::outline::thickness;
 use super::paths::{Paths, unit};
 use super::sampling::{Outline, PolygonSettings};
 use super::start::StartSet;
@@ -29,6 +30,9 @@ const MOST_M: f64 = 1e6;
 
 /// The same for headings, rad.
 const MOST_RAD: f64 = 1e4;
+
+/// A boundary is widened at most this often. Once was always enough.
+const MOST_WIDENINGS: usize = 4;
 
 /// Longest step, m.
 const MOST_STEP_M: f64 = 100.0;
@@ -122,7 +126,8 @@ impl ReachableSet {
     /// The positions reachable after exactly `step` steps, as a polygon in the
     /// world frame, m, counter-clockwise, the first vertex not repeated. Its
     /// vertices lie on the boundary; its edges follow it within
-    /// [`PolygonSettings::accuracy_m`]. A set that is a single position, as at
+    /// [`PolygonSettings::accuracy_m`]. It neither crosses nor touches itself: parts without width, as where bounds leave
+    /// no choice, are drawn a five-hundredth of the accuracy wide. A set that is a single position, as at
     /// step 0, has one vertex. For [conservative](PolygonSettings::conservative) polygons see
     /// there, and for those that would take much work, [`Outline`].
     ///
@@ -156,7 +161,7 @@ impl ReachableSet {
     /// The positions reachable at any instant from the start to the last step,
     /// as a polygon in the world frame, m, counter-clockwise, the first vertex
     /// not repeated. Accuracy and holes as for [`Self::step_polygon`]. If the
-    /// bounds leave no choice, it is the path, there and back.
+    /// bounds leave no choice, it is a strip along the path.
     #[must_use]
     pub fn tube_polygon(&self, settings: PolygonSettings) -> Vec<[f64; 2]> {
         let mut polygon = Vec::new();
@@ -191,6 +196,7 @@ impl ReachableSet {
             self.follow((steps, tube), settings, workspace, &budget);
             0.0
         };
+        self.widen(settings, workspace, &budget);
         let outline = if budget.is_spent() {
             self.surround_hull((steps, tube), settings, workspace);
             Outline::ConvexHull
@@ -215,6 +221,19 @@ impl ReachableSet {
 
     fn starts_at_a_pose(&self) -> bool {
         self.start_set == StartSet::from(self.start)
+    }
+
+    /// Replaces a boundary that touches itself by a little wider one, which does not: polygons are simple, also where
+    /// the bounds leave no choice.
+    fn widen(&self, settings: PolygonSettings, workspace: &mut Workspace, budget: &Budget) {
+        let radius = thickness(self.tolerance(settings));
+        for _ in 0..MOST_WIDENINGS {
+            if !workspace.outliner.touches_itself() {
+                return;
+            }
+            let brush = Brush { radius, half: [0.0; 2], outside: true };
+            brush.sweep(radius, workspace, budget);
+        }
     }
 
     /// Replaces the boundary in the workspace by one that follows that of the set to either side.

@@ -11,6 +11,7 @@ mod known_failures;
 mod growth;
 mod promises;
 mod hull;
+mod simple;
 mod membership;
 mod reference;
 

@@ -2,6 +2,9 @@
 
 use nalgebra::Complex;
 
+/// Heights, s, that differ by less are the same.
+const LEVEL: f64 = 1e-11;
+
 /// The lower envelope of the curves added so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Envelope {
@@ -21,6 +24,18 @@ impl Envelope {
     /// Its points, y rising.
     pub(super) fn points(&self) -> &[Complex<f64>] {
         &self.base
+    }
+
+    /// Leaves out points between others at the same y, but for rounding: where one curve ends and another begins, the
+    /// envelope would go to and fro.
+    pub(super) fn straighten(&mut self) {
+        let level = |three: &[Complex<f64>]| three[2].im - three[0].im < LEVEL;
+        self.next.clear();
+        self.next.extend(self.base.first());
+        let inner = self.base.windows(3).filter(|three| !level(three)).map(|three| three[1]);
+        self.next.extend(inner);
+        self.next.extend(self.base.last().filter(|_| self.base.len() > 1));
+        core::mem::swap(&mut self.base, &mut self.next);
     }
 
     /// The first curve, whose y must not fall, gives the range of y; of the others
