@@ -81,7 +81,11 @@ pub async fn write(
     let folder = TempDir::with_prefix_in(UNFINISHED, parent).map_err(unwritable)?;
     let file = folder.path().join("backup.db");
     let url = format!("sqlite:{}", file.display());
-    if !store.write_snapshot(&file).await? {
+    let full = |error| match error {
+        StoreError::Full => unwritable(io::ErrorKind::StorageFull.into()),
+        other => other.into(),
+    };
+    if !store.write_snapshot(&file).await.map_err(full)? {
         let copy = Store::open(&url, Purpose::Create).await?;
         transfer::copy(store, &copy, &store.slugs().await?, cancel, progress).await?;
         copy.put_access_copy(store.access_copy().await?).await?;

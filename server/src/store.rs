@@ -193,6 +193,12 @@ impl Store {
         Ok(Some(file.path().to_owned()))
     }
 
+    /// Whether a server uses a file of SQLite, or did not close it.
+    #[must_use]
+    pub fn is_in_use(file: &Path) -> bool {
+        DatabaseFile::at(file).is_in_use()
+    }
+
     /// Whether a file of SQLite has a log that was not written back: a server uses it, or did not close it.
     #[must_use]
     pub fn has_log(file: &Path) -> bool {

@@ -97,7 +97,7 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
             return Err(CommandError::Input(message));
         }
     }
-    if Store::has_log(&args.from) {
+    if Store::is_in_use(&args.from) {
         let message = format!(
             "--from {}: expected a backup, found a database that a server uses, or did not close; write one with \
              'sidestep backup'",
@@ -149,8 +149,14 @@ async fn fill(
 ) -> Result<Report, CommandError> {
     let named = args.from.display().to_string();
     let file = folder.join("backup.db");
-    fs::copy(&args.from, &file)
+    let mut from = File::open(&args.from)
         .map_err(|error| CommandError::Input(format!("--from {named}: cannot read: {error}")))?;
+    File::create(&file).and_then(|mut to| std::io::copy(&mut from, &mut to)).map_err(|error| {
+        CommandError::Failure(format!(
+            "--from {named}: cannot be copied to {}: {error}",
+            folder.display()
+        ))
+    })?;
     let backup = Store::open(&format!("sqlite:{}", file.display()), Purpose::Read).await;
     let backup = backup.map_err(|error| error.named(named))?;
     let before = interrupt.unless_stopped(soundness::report(&backup)).await??;

@@ -2,7 +2,7 @@
 
 use super::random;
 use argon2::password_hash::phc::PasswordHash;
-use argon2::password_hash::{PasswordHasher, PasswordVerifier};
+use argon2::password_hash::{Error, PasswordHasher, PasswordVerifier};
 use argon2::{Argon2, Params};
 use sha2::{Digest, Sha256};
 use std::sync::{Arc, OnceLock};
@@ -13,6 +13,9 @@ const MOST_MEMORY: u32 = 1 << 18;
 
 /// Most passes over this memory, and most lanes in it.
 const MOST_PASSES: u32 = 16;
+
+/// What is said of a text that begins as a hash does, perhaps within quotes.
+const DAMAGED: &str = "expected an Argon2 hash as `sidestep hash-key` prints it, without quotes around it, found another text";
 
 /// Fewest characters of a key.
 const SHORTEST: usize = 16;
@@ -44,15 +47,11 @@ impl ChosenKey {
     /// What was expected and found, if it is neither; or if the system gives no random numbers.
     pub fn of(text: &str) -> Result<Self, String> {
         let salt = random().map_err(|error| error.to_string())?;
-        let is_hash = text.starts_with("$argon2");
+        // Taken for a key, the text of a hash with quotes around it would sign in whoever reads the unit file.
+        let is_hash = text.trim_matches(['"', '\'', ' ']).starts_with('$');
         if is_hash {
-            let parsed = PasswordHash::new(text).ok();
-            if !parsed.is_some_and(|it| it.salt.is_some() && it.hash.is_some()) {
-                let message = "expected an Argon2 hash as `sidestep hash-key` prints it, found a \
-                               damaged one";
-                return Err(message.to_owned());
-            }
             check_costs(text)?;
+            check_hash(text)?;
         } else {
             check_length(text)?;
         }
@@ -114,13 +113,24 @@ pub fn hashed(key: &str) -> Result<String, String> {
     hash.map(|hash| hash.to_string()).map_err(|error| error.to_string())
 }
 
+/// Refuses what Argon2 cannot compare with a key.
+fn check_hash(text: &str) -> Result<(), String> {
+    let damaged = || DAMAGED.to_owned();
+    let hash = PasswordHash::new(text).map_err(|_| damaged())?;
+    if hash.salt.is_none() || hash.hash.is_none() {
+        return Err(damaged());
+    }
+    match Argon2::default().verify_password(b"", &hash) {
+        Ok(()) | Err(Error::PasswordInvalid) => Ok(()),
+        Err(error) => Err(format!("{DAMAGED} ({error})")),
+    }
+}
+
 /// Refuses a hash that would take more of the server than a study leaves.
 fn check_costs(hash: &str) -> Result<(), String> {
     let parsed = PasswordHash::new(hash).ok();
     let costs = parsed.as_ref().and_then(|hash| Params::try_from(hash).ok());
-    let Some(costs) = costs else {
-        return Err("expected costs of an Argon2 hash, found others".to_owned());
-    };
+    let costs = costs.ok_or(DAMAGED)?;
     let (memory, passes, lanes) = (costs.m_cost(), costs.t_cost(), costs.p_cost());
     if memory <= MOST_MEMORY && passes <= MOST_PASSES && lanes <= MOST_PASSES {
         return Ok(());
@@ -132,7 +142,7 @@ fn check_costs(hash: &str) -> Result<(), String> {
 }
 
 fn check_length(key: &str) -> Result<(), String> {
-    match key.chars().count() {
+    match key.trim().chars().count() {
         count if count < SHORTEST => {
             Err(format!("expected {SHORTEST} characters or more, found {count}"))
         }
@@ -177,6 +187,17 @@ mod tests {
         assert!(ChosenKey::of("short").unwrap_err().ends_with("16 characters or more, found 5"));
         assert!(ChosenKey::of("$argon2id$v=19$m=1").unwrap_err().contains("hash-key"));
         assert!(hashed("short").is_err());
+        let hash = hashed(KEY).unwrap();
+        for damaged in [
+            format!("'{hash}'"),
+            format!("\"{hash}\""),
+            hash.replace("argon2id", "argon2zz"),
+            hash.replace("v=19", "v=18"),
+            "$2b$12$R9h/cIPz0gi.URNNX3kh2OPST9/PgBkqquzi.Ss7KIUgO2t0jWMUW".to_owned(),
+        ] {
+            assert!(ChosenKey::of(&damaged).unwrap_err().contains("hash-key"), "{damaged}");
+        }
+        assert!(ChosenKey::of(&" ".repeat(20)).unwrap_err().ends_with("found 0"));
         let dear = "$argon2id$v=19$m=10485760,t=2,p=1$c29tZXNhbHQ$CTFhFdXPJO1aFaMaO6Mm5c8y7cJHAph8ArZWb2GRPPc";
         assert!(ChosenKey::of(dear).unwrap_err().ends_with("found m=10485760, t=2 and p=1"));
     }

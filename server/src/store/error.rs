@@ -90,19 +90,17 @@ impl From<rusqlite::Error> for StoreError {
 impl From<tokio_postgres::Error> for StoreError {
     fn from(error: tokio_postgres::Error) -> Self {
         let Some(found) = error.as_db_error() else {
-            let source = error.source();
-            let is_network = source.is_some_and(|it| it.is::<io::Error>());
-            return match error.to_string() {
-                _ if error.is_closed() => Self::Unavailable(cause(&error)),
-                text if text.contains("deserializing") => Self::corrupt(cause(&error)),
-                text if text.contains("TLS") => {
-                    Self::Unavailable(format!("{}; {TLS}", cause(&error)))
-                }
-                text if is_network && text.contains("connecting") => {
-                    Self::Unavailable(format!("{}; {NO_SERVER}", cause(&error)))
-                }
-                _ => Self::Unavailable(cause(&error)),
-            };
+            let said = cause(&error);
+            let is_network = error.source().is_some_and(|it| it.is::<io::Error>());
+            if error.to_string().contains("deserializing") {
+                return Self::corrupt(said);
+            }
+            let advice = ADVICE.iter().find(|(words, _)| said.contains(words)).map(|(_, it)| *it);
+            let advice = advice.or(is_network.then_some(NO_SERVER)).filter(|_| !error.is_closed());
+            return Self::Unavailable(match advice {
+                Some(advice) => format!("{said}; {advice}"),
+                None => said,
+            });
         };
         // Never the detail of a message, which has values of rows.
         let message = found.message().replace('\n', " ");
@@ -134,9 +132,20 @@ impl From<tokio_postgres::Error> for StoreError {
 /// What to do if there is no connection to PostgreSQL.
 const NO_SERVER: &str = "check the host and the port, and that PostgreSQL runs there";
 
-/// What to do if the connection cannot be encrypted.
-const TLS: &str = "check the certificate of the server (it must be one for servers, not one that signs others, and name \
-                   its host), and sslrootcert=FILE, or add sslmode=disable if nobody can listen between";
+/// What to do if the client's error has certain words.
+const ADVICE: [(&str, &str); 4] = [
+    ("password missing", "give the password in PGPASSWORD or in the address"),
+    ("allow writes", "it is a standby, or set to be read only; name the primary"),
+    (
+        "not support TLS",
+        "switch TLS on in PostgreSQL (ssl = on), or add sslmode=disable if nobody can listen between",
+    ),
+    (
+        "TLS",
+        "check the certificate of the server (it must be one for servers, not one that signs others, and name its \
+         host), and sslrootcert=FILE, or add sslmode=disable if nobody can listen between",
+    ),
+];
 
 /// What an error of PostgreSQL's client says, with its cause, in one line.
 fn cause(error: &tokio_postgres::Error) -> String {

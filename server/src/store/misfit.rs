@@ -26,7 +26,10 @@ pub enum Misfit {
         known: i64,
     },
     /// A migration of another build, with the same number as one of this build, was applied.
-    #[error("its migration {0} is not the one of this version; it comes from another build")]
+    #[error(
+        "its migration {0} is not the one of this version; it comes from another build: use that one, or a \
+             release of Sidestep"
+    )]
     Other(i64),
     /// It contains tables that are not this program's.
     #[error("it is a database of another program")]

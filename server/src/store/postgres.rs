@@ -379,21 +379,23 @@ impl Shared {
 
 /// Checks that the user may write whatever a server writes.
 fn check_rights(db: &Connection) -> Result<(), StoreError> {
-    let asked = "SELECT coalesce(string_agg(relname, ', ' ORDER BY relname), '') FROM pg_class \
-                 WHERE relnamespace = CAST(current_schema() AS regnamespace) AND CASE \
-                 WHEN relname = 'sidestep_migration' THEN FALSE \
-                 WHEN relname = 'changed' THEN NOT (has_sequence_privilege(oid, 'USAGE') \
-                     AND has_sequence_privilege(oid, 'SELECT')) \
-                 WHEN relkind = 'r' THEN NOT (has_table_privilege(oid, 'SELECT') \
-                     AND has_table_privilege(oid, 'INSERT') AND has_table_privilege(oid, 'UPDATE') \
-                     AND has_table_privilege(oid, 'DELETE')) ELSE FALSE END";
-    let refused: String = db.query_row(asked, [], |row| row.get(0))?;
+    let asked = "SELECT coalesce(string_agg(name, ', '), '') \
+                 FROM unnest(string_to_array(?1, ' ')) AS name WHERE CASE \
+                 WHEN to_regclass(name) IS NULL THEN TRUE \
+                 WHEN name = 'changed' THEN NOT (has_sequence_privilege(to_regclass(name), 'USAGE') \
+                     AND has_sequence_privilege(to_regclass(name), 'SELECT')) \
+                 ELSE NOT (has_table_privilege(to_regclass(name), 'SELECT') \
+                     AND has_table_privilege(to_regclass(name), 'INSERT') \
+                     AND has_table_privilege(to_regclass(name), 'UPDATE') \
+                     AND has_table_privilege(to_regclass(name), 'DELETE')) END";
+    let refused: String = db.query_row(asked, [migrations::TABLES], |row| row.get(0))?;
     if refused.is_empty() {
         return Ok(());
     }
     Err(StoreError::Unavailable(format!(
-        "this user must not write to {refused}; use the user who owns the tables, or have that one GRANT SELECT, \
-         INSERT, UPDATE, DELETE on all tables and USAGE, SELECT on the sequence 'changed'"
+        "this user must not write to {refused}, or does not see it; use the user who owns the tables, or have that one \
+         GRANT USAGE on their schema, SELECT, INSERT, UPDATE, DELETE on all tables and USAGE, SELECT on the \
+         sequence 'changed'"
     )))
 }
 

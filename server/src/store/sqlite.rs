@@ -15,6 +15,7 @@ use super::lanes::Lane;
 use super::sql::Connection;
 use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
+use file::Copied;
 use readers::Readers;
 use rusqlite::ErrorCode;
 use std::fs::File;
@@ -22,7 +23,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tempfile::TempDir;
 use tokio::sync::watch;
 use writer::Writer;
 
@@ -34,14 +34,14 @@ pub(super) use file::{DatabaseFile, Identity};
 pub(super) struct Sqlite {
     /// The file that the user named.
     named: DatabaseFile,
-    /// The file that is used: that one, or a copy of it.
+    /// The file that is used: that one, or the copy of it.
     file: DatabaseFile,
     readers: Arc<Readers>,
     writer: Writer,
     /// The lock of who uses the file alone.
     lock: Mutex<Option<File>>,
     #[expect(dead_code, reason = "it is deleted when this is dropped")]
-    copy_folder: Option<TempDir>,
+    copy: Option<Copied>,
 }
 
 impl Sqlite {
@@ -49,10 +49,19 @@ impl Sqlite {
     pub(super) fn open(named: DatabaseFile, purpose: Purpose) -> Result<Self, OpenError> {
         let name = || named.path().display().to_string();
         let unusable = |reason: String| OpenError::Unusable { database: name(), reason };
-        let hint =
-            |reason: String| unusable(format!("{reason}; check the path and that it is writable"));
+        let advice = match purpose {
+            Purpose::Read => "check the path, that it may be read, and that its disk has room",
+            _ => "check the path, that it is writable, and that its disk has room",
+        };
+        let hint = |reason: String| unusable(format!("{reason}; {advice}"));
         let sqlite = |error: rusqlite::Error| match error.sqlite_error_code() {
-            Some(ErrorCode::NotADatabase | ErrorCode::DatabaseCorrupt) => unusable(reason(&error)),
+            Some(ErrorCode::NotADatabase) => unusable(reason(&error)),
+            Some(ErrorCode::DatabaseCorrupt) => {
+                unusable(format!("{}; restore a backup with 'sidestep restore'", reason(&error)))
+            }
+            Some(ErrorCode::DatabaseBusy) => {
+                unusable(format!("{}; another program writes to it, try again", reason(&error)))
+            }
             _ => hint(reason(&error)),
         };
         let misfit = |failure: migrations::Failure| match failure {
@@ -61,14 +70,17 @@ impl Sqlite {
         };
         let disk = |error: io::Error| hint(error.to_string());
         match purpose {
-            Purpose::Alone | Purpose::Create => named.create().map_err(disk)?,
+            Purpose::Alone | Purpose::Create => {
+                named.sweep_copies();
+                named.create().map_err(disk)?;
+            }
             Purpose::Change | Purpose::Read if named.is_empty() => {
                 return Err(OpenError::Absent(name()));
             }
             Purpose::Change | Purpose::Read => {}
         }
         // A file that this program cannot use, or that another server uses, is not changed by a single byte.
-        let untouching = connection::untouching(named.path()).map_err(sqlite)?;
+        let untouching = connection::untouching(&named).map_err(sqlite)?;
         let is_current = migrations::check(&untouching).map_err(misfit)?;
         drop(untouching);
         let lock = match (purpose, is_current) {
@@ -80,14 +92,20 @@ impl Sqlite {
             _ => None,
         };
         let is_copied = purpose == Purpose::Read && !is_current;
-        let copy_folder = is_copied.then(|| named.room_for_copy()).transpose().map_err(disk)?;
-        let file = match &copy_folder {
+        let copy = is_copied.then(|| named.new_copy()).transpose().map_err(disk)?;
+        let file = match &copy {
             None => named.clone(),
-            Some(folder) => {
-                let file = DatabaseFile::at(&folder.path().join("copy.db"));
-                file.create().map_err(disk)?;
-                connection::copy(named.path(), file.path()).map_err(sqlite)?;
-                file
+            Some(copy) => {
+                let place = copy.file();
+                let full = |error: rusqlite::Error| match error.sqlite_error_code() {
+                    Some(ErrorCode::DiskFull) => unusable(format!(
+                        "it is of an older version, and there is no room for a copy of it in {}",
+                        place.folder().display()
+                    )),
+                    _ => sqlite(error),
+                };
+                connection::copy(&named, place.path()).map_err(full)?;
+                copy.file()
             }
         };
         if purpose != Purpose::Read || is_copied {
@@ -101,7 +119,7 @@ impl Sqlite {
         };
         let writer = writer.map_err(unstarted)?;
         let readers = Arc::new(Readers::new(file.clone()).map_err(unstarted)?);
-        Ok(Self { named, file, readers, writer, lock: Mutex::new(lock), copy_folder })
+        Ok(Self { named, file, readers, writer, lock: Mutex::new(lock), copy })
     }
 
     /// Whether a write could be made now.
@@ -132,7 +150,7 @@ impl Sqlite {
 
     /// Writes all rows into a new file that only its owner can read.
     pub(super) async fn write_snapshot(&self, out: &Path) -> Result<(), StoreError> {
-        let (from, to) = (self.file.path().to_owned(), DatabaseFile::at(out));
+        let (from, to) = (self.file.clone(), DatabaseFile::at(out));
         let writing = tokio::task::spawn_blocking(move || {
             let refused = |error: std::io::Error| StoreError::Unavailable(error.to_string());
             to.create().map_err(refused)?;

@@ -263,6 +263,16 @@ async fn reading_changes_no_file_of_an_older_version() {
         run(args).await.json();
         assert!(std::fs::read(&file).unwrap() == before, "{args:?} wrote to the file");
     }
+    #[cfg(unix)]
+    for file in std::fs::read_dir(&out).unwrap() {
+        let about = file.unwrap().metadata().unwrap();
+        assert_eq!(std::os::unix::fs::PermissionsExt::mode(&about.permissions()) & 0o777, 0o600);
+    }
+    // What a command that was killed has left behind is deleted by the next one.
+    let left_behind = folder.path(".sidestep-copy-killed");
+    std::fs::create_dir(&left_behind).unwrap();
+    std::fs::write(left_behind.join("copy.db"), b"external ids").unwrap();
+    run(&["check", "--database", &database]).await.json();
     let left = std::fs::read_dir(folder.root()).unwrap().map(|it| it.unwrap().file_name());
     assert!(left.into_iter().all(|name| !name.to_string_lossy().starts_with('.')));
     // A program of that version serves it: nobody migrates it under its hands.
@@ -335,6 +345,21 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
     admin.execute_batch(&format!("REVOKE INSERT ON trial FROM {reader}")).unwrap();
     let told = server.get("/readyz").await;
     assert!(told.problem(503, "not_ready", None).contains("must not write to trial"));
+    // What is hidden is not taken for a new database.
+    for (hide, show) in [
+        ("ALTER TABLE trial RENAME TO hidden", "ALTER TABLE hidden RENAME TO trial"),
+        ("REVOKE USAGE ON SCHEMA public FROM PUBLIC", "GRANT USAGE ON SCHEMA public TO PUBLIC"),
+    ] {
+        admin.execute_batch(&format!("GRANT INSERT ON trial TO {reader}")).unwrap();
+        admin.execute_batch(&format!("REVOKE USAGE ON SCHEMA public FROM {reader}")).unwrap();
+        assert_eq!(server.get("/readyz").await.status, 200);
+        admin.execute_batch(hide).unwrap();
+        server.get("/readyz").await.problem(503, "not_ready", None);
+        let said = run(&["check", "--database", &of(&reader)]).await;
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(!said.err.contains("does not exist, or it is empty"), "{said:?}");
+        admin.execute_batch(show).unwrap();
+    }
     server.stop().await;
 
     // Reading migrates nothing.

@@ -53,6 +53,7 @@ pub async fn write(
     // From here on it is complete but for this.
     let cancel = CancellationToken::new();
     atomic_file::write(&folder.join(MANIFEST), &cancel, |out| out.write_all(&text))?;
+    keep_private(&folder.join(MANIFEST))?;
     Ok(manifest)
 }
 

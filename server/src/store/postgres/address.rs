@@ -5,6 +5,7 @@ use crate::tls_client;
 use rustls::pki_types::CertificateDer;
 use rustls::pki_types::pem::PemObject;
 use rustls::{ClientConfig, RootCertStore};
+use std::error::Error;
 use std::path::Path;
 use std::time::Duration;
 use tokio_postgres::Config;
@@ -39,8 +40,7 @@ impl Address {
     pub(super) fn parse(url: &str) -> Result<Self, OpenError> {
         let refuse = |found: String| OpenError::Address { url: "postgres:…".to_owned(), found };
         let (url, certificates) = without_certificates(url);
-        let mut config: Config =
-            url.parse().map_err(|_| refuse("an address that cannot be read".to_owned()))?;
+        let mut config: Config = url.parse().map_err(|error| refuse(unreadable(&error)))?;
         if config.get_hosts().is_empty() {
             return Err(refuse("no host".to_owned()));
         }
@@ -74,6 +74,15 @@ impl Address {
         let roots = roots(certificates.as_deref()).map_err(refuse)?;
         let tls = tls_client::config(roots).map_err(|error| refuse(error.to_string()))?;
         Ok(Self { name: name(&config), config, tls })
+    }
+}
+
+/// What is wrong with an address: the option, if it is one of PostgreSQL's, but nothing else of what was given.
+fn unreadable(error: &tokio_postgres::Error) -> String {
+    let reason = error.source().map_or_else(String::new, ToString::to_string);
+    match reason.starts_with("invalid value for option") {
+        true => format!("an {reason}"),
+        false => "an address that cannot be read".to_owned(),
     }
 }
 
@@ -141,7 +150,9 @@ mod tests {
 
     #[test]
     fn an_address_that_is_refused_is_not_repeated() {
-        check("postgres://me:secret@host:x/db", "cannot be read");
+        check("postgres://me:secret@host:x/db", "`port`");
+        check("postgres://me:secret@host/db?sslmode=secret", "`sslmode`");
+        check("postgres://me:secret@host/db?secret=1", "cannot be read");
         check("postgres://me:secret@host:5432", "no database");
         check("postgres:///db?user=secret", "no host");
         check("postgres://me:secret@host/db?sslrootcert=/nowhere", "sslrootcert=/nowhere");

@@ -31,6 +31,12 @@ const MIGRATIONS: [Migration; 3] = [
     },
 ];
 
+/// What a server writes to: every table but that of the migrations, and the sequence that tells other servers of changes.
+pub(super) const TABLES: &str = "study_config study study_version participant participant_token scene trial \
+     value_function safety_function api_key session audit note exclusion tally analysis analysis_participant \
+     analysis_file analysis_cell analysis_predictor analysis_trial predictor_kind predictor_participant throttle \
+     changed";
+
 /// Why a database cannot be migrated.
 #[derive(Debug)]
 pub(super) enum Failure {
@@ -74,9 +80,14 @@ pub(super) enum State {
     Current,
 }
 
-/// Checks that this program can use the database, without changing it.
+/// Checks that this program can use the database, without changing it. Without rights to the schema, it would look empty.
 pub(super) fn check(db: &Connection) -> Result<State, Failure> {
     let known = MIGRATIONS[MIGRATIONS.len() - 1].version;
+    if db.query_row("SELECT current_schema() IS NULL", [], |row| row.get(0))? {
+        let hidden =
+            "this user must not use the schema of the tables; GRANT USAGE ON SCHEMA (public) to it";
+        return Err(StoreError::Unavailable(hidden.to_owned()).into());
+    }
     Ok(match pending(db)?.first() {
         None => State::Current,
         Some(first) if first.version == 1 => State::Empty,
@@ -154,4 +165,24 @@ fn applied(db: &Connection) -> Result<BTreeMap<i64, Vec<u8>>, Failure> {
 
 fn checksum(sql: &str) -> Vec<u8> {
     Sha256::digest(sql.as_bytes()).to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_table_is_known() {
+        let made =
+            MIGRATIONS.iter().flat_map(|migration| migration.sql.lines()).filter_map(|line| {
+                let kinds = ["CREATE TABLE ", "CREATE UNLOGGED TABLE ", "CREATE SEQUENCE "];
+                let rest = kinds.into_iter().find_map(|kind| line.strip_prefix(kind))?;
+                Some(rest.trim_end_matches([' ', '(', ';']))
+            });
+        let (mut made, mut known): (Vec<_>, Vec<_>) =
+            (made.collect(), TABLES.split_whitespace().collect());
+        made.sort_unstable();
+        known.sort_unstable();
+        assert_eq!(made, known);
+    }
 }

@@ -1,5 +1,6 @@
 //! Connections to SQLite with this program's settings.
 
+use super::file::DatabaseFile;
 use crate::store::error::{StoreError, reason};
 use rusqlite::{Connection, OpenFlags};
 use std::path::Path;
@@ -12,15 +13,28 @@ const WRITE_PATIENCE: Duration = Duration::from_secs(5);
 const READ_PATIENCE: Duration = Duration::from_millis(250);
 
 /// A connection that only reads, and changes no file even when it is closed.
-pub(super) fn untouching(path: &Path) -> rusqlite::Result<Connection> {
+pub(super) fn untouching(file: &DatabaseFile) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let db = Connection::open_with_flags(path, flags)?;
+    let db = match file.is_fixed() {
+        true => fixed(file.path())?,
+        false => Connection::open_with_flags(file.path(), flags)?,
+    };
     db.busy_timeout(WRITE_PATIENCE)?;
     Ok(db)
 }
 
+/// A connection to a file that nobody changes. SQLite would otherwise make a log and its index beside it, which this user
+/// must not, or which the file's owner could not use.
+fn fixed(path: &Path) -> rusqlite::Result<Connection> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
+        | OpenFlags::SQLITE_OPEN_NO_MUTEX
+        | OpenFlags::SQLITE_OPEN_URI;
+    let path = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+    Connection::open_with_flags(format!("file:{path}?immutable=1"), flags)
+}
+
 /// Writes all rows, as they are at one instant, into another file, which must be empty.
-pub(super) fn copy(from: &Path, to: &Path) -> rusqlite::Result<()> {
+pub(super) fn copy(from: &DatabaseFile, to: &Path) -> rusqlite::Result<()> {
     untouching(from)?.execute("VACUUM INTO ?1", [to.to_string_lossy()]).map(drop)
 }
 
@@ -48,9 +62,12 @@ pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
 }
 
 /// A connection that cannot write, not even by a mistake in a query.
-pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
+pub(super) fn reading(file: &DatabaseFile) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let db = Connection::open_with_flags(path, flags)?;
+    let db = match file.is_fixed() {
+        true => fixed(file.path())?,
+        false => Connection::open_with_flags(file.path(), flags)?,
+    };
     db.busy_timeout(READ_PATIENCE)?;
     db.pragma_update(None, "query_only", true)?;
     db.set_prepared_statement_cache_capacity(64);

@@ -1,7 +1,7 @@
 //! The database's file: its address, its permissions, its lock, and whether it is still the same file.
 
 use crate::store::error::StoreError;
-use rustix::fs::{StatVfs, StatVfsMountFlags, statvfs};
+use rustix::fs::{Access, StatVfs, StatVfsMountFlags, access, statvfs};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -49,6 +49,19 @@ impl DatabaseFile {
         std::fs::metadata(&self.log).is_ok_and(|log| log.len() > 0)
     }
 
+    /// Whether this user cannot change the file, and nobody uses it: there is no log.
+    pub(super) fn is_fixed(&self) -> bool {
+        let is_writable = |path: &Path| access(path, Access::WRITE_OK).is_ok();
+        let is_used = std::fs::exists(&self.log).unwrap_or(true);
+        let may_change = is_writable(&self.path) && is_writable(self.folder());
+        !is_used && !may_change
+    }
+
+    /// Whether a server uses the file, or did not close it.
+    pub(in crate::store) fn is_in_use(&self) -> bool {
+        self.has_log() || self.lock().is_ok_and(|lock| lock.is_none())
+    }
+
     pub(in crate::store) fn path(&self) -> &Path {
         &self.path
     }
@@ -90,10 +103,16 @@ impl DatabaseFile {
         folder.unwrap_or(Path::new("."))
     }
 
-    /// A folder for a copy of the file, which only this user can read: beside it, where there is room, or where
-    /// the system has temporary files, if nothing can be written beside it.
-    pub(super) fn room_for_copy(&self) -> io::Result<TempDir> {
-        TempDir::with_prefix_in(".sidestep-copy-", self.folder()).or_else(|_| TempDir::new())
+    /// A copy of the file, empty yet, in a folder of its own that only this user can read: beside it, where there is
+    /// room, or where the system has temporary files, if nothing can be written beside it. Deletes what commands that
+    /// were killed have left there.
+    pub(super) fn new_copy(&self) -> io::Result<Copied> {
+        let needed = std::fs::metadata(&self.path)?.len() + LEAST_FREE_BYTES;
+        let beside = match self.free_bytes() {
+            Ok(free) if free >= needed => Copied::within(self.folder()),
+            _ => Err(io::ErrorKind::StorageFull.into()),
+        };
+        beside.or_else(|_| Copied::within(&std::env::temp_dir()))
     }
 
     /// Free space on the file's disk, bytes.
@@ -113,6 +132,11 @@ impl DatabaseFile {
         statvfs(self.folder()).map_err(|error| StoreError::Unavailable(error.to_string()))
     }
 
+    /// Deletes the copies of files in the same folder that commands which were killed have left behind.
+    pub(super) fn sweep_copies(&self) {
+        Copied::sweep(self.folder());
+    }
+
     /// A lock that a server holds while it runs; none if another process holds it. It is not one of
     /// SQLite's locks, so commands can work beside the server.
     pub(super) fn lock(&self) -> io::Result<Option<File>> {
@@ -121,6 +145,47 @@ impl DatabaseFile {
             Ok(()) => Ok(Some(file)),
             Err(TryLockError::WouldBlock) => Ok(None),
             Err(TryLockError::Error(error)) => Err(error),
+        }
+    }
+}
+
+/// A temporary copy of a database, which is deleted when this is dropped.
+#[derive(Debug)]
+pub(super) struct Copied {
+    folder: TempDir,
+    /// Locked, as long as this process uses it.
+    _lock: File,
+}
+
+impl Copied {
+    const PREFIX: &str = ".sidestep-copy-";
+
+    fn within(parent: &Path) -> io::Result<Self> {
+        Self::sweep(parent);
+        let folder = TempDir::with_prefix_in(Self::PREFIX, parent)?;
+        let file = Self::file_in(folder.path());
+        file.create()?;
+        let lock = file.lock()?.ok_or(io::ErrorKind::WouldBlock)?;
+        Ok(Self { folder, _lock: lock })
+    }
+
+    /// The copy.
+    pub(super) fn file(&self) -> DatabaseFile {
+        Self::file_in(self.folder.path())
+    }
+
+    fn file_in(folder: &Path) -> DatabaseFile {
+        DatabaseFile::at(&folder.join("copy.db"))
+    }
+
+    /// Deletes copies that no process uses.
+    fn sweep(parent: &Path) {
+        for entry in std::fs::read_dir(parent).into_iter().flatten().flatten() {
+            let is_copy = entry.file_name().to_string_lossy().starts_with(Self::PREFIX);
+            if is_copy && Self::file_in(&entry.path()).lock().is_ok_and(|lock| lock.is_some()) {
+                // What cannot be deleted is another user's.
+                let _ = std::fs::remove_dir_all(entry.path());
+            }
         }
     }
 }

@@ -64,7 +64,15 @@ impl Readers {
 
     pub(super) fn close(&self) {
         self.long.close();
-        self.idle.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).take();
+        for db in idle.into_iter().flatten() {
+            // The last connection deletes an empty log, if it may; one with content is left as it is.
+            if let Connection::Sqlite(db) = &db
+                && !self.file.has_log()
+            {
+                let _ = db.pragma_update(None, "query_only", false);
+            }
+        }
     }
 
     fn take(&self) -> Result<Connection, StoreError> {
@@ -75,7 +83,7 @@ impl Readers {
         match idle {
             Some(db) => Ok(db),
             None if self.file.identity()? != self.expected => Err(StoreError::Gone),
-            None => Ok(Connection::Sqlite(connection::reading(self.file.path())?)),
+            None => Ok(Connection::Sqlite(connection::reading(&self.file)?)),
         }
     }
 
@@ -84,6 +92,12 @@ impl Readers {
         if let Some(idle) = idle.as_mut() {
             idle.push(db);
         }
+    }
+}
+
+impl Drop for Readers {
+    fn drop(&mut self) {
+        self.close();
     }
 }
 
