@@ -35,7 +35,24 @@ fn fixed(path: &Path) -> rusqlite::Result<Connection> {
 
 /// Writes all rows, as they are at one instant, into another file, which must be empty.
 pub(super) fn copy(from: &DatabaseFile, to: &Path) -> rusqlite::Result<()> {
-    untouching(from)?.execute("VACUUM INTO ?1", [to.to_string_lossy()]).map(drop)
+    let copied = untouching(from)?.execute("VACUUM INTO ?1", [to.to_string_lossy()]).map(drop);
+    leave_no_log(from);
+    copied
+}
+
+/// Deletes the empty log that connections which only read leave behind, unless somebody uses the file.
+fn leave_no_log(file: &DatabaseFile) {
+    let is_there = std::fs::exists(file.log()).unwrap_or(false);
+    if is_there && !file.has_log() && !file.is_fixed() {
+        // The last connection that may write deletes it when it is closed. Nothing is lost if it stays.
+        let _ = writing_nothing(file.path());
+    }
+}
+
+fn writing_nothing(path: &Path) -> rusqlite::Result<()> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let db = Connection::open_with_flags(path, flags)?;
+    db.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))
 }
 
 /// A connection that writes. The file must exist; a deleted file is not created again.

@@ -62,6 +62,11 @@ impl DatabaseFile {
         self.has_log() || self.lock().is_ok_and(|lock| lock.is_none())
     }
 
+    /// The write-ahead log.
+    pub(super) fn log(&self) -> &Path {
+        &self.log
+    }
+
     pub(in crate::store) fn path(&self) -> &Path {
         &self.path
     }
