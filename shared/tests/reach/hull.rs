@@ -20,7 +20,7 @@ fn settings() -> PolygonSettings {
 }
 
 /// Speeds, m/s, steps, s, highest turn rates, rad/s, and numbers of steps.
-const CLASSES: [(f64, f64, f64, usize); 6] = [
+pub(super) const CLASSES: [(f64, f64, f64, usize); 6] = [
     (2.0, 0.2, 0.5, 15),
     (10.0, 0.5, 3.0, 12),
     (2.0, 0.2, 3.0, 25),

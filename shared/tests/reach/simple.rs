@@ -1,7 +1,8 @@
 //! Polygons neither cross nor touch themselves, as other libraries demand (brute force over pairs of edges).
 
+use super::hull::CLASSES;
 use sidestep::bounds::InputBounds;
-use sidestep::math::{PI, SeededRng};
+use sidestep::math::SeededRng;
 use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet};
 use sidestep::vehicle::Pose;
 
@@ -53,16 +54,6 @@ fn flaws_are_found() {
     assert!(flaw(&[[0., 0.], [4., 0.], [4., 2.], [2., 0.], [0., 2.]]).is_some());
     assert!(flaw(&[[0., 0.], [1., 1.], [2., 0.], [2., 2.], [1., 1.], [0., 2.]]).is_some());
 }
-
-/// Speeds, m/s, steps, s, highest turn rates, rad/s, and numbers of steps.
-const CLASSES: [(f64, f64, f64, usize); 6] = [
-    (2.0, 0.2, 0.5, 15),
-    (10.0, 0.5, 3.0, 12),
-    (2.0, 0.2, 3.0, 25),
-    (1.5, 0.1, 6.0, 50),
-    (2.0, 0.2, 0.5, 100),
-    (2.0, 1.0, PI, 100),
-];
 
 /// A tube, and steps in the beginning, the middle and the end, each kind from a pose and from an uncertain start.
 fn check(lo: &[f64], hi: &[f64], (speed_mps, step_s): (f64, f64), rng: &mut SeededRng) {
