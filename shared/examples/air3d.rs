@@ -5,6 +5,7 @@
 //! air3d 51x40x50 weno5 THREADS RUNS [PEER.npy]
 //! ```
 //!
+//! The environment variable `LANES` names the widest that may be used: `128-bit`, `avx2` or `avx512`.
 //! The fastest of RUNS solves counts. PEER.npy (`<f4`, C order) has another solver's
 //! values on the same nodes, which are then measured in the same way.
 
@@ -18,7 +19,7 @@ use std::{env, fs};
 
 use serde::Serialize;
 use sidestep::reachability::cartesian::{Settings, Solution};
-use sidestep::reachability::{Grid, Scheme};
+use sidestep::reachability::{Grid, Lanes, Scheme};
 
 use measure::{Accuracy, HORIZON_S, MITCHELL, solve_over};
 
@@ -31,6 +32,8 @@ struct Report {
     /// The fastest solve, s.
     wall_s: f64,
     steps: usize,
+    /// The lanes in which it was solved.
+    lanes: &'static str,
     /// First node, last node and their number, by axis.
     axes: [(f64, f64, usize); 3],
     accuracy: Accuracy,
@@ -49,7 +52,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let grid = grid_of(grid)?;
     let scheme: Scheme = serde_json::from_value(scheme.as_str().into())?;
-    let settings = Settings { threads: threads.parse()?, cfl: CFL, ..Settings::of(scheme) };
+    let most = env::var("LANES").map_or(Ok(Lanes::widest()), |name| Lanes::named(&name))?;
+    let lanes = most.min(Lanes::widest());
+    let threads = threads.parse()?;
+    let settings = Settings { threads, lanes, cfl: CFL, ..Settings::of(scheme) };
     let exact = MITCHELL.exact()?;
 
     // Once for the memory and the caches, as the peer has compiled beforehand.
@@ -78,6 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let report = Report {
         wall_s,
         steps,
+        lanes: lanes.name(),
         axes: grid.axes.map(|axis| (axis.node(0), axis.node(axis.nodes as isize - 1), axis.nodes)),
         accuracy: Accuracy::new(&exact, &grid, &values)?,
         apart_m: peer.as_ref().map(apart),

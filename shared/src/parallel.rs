@@ -3,6 +3,8 @@
 //! Neither changes a bit of any result: each cell is computed independently of the others, from
 //! arrays that do not change meanwhile, by IEEE operations in one order.
 
+use crate::invalid::Invalid;
+
 /// The number of threads that a solve uses by default.
 #[must_use]
 pub fn default_threads() -> usize {
@@ -99,9 +101,69 @@ pub(crate) trait Kernel {
     fn run(self);
 }
 
+/// The width of the lanes in which a solve computes. No bit of a result depends on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Lanes {
+    /// 128 bits: what every machine has.
+    Bits128,
+    /// 256 bits: AVX2.
+    Bits256,
+    /// 512 bits: AVX-512.
+    Bits512,
+}
+
+impl Lanes {
+    /// The widest lanes of this machine.
+    #[must_use]
+    pub fn widest() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if pulp::x86::V4::try_new().is_some() {
+                return Self::Bits512;
+            }
+            if pulp::x86::V3::try_new().is_some() {
+                return Self::Bits256;
+            }
+        }
+        Self::Bits128
+    }
+
+    /// The name of the instructions: `128-bit`, `avx2` or `avx512`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bits128 => "128-bit",
+            Self::Bits256 => "avx2",
+            Self::Bits512 => "avx512",
+        }
+    }
+
+    /// The lanes of this name.
+    ///
+    /// # Errors
+    /// [`Invalid`] for any other name.
+    pub fn named(name: &str) -> Result<Self, Invalid> {
+        let all = [Self::Bits128, Self::Bits256, Self::Bits512];
+        all.into_iter()
+            .find(|lanes| lanes.name() == name)
+            .ok_or_else(|| Invalid::new("lanes", "128-bit, avx2 or avx512", name))
+    }
+}
+
 /// Runs `kernel` with the widest lanes of this machine. In WebAssembly the build decides the width.
 pub(crate) fn in_widest_lanes(kernel: impl Kernel) {
-    #[cfg(not(target_arch = "wasm32"))]
+    in_lanes(Lanes::Bits512, kernel);
+}
+
+/// Runs `kernel` with the widest lanes of this machine that are no wider than `most`.
+pub(crate) fn in_lanes(most: Lanes, kernel: impl Kernel) {
+    // A browser makes a function fast between two calls, never during one. As a part of its caller, which
+    // runs once, the kernel would stay ten times as slow for the whole of a first solve.
+    #[inline(never)]
+    fn called(kernel: impl Kernel) {
+        kernel.run();
+    }
+    #[cfg(target_arch = "x86_64")]
     {
         struct Adapter<K>(K);
         impl<K: Kernel> pulp::NullaryFnOnce for Adapter<K> {
@@ -111,16 +173,14 @@ pub(crate) fn in_widest_lanes(kernel: impl Kernel) {
                 self.0.run();
             }
         }
-        pulp::Arch::new().dispatch(Adapter(kernel));
-    }
-    #[cfg(target_arch = "wasm32")]
-    {
-        // A browser makes a function fast between two calls, never during one. As a part of its caller, which
-        // runs once, the kernel would stay ten times as slow for the whole of a first solve.
-        #[inline(never)]
-        fn called(kernel: impl Kernel) {
-            kernel.run();
+        if let (Lanes::Bits512, Some(wide)) = (most, pulp::x86::V4::try_new()) {
+            return wide.vectorize(Adapter(kernel));
         }
-        called(kernel);
+        if let (Lanes::Bits256 | Lanes::Bits512, Some(wide)) = (most, pulp::x86::V3::try_new()) {
+            return wide.vectorize(Adapter(kernel));
+        }
     }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = most;
+    called(kernel);
 }

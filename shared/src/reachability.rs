@@ -19,7 +19,7 @@ mod solve;
 pub mod npz;
 mod surface;
 
-pub use crate::parallel::default_threads;
+pub use crate::parallel::{Lanes, default_threads};
 pub use crate::real::Real;
 pub use exact::{ExactState, ExactValue};
 pub use game::{Game, Inputs, Players, TERMS};

@@ -59,7 +59,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     for (name, what) in chosen {
         eprintln!("==> {name}: {what}");
         let code = match name {
-            "peers" => peers::run(workspace, options.quick)?,
+            "peers" => peers::run(workspace, options.quick, &options.arguments)?,
             "learning" => learning::run(workspace)?,
             "files" => files::run(workspace, options.quick)?,
             // Quick as they are.

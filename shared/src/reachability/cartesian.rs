@@ -16,7 +16,7 @@ use super::game::Game;
 use super::grid::Grid;
 use super::progress::{MEMORY_LIMIT_BYTES, Progress, SolveError};
 use super::scheme::{Eno2, Eno3, Scheme, Upwind, Weno5};
-use crate::parallel::default_threads;
+use crate::parallel::{Lanes, default_threads};
 use crate::real::Real;
 use core::ops::ControlFlow;
 use march::march;
@@ -144,6 +144,8 @@ pub struct Settings {
     /// Number of threads; results do not depend on it. 0 counts as 1; there are at most as many
     /// threads as nodes of the first axis.
     pub threads: usize,
+    /// Lanes as wide as the machine has them, but no wider than these; results do not depend on them.
+    pub lanes: Lanes,
     /// Share of the largest stable time step of first order, above 0 and at most 1. ENO may choose
     /// stencils that are stable only up to 0.5 (second order) or 0.37 (third order); with longer steps
     /// V stays bounded, but loses that order in places.
@@ -162,6 +164,7 @@ impl Settings {
         Self {
             scheme,
             threads: default_threads(),
+            lanes: Lanes::widest(),
             cfl: scheme.cfl(),
             slices: 0,
             memory_limit_bytes: MEMORY_LIMIT_BYTES,

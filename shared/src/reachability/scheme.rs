@@ -68,13 +68,18 @@ impl Scheme {
 }
 
 /// A scheme as a kernel.
+///
+/// Between two neighbours, a *face*, both one-sided derivatives come from the same differences: the right
+/// one of the node before it and the left one of the node behind it. Computed face by face, they share
+/// most of their arithmetic.
 pub(super) trait Stencil: Send + Sync {
-    /// Nodes used on each side.
+    /// Nodes used on each side of a node, and of a face.
     const REACH: usize;
 
-    /// The left and right derivative, in units of `unit⁻¹` times the data. `v(k)` is the value `k`
-    /// nodes further on; a difference of neighbours times `unit` is of order one.
-    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T);
+    /// The right derivative of node 0 and the left derivative of node 1, in units of `unit⁻¹` times the
+    /// data. `v(k)` is the value of node k, from 1 − REACH to REACH; a difference of neighbours times
+    /// `unit` is of order one.
+    fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T);
 }
 
 /// First order.
@@ -95,8 +100,9 @@ impl Stencil for Upwind {
     const REACH: usize = 1;
 
     #[inline(always)]
-    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
-        ((v(0) - v(-1)) * unit, (v(1) - v(0)) * unit)
+    fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
+        let slope = (v(1) - v(0)) * unit;
+        (slope, slope)
     }
 }
 
@@ -104,14 +110,11 @@ impl Stencil for Eno2 {
     const REACH: usize = 2;
 
     #[inline(always)]
-    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
+    fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
         let d = |k: isize| v(k + 1) - v(k);
-        let (d0, d1, d2, d3) = (d(-2), d(-1), d(0), d(1));
-        let (left, middle, right) = (d1 - d0, d2 - d1, d3 - d2);
-        (
-            (d1 + T::HALF * smaller_magnitude(left, middle)) * unit,
-            (d2 - T::HALF * smaller_magnitude(middle, right)) * unit,
-        )
+        let (d1, d2, d3) = (d(-1), d(0), d(1));
+        let bend = T::HALF * smaller_magnitude(d2 - d1, d3 - d2);
+        ((d2 - bend) * unit, (d2 + bend) * unit)
     }
 }
 
@@ -119,29 +122,33 @@ impl Stencil for Eno3 {
     const REACH: usize = 3;
 
     #[inline(always)]
-    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
+    fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
         let d = |k: isize| v(k + 1) - v(k);
-        let (d1, d2, d3, d4, d5, d6) = (d(-3), d(-2), d(-1), d(0), d(1), d(2));
-        let (a1, a2, a3, a4, a5) = (d2 - d1, d3 - d2, d4 - d3, d5 - d4, d6 - d5);
-        let (b1, b2, b3, b4) = ((a2 - a1).abs(), (a3 - a2).abs(), (a4 - a3).abs(), (a5 - a4).abs());
+        let (d1, d2, d3, d4, d5) = (d(-2), d(-1), d(0), d(1), d(2));
+        let (a1, a2, a3, a4) = (d2 - d1, d3 - d2, d4 - d3, d5 - d4);
+        let (b1, b2, b3) = ((a2 - a1).abs(), (a3 - a2).abs(), (a4 - a3).abs());
         let sixth = T::from_f64(1.0 / 6.0);
         let two = T::from_f64(2.0);
         let (four, five) = (T::from_f64(4.0), T::from_f64(5.0));
-        // Substencils of the left derivative, then of the right one: the second
-        // difference picks the side, the third the end.
-        let outer = d3 + (five * a2 - two * a1) * sixth;
-        let inner = d3 + (a2 + two * a3) * sixth;
-        let across = d3 + (four * a3 - a4) * sixth;
-        let to_left = if b1 < b2 { outer } else { inner };
-        let to_right = if b2 < b3 { inner } else { across };
-        let left = if a2.abs() < a3.abs() { to_left } else { to_right };
-        let across_r = d4 - (four * a3 - a2) * sixth;
-        let inner_r = d4 - (a4 + two * a3) * sixth;
-        let outer_r = d4 - (five * a4 - two * a5) * sixth;
-        let to_left = if b2 < b3 { across_r } else { inner_r };
-        let to_right = if b3 < b4 { inner_r } else { outer_r };
-        let right = if a3.abs() < a4.abs() { to_left } else { to_right };
-        (left * unit, right * unit)
+        // The second difference picks the side, the third the end. Each substencil of the left derivative
+        // of node 1 is also one of the right derivative of node 0.
+        let (before, behind) = (b1 < b2, b2 < b3);
+        let pick = |first: T, middle: T, last: T| {
+            let to_left = if before { first } else { middle };
+            let to_right = if behind { middle } else { last };
+            if a2.abs() < a3.abs() { to_left } else { to_right }
+        };
+        let left = pick(
+            d3 + (five * a2 - two * a1) * sixth,
+            d3 + (a2 + two * a3) * sixth,
+            d3 + (four * a3 - a4) * sixth,
+        );
+        let right = pick(
+            d3 - (four * a2 - a1) * sixth,
+            d3 - (a3 + two * a2) * sixth,
+            d3 - (five * a3 - two * a4) * sixth,
+        );
+        (right * unit, left * unit)
     }
 }
 
@@ -149,31 +156,36 @@ impl Stencil for Weno5 {
     const REACH: usize = 3;
 
     #[inline(always)]
-    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
+    fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
         let d = |k: isize| (v(k + 1) - v(k)) * unit;
-        let (d1, d2, d3, d4, d5, d6) = (d(-3), d(-2), d(-1), d(0), d(1), d(2));
-        let (a1, a2, a3, a4, a5) = (d2 - d1, d3 - d2, d4 - d3, d5 - d4, d6 - d5);
+        let (d1, d2, d3, d4, d5) = (d(-2), d(-1), d(0), d(1), d(2));
+        let (a1, a2, a3, a4) = (d2 - d1, d3 - d2, d4 - d3, d5 - d4);
         // Three times the smoothness indicators of Jiang and Shu, as a sum of two
         // squares each, so that rounding cannot make one negative:
-        // 4a² − 11ab + 10b² = (2a − 11b/4)² + 39b²/16, 4a² − 5ab + 4b² alike.
-        let two = T::from_f64(2.0);
+        // 4a² − 11ab + 10b² = (2a − 11b/4)² + 39b²/16, 4a² − 5ab + 4b² alike. They belong to the three
+        // substencils, whichever end of the face the derivative is for.
+        let square = |x: T| x * x;
         let rest = T::from_f64(39.0 / 16.0);
         let (outer_slope, inner_slope) = (T::from_f64(2.75), T::from_f64(1.25));
         let epsilon = T::from_f64(EPSILON);
-        let (e1, e2, e3, e4, e5) = (two * a1, two * a2, two * a3, two * a4, two * a5);
-        let square = |x: T| x * x;
-        let (r2, r3, r4) =
-            (rest * square(a2) + epsilon, rest * square(a3) + epsilon, rest * square(a4) + epsilon);
-        let s1 = square(e1 - outer_slope * a2) + r2;
-        let s2 = square(e2 - inner_slope * a3) + r3;
-        let s3 = square(e4 - outer_slope * a3) + r3;
-        let z1 = square(e5 - outer_slope * a4) + r4;
-        let z2 = square(e4 - inner_slope * a3) + r3;
-        let z3 = square(e2 - outer_slope * a3) + r3;
+        let (e1, e2, e3, e4) = (a1 + a1, a2 + a2, a3 + a3, a4 + a4);
+        let (r2, r3) = (rest * square(a2) + epsilon, rest * square(a3) + epsilon);
+        let s1 = square(square(e1 - outer_slope * a2) + r2);
+        let s2 = square(square(e2 - inner_slope * a3) + r3);
+        let s3 = square(square(e4 - outer_slope * a3) + r3);
+        // The weights γᵢ/sᵢ² of γ = (1, 6, 3)/10, over one denominator, so that there is one division:
+        // times 10 s₁² s₂² s₃².
+        let three = T::from_f64(3.0);
+        let (first, last) = (s2 * s3, s1 * s2);
+        let middle = T::from_f64(6.0) * (s1 * s3);
+        let mean = |first: T, last: T, c1: T, c2: T, c3: T| {
+            let sum = first + middle + last;
+            (first * c1 + middle * c2 + last * c3) / (T::from_f64(6.0) * sum)
+        };
         let five = T::from_f64(5.0);
-        let left = weigh(s1, s2, s3, five * a2 - e1, a2 + e3, e3 + e3 - a4);
-        let right = weigh(z1, z2, z3, five * a4 - e5, a4 + e3, e3 + e3 - a2);
-        (d3 + left, d4 - right)
+        let left = mean(first, three * last, five * a2 - e1, a2 + e3, e3 + e3 - a4);
+        let right = mean(last, three * first, five * a3 - e4, a3 + e2, e2 + e2 - a1);
+        (d3 - right, d3 + left)
     }
 }
 
@@ -181,27 +193,20 @@ impl Stencil for Weno5 {
 /// must be a normal number in f32.
 const EPSILON: f64 = 3e-6;
 
-/// Σ wᵢ cᵢ/6 with the weights γᵢ/sᵢ² of γ = (1, 6, 3)/10, over one denominator, so that
-/// there is one division.
-#[inline(always)]
-fn weigh<T: Real>(s1: T, s2: T, s3: T, c1: T, c2: T, c3: T) -> T {
-    let square = |x: T| x * x;
-    let w1 = square(s2 * s3);
-    let w2 = T::from_f64(6.0) * square(s1 * s3);
-    let w3 = T::from_f64(3.0) * square(s1 * s2);
-    let six = T::from_f64(6.0);
-    (w1 * c1 + w2 * c2 + w3 * c3) / (six * (w1 + w2 + w3))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::math::{cos, sin};
 
+    /// The left and the right derivative of node 0.
+    fn pair<S: Stencil>(v: impl Fn(isize) -> f64, unit: f64) -> (f64, f64) {
+        (S::face(|k| v(k - 1), unit).1, S::face(v, unit).0)
+    }
+
     /// Largest errors of both derivatives of sin at 1 for spacings h and h/2.
     fn order<S: Stencil>(h: f64) -> f64 {
         let error = |h: f64| {
-            let (l, r) = S::pair(|k| sin(1.0 + k as f64 * h), 1.0 / h);
+            let (l, r) = pair::<S>(|k| sin(1.0 + k as f64 * h), 1.0 / h);
             (l - cos(1.0)).abs().max((r - cos(1.0)).abs())
         };
         crate::math::ln(error(h) / error(0.5 * h)) / crate::math::ln(2.0)
@@ -238,7 +243,7 @@ mod tests {
         for _ in 0..1000 {
             let v: Vec<f64> = (0..7).map(|_| rng.uniform(-1.0, 1.0)).collect();
             let d: Vec<f64> = v.windows(2).map(|w| w[1] - w[0]).collect();
-            let (l, r) = Weno5::pair(|k| v[(k + 3) as usize], 1.0);
+            let (l, r) = pair::<Weno5>(|k| v[(k + 3) as usize], 1.0);
             assert!((l - weno5_as_printed([d[0], d[1], d[2], d[3], d[4]])).abs() < 1e-12);
             assert!((r - weno5_as_printed([d[5], d[4], d[3], d[2], d[1]])).abs() < 1e-12);
         }
@@ -278,7 +283,7 @@ mod tests {
         for _ in 0..1000 {
             let v: [f64; 7] = core::array::from_fn(|_| rng.uniform(-1.0, 1.0));
             let at = |k: isize| v[(k + 3) as usize];
-            for (order, (l, r)) in [(2, Eno2::pair(at, 1.0)), (3, Eno3::pair(at, 1.0))] {
+            for (order, (l, r)) in [(2, pair::<Eno2>(at, 1.0)), (3, pair::<Eno3>(at, 1.0))] {
                 assert!((l - eno_as_defined(&v, order, false)).abs() < 1e-12, "{order} left");
                 assert!((r - eno_as_defined(&v, order, true)).abs() < 1e-12, "{order} right");
             }

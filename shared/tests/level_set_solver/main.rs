@@ -28,7 +28,7 @@ use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
 };
 use sidestep::reachability::{
-    Axis, Boundary, DoubleIntegrator, Game, Grid, Real, Scheme, SolveError, TERMS,
+    Axis, Boundary, DoubleIntegrator, Game, Grid, Lanes, Real, Scheme, SolveError, TERMS,
 };
 use steepening::{SECONDS, Steepening, exact};
 

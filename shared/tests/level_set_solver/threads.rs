@@ -1,8 +1,8 @@
-//! Threads and number types.
+//! Threads, lanes and number types.
 
 use super::*;
 
-/// The bits do not depend on the threads; f32 stays within `single` of f64, relative
+/// The bits do not depend on the threads and the lanes; f32 stays within `single` of f64, relative
 /// to the largest |V|.
 pub(crate) fn compare_threads<const D: usize>(axes: [Axis; D], seconds: f64, single: f64) {
     let grid = Grid { axes };
@@ -29,6 +29,15 @@ pub(crate) fn compare_threads<const D: usize>(axes: [Axis; D], seconds: f64, sin
             let mut pairs = one_single.values.iter().zip(&many.values);
             assert!(pairs.all(|(a, b)| a.to_bits() == b.to_bits()), "{threads} threads, f32");
         }
+        for lanes in [Lanes::Bits128, Lanes::Bits256, Lanes::Bits512] {
+            let with = Settings { lanes, ..with(2) };
+            let double = solved::<f64, D, _>(&problem, &with);
+            let mut pairs = one.values.iter().zip(&double.values);
+            assert!(pairs.all(|(a, b)| a.to_bits() == b.to_bits()), "{lanes:?}");
+            let single = solved::<f32, D, _>(&problem, &with);
+            let mut pairs = one_single.values.iter().zip(&single.values);
+            assert!(pairs.all(|(a, b)| a.to_bits() == b.to_bits()), "{lanes:?}, f32");
+        }
         let size = one.values.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
         let gaps = one.values.iter().zip(&one_single.values);
         let worst = gaps.fold(0.0_f64, |worst, (a, b)| worst.max((a - f64::from(*b)).abs())) / size;
@@ -38,7 +47,7 @@ pub(crate) fn compare_threads<const D: usize>(axes: [Axis; D], seconds: f64, sin
 }
 
 #[test]
-fn threads_do_not_change_a_bit() {
+fn threads_and_lanes_do_not_change_a_bit() {
     compare_threads([Axis::periodic(0.0, TAU, 50_001)], 1e-3, 5e-6);
     compare_threads([Axis::bounded(-2.1, 2.4, 301), Axis::periodic(0.0, TAU, 203)], 0.03, 5e-6);
     compare_threads(

@@ -3,11 +3,15 @@
 //!
 //! `tests/peers/air3d.py` is the peer's side, the example `air3d` of the library ours. The
 //! example also measures both against the closed form, so that it is done in one way.
+//!
+//! `cargo xtask bench peers -- --lanes avx2` keeps both from wider lanes than those of many machines.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, bail};
+use clap::{Parser, ValueEnum};
 use serde::{Deserialize, Serialize};
 
 use crate::python::environment;
@@ -32,7 +36,7 @@ const CASES: &[Case] = &[
     Case { grid: "51x40x50", scheme: "eno2", accuracy: "medium", target: 12.0, long: false },
     Case { grid: "51x40x50", scheme: "weno5", accuracy: "very_high", target: 6.0, long: false },
     Case { grid: "101x101x101", scheme: "eno2", accuracy: "medium", target: 40.0, long: true },
-    Case { grid: "101x101x101", scheme: "weno5", accuracy: "very_high", target: 15.0, long: true },
+    Case { grid: "101x101x101", scheme: "weno5", accuracy: "very_high", target: 20.0, long: true },
 ];
 
 impl Case {
@@ -45,10 +49,49 @@ impl Case {
 /// Threads on our side; the script takes as many cores.
 const THREADS: &str = "2";
 
+/// What may follow `--`.
+#[derive(Parser)]
+struct Arguments {
+    /// The widest lanes that either side may use.
+    #[arg(long)]
+    lanes: Option<Lanes>,
+}
+
+/// Lanes by the name that the example `air3d` gives them.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+enum Lanes {
+    #[value(name = "128-bit")]
+    Bits128,
+    #[value(name = "avx2")]
+    Avx2,
+    #[value(name = "avx512")]
+    Avx512,
+}
+
+impl Lanes {
+    /// The value of `LANES` for the example, and of `XLA_FLAGS` for the peer.
+    fn variables(self) -> [(&'static str, &'static str); 2] {
+        let (ours, theirs) = match self {
+            Self::Bits128 => ("128-bit", "--xla_cpu_max_isa=SSE4_2"),
+            Self::Avx2 => ("avx2", "--xla_cpu_max_isa=AVX2"),
+            Self::Avx512 => ("avx512", "--xla_cpu_max_isa=AVX512"),
+        };
+        [("LANES", ours), ("XLA_FLAGS", theirs)]
+    }
+
+    /// Keeps `command` from wider lanes.
+    fn limit(most: Option<Self>, command: &mut Command) {
+        if let Some(lanes) = most {
+            command.envs(lanes.variables());
+        }
+    }
+}
+
 /// What the example `air3d` prints, as far as it is used here.
 #[derive(Deserialize)]
 struct Ours {
     wall_s: f64,
+    lanes: String,
     axes: [Nodes; 3],
     accuracy: Accuracy,
     peer: Option<Accuracy>,
@@ -93,8 +136,10 @@ struct Versions {
 ///
 /// # Errors
 /// When our own solver cannot be built or run.
-pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
-    let (compared, missing) = compare(workspace, quick)?;
+pub(super) fn run(workspace: &Workspace, quick: bool, arguments: &[OsString]) -> Result<ExitCode> {
+    let name = OsString::from("bench peers --");
+    let Arguments { lanes } = Arguments::try_parse_from(std::iter::once(&name).chain(arguments))?;
+    let (compared, missing) = compare(workspace, quick, lanes)?;
     let rows = compared.iter().map(|one| row(one.case, &one.ours, one.theirs.as_ref()));
     let rows: Vec<_> = std::iter::once(HEADINGS.map(str::to_owned)).chain(rows).collect();
     print!("{}", table(&rows));
@@ -120,7 +165,7 @@ pub(crate) struct Figures {
 /// # Errors
 /// When our own solver cannot be built or run, or the peer is missing.
 pub(crate) fn measure(workspace: &Workspace) -> Result<Vec<Figures>> {
-    let (compared, mut missing) = compare(workspace, false)?;
+    let (compared, mut missing) = compare(workspace, false, None)?;
     if !missing.is_empty() {
         return Err(missing.swap_remove(0));
     }
@@ -144,7 +189,11 @@ struct Compared {
 }
 
 /// Runs the comparisons; also says what was missing.
-fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<anyhow::Error>)> {
+fn compare(
+    workspace: &Workspace,
+    quick: bool,
+    lanes: Option<Lanes>,
+) -> Result<(Vec<Compared>, Vec<anyhow::Error>)> {
     let mut build = workspace.compile("build");
     stage("our solver", build.args(["--example", "air3d"]))?;
     let mut missing = Vec::new();
@@ -157,9 +206,10 @@ fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<any
         eprintln!("==> {} {}", case.grid, case.scheme);
         let values = workspace.output("peers").join(format!("{}-{}.npy", case.grid, case.scheme));
         let theirs = python.as_deref().and_then(|python| {
-            solve_theirs(workspace, python, case, &values).map_err(|error| missing.push(error)).ok()
+            let solved = solve_theirs(workspace, python, case, lanes, &values);
+            solved.map_err(|error| missing.push(error)).ok()
         });
-        let ours = solve_ours(workspace, case, theirs.is_some().then_some(&values))?;
+        let ours = solve_ours(workspace, case, lanes, theirs.is_some().then_some(&values))?;
         if let Some(theirs) = &theirs {
             same_nodes(&ours.axes, &theirs.axes)?;
         }
@@ -173,9 +223,11 @@ fn solve_theirs(
     workspace: &Workspace,
     python: &Path,
     case: &Case,
+    lanes: Option<Lanes>,
     values: &Path,
 ) -> Result<Theirs> {
     let mut script = Command::new(python);
+    Lanes::limit(lanes, &mut script);
     script.arg(workspace.path("tests/peers/air3d.py"));
     script.args(["--grid", case.grid, "--accuracy", case.accuracy]);
     script.args(["--runs", case.runs(), "--values"]).arg(values);
@@ -184,8 +236,14 @@ fn solve_theirs(
 }
 
 /// Solves `case` ourselves and measures what the peer left in `values`.
-fn solve_ours(workspace: &Workspace, case: &Case, values: Option<&PathBuf>) -> Result<Ours> {
+fn solve_ours(
+    workspace: &Workspace,
+    case: &Case,
+    lanes: Option<Lanes>,
+    values: Option<&PathBuf>,
+) -> Result<Ours> {
     let mut example = Command::new(workspace.example("air3d"));
+    Lanes::limit(lanes, &mut example);
     example.args([case.grid, case.scheme, THREADS, case.runs()]).args(values);
     let answer = output_of("the example air3d", &mut example)?;
     serde_json::from_str(&answer).with_context(|| format!("the example air3d printed {answer:?}"))
@@ -205,12 +263,13 @@ fn same_nodes(ours: &[Nodes; 3], theirs: &[Nodes; 3]) -> Result<()> {
 }
 
 /// Cells of a row of the table.
-type Row = [String; 10];
+type Row = [String; 11];
 
-const HEADINGS: [&str; 10] = [
+const HEADINGS: [&str; 11] = [
     "solver",
     "grid",
     "scheme",
+    "our lanes",
     "wall s",
     "our wall s",
     "ratio",
@@ -229,6 +288,7 @@ fn row(case: &Case, ours: &Ours, theirs: Option<&Theirs>) -> Row {
         theirs.map_or_else(none, Theirs::solver),
         case.grid.to_owned(),
         case.scheme.to_owned(),
+        ours.lanes.clone(),
         theirs.map_or_else(none, |theirs| seconds(theirs.wall_s)),
         seconds(ours.wall_s),
         theirs.map_or_else(none, |theirs| format!("{:.1}", theirs.wall_s / ours.wall_s)),
@@ -260,7 +320,7 @@ mod tests {
 
     use super::*;
 
-    const OURS: &str = r#"{"wall_s":0.5,"steps":364,
+    const OURS: &str = r#"{"wall_s":0.5,"steps":364,"lanes":"avx2",
         "axes":[[-6.0,20.0,51],[-10.0,10.0,40],[0.0,6.157521601035995,50]],
         "accuracy":{"mean_dx":0.017,"max_dx":0.889,"volume_percent":-0.067},
         "peer":{"mean_dx":0.021,"max_dx":0.894,"volume_percent":0.017},"apart_m":1.9}"#;
@@ -279,7 +339,7 @@ mod tests {
         let row = row(&CASES[1], &ours, Some(&theirs)).join(" | ");
         assert_eq!(
             row,
-            "hj_reachability 0.7.0, jax 0.10.2 | 51x40x50 | weno5 | 4.000 | 0.500 | 8.0 | 6 | \
+            "hj_reachability 0.7.0, jax 0.10.2 | 51x40x50 | weno5 | avx2 | 4.000 | 0.500 | 8.0 | 6 | \
              0.021/0.89 | 0.017/0.89 | +0.02, -0.07"
         );
     }
@@ -288,7 +348,21 @@ mod tests {
     fn our_figures_stand_without_the_peer() {
         let (ours, _) = both();
         let row = row(&CASES[1], &Ours { peer: None, ..ours }, None).join(" | ");
-        assert_eq!(row, "- | 51x40x50 | weno5 | - | 0.500 | - | 6 | - | 0.017/0.89 | -, -0.07");
+        assert_eq!(
+            row,
+            "- | 51x40x50 | weno5 | avx2 | - | 0.500 | - | 6 | - | 0.017/0.89 | -, -0.07"
+        );
+    }
+
+    #[test]
+    fn both_sides_keep_to_the_lanes() {
+        let arguments = Arguments::try_parse_from(["peers", "--lanes", "avx2"]).expect("a name");
+        let mut command = Command::new("python3");
+        Lanes::limit(arguments.lanes, &mut command);
+        let set: Vec<_> = command.get_envs().filter_map(|(_, value)| value?.to_str()).collect();
+        assert_eq!(set, ["avx2", "--xla_cpu_max_isa=AVX2"]);
+        let error = Arguments::try_parse_from(["peers", "--lanes", "sse"]).err().expect("no lanes");
+        assert!(error.to_string().contains("128-bit, avx2, avx512"), "{error}");
     }
 
     #[test]
@@ -306,7 +380,7 @@ mod tests {
         let (ours, theirs) = both();
         let text = table(&[HEADINGS.map(str::to_owned), row(&CASES[1], &ours, Some(&theirs))]);
         let columns: Vec<_> =
-            text.lines().map(|line| line.find(" 0.500").or(line.find(" our"))).collect();
+            text.lines().map(|line| line.find(" 0.500").or(line.find(" our wall"))).collect();
         assert_eq!(columns[0], columns[1], "{text}");
     }
 

@@ -1,9 +1,9 @@
 //! One Runge–Kutta stage on a run of nodes, in lanes. Most of a solve's time is spent here.
 
 use super::super::game::{Game, TERMS};
-use super::super::grid::Grid;
+use super::super::grid::{Boundary, Grid};
 use super::super::scheme::Stencil;
-use super::layout::{BLOCK, Layout};
+use super::layout::{BLOCK, Layout, fill_ghosts};
 use crate::parallel::Kernel;
 use crate::real::Real;
 
@@ -78,6 +78,25 @@ pub(super) struct Task<'a, 'b, T, const D: usize, G, S> {
     pub(super) stage: Stage<'a, T, D, G, S>,
     pub(super) first: usize,
     pub(super) slices: &'b mut [T],
+    /// How values continue, by axis.
+    pub(super) boundaries: [Boundary; D],
+}
+
+/// moved ← keep·other + (1 − keep)·moved.
+#[inline(always)]
+fn combine<T: Real>(keep: T, other: &[T; BLOCK], moved: &mut [T; BLOCK]) {
+    let share = T::from_f64(1.0) - keep;
+    for i in 0..BLOCK {
+        moved[i] = keep * other[i] + share * moved[i];
+    }
+}
+
+#[inline(always)]
+fn block_mut<T>(values: &mut [T], at: usize) -> &mut [T; BLOCK] {
+    match values[at..].first_chunk_mut() {
+        Some(block) => block,
+        None => panic!("arrays have room for a whole block behind the last cell"),
+    }
 }
 
 #[inline(always)]
@@ -91,9 +110,10 @@ pub(super) fn block<T>(values: &[T], at: usize) -> &[T; BLOCK] {
 impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T, D, G, S> {
     #[inline(always)]
     fn run(self) {
-        let Self { stage, first, slices } = self;
+        let Self { stage, first, slices, boundaries } = self;
         let layout = stage.layout;
-        let run_length = layout.run_length();
+        let mut carried = Carried::new(layout);
+        let mut scratch = Scratch { rights: [[T::ZERO; BLOCK]; D], moved: [T::ZERO; BLOCK] };
         for (i, slice) in slices.chunks_mut(layout.slice_length()).enumerate() {
             let slice_start = layout.lead() + (first + i) * layout.slice_length();
             for run in 0..layout.runs_per_slice() {
@@ -105,67 +125,202 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T,
                         [T::ZERO; TERMS]
                     }
                 });
+                stage.enter(i == 0, &index, slice_start, offset, &mut carried, &mut scratch);
                 let mut cell = 0;
-                while cell < run_length {
-                    let length = BLOCK.min(run_length - cell);
+                while cell < layout.run_length() {
                     let here = offset + cell;
+                    let length = BLOCK.min(layout.run_length() - cell);
                     let target = &mut slice[here..here + length];
-                    stage.block(&fixed, cell, slice_start + here, target);
+                    stage.block(
+                        &fixed,
+                        cell,
+                        slice_start,
+                        here,
+                        &mut carried,
+                        &mut scratch,
+                        target,
+                    );
                     cell += length;
                 }
             }
+            for d in 1..D {
+                fill_ghosts(slice, layout, d, boundaries[d]);
+            }
+            carried.next_slice();
+        }
+    }
+}
+
+/// What one block needs, in the nearest cache.
+struct Scratch<T, const D: usize> {
+    /// The right derivatives, by axis.
+    rights: [[T; BLOCK]; D],
+    /// The new values.
+    moved: [T; BLOCK],
+}
+
+/// Left derivatives of nodes that are still to come: a face gives them along with the right derivative of the
+/// node before it.
+struct Carried<T, const D: usize> {
+    /// By axis, at each node's place in its slice.
+    lefts: [Vec<T>; D],
+    /// Along axis 0, those of the next slice. Without loop axes there is one slice.
+    next: Vec<T>,
+}
+
+impl<T: Real, const D: usize> Carried<T, D> {
+    #[inline(always)]
+    fn new(layout: &Layout<D>) -> Self {
+        // A whole block behind the last cell, and the faces behind that.
+        let array = |stride: usize| vec![T::ZERO; layout.slice_length() + stride + BLOCK];
+        let next = if Layout::<D>::LOOP_AXES > 0 { array(0) } else { Vec::new() };
+        Self { lefts: layout.strides.map(|stride| array(stride.min(layout.slice_length()))), next }
+    }
+
+    /// Where the left derivatives belong that the faces behind the cells from `here` on give.
+    #[inline(always)]
+    fn behind(&mut self, d: usize, here: usize, layout: &Layout<D>) -> &mut [T; BLOCK] {
+        if d == 0 && Layout::<D>::LOOP_AXES > 0 {
+            return block_mut(&mut self.next, here);
+        }
+        block_mut(&mut self.lefts[d], here + layout.strides[d])
+    }
+
+    #[inline(always)]
+    fn next_slice(&mut self) {
+        if Layout::<D>::LOOP_AXES > 0 {
+            core::mem::swap(&mut self.lefts[0], &mut self.next);
         }
     }
 }
 
 impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
-    /// The block of cells from `cell` of a run, at `at` in the arrays.
+    /// The left derivatives of a run's first cells, along each axis whose first nodes they are; along axis 0
+    /// if this is the first slice of a task.
     #[inline(always)]
-    fn block(&self, fixed: &[[T; TERMS]; D], cell: usize, at: usize, target: &mut [T]) {
-        let mut moved = [T::ZERO; BLOCK];
-        self.advance(fixed, cell, at, &mut moved);
+    fn enter(
+        &self,
+        first: bool,
+        index: &[usize; D],
+        slice_start: usize,
+        offset: usize,
+        carried: &mut Carried<T, D>,
+        scratch: &mut Scratch<T, D>,
+    ) {
+        let (layout, loops) = (self.layout, Layout::<D>::LOOP_AXES);
+        for d in 0..D {
+            let stride = layout.strides[d];
+            let count = if d >= loops {
+                stride
+            } else if if d == 0 { first } else { index[d] == 0 } {
+                layout.run_length()
+            } else {
+                0
+            };
+            if stride == 1 && count == 1 {
+                let at = slice_start + offset - 1;
+                let value = |k: isize| self.source[at.wrapping_add_signed(k)];
+                carried.lefts[d][offset] = S::face(value, self.units[d]).1;
+                continue;
+            }
+            // What a last block computes too much is computed again before it is read.
+            for here in (offset..offset + count).step_by(BLOCK) {
+                let lefts = block_mut(&mut carried.lefts[d], here);
+                self.faces(d, slice_start + here - stride, &mut scratch.rights[d], lefts);
+            }
+        }
+    }
+
+    /// The right derivatives, along axis `d`, of the nodes from `at` on, and the left ones of the nodes behind
+    /// them.
+    #[inline(always)]
+    fn faces(&self, d: usize, at: usize, rights: &mut [T; BLOCK], lefts: &mut [T; BLOCK]) {
+        let stride = self.layout.strides[d];
+        let rows: [&[T; BLOCK]; 6] = core::array::from_fn(|k| {
+            let k = k.clamp(3 - S::REACH, 2 + S::REACH);
+            block(self.source, at + k * stride - 2 * stride)
+        });
+        for i in 0..BLOCK {
+            let (right, left) = S::face(|k| rows[(k + 2) as usize][i], self.units[d]);
+            rights[i] = right;
+            lefts[i] = left;
+        }
+    }
+
+    /// The block of cells from `cell` of a run, at `here` in their slice.
+    #[inline(always)]
+    fn block(
+        &self,
+        fixed: &[[T; TERMS]; D],
+        cell: usize,
+        slice_start: usize,
+        here: usize,
+        carried: &mut Carried<T, D>,
+        scratch: &mut Scratch<T, D>,
+        target: &mut [T],
+    ) {
+        let at = slice_start + here;
+        let Scratch { rights, moved } = scratch;
+        for (d, rights) in rights.iter_mut().enumerate() {
+            self.faces(d, at, rights, carried.behind(d, here, self.layout));
+        }
+        let lefts = core::array::from_fn(|d| block(&carried.lefts[d], here));
+        self.advance(fixed, cell, block(self.source, at), lefts, rights, moved);
+        if let Some(target) = target.first_chunk_mut() {
+            self.settle(at, moved, target);
+        } else {
+            let mut padded = [T::ZERO; BLOCK];
+            padded[..target.len()].copy_from_slice(target);
+            self.settle(at, moved, &mut padded);
+            target.copy_from_slice(&padded[..target.len()]);
+        }
+    }
+
+    /// Combines the moved values with the base and limits them.
+    #[inline(always)]
+    fn settle(&self, at: usize, moved: &mut [T; BLOCK], target: &mut [T; BLOCK]) {
         match self.base {
             Base::Nothing => {}
-            Base::Own(keep) => {
-                let share = T::from_f64(1.0) - keep;
-                for (moved, own) in moved.iter_mut().zip(target.iter()) {
-                    *moved = keep * *own + share * *moved;
-                }
-            }
-            Base::Other(keep, other) => {
-                let share = T::from_f64(1.0) - keep;
-                let other = block(other, at);
+            Base::Own(keep) => combine(keep, target, moved),
+            Base::Other(keep, other) => combine(keep, block(other, at), moved),
+        }
+        // Into another array than the one that is read, else the compiler makes stores conditional, which are
+        // slow. This order of comparison preserves a NaN from the game.
+        match (self.ceiling, self.floor) {
+            (None, None) => *target = *moved,
+            (Some(ceiling), None) => {
+                let ceiling = block(ceiling, at);
                 for i in 0..BLOCK {
-                    moved[i] = keep * other[i] + share * moved[i];
+                    target[i] = ceiling[i].smaller(moved[i]);
+                }
+            }
+            (None, Some(floor)) => {
+                let floor = block(floor, at);
+                for i in 0..BLOCK {
+                    target[i] = floor[i].larger(moved[i]);
+                }
+            }
+            (Some(ceiling), Some(floor)) => {
+                let (ceiling, floor) = (block(ceiling, at), block(floor, at));
+                for i in 0..BLOCK {
+                    target[i] = floor[i].larger(ceiling[i].smaller(moved[i]));
                 }
             }
         }
-        // This order of comparison preserves a NaN from the game.
-        if let Some(ceiling) = self.ceiling {
-            let ceiling = block(ceiling, at);
-            for i in 0..BLOCK {
-                moved[i] = ceiling[i].smaller(moved[i]);
-            }
-        }
-        if let Some(floor) = self.floor {
-            let floor = block(floor, at);
-            for i in 0..BLOCK {
-                moved[i] = floor[i].larger(moved[i]);
-            }
-        }
-        target.copy_from_slice(&moved[..target.len()]);
     }
 
     /// source + time step · H of every cell of the block.
     #[inline(always)]
-    fn advance(&self, fixed: &[[T; TERMS]; D], cell: usize, at: usize, moved: &mut [T; BLOCK]) {
+    fn advance(
+        &self,
+        fixed: &[[T; TERMS]; D],
+        cell: usize,
+        source: &[T; BLOCK],
+        lefts: [&[T; BLOCK]; D],
+        rights: &[[T; BLOCK]; D],
+        moved: &mut [T; BLOCK],
+    ) {
         let loops = Layout::<D>::LOOP_AXES;
-        let rows: [[&[T; BLOCK]; 7]; D] = core::array::from_fn(|d| {
-            core::array::from_fn(|k| {
-                let k = k.clamp(3 - S::REACH, 3 + S::REACH);
-                block(self.source, at + k * self.layout.strides[d] - 3 * self.layout.strides[d])
-            })
-        });
         let tables: [[&[T; BLOCK]; TERMS]; D] = core::array::from_fn(|d| {
             core::array::from_fn(|k| block(&self.tables.runs[d.max(loops)][k], cell))
         });
@@ -178,38 +333,17 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             }
             let mut gradient = [T::ZERO; D];
             let mut jump = [T::ZERO; D];
-            // Written out, because the compiler would not unroll a loop of this size before it vectorises.
-            self.slope(&rows, 0, i, &mut gradient, &mut jump);
-            if D > 1 {
-                self.slope(&rows, 1, i, &mut gradient, &mut jump);
-            }
-            if D > 2 {
-                self.slope(&rows, 2, i, &mut gradient, &mut jump);
-            }
-            if D > 3 {
-                self.slope(&rows, 3, i, &mut gradient, &mut jump);
+            for d in 0..D {
+                let (left, right) = (lefts[d][i], rights[d][i]);
+                gradient[d] = (left + right) * self.half_mean;
+                jump[d] = (right - left) * self.half_difference;
             }
             let speeds = self.game.speed_bounds(&terms);
             let mut rate = self.game.hamiltonian(&terms, gradient);
             for d in 0..D {
                 rate += speeds[d] * jump[d];
             }
-            moved[i] = rows[0][3][i] + self.time_step * rate;
+            moved[i] = source[i] + self.time_step * rate;
         }
-    }
-
-    /// Mean and half difference of the two derivatives along axis `d`.
-    #[inline(always)]
-    fn slope(
-        &self,
-        rows: &[[&[T; BLOCK]; 7]; D],
-        d: usize,
-        i: usize,
-        gradient: &mut [T; D],
-        jump: &mut [T; D],
-    ) {
-        let (left, right) = S::pair(|k| rows[d][(k + 3) as usize][i], self.units[d]);
-        gradient[d] = (left + right) * self.half_mean;
-        jump[d] = (right - left) * self.half_difference;
     }
 }

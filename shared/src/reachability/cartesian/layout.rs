@@ -80,6 +80,7 @@ impl<const D: usize> Layout<D> {
 }
 
 /// Fills the ghosts of `axis` in `data`, whose entries form whole slices of it.
+#[inline(always)]
 pub(super) fn fill_ghosts<T: Real, const D: usize>(
     data: &mut [T],
     layout: &Layout<D>,
@@ -89,42 +90,58 @@ pub(super) fn fill_ghosts<T: Real, const D: usize>(
     let (reach, nodes, stride) = (layout.reach, layout.nodes[axis], layout.strides[axis]);
     let padded = (nodes + 2 * reach) * stride;
     for line in data.chunks_exact_mut(padded) {
-        let row = |i: usize| i * stride..(i + 1) * stride;
         match boundary {
+            Boundary::Periodic if stride == 1 => wrap(line, reach, nodes),
             Boundary::Periodic => {
-                for k in 0..reach {
-                    // Modulo, since a short axis wraps more than once.
-                    let low = (nodes * reach + k - reach) % nodes;
-                    line.copy_within(row(reach + low), row(k).start);
-                    line.copy_within(row(reach + k % nodes), row(reach + nodes + k).start);
+                for (from, to) in wrapped(reach, nodes) {
+                    line.copy_within(from * stride..(from + 1) * stride, to * stride);
                 }
             }
             Boundary::Extrapolate => {
-                for (edge, inner, ghosts) in [
-                    (
-                        reach,
-                        reach + 1,
-                        core::array::from_fn::<_, 3, _>(|k| reach.checked_sub(k + 1)),
-                    ),
-                    (
-                        reach + nodes - 1,
-                        reach + nodes - 2,
-                        core::array::from_fn(|k| (k < reach).then_some(reach + nodes + k)),
-                    ),
-                ] {
-                    for s in 0..stride {
-                        let (end, before) = (line[edge * stride + s], line[inner * stride + s]);
-                        let slope = (end - before).abs();
-                        let slope = if end < T::ZERO { -slope } else { slope };
-                        let mut value = end;
-                        for ghost in ghosts.into_iter().flatten() {
-                            value += slope;
-                            line[ghost * stride + s] = value;
-                        }
-                    }
+                let (low, rest) = line.split_at_mut(reach * stride);
+                let (inside, high) = rest.split_at_mut(nodes * stride);
+                let last = (nodes - 1) * stride;
+                let row = |at: usize| &inside[at..at + stride];
+                for k in 0..reach {
+                    let ghost = &mut low[(reach - 1 - k) * stride..(reach - k) * stride];
+                    extend(ghost, row(0), row(stride), k);
+                    let ghost = &mut high[k * stride..(k + 1) * stride];
+                    extend(ghost, row(last), row(last - stride), k);
                 }
             }
         }
+    }
+}
+
+/// The ghosts of a periodic axis: the node that each repeats, and itself.
+#[inline(always)]
+fn wrapped(reach: usize, nodes: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..reach).flat_map(move |k| {
+        // Modulo, since a short axis wraps more than once.
+        let low = (nodes * reach + k - reach) % nodes;
+        [(reach + low, k), (reach + k % nodes, reach + nodes + k)]
+    })
+}
+
+/// Fills the ghosts of a periodic row: single copies would take longer than a stage's arithmetic.
+#[inline(always)]
+fn wrap<T: Copy>(line: &mut [T], reach: usize, nodes: usize) {
+    for (from, to) in wrapped(reach, nodes) {
+        line[to] = line[from];
+    }
+}
+
+/// The `k`-th row of ghosts beyond the row `edge`, whose neighbour is `inner`.
+#[inline(always)]
+fn extend<T: Real>(ghosts: &mut [T], edge: &[T], inner: &[T], k: usize) {
+    for ((ghost, edge), inner) in ghosts.iter_mut().zip(edge).zip(inner) {
+        let slope = (*edge - *inner).abs();
+        let slope = if *edge < T::ZERO { -slope } else { slope };
+        let mut value = *edge;
+        for _ in 0..=k {
+            value += slope;
+        }
+        *ghost = value;
     }
 }
 

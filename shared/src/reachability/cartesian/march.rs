@@ -8,7 +8,7 @@ use super::kernel::{Base, Stage, Tables, Task};
 use super::layout::{BLOCK, Layout, each_interior, fill_ghosts};
 use super::{Direction, Horizon, Kind, Problem, Region, Settings, Solution};
 use crate::invalid::Invalid;
-use crate::parallel::{Workers, in_widest_lanes};
+use crate::parallel::{Lanes, Workers, in_lanes};
 use crate::real::Real;
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicUsize, Ordering};
@@ -20,6 +20,7 @@ struct Marcher<'a, T, const D: usize, G, S> {
     units: [T; D],
     scale: f64,
     workers: Workers,
+    lanes: Lanes,
     slices_per_chunk: usize,
     scheme: core::marker::PhantomData<S>,
 }
@@ -50,13 +51,12 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             scheme: core::marker::PhantomData,
         };
         let layout = &self.layout;
+        let boundaries = self.problem.grid.axes.map(|axis| axis.boundary);
         let (lead, slice) = (layout.lead(), layout.slice_length());
         let inside = &mut destination[lead..lead + layout.slices() * slice];
         self.workers.for_chunks(inside, self.slices_per_chunk * slice, |chunk, slices| {
-            in_widest_lanes(Task { stage, first: chunk * self.slices_per_chunk, slices });
-            for d in 1..D {
-                fill_ghosts(slices, layout, d, self.problem.grid.axes[d].boundary);
-            }
+            let first = chunk * self.slices_per_chunk;
+            in_lanes(self.lanes, Task { stage, first, slices, boundaries });
         });
         fill_ghosts(destination, layout, 0, self.problem.grid.axes[0].boundary);
     }
@@ -172,7 +172,8 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         units: [T::ZERO; D],
         scale: 1.0,
         workers: Workers::new(threads),
-        slices_per_chunk: layout.slices().div_ceil(8 * threads),
+        lanes: settings.lanes,
+        slices_per_chunk: layout.slices().div_ceil(4 * threads),
         scheme: core::marker::PhantomData,
     };
     let array = || vec![T::ZERO; layout.length];
