@@ -25,7 +25,7 @@ use crate::features::FEATURES;
 use crate::invalid::Invalid;
 use crate::predict::Predictor;
 use crate::reach::polygon::signed_area;
-use crate::reach::{PolygonSettings, ReachableSet, Workspace};
+use crate::reach::{Outline, PolygonSettings, ReachableSet, Workspace};
 use crate::safety::SafetyLevels;
 use crate::scene::{JointState, SceneParameters};
 
@@ -150,14 +150,31 @@ pub struct NestedSet {
     /// Every position reachable within the steps ahead: a closed counter-clockwise polygon in the world
     /// frame, m.
     pub tube: Vec<[f64; 2]>,
+    /// Whether the tube follows the set or is a convex polygon around it.
+    pub tube_outline: Outline,
     /// Area of the tube, m².
     pub area_m2: f64,
     /// The positions reachable after exactly 1 … T steps, each as a polygon like the tube; empty
     /// without [`ShfrsSettings::by_step`].
     pub steps: Vec<Vec<[f64; 2]>>,
+    /// The same as `tube_outline` for each polygon of `steps`.
+    pub step_outlines: Vec<Outline>,
 }
 
 impl NestedSet {
+    /// Memory for a set.
+    fn empty(bounds: InputBounds) -> Self {
+        Self {
+            epsilon: 0.0,
+            bounds,
+            tube: Vec::new(),
+            tube_outline: Outline::Refined { margin_m: 0.0 },
+            area_m2: 0.0,
+            steps: Vec::new(),
+            step_outlines: Vec::new(),
+        }
+    }
+
     /// Replaces this set by `reachable`, the set of these bounds.
     fn take(
         &mut self,
@@ -169,12 +186,15 @@ impl NestedSet {
     ) {
         self.epsilon = epsilon;
         self.bounds.clone_from(bounds);
-        reachable.tube_polygon_into(settings.polygon, workspace, &mut self.tube);
+        self.tube_outline =
+            reachable.tube_polygon_into(settings.polygon, workspace, &mut self.tube);
         self.area_m2 = signed_area(&self.tube);
         self.steps.resize_with(if settings.by_step { reachable.steps() } else { 0 }, Vec::new);
-        for (i, polygon) in self.steps.iter_mut().enumerate() {
-            reachable.step_polygon_into(i + 1, settings.polygon, workspace, polygon);
-        }
+        let steps = self.steps.iter_mut().enumerate().map(|(i, polygon)| {
+            reachable.step_polygon_into(i + 1, settings.polygon, workspace, polygon)
+        });
+        self.step_outlines.clear();
+        self.step_outlines.extend(steps);
     }
 }
 
@@ -259,8 +279,7 @@ impl ShfrsPredictor {
                 None => self.reachable.push(ReachableSet::new(start, bounds, speed, step)?),
             }
             if j == sets.len() {
-                let (tube, steps) = (Vec::new(), Vec::new());
-                sets.push(NestedSet { epsilon, bounds: bounds.clone(), tube, area_m2: 0.0, steps });
+                sets.push(NestedSet::empty(bounds.clone()));
             }
             sets[j].take(epsilon, bounds, &self.reachable[j], settings, &mut self.workspace);
         }
@@ -344,6 +363,31 @@ mod tests {
                 found.sets.iter().all(|set| set.steps.len() == if by_step { steps } else { 0 })
             );
         }
+    }
+
+    #[test]
+    fn every_polygon_says_of_which_kind_it_is() {
+        let (parameters, safety, predictor) = setup([0.6, 0.3, 0.1]);
+        let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
+        let now = [JointState { human: Pose::new(1.0, 2.0, 0.5), robot: Pose::new(9.0, 2.0, 3.0) }];
+        let usual = ShfrsSettings { by_step: true, ..ShfrsSettings::paper(3).unwrap() };
+        let kinds = |polygon| {
+            let settings = ShfrsSettings { polygon, ..usual.clone() };
+            let sets = predict(&now, &parameters, &human, &settings).unwrap().sets;
+            assert!(sets.iter().all(|set| set.step_outlines.len() == set.steps.len()));
+            let kinds = sets.into_iter().map(|set| [set.step_outlines, vec![set.tube_outline]]);
+            kinds.flatten().flatten().collect::<Vec<_>>()
+        };
+        let refined = |kind: &Outline| *kind == Outline::Refined { margin_m: 0.0 };
+        assert!(kinds(usual.polygon).iter().all(refined));
+        let convex = kinds(usual.polygon.with_most_work(0));
+        assert!(convex.iter().all(|kind| *kind == Outline::ConvexHull));
+        let surely = kinds(usual.polygon.conservative());
+        assert!(
+            surely
+                .iter()
+                .any(|kind| matches!(kind, Outline::Refined { margin_m } if *margin_m > 0.0))
+        );
     }
 
     #[test]
