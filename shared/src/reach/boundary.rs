@@ -60,7 +60,7 @@ impl Workspace {
         step: usize,
         least: usize,
         tolerance: f64,
-        budget: &Budget,
+        budget: &Budget<'_>,
     ) {
         let Self { boundary, curves, family, envelope, outliner, .. } = self;
         boundary.clear();
@@ -113,7 +113,7 @@ impl Workspace {
         paths: &Paths,
         least: usize,
         tolerance: f64,
-        budget: &Budget,
+        budget: &Budget<'_>,
     ) {
         let Self { boundary, curve, curves, family, outliner, .. } = self;
         let steps = paths.steps();
@@ -200,7 +200,7 @@ fn sideways(
     phi: f64,
     (least_pieces, tolerance): (usize, f64),
     points: &mut Vec<Complex<f64>>,
-    budget: &Budget,
+    budget: &Budget<'_>,
 ) {
     let each = least_pieces.div_ceil(paths.steps());
     points.push(Complex::new(0.0, 0.0));

@@ -24,10 +24,12 @@ mod slice;
 mod body_point;
 mod origins;
 
+use super::budget::{Budget, Cancelled, Progress};
 use super::paths::unit;
 use super::set::ReachableSet;
 use crate::math::TAU;
 use crate::vehicle::Pose;
+use core::ops::ControlFlow;
 use nalgebra::Complex;
 use origins::Origins;
 use slice::Slice;
@@ -55,12 +57,15 @@ pub enum Membership {
     Inside,
     /// It is not: that is proven for all bounds that are accepted, to rounding.
     Outside,
-    /// It was not found to be, and there is no proof that it is not.
+    /// It was not found to be, and no proof was found that it is not.
     Open,
 }
 
 /// Proofs that a state is outside are tried this often.
 const MOST_TRIALS: usize = 24;
+
+/// Most units of work on one state, as those of polygons.
+const MOST_WORK: usize = 4_000_000;
 
 /// How far inside the set a state is. Both numbers are positive inside.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,7 +102,7 @@ impl ReachableSet {
     /// 10⁶ rad, is not.
     ///
     /// It is never false for such a state, whatever the bounds: it is true unless the state is proven to be
-    /// [outside](Membership::Outside). It can be true for a state farther away, if that takes more than 24 trials (see
+    /// [outside](Membership::Outside). It can be true for a state farther away, if that takes more than 24 trials or much work (see
     /// [`Self::state_membership`], which tells the two apart).
     ///
     /// # Panics
@@ -109,7 +114,8 @@ impl ReachableSet {
 
     /// The same as [`Self::contains_state`], with three answers, and at most `trials` trials to prove that the
     /// state is outside. All of them together took 30 to 230 µs a state at turns of 0.1 rad a step,
-    /// 10 to 15 steps, and up to 50 ms at 100 steps of half a turn.
+    /// 10 to 15 steps. The work is bounded as that of a polygon is (by four million units, some hundredths of a second),
+    /// whatever the bounds, the start and the number of trials: beyond that the state is [open](Membership::Open).
     ///
     /// A state found inside is reachable to 10⁻⁶ m beyond the tolerance. If the start is a set, it is
     /// inside if some pose of it leads there, and may be if one leads to within 10⁻⁴ s of travel of it.
@@ -124,9 +130,43 @@ impl ReachableSet {
         tolerance: Tolerance,
         trials: usize,
     ) -> Membership {
+        self.decide(step, state, tolerance, trials, &Budget::new(MOST_WORK))
+    }
+
+    /// The same as [`Self::state_membership`], as long as `progress` lets it go on. It is asked at the beginning and after
+    /// every few tenths of a millisecond.
+    ///
+    /// # Errors
+    /// [`Cancelled`] if `progress` breaks off.
+    ///
+    /// # Panics
+    /// If `step` > [`Self::steps`].
+    pub fn try_state_membership(
+        &self,
+        step: usize,
+        state: Pose,
+        tolerance: Tolerance,
+        trials: usize,
+        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<Membership, Cancelled> {
+        Budget::reported(MOST_WORK, progress, |budget| {
+            self.decide(step, state, tolerance, trials, budget)
+        })
+    }
+
+    fn decide(
+        &self,
+        step: usize,
+        state: Pose,
+        tolerance: Tolerance,
+        trials: usize,
+        budget: &Budget<'_>,
+    ) -> Membership {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
+        // Whatever the state, it takes some.
+        budget.spend(1);
         if state.psi.abs() <= MOST_RAD {
-            Origins::new(self, step, state, tolerance).decide(trials)
+            Origins::new(self, step, state, tolerance, budget).decide(trials)
         } else {
             Membership::Outside
         }
@@ -149,8 +189,9 @@ impl ReachableSet {
             return best;
         }
         let rank = |margins: &StateMargins| (margins.heading_rad.min(0.0), margins.position_m);
+        let budget = Budget::new(usize::MAX);
         for heading in self.branches(step, state, TAU) {
-            let slice = Slice::new(&self.paths, step, heading.clamp(low, high));
+            let slice = Slice::new(&self.paths, step, heading.clamp(low, high), &budget);
             let (margin, curve) = slice.margin(position);
             let margins = StateMargins {
                 heading_rad: (heading - low).min(high - heading),

@@ -59,7 +59,7 @@ pub(super) struct Brush {
 impl Brush {
     /// Replaces the boundary in the workspace, which must be [tidy](super::outline::Outliner::tidy), by that of its Minkowski
     /// sum with the brush. The disc is followed within `tolerance`.
-    pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace, budget: &Budget) {
+    pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace, budget: &Budget<'_>) {
         if self.radius == 0.0 && self.half == [0.0; 2] || budget.is_spent() {
             return;
         }
@@ -142,9 +142,26 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
 /// within `tolerance`.
 ///
 /// The union is bounded by edges of the set at both ends of the rotation and by arcs of those
-/// points whose distance from the origin is a local maximum or minimum along the boundary.
-pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budget: &Budget) {
-    let Workspace { boundary, curve, outliner, .. } = workspace;
+/// points whose distance from the origin is a local maximum or minimum along the boundary; rises and falls by less than the
+/// tolerance do not count.
+pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budget: &Budget<'_>) {
+    let Workspace { boundary, curve, brush, outliner, .. } = workspace;
+    let drawn = |point: Point| {
+        let radius = point.norm_sqr().sqrt();
+        (2.0 * angle * (radius / (8.0 * tolerance)).sqrt()).ceil().max(1.0) as usize
+    };
+    let Some(farthest) = extremes(boundary, tolerance, brush) else { return };
+    if angle >= PI {
+        let count = drawn(farthest);
+        let part = unit(TAU / count as f64);
+        boundary.clear();
+        boundary.push(farthest);
+        for i in 1..count {
+            boundary.push(boundary[i - 1] * part);
+        }
+        outliner.tidy(boundary, budget);
+        return;
+    }
     outliner.clear();
     let ends = [unit(-angle), unit(angle)];
     for end in ends {
@@ -152,35 +169,58 @@ pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budg
         curve.extend(boundary.iter().map(|point| point * end));
         outliner.add_closed(curve);
     }
-    let mut arc = |point: Point| {
-        let radius = point.norm_sqr().sqrt();
-        let count = (2.0 * angle * (radius / (8.0 * tolerance)).sqrt()).ceil().max(1.0) as usize;
+    for &point in brush.iter() {
+        let count = drawn(point);
         budget.spend(count);
         if budget.is_spent() {
             return;
         }
-        let step = unit(2.0 * angle / count as f64);
+        let part = unit(2.0 * angle / count as f64);
         curve.clear();
         curve.push(point * ends[0]);
         for i in 1..count {
-            curve.push(curve[i - 1] * step);
+            curve.push(curve[i - 1] * part);
         }
         curve.push(point * ends[1]);
         outliner.add(curve);
-    };
-    let n = boundary.len();
-    for (i, &point) in boundary.iter().enumerate() {
-        let (before, after) = (boundary[(i + n - 1) % n], boundary[(i + 1) % n]);
-        let [d, d0, d1] = [point, before, after].map(|p| p.norm_sqr());
-        if (d >= d0 && d >= d1) || (d <= d0 && d <= d1) {
-            arc(point);
-        }
-        let edge = after - point;
-        let nearest = -(point * edge.conj()).re / edge.norm_sqr();
-        if nearest > 0.0 && nearest < 1.0 {
-            arc(point + edge * nearest);
-        }
     }
     boundary.truncate(1);
     outliner.outline(boundary, budget);
+}
+
+/// Replaces `found` by the points of a closed polygon at which the distance from the origin is extreme, the farthest first,
+/// then minima and maxima in turn; returns the farthest. From each to the next the distance changes by at least `least`, but
+/// there is always one minimum.
+fn extremes(polygon: &[Point], least: f64, found: &mut Vec<Point>) -> Option<Point> {
+    found.clear();
+    let distance = |point: Point| point.norm_sqr().sqrt();
+    let n = polygon.len();
+    let farthest = (0..n).max_by(|&i, &j| polygon[i].norm_sqr().total_cmp(&polygon[j].norm_sqr()));
+    let first = farthest?;
+    found.push(polygon[first]);
+    // What may become the next extreme, and whether that is a minimum.
+    let (mut next, mut nearer) = (polygon[first], true);
+    let mut look = |point: Point| {
+        let further = distance(point) - distance(next);
+        let further = if nearer { -further } else { further };
+        if further > 0.0 {
+            next = point;
+        } else if further <= -least {
+            found.push(next);
+            (next, nearer) = (point, !nearer);
+        }
+    };
+    for i in first..first + n {
+        let (from, to) = (polygon[i % n], polygon[(i + 1) % n]);
+        let edge = to - from;
+        let foot = -(from * edge.conj()).re / edge.norm_sqr();
+        if foot > 0.0 && foot < 1.0 {
+            look(from + edge * foot);
+        }
+        look(to);
+    }
+    if found.len() == 1 {
+        found.push(next);
+    }
+    found.first().copied()
 }

@@ -134,8 +134,11 @@ const MOST_CORNERS: usize = 1_500;
 /// A curve with more extremes of the distance from the vehicle is replaced by its outline.
 const MOST_EXTREMES: usize = 24;
 
-/// What sweeping a corner takes, in units of a [`Budget`].
+/// What sweeping a corner takes, and comparing two edges in it, in units of a [`Budget`].
 const SWEEPING: usize = 8;
+
+/// What drawing and loosening take for each vertex.
+const LOOSENING: usize = 6;
 
 /// Shares of the accuracy: errors of the pieces, drawing arcs as lines, and leaving out vertices.
 const OF_PIECES: f64 = 0.2;
@@ -182,10 +185,11 @@ impl Outer {
         outliner: &mut Outliner,
         scratch: &mut Vec<Point>,
         boundary: &mut Vec<Point>,
-        budget: &Budget,
+        budget: &Budget<'_>,
     ) -> f64 {
         let error = self.surround(paths, request, (outliner, budget), scratch, boundary);
         polyline(&self.curve.corners, OF_ARCS * request.accuracy, boundary);
+        budget.spend(LOOSENING * boundary.len());
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         outliner.tidy(boundary, budget);
         // Each tooth that is left would go round with the whole of an uncertain position.
@@ -201,7 +205,7 @@ impl Outer {
         request: Request,
         line: [Point; 2],
         outliner: &mut Outliner,
-        budget: &Budget,
+        budget: &Budget<'_>,
     ) -> f64 {
         let (mut scratch, mut boundary) = (Vec::new(), Vec::new());
         let drawing = (outliner, budget);
@@ -210,6 +214,7 @@ impl Outer {
             return 0.0;
         }
         polyline(&self.curve.corners, OF_ARCS * request.accuracy, &mut boundary);
+        budget.spend(boundary.len());
         outside_by(&boundary, line) - error
     }
 
@@ -218,7 +223,7 @@ impl Outer {
         &mut self,
         paths: &Paths,
         request: Request,
-        (outliner, budget): (&mut Outliner, &Budget),
+        (outliner, budget): (&mut Outliner, &Budget<'_>),
         scratch: &mut Vec<Point>,
         boundary: &mut Vec<Point>,
     ) -> f64 {
@@ -259,10 +264,14 @@ impl Outer {
                 }
                 budget.spend(SWEEPING * self.curve.corners.len());
                 let extremes = self.curve.sweep(angle);
+                budget.spend(SWEEPING * self.curve.compared);
                 let corners = self.curve.corners.len();
                 if extremes > 2 * kept.0 + MOST_EXTREMES || corners > 2 * kept.1 + MOST_CORNERS {
                     self.simplify(arcs, (outliner, budget), scratch, boundary);
                     kept = (extremes, self.curve.corners.len());
+                    if request.tube {
+                        self.curve.begin_nearest();
+                    }
                 }
                 if request.tube {
                     self.curve.begin_at_origin();
@@ -279,11 +288,12 @@ impl Outer {
     fn simplify(
         &mut self,
         tolerance: f64,
-        (outliner, budget): (&mut Outliner, &Budget),
+        (outliner, budget): (&mut Outliner, &Budget<'_>),
         scratch: &mut Vec<Point>,
         boundary: &mut Vec<Point>,
     ) {
         polyline(&self.curve.corners, tolerance, boundary);
+        budget.spend(LOOSENING * boundary.len());
         loosen(boundary, scratch, tolerance);
         outliner.tidy(boundary, budget);
         coarsen(boundary, scratch, tolerance);

@@ -87,7 +87,7 @@ impl Outliner {
     /// curves, counter-clockwise, without the first point repeated: whatever the
     /// curves enclose is filled. The curves must hang together through shared points
     /// or crossings. If they have no length, or once the budget is spent, `boundary` stays as it is.
-    pub(super) fn outline(&mut self, boundary: &mut Vec<Point>, budget: &Budget) {
+    pub(super) fn outline(&mut self, boundary: &mut Vec<Point>, budget: &Budget<'_>) {
         budget.spend(SORTING * self.edges.len());
         if budget.is_spent() {
             return;
@@ -102,9 +102,14 @@ impl Outliner {
             if self.cuts.is_empty() {
                 break;
             }
+            budget.spend(SORTING * (self.edges.len() + self.cuts.len()));
             self.cut();
         }
         if self.edges.is_empty() {
+            return;
+        }
+        budget.spend(2 * SORTING * self.edges.len());
+        if budget.is_spent() {
             return;
         }
         self.darts.clear();
@@ -115,7 +120,7 @@ impl Outliner {
     }
 
     /// Replaces a closed boundary by its outline, without crossings and counter-clockwise.
-    pub(super) fn tidy(&mut self, boundary: &mut Vec<Point>, budget: &Budget) {
+    pub(super) fn tidy(&mut self, boundary: &mut Vec<Point>, budget: &Budget<'_>) {
         self.clear();
         self.add_closed(boundary);
         boundary.truncate(1);
@@ -126,7 +131,7 @@ impl Outliner {
     ///
     /// The plane is cut into strips about as high as edges are, and only edges of one strip are compared,
     /// in order of their smallest x.
-    fn find_cuts(&mut self, budget: &Budget) {
+    fn find_cuts(&mut self, budget: &Budget<'_>) {
         self.cuts.clear();
         let n = self.edges.len();
         let rise: i64 = self.edges.iter().map(|(a, b)| (b[1] - a[1]).abs()).sum();

@@ -161,6 +161,10 @@ impl Path {
 /// more.
 pub(crate) const NEARLY_ZERO: f64 = 1e-4;
 
+/// Bounds that forbid driving straight by less than this, rad/s, graze it: neighbouring extremals diverge so fast there that not
+/// every one between them is found.
+const GRAZING: f64 = 0.01;
+
 /// The bounds and their two outermost paths.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Paths {
@@ -205,6 +209,14 @@ impl Paths {
     /// May one drive straight in each of the first `steps` steps?
     pub(super) fn straight_always(&self, steps: usize) -> bool {
         (0..steps).all(|step| self.straight_admissible(step))
+    }
+
+    /// Whether one of the first `steps` steps has a choice that just does not admit to drive straight.
+    pub(super) fn graze_straight(&self, steps: usize) -> bool {
+        self.lo.iter().zip(&self.hi).take(steps).any(|(lo, hi)| {
+            let forbidden_by = lo.max(-hi);
+            lo < hi && 0.0 < forbidden_by && forbidden_by < GRAZING
+        })
     }
 
     /// The range of φ, rad (≤ 0 and ≥ 0), with which extremals of the front may end after

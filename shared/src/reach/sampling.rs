@@ -158,7 +158,7 @@ pub(super) fn sample(
     pieces: usize,
     tolerance: f64,
     bridge: &impl Fn(f64, f64, &mut Vec<Complex<f64>>),
-    (points, budget): (&mut Vec<Complex<f64>>, &Budget),
+    (points, budget): (&mut Vec<Complex<f64>>, &Budget<'_>),
 ) {
     let mut start = (from, curve(from));
     for i in 1..=pieces {
@@ -175,7 +175,7 @@ fn halve(
     tolerance: f64,
     halvings: u32,
     bridge: &impl Fn(f64, f64, &mut Vec<Complex<f64>>),
-    (points, budget): (&mut Vec<Complex<f64>>, &Budget),
+    (points, budget): (&mut Vec<Complex<f64>>, &Budget<'_>),
 ) {
     if triangle_height(start.1, end.1) <= tolerance || budget.is_spent() {
         points.push(end.1.point);

@@ -1,7 +1,7 @@
 //! The set from a start, and the polygons around it.
 
 use super::boundary::Workspace;
-use super::budget::Budget;
+use super::budget::{Budget, Cancelled, Progress};
 use super::hull;
 use super::minkowski::{self, Brush};
 use super::outer::Request;
@@ -13,6 +13,7 @@ use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
 use crate::math::PI;
 use crate::vehicle::Pose;
+use core::ops::ControlFlow;
 use nalgebra::Complex;
 
 /// Every position that a vehicle can reach from a start pose under
@@ -33,6 +34,9 @@ const MOST_RAD: f64 = 1e4;
 
 /// A boundary is widened at most this often. Once was always enough.
 const MOST_WIDENINGS: usize = 4;
+
+/// A boundary that is followed without extremals takes at most so many pieces of time.
+const MOST_PIECES: usize = 10_000;
 
 /// Longest step, m.
 const MOST_STEP_M: f64 = 100.0;
@@ -125,7 +129,7 @@ impl ReachableSet {
 
     /// The positions reachable after exactly `step` steps, as a polygon in the
     /// world frame, m, counter-clockwise, the first vertex not repeated. Its
-    /// vertices lie on the boundary; its edges follow it within
+    /// vertices lie on the boundary, unless bounds forbid to drive straight by less than 0.01 rad/s; its edges follow it within
     /// [`PolygonSettings::accuracy_m`]. It neither crosses nor touches itself: parts without width, as where bounds leave
     /// no choice, are drawn a five-hundredth of the accuracy wide. A set that is a single position, as at
     /// step 0, has one vertex. For [conservative](PolygonSettings::conservative) polygons see
@@ -155,7 +159,30 @@ impl ReachableSet {
         polygon: &mut Vec<[f64; 2]>,
     ) -> Outline {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
-        self.draw((step, false), settings, workspace, polygon)
+        let budget = Budget::new(settings.most_work());
+        self.draw((step, false), settings, workspace, polygon, &budget)
+    }
+
+    /// The same as [`Self::step_polygon_into`], as long as `progress` lets it go on. It is asked at the beginning and after
+    /// every few tenths of a millisecond.
+    ///
+    /// # Errors
+    /// [`Cancelled`] if `progress` breaks off. Then `polygon` is as it was.
+    ///
+    /// # Panics
+    /// If `step` > [`Self::steps`].
+    pub fn try_step_polygon_into(
+        &self,
+        step: usize,
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+        polygon: &mut Vec<[f64; 2]>,
+        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<Outline, Cancelled> {
+        assert!(step <= self.steps(), "step {step} of {}", self.steps());
+        Budget::reported(settings.most_work(), progress, |budget| {
+            self.draw((step, false), settings, workspace, polygon, budget)
+        })
     }
 
     /// The positions reachable at any instant from the start to the last step,
@@ -176,27 +203,47 @@ impl ReachableSet {
         workspace: &mut Workspace,
         polygon: &mut Vec<[f64; 2]>,
     ) -> Outline {
-        self.draw((self.steps(), true), settings, workspace, polygon)
+        let budget = Budget::new(settings.most_work());
+        self.draw((self.steps(), true), settings, workspace, polygon, &budget)
     }
 
-    /// Replaces the polygon by that of a step, or by that of the tube up to then.
+    /// The same as [`Self::tube_polygon_into`], as long as `progress` lets it go on; see [`Self::try_step_polygon_into`].
+    ///
+    /// # Errors
+    /// [`Cancelled`] if `progress` breaks off. Then `polygon` is as it was.
+    pub fn try_tube_polygon_into(
+        &self,
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+        polygon: &mut Vec<[f64; 2]>,
+        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<Outline, Cancelled> {
+        Budget::reported(settings.most_work(), progress, |budget| {
+            self.draw((self.steps(), true), settings, workspace, polygon, budget)
+        })
+    }
+
+    /// Replaces the polygon by that of a step, or by that of the tube up to then; leaves it as it is if the caller cancels.
     fn draw(
         &self,
         (steps, tube): (usize, bool),
         settings: PolygonSettings,
         workspace: &mut Workspace,
         polygon: &mut Vec<[f64; 2]>,
+        budget: &Budget<'_>,
     ) -> Outline {
-        let budget = Budget::new(settings.most_work());
         // Whatever the set, it takes some.
         budget.spend(1);
         let margin_m = if settings.is_conservative() {
-            self.speed_mps * self.surround((steps, tube), settings, workspace, &budget)
+            self.speed_mps * self.surround((steps, tube), settings, workspace, budget)
         } else {
-            self.follow((steps, tube), settings, workspace, &budget);
+            self.follow((steps, tube), settings, workspace, budget);
             0.0
         };
-        self.widen(settings, workspace, &budget);
+        self.widen(settings, workspace, budget);
+        if budget.is_cancelled() {
+            return Outline::ConvexHull;
+        }
         let outline = if budget.is_spent() {
             self.surround_hull((steps, tube), settings, workspace);
             Outline::ConvexHull
@@ -225,7 +272,7 @@ impl ReachableSet {
 
     /// Replaces a boundary that touches itself by a little wider one, which does not: polygons are simple, also where
     /// the bounds leave no choice.
-    fn widen(&self, settings: PolygonSettings, workspace: &mut Workspace, budget: &Budget) {
+    fn widen(&self, settings: PolygonSettings, workspace: &mut Workspace, budget: &Budget<'_>) {
         let radius = thickness(self.tolerance(settings));
         for _ in 0..MOST_WIDENINGS {
             if !workspace.outliner.touches_itself() {
@@ -242,10 +289,12 @@ impl ReachableSet {
         (steps, tube): (usize, bool),
         settings: PolygonSettings,
         workspace: &mut Workspace,
-        budget: &Budget,
+        budget: &Budget<'_>,
     ) {
         let (least, tolerance) = (settings.least_pieces(), self.tolerance(settings));
-        if tube {
+        if self.paths.graze_straight(steps) {
+            self.follow_closely((steps, tube), tolerance, workspace, budget);
+        } else if tube {
             workspace.draw_tube(&self.paths, least, tolerance, budget);
         } else {
             workspace.draw_step(&self.paths, steps, least, tolerance, budget);
@@ -258,6 +307,31 @@ impl ReachableSet {
             let tolerance = 0.25 * settings.accuracy_m() / self.speed_mps;
             self.brush(0.0, false).sweep(tolerance, workspace, budget);
         }
+    }
+
+    /// The same from the start pose itself without a search for extremals, by the construction of conservative polygons: no
+    /// position is missed by more than the tolerance. A boundary for which that is not known takes all of the budget.
+    fn follow_closely(
+        &self,
+        (steps, tube): (usize, bool),
+        tolerance: f64,
+        workspace: &mut Workspace,
+        budget: &Budget<'_>,
+    ) {
+        let request = Request {
+            steps,
+            tube,
+            accuracy: tolerance,
+            most_pieces: MOST_PIECES,
+            heading: 0.0,
+            body_point: Complex::new(0.0, 0.0),
+        };
+        let Workspace { boundary, curve, outliner, outer, .. } = workspace;
+        let missed = outer.draw(&self.paths, request, outliner, curve, boundary, budget);
+        if missed > tolerance {
+            budget.spend(usize::MAX);
+        }
+        outliner.tidy(boundary, budget);
     }
 
     /// The uncertain position, with a disc around it grown by `margin`, s.
@@ -277,7 +351,7 @@ impl ReachableSet {
         (steps, tube): (usize, bool),
         settings: PolygonSettings,
         workspace: &mut Workspace,
-        budget: &Budget,
+        budget: &Budget<'_>,
     ) -> f64 {
         let accuracy = settings.accuracy_m() / self.speed_mps;
         let request = Request {

@@ -14,9 +14,9 @@ const ACCURACY_M: f64 = 1e-3;
 const PARTS: usize = 8;
 const PART_S: f64 = STEP_S / PARTS as f64;
 
-struct Bounds {
-    lo: Vec<f64>,
-    hi: Vec<f64>,
+pub(super) struct Bounds {
+    pub(super) lo: Vec<f64>,
+    pub(super) hi: Vec<f64>,
 }
 
 impl Bounds {
@@ -26,7 +26,7 @@ impl Bounds {
     }
 
     /// From a few kinds of bounds, each held for some steps or drawn anew in each.
-    fn hard(rng: &mut SeededRng, steps: usize) -> Self {
+    pub(super) fn hard(rng: &mut SeededRng, steps: usize) -> Self {
         let one = |rng: &mut SeededRng| {
             let (a, b) = (rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5));
             match rng.below(6) {

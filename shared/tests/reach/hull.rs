@@ -172,7 +172,7 @@ fn a_drive_touches_the_hull_in_every_direction() {
     }
 }
 
-/// The vertices of polygons that follow the boundary are reached.
+/// The vertices of polygons that consist of extremals are reached; so no bounds that just forbid driving straight.
 #[test]
 fn a_hull_contains_what_follows_the_boundary() {
     let mut rng = SeededRng::new(63);
@@ -181,6 +181,12 @@ fn a_hull_contains_what_follows_the_boundary() {
         for _ in 0..10 {
             let mut case = Case::any(class, &mut rng);
             case.start = case.start.pose().into();
+            for (lo, hi) in &mut case.bounds {
+                (*lo, *hi) = (
+                    if *lo < 0.01 { lo.min(0.0) } else { *lo },
+                    if *hi > -0.01 { hi.max(0.0) } else { *hi },
+                );
+            }
             let set = case.set();
             let step = set.steps().div_ceil(2);
             for (fine, around) in [

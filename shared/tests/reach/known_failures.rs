@@ -97,11 +97,11 @@ fn membership_misses_no_state_at_large_turns_per_step() {
     assert!(five < -1.0 && seven < -5.0, "mended? {five} {seven}");
 }
 
-/// At the paper's rates a polygon of 0.1 mm accuracy that is not conservative passes inside two
-/// drives by more than that. The first is drive 7 of the property test, with the random seed that
-/// found these bounds.
+/// At the paper's rates a polygon of 0.1 mm accuracy once passed inside two drives, by 0.147 mm and 0.194 mm: their rate
+/// switches twice, and such paths bound the set only for a short range of end headings. The first is drive 7 of the property
+/// test, with the random seed that found these bounds.
 #[test]
-fn a_polygon_misses_drives_by_more_than_its_accuracy() {
+fn a_polygon_misses_no_drive_that_switches_twice() {
     const PARTS: usize = 8;
     const HELD: f64 = -0.306_704_263_219_932_4;
     const RIGHT: f64 = -0.405_246_030_126_519_55;
@@ -112,12 +112,11 @@ fn a_polygon_misses_drives_by_more_than_its_accuracy() {
         Pose::new(-1.129_995_784_067_651_6, 13.818_950_352_972_65, -2.560_656_204_839_295_6);
     let settings = PolygonSettings::default();
     let polygon = set(start, &lo, &hi).step_polygon(6, settings);
-    for (seed, drive, expected_mm) in [(2_918_688_141_876_624_204, 7, 0.147), (1697, 1, 0.194)] {
+    for (seed, drive) in [(2_918_688_141_876_624_204, 7), (1697, 1)] {
         let mut rng = SeededRng::new(seed);
         let mut next = || random_drive(start, &lo, &hi, PARTS, &mut rng);
         let end = (0..drive).map(|_| next()[6 * PARTS - 1]).last().unwrap();
-        let outside_mm = 1e3 * signed_distance(&polygon, end.position());
-        assert!((outside_mm - expected_mm).abs() < 1e-3, "mended? {outside_mm} mm");
-        assert!(outside_mm > 1e3 * settings.accuracy_m());
+        let outside_m = signed_distance(&polygon, end.position());
+        assert!(outside_m <= settings.accuracy_m(), "{outside_m} m");
     }
 }

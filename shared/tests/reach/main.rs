@@ -12,6 +12,8 @@ mod growth;
 mod promises;
 mod hull;
 mod simple;
+mod closeness;
+mod cancel;
 mod membership;
 mod reference;
 

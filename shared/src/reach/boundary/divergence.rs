@@ -94,7 +94,7 @@ impl Neighbours {
         paths: &Paths,
         tolerance: f64,
         divergences: u32,
-        (points, budget): (&mut Vec<Complex<f64>>, &Budget),
+        (points, budget): (&mut Vec<Complex<f64>>, &Budget<'_>),
     ) {
         budget.spend(SEARCH * TRACING * self.at.step);
         if budget.is_spent() {

@@ -16,7 +16,7 @@ pub(super) fn front(
     (least_pieces, tolerance): (usize, f64),
     family: &mut Vec<Piece>,
     points: &mut Vec<Complex<f64>>,
-    budget: &Budget,
+    budget: &Budget<'_>,
 ) {
     let from = points.len();
     if paths.straight_always(steps) {
@@ -72,7 +72,7 @@ fn extremals(
     (least_pieces, tolerance): (usize, f64),
     family: &mut Vec<Piece>,
     points: &mut Vec<Complex<f64>>,
-    budget: &Budget,
+    budget: &Budget<'_>,
 ) {
     singular::pieces(paths, steps, family, budget);
     let each = least_pieces.div_ceil(family.len().max(1));

@@ -52,7 +52,7 @@ pub(super) fn append(
     steps: usize,
     tolerance: f64,
     curves: &mut Curves,
-    budget: &Budget,
+    budget: &Budget<'_>,
 ) {
     let search = Search::new(paths, steps, tolerance, budget);
     if search.gain() <= 0.5 * tolerance {
@@ -129,11 +129,11 @@ struct Search<'a> {
     straight: bool,
     /// The highest rate to the left and, without sign, to the right.
     rates: (f64, f64),
-    budget: &'a Budget,
+    budget: &'a Budget<'a>,
 }
 
 impl<'a> Search<'a> {
-    fn new(paths: &'a Paths, steps: usize, tolerance: f64, budget: &'a Budget) -> Self {
+    fn new(paths: &'a Paths, steps: usize, tolerance: f64, budget: &'a Budget<'a>) -> Self {
         let left = paths.hi[..steps].iter().fold(0.0, |most: f64, hi| most.max(*hi));
         let right = paths.lo[..steps].iter().fold(0.0, |most: f64, lo| most.max(-lo));
         let seconds = steps as f64 * paths.step_s;
@@ -218,8 +218,10 @@ impl<'a> Search<'a> {
             curves.points().extend([through, to]);
             return;
         }
+        // Where a second switch begins or ends to bound nothing, a range that bounds the set may be between.
+        let differ = |a: Trace, b: Trace| a.candidate != b.candidate;
         for (a, b) in [(start, middle), (middle, end)] {
-            if any || self.skips(a, b) {
+            if any || differ(a, b) || self.skips(a, b) {
                 self.connect(a, b, (halvings - 1, traces), curves);
             }
         }

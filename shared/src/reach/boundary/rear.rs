@@ -19,7 +19,7 @@ pub(super) fn candidates(
     steps: usize,
     (least_pieces, tolerance): (usize, f64),
     curves: &mut Curves,
-    budget: &Budget,
+    budget: &Budget<'_>,
 ) {
     let (low, high) = (&paths.low, &paths.high);
     let least = least_pieces.div_ceil(steps);
@@ -39,7 +39,7 @@ fn one_switch(
     steps: usize,
     (least, tolerance): (usize, f64),
     points: &mut Vec<Complex<f64>>,
-    budget: &Budget,
+    budget: &Budget<'_>,
 ) {
     let (step_s, end) = (first.step_s(), last.point(steps));
     points.push(end);

@@ -77,7 +77,7 @@ impl Piece {
 
 /// Replaces `family` by the front's extremals for a horizon of `steps` steps, φ rising (left
 /// to right). Once the budget is spent, some are missing.
-pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budget: &Budget) {
+pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budget: &Budget<'_>) {
     let (left, right) = paths.end_phi_range(steps);
     let end = |from, to| Piece { from, to, origin: PathTime::beginning(steps), kind: Kind::End };
     family.clear();

@@ -55,9 +55,6 @@ const SMALL: f64 = 1e-4;
 /// Most pieces of time of one proof.
 const MOST_PIECES: usize = 200;
 
-/// Most work of one proof, in units of a [`Budget`].
-const MOST_WORK: usize = 4_000_000;
-
 /// Smaller distances, s, are not told apart.
 const FINEST: f64 = 1e-6;
 
@@ -70,13 +67,14 @@ pub(super) struct Prover {
 
 impl Prover {
     /// Whether it is proven that no path of `steps` steps leads to a state within the distances of `claim`. Each guess
-    /// subtracts one from `trials`; at 0 there are no more guesses.
+    /// subtracts one from `trials`; at 0, or once the budget is spent, there are no more guesses.
     pub(super) fn proves(
         &mut self,
         paths: &Paths,
         steps: usize,
         claim: Claim,
         trials: &mut usize,
+        budget: &Budget<'_>,
     ) -> bool {
         if *trials == 0 {
             return false;
@@ -84,9 +82,12 @@ impl Prover {
         let seconds = steps as f64 * paths.step_s;
         let (low, high) = (paths.low.heading(steps), paths.high.heading(steps));
         let nearest = |heading: f64| {
-            Slice::new(paths, steps, heading.clamp(low, high)).nearest(claim.position)
+            Slice::new(paths, steps, heading.clamp(low, high), budget).nearest(claim.position)
         };
         let (point, distance) = nearest(claim.heading);
+        if budget.is_spent() {
+            return false;
+        }
         let excess = distance - claim.near;
         if claim.start_heading == 0.0 && (0..steps).all(|step| paths.lo[step] == paths.hi[step]) {
             // There is one path.
@@ -98,7 +99,7 @@ impl Prover {
         let outward = (claim.position - point) / distance;
         let growth = (nearest(claim.heading + SMALL).1 - distance) / SMALL;
         for [along, across, accuracy] in GUESSES {
-            if *trials == 0 {
+            if *trials == 0 || budget.is_spent() {
                 return false;
             }
             *trials -= 1;
@@ -111,11 +112,10 @@ impl Prover {
                 heading: claim.start_heading,
                 body_point: arm * unit(-claim.heading),
             };
-            let budget = Budget::new(MOST_WORK);
             // Where the point is in the states whose headings are as near, up to the height of an arc over its chord.
             let line = [-claim.turn, claim.turn].map(|turn| claim.position + arm * unit(turn));
             let height = 0.5 * arm.norm_sqr().sqrt() * claim.turn * claim.turn;
-            let clearance = self.outer.clearance(paths, request, line, &mut self.outliner, &budget);
+            let clearance = self.outer.clearance(paths, request, line, &mut self.outliner, budget);
             if clearance > claim.near + height {
                 return true;
             }

@@ -187,6 +187,10 @@ impl Arc for MixedFront<'_> {
         Knot { direction, point }
     }
 
+    fn work(&self) -> usize {
+        8 * self.parts.count
+    }
+
     fn place(knot: Knot) -> (f64, Complex<f64>) {
         (knot.direction, knot.point)
     }

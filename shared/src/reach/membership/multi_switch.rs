@@ -11,6 +11,7 @@
 //! The paths between the one found and those of the window to both sides of the nearest (headings
 //! interpolated) are all admissible, so the three form a loop of reachable positions.
 
+use super::super::budget::Budget;
 use super::super::paths::unit;
 use super::buffer::Buffer;
 use super::parts::Parts;
@@ -44,6 +45,9 @@ const SAME_END: f64 = 5e-3;
 /// The direction of the line is sought in at most this many trials.
 const MOST_TRIALS: usize = 24;
 
+/// What a trial takes for each part of the path, in units of a [`Budget`].
+const TRYING: usize = 8;
+
 /// Ends this near, s, to where they should be sideways are on the line.
 const ON_LINE: f64 = 1e-5;
 
@@ -71,8 +75,8 @@ impl<'a> Loop<'a> {
         span: Span<'a>,
         headings: impl Fn(f64, &mut [f64]),
         parameters: [f64; 3],
-        position: Complex<f64>,
-        enough: f64,
+        (position, enough): (Complex<f64>, f64),
+        budget: &Budget<'_>,
     ) -> Self {
         let parts = Parts::new(span);
         let mut found =
@@ -80,12 +84,12 @@ impl<'a> Loop<'a> {
         for (parameter, path) in parameters.into_iter().zip(&mut found.headings) {
             headings(parameter, path);
         }
-        found.improve(position, enough);
+        found.improve(position, enough, budget);
         found
     }
 
     /// Improves the middle path until it ends `enough` beyond the position.
-    fn improve(&mut self, position: Complex<f64>, enough: f64) {
+    fn improve(&mut self, position: Complex<f64>, enough: f64, budget: &Budget<'_>) {
         let Self { parts, headings: [_, best, _] } = self;
         let mut middles = Buffer::new(parts.count);
         let end = parts.drive_between(best.iter().copied(), &mut middles);
@@ -93,7 +97,7 @@ impl<'a> Loop<'a> {
         if distance < LEAST_GAIN {
             return;
         }
-        let line = Line { parts, position, outward: (position - end) / distance };
+        let line = Line { parts, position, outward: (position - end) / distance, budget };
         let mut reached = -distance;
         for _ in 0..MOST_ROUNDS {
             let Some(path) = line.farther(&middles) else { return };
@@ -122,6 +126,7 @@ struct Line<'a> {
     parts: &'a Parts<'a>,
     position: Complex<f64>,
     outward: Complex<f64>,
+    budget: &'a Budget<'a>,
 }
 
 impl Line<'_> {
@@ -138,6 +143,10 @@ impl Line<'_> {
         let (mut right, mut left): (Option<Trial>, Option<Trial>) = (None, None);
         let mut tilt = 0.0;
         for _ in 0..MOST_TRIALS {
+            self.budget.spend(TRYING * self.parts.count);
+            if self.budget.is_spent() {
+                return None;
+            }
             let mut path = Buffer::new(self.parts.count);
             turn_most(self.parts, middles, self.outward * unit(tilt), &mut ranks, &mut path);
             let aside = self.seen(self.parts.drive(path.iter().copied(), |_| {})).im;
@@ -215,6 +224,10 @@ impl Arc for Loop<'_> {
         let (first, second, share) = self.knot_between(place);
         let headings = first.iter().zip(second).map(|(a, b)| a + share * (b - a));
         Knot { place, point: self.parts.drive(headings, |_| {}) }
+    }
+
+    fn work(&self) -> usize {
+        4 * self.parts.count
     }
 
     fn place(knot: Knot) -> (f64, Complex<f64>) {

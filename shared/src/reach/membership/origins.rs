@@ -6,6 +6,7 @@
 //! those, since their headings need not change by more than δ anywhere. So the whole range is
 //! decided, or halved.
 
+use super::super::budget::Budget;
 use super::super::paths::unit;
 use super::super::set::ReachableSet;
 use super::body_point::{Claim, Prover};
@@ -33,6 +34,7 @@ pub(super) struct Origins<'a> {
     /// the tolerated turn, rad.
     near: f64,
     turn: f64,
+    budget: &'a Budget<'a>,
 }
 
 /// Start poses, relative to the one in the middle: s and rad.
@@ -80,6 +82,7 @@ impl<'a> Origins<'a> {
         step: usize,
         state: Pose,
         tolerance: Tolerance,
+        budget: &'a Budget<'a>,
     ) -> Self {
         Self {
             set,
@@ -89,6 +92,7 @@ impl<'a> Origins<'a> {
             heading: state.psi - set.start.psi,
             near: (tolerance.position_m + set.start_set.extents().0) / set.speed_mps,
             turn: tolerance.heading_rad,
+            budget,
         }
     }
 
@@ -101,7 +105,11 @@ impl<'a> Origins<'a> {
         if away.is_nan() || away > reach * reach || !self.heading.is_finite() {
             return Membership::Outside;
         }
-        if self.cells(half).any(|(cell, heading)| self.any_of(cell, heading)) {
+        // Half of the work is for proofs.
+        let rest = self.budget.set_aside();
+        let found = self.cells(half).any(|(cell, heading)| self.any_of(cell, heading));
+        self.budget.give_back(rest);
+        if found {
             return Membership::Inside;
         }
         let mut prover = Prover::default();
@@ -135,11 +143,15 @@ impl<'a> Origins<'a> {
             })
     }
 
-    /// Whether any of these poses does, if the state's heading, not wrapped, is `heading`.
+    /// Whether any of these poses does, if the state's heading, not wrapped, is `heading`. Halves that come nearer are
+    /// looked at first.
     fn any_of(&self, cell: Cell, heading: f64) -> bool {
+        self.any_near(cell, self.distance_from(cell, heading), heading)
+    }
+
+    /// The same, if from the middle of the cell the state is this far away.
+    fn any_near(&self, cell: Cell, distance: f64, heading: f64) -> bool {
         let spread = cell.spread(self.seconds);
-        let (position, turned) = cell.seen_from(self.position, heading);
-        let distance = self.distance(position, turned, self.near + spread);
         if distance <= self.near {
             return true;
         }
@@ -149,7 +161,16 @@ impl<'a> Origins<'a> {
         if spread <= SAME_POSE {
             return true;
         }
-        cell.halves(self.seconds).into_iter().any(|cell| self.any_of(cell, heading))
+        let [a, b] =
+            cell.halves(self.seconds).map(|half| (half, self.distance_from(half, heading)));
+        let (first, second) = if a.1 <= b.1 { (a, b) } else { (b, a) };
+        self.any_near(first.0, first.1, heading) || self.any_near(second.0, second.1, heading)
+    }
+
+    /// Distance of the state from those that the pose in the middle of the cell leads to; see [`Self::distance`].
+    fn distance_from(&self, cell: Cell, heading: f64) -> f64 {
+        let (position, turned) = cell.seen_from(self.position, heading);
+        self.distance(position, turned, self.near + cell.spread(self.seconds))
     }
 
     /// Whether surely none of these poses does.
@@ -158,6 +179,7 @@ impl<'a> Origins<'a> {
             return true;
         }
         *trials > 0
+            && !self.budget.is_spent()
             && cell.spread(self.seconds) > SAME_POSE
             && cell
                 .halves(self.seconds)
@@ -175,7 +197,7 @@ impl<'a> Origins<'a> {
             turn: self.turn,
             start_heading: 0.5 * (cell.headings.1 - cell.headings.0),
         };
-        prover.proves(&self.set.paths, self.step, claim, trials)
+        prover.proves(&self.set.paths, self.step, claim, trials, self.budget)
     }
 
     /// Distance of a position from those reached from the pose in the middle with a heading, or
@@ -183,7 +205,8 @@ impl<'a> Origins<'a> {
     fn distance(&self, position: Complex<f64>, heading: f64, reach: f64) -> f64 {
         let (low, high) = self.set.end_headings(self.step);
         let to = |heading: f64, reach: f64| {
-            let slice = Slice::new(&self.set.paths, self.step, heading.clamp(low, high));
+            let heading = heading.clamp(low, high);
+            let slice = Slice::new(&self.set.paths, self.step, heading, self.budget);
             slice.outside_by(position, self.near, reach + GUARD)
         };
         // The end of a path moves by at most this when it is turned by what is tolerated.

@@ -1,6 +1,7 @@
 //! How near a curve comes to a position and how it winds about it, computing only as many
 //! of its points as that takes.
 
+use super::super::budget::Budget;
 use super::super::sampling::to_segment;
 use nalgebra::Complex;
 
@@ -12,6 +13,9 @@ pub(super) trait Arc {
     /// The point at a parameter.
     fn knot(&self, parameter: f64) -> Self::Knot;
 
+    /// About what computing a point takes, in units of a [`Budget`].
+    fn work(&self) -> usize;
+
     /// Parameter and point of a knot.
     fn place(knot: Self::Knot) -> (f64, Complex<f64>);
 
@@ -19,9 +23,10 @@ pub(super) trait Arc {
     fn deviation(&self, a: Self::Knot, b: Self::Knot) -> f64;
 }
 
-/// What is known about the curves followed so far.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Search {
+/// What is known about the curves followed so far; nothing once the budget is spent.
+#[derive(Clone, Copy)]
+pub(super) struct Search<'a> {
+    budget: &'a Budget<'a>,
     position: Complex<f64>,
     /// The smallest distance found, or the reach if none is below it.
     pub(super) distance: f64,
@@ -41,16 +46,26 @@ const EXACT: f64 = 2e-7;
 /// A parameter range is halved at most this often.
 const MOST_HALVINGS: u32 = 48;
 
-impl Search {
+impl<'a> Search<'a> {
     /// A search for distances below `reach`.
-    pub(super) fn new(position: Complex<f64>, enough: f64, reach: f64) -> Self {
+    pub(super) fn new(
+        position: Complex<f64>,
+        enough: f64,
+        reach: f64,
+        budget: &'a Budget<'a>,
+    ) -> Self {
         let point = Complex::new(f64::NAN, f64::NAN);
-        Self { position, distance: reach, nearest: f64::NAN, point, enough, crossings: 0 }
+        Self { budget, position, distance: reach, nearest: f64::NAN, point, enough, crossings: 0 }
     }
 
     /// Whether a point near enough was found.
     pub(super) fn found(&self) -> bool {
         self.distance <= self.enough
+    }
+
+    /// Whether there is nothing to search for any more.
+    fn ends(&self) -> bool {
+        self.found() || self.budget.is_spent()
     }
 
     /// Follows a curve through the parameters given, in their order.
@@ -61,7 +76,7 @@ impl Search {
             if let Some(last) = last {
                 self.between(arc, last, knot, MOST_HALVINGS);
             }
-            if self.found() {
+            if self.ends() {
                 return;
             }
             last = Some(knot);
@@ -74,6 +89,7 @@ impl Search {
     }
 
     fn look<A: Arc>(&mut self, arc: &A, parameter: f64) -> A::Knot {
+        self.budget.spend(arc.work());
         let knot = arc.knot(parameter);
         let point = A::place(knot).1;
         let away = (point - self.position).norm_sqr();
@@ -100,7 +116,7 @@ impl Search {
         }
         let middle = self.look(arc, 0.5 * (from + to));
         for (a, b) in [(a, middle), (middle, b)] {
-            if self.found() {
+            if self.ends() {
                 return;
             }
             self.between(arc, a, b, halvings - 1);

@@ -15,6 +15,7 @@
 //! reachability set for a nonlinear control system". Lengths are in seconds of travel, in the
 //! human's frame.
 
+use super::super::budget::Budget;
 use super::super::paths::{Path, Paths, unit};
 use super::mixed_front::MixedFront;
 use super::multi_switch::Loop;
@@ -24,8 +25,9 @@ use super::span::Span;
 use nalgebra::Complex;
 
 /// The slice of end heading `heading`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(super) struct Slice<'a> {
+    budget: &'a Budget<'a>,
     span: Span<'a>,
     /// How much lower the end heading is than under the highest rates throughout, rad.
     below_high: f64,
@@ -59,6 +61,9 @@ pub(super) enum Curve {
 /// were seen to gain 0.0018.
 const MOST_GAIN: f64 = 0.002;
 
+/// What a point of a window or of the front takes, in units of a [`Budget`].
+const OF_KNOT: usize = 24;
+
 /// Width of a loop of such paths, s.
 const LOOP_S: f64 = 0.04;
 
@@ -66,8 +71,13 @@ const WINDOWS: [Curve; 2] = [Curve::LoWindow, Curve::HiWindow];
 
 impl<'a> Slice<'a> {
     /// The slice after `steps` steps; `heading`, rad and not wrapped, must be
-    /// admissible.
-    pub(super) fn new(paths: &'a Paths, steps: usize, heading: f64) -> Self {
+    /// admissible. Once the budget is spent, it knows nothing.
+    pub(super) fn new(
+        paths: &'a Paths,
+        steps: usize,
+        heading: f64,
+        budget: &'a Budget<'a>,
+    ) -> Self {
         let span = Span::new(paths, steps, heading);
         let kind = if span.bounds().all(|(lo, _)| lo >= 0.0) {
             Kind::AlwaysLeft
@@ -81,6 +91,7 @@ impl<'a> Slice<'a> {
             Kind::Mixed
         };
         Self {
+            budget,
             span,
             below_high: (paths.high.heading(steps) - heading).max(0.0),
             above_low: (heading - paths.low.heading(steps)).max(0.0),
@@ -117,7 +128,7 @@ impl<'a> Slice<'a> {
     }
 
     /// Distance of a position from the slice, s; 0 inside. A distance of `enough` or less ends
-    /// the search; if it is `reach` or more, the answer is some number from `reach` on.
+    /// the search; if it is `reach` or more, or the budget is spent, the answer is some number from `reach` on.
     pub(super) fn outside_by(&self, position: Complex<f64>, enough: f64, reach: f64) -> f64 {
         let mut nearest = f64::INFINITY;
         let mut winding = None;
@@ -128,6 +139,9 @@ impl<'a> Slice<'a> {
             let search = self.search(curve, position, enough, reach);
             if search.found() {
                 return search.distance;
+            }
+            if self.budget.is_spent() {
+                return f64::INFINITY;
             }
             if *winding.get_or_insert(search.crossings) != search.crossings {
                 return 0.0;
@@ -145,6 +159,9 @@ impl<'a> Slice<'a> {
                 let search = self.more_switches(curve, &window, position, enough, reach);
                 if search.found() {
                     return search.distance;
+                }
+                if self.budget.is_spent() {
+                    return f64::INFINITY;
                 }
                 if search.crossings != 0 {
                     return 0.0;
@@ -165,7 +182,7 @@ impl<'a> Slice<'a> {
     /// Signed distance of a position from the slice's boundary, s, positive
     /// inside, and the curve that is nearest.
     pub(super) fn margin(&self, position: Complex<f64>) -> (f64, Curve) {
-        let mut found: [Option<(Curve, Search)>; 5] = [None; 5];
+        let mut found: [Option<(Curve, Search<'_>)>; 5] = [None; 5];
         for (place, curve) in found.iter_mut().zip(self.curves()) {
             *place = Some((curve, self.search(curve, position, 0.0, f64::INFINITY)));
         }
@@ -203,12 +220,12 @@ impl<'a> Slice<'a> {
     fn more_switches(
         &self,
         curve: Curve,
-        found: &Search,
+        found: &Search<'_>,
         position: Complex<f64>,
         enough: f64,
         reach: f64,
-    ) -> Search {
-        let mut search = Search::new(position, enough, reach);
+    ) -> Search<'a> {
+        let mut search = Search::new(position, enough, reach, self.budget);
         let (window, most) = match curve {
             Curve::LoWindow => (self.lo_window(), self.above_low),
             _ => (self.hi_window(), self.below_high),
@@ -220,13 +237,13 @@ impl<'a> Slice<'a> {
         // To the middle of what is near enough, or as far as possible if the distance itself
         // matters.
         let beyond = if reach.is_finite() { -0.5 * enough } else { f64::INFINITY };
-        let found = Loop::new(self.span, headings, parameters, position, beyond);
+        let found = Loop::new(self.span, headings, parameters, (position, beyond), self.budget);
         search.follow(&found, [0.0, 1.0, 2.0, 3.0]);
         search
     }
 
-    fn search(&self, curve: Curve, position: Complex<f64>, enough: f64, reach: f64) -> Search {
-        let mut search = Search::new(position, enough, reach);
+    fn search(&self, curve: Curve, position: Complex<f64>, enough: f64, reach: f64) -> Search<'a> {
+        let mut search = Search::new(position, enough, reach, self.budget);
         let paths = self.span.paths;
         match curve {
             Curve::LoWindow => {
@@ -363,6 +380,10 @@ impl Arc for Window<'_> {
         Knot { parameter, point, from: from.time, to: to.time }
     }
 
+    fn work(&self) -> usize {
+        OF_KNOT
+    }
+
     fn place(knot: Knot) -> (f64, Complex<f64>) {
         (knot.parameter, knot.point)
     }
@@ -416,6 +437,10 @@ impl Arc for Straight<'_> {
         let straight_s = to.time - from.time;
         let point = first + unit(direction) * straight_s + last;
         Knot { parameter: direction, point, from: from.time, to: to.time }
+    }
+
+    fn work(&self) -> usize {
+        OF_KNOT
     }
 
     fn place(knot: Knot) -> (f64, Complex<f64>) {

@@ -110,6 +110,8 @@ pub(super) struct Curve {
     radial: Vec<(Corner, f64)>,
     extremes: Vec<Extreme>,
     chains: Vec<Chain>,
+    /// Pairs of edges that the last sweep compared.
+    pub(super) compared: usize,
 }
 
 impl Curve {
@@ -119,6 +121,7 @@ impl Curve {
         self.divide();
         self.find_extremes();
         self.corners.clear();
+        self.compared = 0;
         if self.radial.len() == 1 && angle < PI {
             let point = self.radial[0].0.point;
             arc(point * unit(-angle), point * unit(angle), 2.0 * angle, true, &mut self.corners);
@@ -161,6 +164,25 @@ impl Curve {
         }
         self.corners.insert(0, Corner { point: Point::new(0.0, 0.0), edge: Edge::Line });
         self.corners.push(Corner { point: first, edge: Edge::Line });
+    }
+
+    /// Lets a polygon begin where it is nearest to the origin: the way there from the origin, which it encloses, is inside, and
+    /// stays so when it is swept.
+    pub(super) fn begin_nearest(&mut self) {
+        let Self { corners, .. } = self;
+        let n = corners.len();
+        let foot = |i: usize| {
+            let (from, to) = (corners[i].point, corners[(i + 1) % n].point);
+            let along = to - from;
+            let length2 = along.norm_sqr();
+            let share = -(from * along.conj()).re / length2;
+            from + along * if length2 > 0.0 { share.clamp(0.0, 1.0) } else { 0.0 }
+        };
+        let nearest = (0..n).min_by(|&i, &j| foot(i).norm_sqr().total_cmp(&foot(j).norm_sqr()));
+        let Some(i) = nearest else { return };
+        let point = foot(i);
+        corners.rotate_left((i + 1) % n);
+        corners.insert(0, Corner { point, edge: Edge::Line });
     }
 
     /// Divides the edges where the distance from the origin is extreme.
@@ -294,12 +316,17 @@ impl Curve {
         }
         let (mut i, mut j) = (a.last, b.first);
         loop {
+            self.compared += 1;
             let begin = |i: usize| self.radial[i % self.radial.len()].1;
             let (a_ends, b_ends) = (i == a.first, j == b.last);
             let to_a = if a_ends { a.start.norm_sqr() } else { begin(i) };
             let to_b = if b_ends { b.end.norm_sqr() } else { begin(j + 1) };
             let next = if far { to_a.max(to_b) } else { to_a.min(to_b) };
-            let (p, q) = (self.at(i, next), self.at(j, next));
+            let (a_over, b_over) = (to_a == next && a_ends, to_b == next && b_ends);
+            // An end is exactly known. Computed, it is off where its edge just touches the circle, and the arc from there to
+            // the other chain could come out a hair below zero and be taken for a whole turn.
+            let p = if a_over { a.start } else { self.at(i, next) };
+            let q = if b_over { b.end } else { self.at(j, next) };
             let between = apart(p, q);
             // They must not meet before: beyond that, or where they coincide, there is something of the set between
             // them, which grows, and no notch, which shrinks.
@@ -323,7 +350,6 @@ impl Curve {
                 self.extremes[k].connects = false;
                 return;
             }
-            let (a_over, b_over) = (to_a == next && a_ends, to_b == next && b_ends);
             if a_over && (b_over || a.cut[0]) || b_over && b.cut[1] {
                 return;
             }
