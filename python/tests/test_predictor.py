@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from conftest import constant
 from sklearn.base import clone, is_classifier
+from sklearn.calibration import CalibratedClassifierCV
 from sklearn.ensemble import GradientBoostingClassifier, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import log_loss
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
+from sklearn.svm import SVC, NuSVC
 from sklearn.tree import DecisionTreeClassifier
 
 import sidestep
@@ -59,6 +61,91 @@ def test_boosted_trees(rows, classes, init):
     model = GradientBoostingClassifier(n_estimators=20, init=init, random_state=0).fit(x, y)
     predictor = sidestep.from_sklearn(model, NAMES, experiment=2 if classes == 2 else 1)
     np.testing.assert_allclose(predictor.proba(x), model.predict_proba(x), atol=1e-12)
+
+
+def coupled(pairwise, classes):
+    """libsvm's `multiclass_probability` for one row: pairwise coupling by iteration, and the same solved exactly.
+
+    The iteration ends when the equations miss by 0.005/K (Wu, Lin, Weng 2004, algorithm 2).
+    """
+    r = np.zeros((classes, classes))
+    r[np.triu_indices(classes, 1)] = np.clip(pairwise, 1e-7, 1 - 1e-7)
+    r += np.tril(1 - r.T, -1)
+    q = -r.T * r
+    np.fill_diagonal(q, (r**2).sum(0) - np.diag(r) ** 2)
+    p = np.full(classes, 1 / classes)
+    for _ in range(100):
+        qp = q @ p
+        pqp = p @ qp
+        if np.abs(qp - pqp).max() < 0.005 / classes:
+            break
+        for t in range(classes):
+            change = (pqp - qp[t]) / q[t, t]
+            p[t] += change
+            pqp = (pqp + change * (change * q[t, t] + 2 * qp[t])) / (1 + change) ** 2
+            qp = (qp + change * q[t]) / (1 + change)
+            p /= 1 + change
+    system = np.block([[q, -np.ones((classes, 1))], [np.ones((1, classes)), np.zeros((1, 1))]])
+    return p, np.linalg.solve(system, np.append(np.zeros(classes), 1))[:-1]
+
+
+@pytest.mark.filterwarnings("ignore:.*prob.*deprecated:FutureWarning")
+@pytest.mark.parametrize("kernel", ["linear", "rbf"])
+@pytest.mark.parametrize("kind", [SVC, NuSVC])
+@pytest.mark.parametrize("classes", [2, 3])
+def test_a_support_vector_machine(rows, kind, kernel, classes):
+    """From scikit-learn's own decision values and sigmoids: ours are the solution to 1e-9, and its own are what the
+    iteration of libsvm makes of the same numbers, to 1e-9, too."""
+    x, y = (of[::4] for of in rows)
+    y = np.abs(y) if classes == 2 else y
+    share = {"nu": 0.2} if kind is NuSVC else {"C": 3.0}
+    model = kind(kernel=kernel, probability=True, random_state=0, decision_function_shape="ovo", **share)
+    model = make_pipeline(StandardScaler(), model).fit(x, y)
+    predictor = sidestep.from_sklearn(model, NAMES, experiment=2 if classes == 2 else 1)
+    x = rows[0][1::4]
+    # The only pair of two classes is turned around.
+    decisions = model.decision_function(x) if classes == 3 else -model.decision_function(x)[:, None]
+    pairwise = 1 / (1 + np.exp(decisions * model[-1].probA_ + model[-1].probB_))
+    iterated, solved = (np.array(of) for of in zip(*(coupled(row, classes) for row in pairwise), strict=True))
+    np.testing.assert_allclose(predictor.proba(x), solved, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(model.predict_proba(x), iterated, rtol=0, atol=1e-9)
+    assert np.abs(iterated - solved).max() < 0.02
+    np.testing.assert_array_equal(predictor.predict(x), model.predict(x))
+
+
+@pytest.mark.parametrize("kernel", ["linear", "rbf"])
+def test_a_calibrated_support_vector_machine(rows, kernel):
+    x, y = rows[0][::4], np.abs(rows[1][::4])
+    machine = make_pipeline(StandardScaler(), SVC(kernel=kernel))
+    model = CalibratedClassifierCV(machine, ensemble=False).fit(x, y)
+    predictor = sidestep.from_sklearn(model, NAMES, experiment=2)
+    np.testing.assert_allclose(predictor.proba(x), model.predict_proba(x), rtol=0, atol=1e-9)
+    outside = make_pipeline(StandardScaler(), CalibratedClassifierCV(SVC(kernel=kernel), ensemble=False)).fit(x, y)
+    found = sidestep.from_sklearn(outside, NAMES, experiment=2).proba(x)
+    np.testing.assert_allclose(found, outside.predict_proba(x), rtol=0, atol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:.*prob.*deprecated:FutureWarning")
+def test_support_vector_machines_that_are_refused(rows):
+    x, y = rows[0][::8], rows[1][::8]
+    calibrated = CalibratedClassifierCV(SVC(), ensemble=False).fit(x, y)
+    several = CalibratedClassifierCV(SVC(), cv=2).fit(x, np.abs(y))
+    steps = CalibratedClassifierCV(SVC(), method="isotonic", ensemble=False).fit(x, np.abs(y))
+    other = CalibratedClassifierCV(LogisticRegression(max_iter=2000), ensemble=False).fit(x, np.abs(y))
+    twice = make_pipeline(StandardScaler(), CalibratedClassifierCV(make_pipeline(StandardScaler(), SVC()), ensemble=False))
+    for estimator, complaint in (
+        (SVC().fit(x, y), "with probabilities, found none"),
+        (SVC(kernel="poly", probability=True).fit(x, y), "kernel linear or rbf, found 'poly'"),
+        (SVC(probability=True), "expected a fitted one"),
+        (CalibratedClassifierCV(SVC()), "expected a fitted one"),
+        (calibrated, "expected two classes, found 3"),
+        (several, "ensemble=False, found 2 estimators"),
+        (steps, "method sigmoid, found isotonic"),
+        (other, "expected a support vector machine in a CalibratedClassifierCV, found LogisticRegression"),
+        (twice.fit(x, np.abs(y)), "expected one StandardScaler, found two"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            sidestep.from_sklearn(estimator, NAMES, experiment=2)
 
 
 def test_a_predictor_survives_file_pickle_and_scikit_learn(rows, tmp_path):

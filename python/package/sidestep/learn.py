@@ -23,9 +23,11 @@ def from_sklearn(
 
     Parameters
     ----------
-    estimator : LogisticRegression, DecisionTreeClassifier or GradientBoostingClassifier
-        Fitted. A logistic regression may come last in a `Pipeline` after a `StandardScaler`. For other estimators,
-        see `ActionModel`.
+    estimator : LogisticRegression, SVC, NuSVC, DecisionTreeClassifier or GradientBoostingClassifier
+        Fitted. A logistic regression or support vector machine may come last in a `Pipeline` after a
+        `StandardScaler`. A support vector machine has a linear or an RBF kernel, and probabilities: by
+        `probability=True`, or for two classes by a `CalibratedClassifierCV` with `method="sigmoid"` and
+        `ensemble=False` around it. For other estimators, see `ActionModel`.
     features : list of str
         The names of its columns, as in `FEATURES`.
     experiment : {1, 2}
@@ -36,7 +38,10 @@ def from_sklearn(
     Returns
     -------
     Predictor
-        With the probabilities of `predict_proba`, but for rounding. Those of a decision tree are (m + 1)/(Σ m + K)
+        With the probabilities of `predict_proba`, but for rounding. For a support vector machine with more than two
+        classes, libsvm finds them by an iteration that ends when its equations miss by 0.005 divided by the number of
+        classes; here they are solved. They keep at least 10⁻⁷ from 0 and 1, and `predict` counts the votes of the
+        pairs, as `SVC.predict` does. Those of a decision tree are (m + 1)/(Σ m + K)
         for leaves with m training rows of each of K classes, which is never 0; scikit-learn has m/Σ m. Trees of
         scikit-learn round features to float32 before they compare them with a threshold, which this does not.
 
@@ -45,28 +50,40 @@ def from_sklearn(
     ValueError
         If the estimator is not fitted, is of another kind, or does not fit the features.
     """
-    scaler, model = _parts(estimator)
+    outer, model = _parts(estimator)
+    sigmoids = None
+    if type(model).__name__ == "CalibratedClassifierCV":
+        model, sigmoids = _calibrated(model)
+    inner, model = _parts(model)
+    scaler = inner if outer is None else outer
+    if inner is not None and outer is not None:
+        raise ValueError("estimator: expected one StandardScaler, found two")
     kind = type(model).__name__
     describe = {
         "LogisticRegression": _logistic,
+        "SVC": _svm,
+        "NuSVC": _svm,
         "DecisionTreeClassifier": _tree,
         "GradientBoostingClassifier": _boosted,
     }.get(kind)
     if describe is None:
-        known = "a LogisticRegression, DecisionTreeClassifier or GradientBoostingClassifier"
+        known = "a LogisticRegression, SVC, NuSVC, DecisionTreeClassifier or GradientBoostingClassifier"
         raise ValueError(f"estimator: expected {known}, found {kind}")
+    if sigmoids is not None and describe is not _svm:
+        raise ValueError(f"estimator: expected a support vector machine in a CalibratedClassifierCV, found {kind}")
     if not hasattr(model, "classes_"):
         raise ValueError("estimator: expected a fitted one, found one that was not fitted")
-    if scaler is not None and describe is not _logistic:
+    if scaler is not None and describe not in (_logistic, _svm):
         raise ValueError(f"estimator: expected a {kind} on features as they are, found one after a StandardScaler")
     if model.n_features_in_ != len(features):
         raise ValueError(f"features: expected {model.n_features_in_} names, found {len(features)}")
+    fields = _svm(model, scaler, sigmoids) if describe is _svm else describe(model, scaler)
     document: dict[str, Any] = {
         "format": "sidestep-predictor/1",
         "experiment": experiment,
         "features": list(features),
         "classes": [_whole(label) for label in model.classes_],
-        **describe(model, scaler),
+        **fields,
     }
     if actions is not None:
         document["actions"] = [float(rate) for rate in actions]
@@ -93,19 +110,81 @@ def _whole(label: Any) -> int:
     return int(label)
 
 
+def _standardised(scaler: Any, width: int) -> dict[str, Any]:
+    """What a scaler takes off each feature and divides it by."""
+    mean = getattr(scaler, "mean_", None)
+    scale = getattr(scaler, "scale_", None)
+    return {
+        "mean": (np.zeros(width) if mean is None else mean).tolist(),
+        "scale": (np.ones(width) if scale is None else scale).tolist(),
+    }
+
+
+def _calibrated(model: Any) -> tuple[Any, list[list[float]]]:
+    """The estimator within, and the sigmoid of its only pair of classes."""
+    if not hasattr(model, "calibrated_classifiers_"):
+        raise ValueError("estimator: expected a fitted one, found one that was not fitted")
+    if len(model.calibrated_classifiers_) != 1:
+        found = f"{len(model.calibrated_classifiers_)} estimators in one"
+        raise ValueError(f"estimator: expected a CalibratedClassifierCV with ensemble=False, found {found}")
+    if model.method != "sigmoid":
+        raise ValueError(f"estimator: expected a CalibratedClassifierCV with method sigmoid, found {model.method}")
+    if len(model.classes_) != 2:
+        # It calibrates each class against all others, which is no probability for each pair.
+        found = f"{len(model.classes_)} in a CalibratedClassifierCV; SVC(probability=True) may have more"
+        raise ValueError(f"estimator: expected two classes, found {found}")
+    within = model.calibrated_classifiers_[0]
+    (sigmoid,) = within.calibrators
+    # Its decision values speak for the second class, the pair's for the first.
+    return within.estimator, [[float(sigmoid.a_), -float(sigmoid.b_)]]
+
+
+def _svm(model: Any, scaler: Any, sigmoids: list[list[float]] | None = None) -> dict[str, Any]:
+    if model.kernel not in ("linear", "rbf"):
+        raise ValueError(f"estimator: expected the kernel linear or rbf, found {model.kernel!r}")
+    if sigmoids is None:
+        if len(model._probA) == 0:
+            raise ValueError("estimator: expected a support vector machine with probabilities, found none")
+        sigmoids = np.column_stack([model._probA, model._probB]).tolist()
+    vectors = model.support_vectors_
+    if not isinstance(vectors, np.ndarray):
+        raise ValueError(f"estimator: expected one fitted on an array, found {type(vectors).__name__}")
+    # scikit-learn turns the only pair of two classes around.
+    sign = -1.0 if len(model.classes_) == 2 else 1.0
+    ends = np.cumsum([0, *model.n_support_])
+    pairs = [(a, b) for a in range(len(ends) - 1) for b in range(a + 1, len(ends) - 1)]
+    dual = np.zeros((len(pairs), len(vectors)))
+    for row, (a, b) in zip(dual, pairs, strict=True):
+        # A vector has a coefficient for each other class, in their order.
+        for own, other in ((a, b - 1), (b, a)):
+            part = slice(ends[own], ends[own + 1])
+            row[part] = sign * model.dual_coef_[other, part]
+    common = {
+        "kind": "svm",
+        "kernel": model.kernel,
+        **_standardised(scaler, vectors.shape[1]),
+        "intercepts": (sign * model.intercept_).tolist(),
+        "sigmoids": sigmoids,
+    }
+    if model.kernel == "linear":
+        return {**common, "coefficients": (dual @ vectors).tolist()}
+    return {
+        **common,
+        "gamma": float(model._gamma),
+        "support_vectors": vectors.tolist(),
+        "dual_coefficients": dual.tolist(),
+    }
+
+
 def _logistic(model: Any, scaler: Any) -> dict[str, Any]:
     coefficients, intercepts = model.coef_, np.atleast_1d(model.intercept_)
     if len(intercepts) == 1 and len(model.classes_) == 2:
         # scikit-learn has one row then, the log-odds of the second class.
         coefficients = np.vstack([np.zeros_like(coefficients), coefficients])
         intercepts = np.append(0.0, intercepts)
-    width = coefficients.shape[1]
-    mean = getattr(scaler, "mean_", None)
-    scale = getattr(scaler, "scale_", None)
     return {
         "kind": "logistic",
-        "mean": (np.zeros(width) if mean is None else mean).tolist(),
-        "scale": (np.ones(width) if scale is None else scale).tolist(),
+        **_standardised(scaler, coefficients.shape[1]),
         "coefficients": coefficients.tolist(),
         "intercepts": intercepts.tolist(),
     }
