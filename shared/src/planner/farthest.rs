@@ -9,7 +9,7 @@
 //! touch it where the best drive is.
 
 use super::headings::{Piece, Tube};
-use crate::math::{PI, TAU, sin_cos, sinc};
+use crate::math::{PI, TAU, cos, sin_cos, sinc};
 use core::f64::consts::FRAC_PI_2;
 
 /// A linear function of the heading.
@@ -50,13 +50,13 @@ impl Line {
         for place in [touch.clamp(lo, hi), nearest] {
             if place.abs() <= FRAC_PI_2 {
                 let line = Self::tangent(place);
-                if hi <= FRAC_PI_2 || line.at(hi) >= sin_cos(hi).1 {
+                if hi <= FRAC_PI_2 || line.at(hi) >= cos(hi) {
                     return line;
                 }
             }
         }
         // The nearest place is the lower end then, and from it on the chord is above the cosine.
-        let (at_lo, at_hi) = (sin_cos(lo).1, sin_cos(hi).1);
+        let (at_lo, at_hi) = (cos(lo), cos(hi));
         let width = hi - lo;
         if width < NO_WIDTH_RAD {
             return Self { at_zero: at_lo + width, slope: 0.0 };
@@ -79,16 +79,20 @@ struct Segment {
 #[derive(Clone, Debug, Default)]
 struct Concave {
     from: f64,
-    /// Its value there.
+    to: f64,
+    /// Its value at `from`.
     value: f64,
     /// To be added to all slopes.
     tilt: f64,
+    /// Those before `first` are left out.
     segments: Vec<Segment>,
+    first: usize,
 }
 
 impl Concave {
     fn set_zero(&mut self, from: f64, to: f64) {
-        (self.from, self.value, self.tilt) = (from, 0.0, 0.0);
+        (self.from, self.to, self.value, self.tilt) = (from, to, 0.0, 0.0);
+        self.first = 0;
         self.segments.clear();
         self.segments.push(Segment { slope: 0.0, length: to - from });
     }
@@ -104,55 +108,64 @@ impl Concave {
     /// replaced by tangents, the envelope of which is above it.
     fn turn(&mut self, least: f64, most: f64, gain: f64) {
         self.from -= most;
+        self.to -= least;
         if most <= least {
             return;
         }
-        let tangents = if gain > 0.0 { TANGENTS } else { 1 };
-        let mut place = 0;
-        for i in 0..tangents {
+        if gain <= 0.0 {
+            return self.insert([Segment { slope: -self.tilt, length: most - least }]);
+        }
+        let last = (TANGENTS - 1) as f64;
+        self.insert(core::array::from_fn::<_, TANGENTS, _>(|i| {
             // From the tangent at one end to that at the other, which are half as long.
-            let (share, weight) = match tangents {
-                1 => (0.5, 1.0),
-                _ if i == 0 || i + 1 == tangents => (i as f64 / (tangents - 1) as f64, 0.5),
-                _ => (i as f64 / (tangents - 1) as f64, 1.0),
-            };
-            let length = (most - least) * weight / (tangents - 1).max(1) as f64;
-            let slope = gain * (1.0 - 2.0 * share) - self.tilt;
-            let behind = &self.segments[place..];
-            place += behind.iter().take_while(|segment| segment.slope > slope).count();
-            self.segments.insert(place, Segment { slope, length });
+            let weight = if i == 0 || i + 1 == TANGENTS { 0.5 } else { 1.0 };
+            let slope = gain * (1.0 - 2.0 * i as f64 / last) - self.tilt;
+            Segment { slope, length: (most - least) * weight / last }
+        }));
+    }
+
+    /// Inserts segments with falling slopes, from the last one on.
+    fn insert<const N: usize>(&mut self, further: [Segment; N]) {
+        let mut end = self.segments.len();
+        self.segments.extend_from_slice(&further);
+        for (before, segment) in further.into_iter().enumerate().rev() {
+            while end > self.first && self.segments[end - 1].slope <= segment.slope {
+                self.segments[end + before] = self.segments[end - 1];
+                end -= 1;
+            }
+            self.segments[end + before] = segment;
         }
     }
 
     /// Leaves out what is not in [from, to], which is in the domain but for rounding.
     fn clip(&mut self, from: f64, to: f64) {
-        let mut left_out = 0;
-        for segment in &mut self.segments {
-            if from <= self.from {
-                break;
-            }
+        while let Some(segment) = self.segments.get_mut(self.first).filter(|_| from > self.from) {
             let cut = (from - self.from).min(segment.length);
             self.from += cut;
             self.value += (segment.slope + self.tilt) * cut;
             segment.length -= cut;
-            left_out += usize::from(segment.length <= 0.0);
+            if segment.length > 0.0 {
+                break;
+            }
+            self.first += 1;
         }
-        self.segments.drain(..left_out);
-        let mut length = to - self.from;
-        for segment in &mut self.segments {
-            segment.length = segment.length.min(length.max(0.0));
-            length -= segment.length;
-        }
-        while self.segments.last().is_some_and(|segment| segment.length <= 0.0) {
+        while let Some(segment) = self.segments.last_mut().filter(|_| self.to > to) {
+            let cut = (self.to - to).min(segment.length);
+            self.to -= cut;
+            segment.length -= cut;
+            if segment.length > 0.0 {
+                break;
+            }
             self.segments.pop();
         }
+        self.first = self.first.min(self.segments.len());
     }
 
     /// Between which arguments it is largest.
     fn best(&self) -> (f64, f64) {
         let mut place = self.from;
         let mut best = (place, place);
-        for segment in &self.segments {
+        for segment in &self.segments[self.first..] {
             let slope = segment.slope + self.tilt;
             if slope < -SAME_SLOPE {
                 break;
@@ -326,7 +339,7 @@ impl Farthest {
         let mut found = Looseness { seconds: 0.0, knot: 0, heading: 0.0 };
         let mut most = 0.0;
         for (knot, heading) in self.between(share).enumerate() {
-            let cosine = sin_cos(heading - alpha).1;
+            let cosine = cos(heading - alpha);
             let beside = |piece: Option<usize>| {
                 let (line, piece) =
                     piece.and_then(|k| self.lines.get(k).zip(tube.pieces.get(k)))?;
@@ -410,6 +423,6 @@ mod tests {
     }
 
     fn length(function: &Concave) -> f64 {
-        function.segments.iter().map(|segment| segment.length).sum()
+        function.segments[function.first..].iter().map(|segment| segment.length).sum()
     }
 }

@@ -304,20 +304,45 @@ impl Footprint {
 
     /// Distance, m, of a position (world frame) from the robot at `pose`; ≤ 0 if it is covered.
     #[must_use]
-    pub fn distance_m(&self, pose: Pose, [x, y]: [f64; 2]) -> f64 {
-        let (dx, dy) = (x - pose.x, y - pose.y);
+    pub fn distance_m(&self, pose: Pose, position: [f64; 2]) -> f64 {
+        Placed::new(self, pose).distance_m(position)
+    }
+}
+
+/// A footprint at a pose.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed<'a> {
+    footprint: &'a Footprint,
+    pose: Pose,
+    sin: f64,
+    cos: f64,
+}
+
+impl<'a> Placed<'a> {
+    pub(super) fn new(footprint: &'a Footprint, pose: Pose) -> Self {
         let (sin, cos) = sin_cos(pose.psi);
-        let seen = [cos * dx + sin * dy, -sin * dx + cos * dy];
-        signed_distance(&self.corners, seen) - self.margin_m
+        Self { footprint, pose, sin, cos }
     }
 
-    /// The part of the polygon at `pose` that lies least far along a direction (unit vector, world
-    /// frame): where, m from `origin`.
-    pub(super) fn least_along(&self, pose: Pose, origin: [f64; 2], along: [f64; 2]) -> [f64; 2] {
-        let (sin, cos) = sin_cos(pose.psi);
+    /// Distance, m, of a position (world frame); ≤ 0 if it is covered.
+    pub(super) fn distance_m(&self, [x, y]: [f64; 2]) -> f64 {
+        let Self { footprint, pose, sin, cos } = self;
+        let (dx, dy) = (x - pose.x, y - pose.y);
+        let seen = [cos * dx + sin * dy, -sin * dx + cos * dy];
+        let metres = match footprint.corners[..] {
+            [[ahead, left]] => hypot(seen[0] - ahead, seen[1] - left),
+            _ => signed_distance(&footprint.corners, seen),
+        };
+        metres - footprint.margin_m
+    }
+
+    /// The part of the polygon that lies least far along a direction (unit vector, world frame): where, m
+    /// from `origin`.
+    pub(super) fn least_along(&self, origin: [f64; 2], along: [f64; 2]) -> [f64; 2] {
+        let Self { footprint, pose, sin, cos } = self;
         let (ahead, left) = (cos * along[0] + sin * along[1], cos * along[1] - sin * along[0]);
         let mut least = (f64::INFINITY, [0.0; 2]);
-        for &[x, y] in &self.corners {
+        for &[x, y] in &footprint.corners {
             let far = ahead * x + left * y;
             if far < least.0 {
                 least = (far, [cos * x - sin * y, sin * x + cos * y]);

@@ -3,9 +3,9 @@
 use super::clearance::{Clearance, ClearanceSettings};
 use super::farthest::{Farthest, turns_away};
 use super::headings::{Cuts, Moment, Piece, Pieces, Tube};
-use super::plan::{Footprint, Leg, Plan};
+use super::plan::{Footprint, Leg, Placed, Plan};
 use crate::bounds::InputBounds;
-use crate::math::{TAU, atan2, hypot, sin_cos, sinc, wrap_angle};
+use crate::math::{TAU, atan2, cos, hypot, sin_cos, sinc, wrap_angle};
 use crate::vehicle::Pose;
 use core::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -61,7 +61,7 @@ impl PartialEq for Part {
 impl Eq for Part {}
 
 /// Directions that are tried for a part.
-const MOST_DIRECTIONS: usize = 5;
+const MOST_DIRECTIONS: usize = 4;
 
 /// In a piece of time, a drive turns by so much, rad.
 const LEAST_TURN_RAD: f64 = 0.02;
@@ -86,7 +86,19 @@ pub(super) struct Search {
     open: BinaryHeap<Part>,
     /// The direction that told most in the step before.
     alpha: Option<f64>,
+    /// The parts in which the drives were divided at the end of the step before.
+    seeds: Vec<Seed>,
 }
+
+/// Some of the drives, and the direction that told most of them.
+#[derive(Clone, Copy, Debug)]
+struct Seed {
+    cuts: Cuts,
+    alpha: f64,
+}
+
+/// A search that left more parts than this begins anew in the next step.
+const MOST_SEEDS: usize = 24;
 
 impl Search {
     /// Turns to the set of other bounds.
@@ -97,6 +109,8 @@ impl Search {
         let turn_rad = (6.0 * on.settings.accuracy_m / length_m).sqrt();
         self.pieces.set(bounds, on.step_s, turn_rad.clamp(LEAST_TURN_RAD, MOST_TURN_RAD));
         self.alpha = None;
+        self.seeds.clear();
+        self.seeds.reserve(MOST_SEEDS + 1);
         self.open.clear();
         self.open.reserve(on.settings.most_parts + 2);
         self.tube.reserve(self.pieces.len());
@@ -125,16 +139,27 @@ impl Search {
         let mut at_most_m = f64::INFINITY;
         // The least bound of the parts that need no search any more.
         let mut settled_m = f64::INFINITY;
-        let mut parts = 0;
         self.examine(on, step, &leg, whole, &mut at_most_m);
         self.alpha = self.open.peek().map(|part| part.alpha);
+        let suffices = |part: &Part, at_most_m: f64| {
+            part.at_least_m >= on.settings.goal(at_most_m) || at_most_m <= accuracy_m
+        };
+        let mut parts = 0;
+        let again = (2..=MOST_SEEDS.min(most_parts)).contains(&self.seeds.len());
+        if again && !self.open.peek().is_some_and(|part| suffices(part, at_most_m)) {
+            // What had to be told apart a step before is to be told apart now.
+            parts = self.seeds.len();
+            self.open.clear();
+            for i in 0..parts {
+                let Seed { cuts, alpha } = self.seeds[i];
+                self.examine(on, step, &leg, Part { cuts, alpha, ..whole }, &mut at_most_m);
+            }
+        }
+        self.seeds.clear();
         while let Some(part) = self.open.pop() {
-            let known = part.at_least_m;
-            if known >= on.settings.goal(at_most_m)
-                || at_most_m <= accuracy_m
-                || parts >= most_parts
-            {
-                settled_m = settled_m.min(known);
+            if suffices(&part, at_most_m) || parts >= most_parts {
+                settled_m = settled_m.min(part.at_least_m);
+                self.open.push(part);
                 break;
             }
             parts += 1;
@@ -144,11 +169,25 @@ impl Search {
                         self.examine(on, step, &leg, half, &mut at_most_m);
                     }
                 }
-                None => settled_m = settled_m.min(known),
+                None => {
+                    settled_m = settled_m.min(part.at_least_m);
+                    self.seed(&part);
+                }
             }
         }
+        let mut open = core::mem::take(&mut self.open);
+        open.iter().for_each(|part| self.seed(part));
+        open.clear();
+        self.open = open;
         // All drives and the whole time were in some part.
         Clearance { at_least_m: settled_m.min(at_most_m), at_most_m }
+    }
+
+    /// Keeps the drives of a part that lasts to the end of the step. Every drive is in such a part.
+    fn seed(&mut self, part: &Part) {
+        if part.to == 1.0 && self.seeds.len() <= MOST_SEEDS {
+            self.seeds.push(Seed { cuts: part.cuts, alpha: part.alpha });
+        }
     }
 
     /// Halves the drives of a part, or its time.
@@ -266,8 +305,8 @@ struct End {
 /// A part's time, in which lines between human and robot are sought.
 struct Look<'a> {
     on: &'a Setting<'a>,
-    /// Of the robot, at both ends.
-    poses: [Pose; 2],
+    /// The robot at both ends.
+    robot: [Placed<'a>; 2],
     /// Between both ends, s.
     seconds: f64,
     /// The human's turn rates in between, rad/s.
@@ -281,7 +320,7 @@ impl<'a> Look<'a> {
         let share = part.to - part.from;
         Self {
             on,
-            poses: [leg.pose(part.from), leg.pose(part.to)],
+            robot: [part.from, part.to].map(|at| Placed::new(on.footprint, leg.pose(at))),
             seconds: share * on.step_s,
             rates: (piece.lo, piece.hi),
             bulge_m: leg.bulge_m(on.footprint.reach_m(), share),
@@ -305,10 +344,10 @@ impl<'a> Look<'a> {
         let chord = self.seconds * sinc(0.5 * turn);
         let (up, on) = sin_cos(heading + 0.5 * turn);
         let later = [place[0] + chord * on, place[1] + chord * up];
-        let end = |pose: Pose, place: [f64; 2], far_m: f64| {
+        let end = |robot: &Placed<'_>, place: [f64; 2], far_m: f64| {
             let start = [self.on.start.x, self.on.start.y];
             let human = [v * place[0], v * place[1]];
-            let corner = self.on.footprint.least_along(pose, start, [cos, sin]);
+            let corner = robot.least_along(start, [cos, sin]);
             let margin_m = self.on.footprint.margin_m();
             let gap_m = corner[0] * cos + corner[1] * sin - margin_m - far_m;
             let rounding_m =
@@ -316,18 +355,19 @@ impl<'a> Look<'a> {
             let here = [start[0] + human[0], start[1] + human[1]];
             End {
                 at_least_m: gap_m - rounding_m,
-                at_most_m: self.on.footprint.distance_m(pose, here),
+                at_most_m: robot.distance_m(here),
                 apart: [corner[0] - human[0], corner[1] - human[1]],
             }
         };
-        [end(self.poses[0], place, far_m), end(self.poses[1], later, far_m + onward_m)]
+        let [now, then] = &self.robot;
+        [end(now, place, far_m), end(then, later, far_m + onward_m)]
     }
 
     /// Distance, m, of the robot at first from the end of a drive between the two that were kept.
     fn between(&self, share: f64, tube: &Tube, farthest: &Farthest) -> f64 {
         let ([x, y], _) = farthest.end_between(tube, share);
-        let Setting { start, speed_mps, footprint, .. } = self.on;
-        footprint.distance_m(self.poses[0], [start.x + speed_mps * x, start.y + speed_mps * y])
+        let Setting { start, speed_mps, .. } = self.on;
+        self.robot[0].distance_m([start.x + speed_mps * x, start.y + speed_mps * y])
     }
 }
 
@@ -336,7 +376,7 @@ fn most_cosine(lo: f64, hi: f64) -> f64 {
     if (lo / TAU).ceil() <= (hi / TAU).floor() {
         return 1.0;
     }
-    sin_cos(lo).1.max(sin_cos(hi).1)
+    cos(lo).max(cos(hi))
 }
 
 /// The place nearest to the origin on the line from a (share 0) to b (1).
