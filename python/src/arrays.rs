@@ -52,7 +52,7 @@ pub(crate) fn numbers(
 }
 
 /// `states[17, 1]`: where in an array the entry is.
-fn place(field: &str, mut position: usize, shape: &[usize]) -> String {
+pub(crate) fn place(field: &str, mut position: usize, shape: &[usize]) -> String {
     let mut index = Vec::with_capacity(shape.len());
     for &length in shape.iter().rev() {
         index.push((position % length).to_string());
@@ -94,13 +94,23 @@ pub(crate) fn rows<const W: usize>(
     field: &str,
     object: &Bound<'_, PyAny>,
 ) -> Result<Rows<W>, Error> {
-    let expected = format!("(…, {W})");
+    let Numbers { shape, values } = rows_of(field, W, object)?;
+    Ok(Rows { shape, values })
+}
+
+/// An array of shape (…, width); the shape that is returned leaves out the last axis.
+pub(crate) fn rows_of(
+    field: &str,
+    width: usize,
+    object: &Bound<'_, PyAny>,
+) -> Result<Numbers, Error> {
+    let expected = format!("(…, {width})");
     let Numbers { mut shape, values } = numbers(field, &expected, object)?;
-    if shape.last() != Some(&W) {
+    if shape.last() != Some(&width) {
         return Err(wrong_shape(field, &expected, &shape));
     }
     shape.pop();
-    Ok(Rows { shape, values })
+    Ok(Numbers { shape, values })
 }
 
 /// A pose whose coordinates are at most [`Pose::MOST`] from 0.

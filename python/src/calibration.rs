@@ -2,7 +2,10 @@
 
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
+use sidestep::bounds::Rollout;
 use sidestep::invalid::Invalid;
+use sidestep::planner::{ClearanceSettings, CoverageBounds};
+use sidestep::reach::Tolerance;
 use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
@@ -12,7 +15,8 @@ use sidestep::shfrs::window::WindowChoice;
 use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
-use crate::shfrs::ShfrsSettings;
+use crate::plan::Asked;
+use crate::shfrs::{Shfrs, ShfrsSettings};
 use crate::trajectory::Trajectory;
 use crate::vehicles::SceneParameters;
 
@@ -35,6 +39,31 @@ pub(crate) struct Calibration {
     #[pyo3(get)]
     settings: ShfrsSettings,
     scores: Scores,
+    human: Human,
+}
+
+/// A bound on the probability that the human touches a robot that drives a plan.
+#[pyclass(frozen, module = "sidestep")]
+pub(crate) struct CollisionBound {
+    /// The human comes within the footprint at some instant of the plan with at most this probability.
+    #[pyo3(get)]
+    at_most: f64,
+    /// The largest set of which the plan is clear, from 0; `None` if there is none.
+    #[pyo3(get)]
+    set: Option<usize>,
+    /// How clear of a set a plan must be so that it counts, m.
+    #[pyo3(get)]
+    margin_m: f64,
+    /// What the bound says and assumes, to print beside it.
+    #[pyo3(get)]
+    statement: String,
+}
+
+#[pymethods]
+impl CollisionBound {
+    fn __repr__(&self) -> String {
+        format!("CollisionBound(at_most={}, set={:?}): {}", self.at_most, self.set, self.statement)
+    }
 }
 
 #[pymethods]
@@ -43,6 +72,75 @@ impl Calibration {
     #[getter]
     fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.scores.sorted().to_vec().into_pyarray(py)
+    }
+
+    /// A bound on the probability that the human touches the robot during a plan.
+    ///
+    /// Parameters
+    /// ----------
+    /// shfrs : Shfrs
+    ///     Predicted now, with the calibration's model, parameters and choice of actions, and `base` roll-outs.
+    /// plan, radius_m, corners, most_speed_mps, most_turn_rate_radps, accuracy_m
+    ///     As for `Shfrs.clear`.
+    /// delta : float, optional
+    ///     How often the bounds of all sets together may fail, in (0, 1); by default that of the calibration.
+    ///
+    /// Returns
+    /// -------
+    /// CollisionBound
+    ///     The share of people who leave the largest set of which the plan is clear, at most; 1 if it is clear of
+    ///     none.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the sets were predicted otherwise, or there is no `delta`; and as for `Shfrs.clear`.
+    #[pyo3(signature = (shfrs, plan, radius_m, *, delta=None, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=0.02))]
+    #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
+    fn collision<'py>(
+        &self,
+        shfrs: &Shfrs,
+        plan: &Bound<'py, PyAny>,
+        radius_m: f64,
+        delta: Option<f64>,
+        corners: Option<&Bound<'py, PyAny>>,
+        most_speed_mps: Option<f64>,
+        most_turn_rate_radps: Option<f64>,
+        accuracy_m: f64,
+    ) -> Result<CollisionBound, Error> {
+        let predicted = &shfrs.source.settings.bounds;
+        for (same, what) in [
+            (shfrs.source.human.same(&self.human), "model and parameters"),
+            (predicted.choice() == self.settings.choice(), "choice of actions"),
+            (predicted.rollout() == Rollout::Base, "roll-outs, base"),
+        ] {
+            if !same {
+                let expected = format!("sets predicted with the calibration's {what}");
+                return Err(Invalid::new("shfrs", expected, "others").into());
+            }
+        }
+        let expected = "a number in (0, 1), since the calibration has none";
+        let delta = delta.or(self.delta);
+        let delta = delta.ok_or_else(|| Invalid::new("delta", expected, "None"))?;
+        let parameters = &self.human.parameters;
+        let (steps, tolerance) = (self.settings.steps(), Tolerance::default());
+        let bounds = CoverageBounds::of_scores(
+            &self.scores,
+            predicted.epsilon(),
+            delta,
+            parameters,
+            tolerance,
+            steps,
+        )?;
+        let asked = Asked { plan, radius_m, corners, most_speed_mps, most_turn_rate_radps };
+        let settings = ClearanceSettings::new(accuracy_m)?;
+        let found = bounds.collision(&shfrs.clearances(plan.py(), &asked, settings)?)?;
+        Ok(CollisionBound {
+            at_most: found.at_most,
+            set: found.set,
+            margin_m: bounds.margin_m(),
+            statement: bounds.statement().to_owned(),
+        })
     }
 
     fn __repr__(&self) -> String {
@@ -127,5 +225,6 @@ pub(crate) fn calibrate(
         statement: guarantee.statement(p, scores.len()),
         settings: settings.with(vec![epsilon, everything.max(epsilon)]),
         scores,
+        human,
     })
 }

@@ -329,14 +329,14 @@ pub(crate) fn levels(
 }
 
 /// What a solver tells how far it is.
-type Report<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
+pub(crate) type Report<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
 /// How long a solver works between two looks at Python.
 const BETWEEN_REPORTS: Duration = Duration::from_millis(100);
 
 /// Runs a solver while the interpreter is released. Now and then it tells `progress`, and ends if the user pressed
 /// Ctrl-C or `progress` raised an exception.
-fn watched<T: Send>(
+pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
     solver: impl FnOnce(&mut Report<'_>) -> Result<T, SolveError> + Send,
@@ -375,7 +375,11 @@ fn watched<T: Send>(
 }
 
 /// The entry of a table of words.
-fn named<T: Copy>(field: &str, table: &[(&str, T, &str)], word: &str) -> Result<T, Error> {
+pub(crate) fn named<T: Copy>(
+    field: &str,
+    table: &[(&str, T, &str)],
+    word: &str,
+) -> Result<T, Error> {
     let found = table.iter().find(|(name, ..)| *name == word).map(|&(_, entry, _)| entry);
     found.ok_or_else(|| {
         let names: Vec<_> = table.iter().map(|(name, ..)| *name).collect();

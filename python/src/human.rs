@@ -110,6 +110,16 @@ impl Human {
         Ok(Learned { model, raised: Mutex::new(None) })
     }
 
+    /// Whether both have the same model and parameters.
+    pub(crate) fn same(&self, other: &Self) -> bool {
+        let model = match (&self.model, &other.model) {
+            (Kept::Trained(one, _), Kept::Trained(other, _)) => one.get() == other.get(),
+            (Kept::Own(one), Kept::Own(other)) => one.is(other),
+            _ => false,
+        };
+        model && self.parameters == other.parameters
+    }
+
     /// How many actions the model has.
     pub(crate) fn actions(&self) -> usize {
         match &self.model {

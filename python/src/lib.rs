@@ -12,12 +12,17 @@ mod files;
 mod vehicles;
 mod value;
 mod function;
+mod grid;
+mod solution;
+mod hj;
 mod predictor;
 mod human;
 mod bounds;
 mod reach;
 mod trajectory;
+mod plan;
 mod shfrs;
+mod online;
 mod calibration;
 
 use pyo3::prelude::*;
@@ -34,17 +39,25 @@ mod native {
     #[pymodule_export]
     use crate::bounds::bounds;
     #[pymodule_export]
-    use crate::calibration::{Calibration, calibrate};
+    use crate::calibration::{Calibration, CollisionBound, calibrate};
     #[pymodule_export]
     use crate::function::{SafetyLevels, ValueFunction, solve};
     #[pymodule_export]
+    use crate::grid::Grid;
+    #[pymodule_export]
+    use crate::hj::hj_solve;
+    #[pymodule_export]
     use crate::human::ActionModel;
+    #[pymodule_export]
+    use crate::online::OnlinePredictor;
     #[pymodule_export]
     use crate::predictor::{Predictor, features};
     #[pymodule_export]
     use crate::reach::{ReachableSet, reach_all};
     #[pymodule_export]
     use crate::shfrs::{Shfrs, ShfrsPredictor, ShfrsSettings};
+    #[pymodule_export]
+    use crate::solution::Solution;
     #[pymodule_export]
     use crate::trajectory::{Trajectory, simulate};
     #[pymodule_export]

@@ -1,12 +1,14 @@
 //! Stochastic human forward reachable sets, predicted and calibrated.
 
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout};
 use sidestep::invalid::Invalid;
+use sidestep::planner::{ClearanceSettings, Clearances};
 use sidestep::reach::ReachableSet as Reachable;
+use sidestep::scene::JointState;
 use sidestep::shfrs;
 use sidestep::shfrs::file::PRESETS;
 
@@ -15,6 +17,7 @@ use crate::bounds::{choice, rolled_out, stacked};
 use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
+use crate::plan::{Asked, proved};
 use crate::reach::{ReachableSet, drawn, drive, tolerance};
 use crate::vehicles::SceneParameters;
 
@@ -139,7 +142,7 @@ impl ShfrsSettings {
 }
 
 impl ShfrsSettings {
-    fn bounds(&self, actions: usize) -> Result<BoundsSettings, Invalid> {
+    pub(crate) fn bounds(&self, actions: usize) -> Result<BoundsSettings, Invalid> {
         BoundsSettings::new(self.epsilon.clone(), self.choice.clone(), self.rollout, actions)
     }
 
@@ -156,8 +159,16 @@ impl ShfrsSettings {
 /// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far. They own their memory.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Shfrs {
-    found: shfrs::Shfrs,
+    pub(crate) found: shfrs::Shfrs,
     reachable: Vec<Reachable>,
+    now: JointState,
+    pub(crate) source: Arc<Source>,
+}
+
+/// What predicts.
+pub(crate) struct Source {
+    pub(crate) human: Human,
+    pub(crate) settings: shfrs::ShfrsSettings,
 }
 
 #[pymethods]
@@ -234,6 +245,51 @@ impl Shfrs {
         Ok(found.into_pyarray(py))
     }
 
+    /// How far a plan of the robot that begins now stays clear of where the human may be: at every instant, not only
+    /// at the ends of steps, and proved, whatever the turn rates.
+    ///
+    /// Between two poses the robot holds its speed and its turn rate. For another robot, or for a human with a body,
+    /// add to `radius_m`.
+    ///
+    /// Parameters
+    /// ----------
+    /// plan : array of float64, shape (T, 3)
+    ///     The robot's poses (x, y, ψ) after steps 1 … T, world frame, m, m, rad. It is now where the last state of the
+    ///     history says.
+    /// radius_m : float
+    ///     Of a disc around the robot's position, m, 0 to 10⁴; with `corners`, how far the robot extends beyond them.
+    /// corners : array of float64, shape (n, 2), optional
+    ///     Corners of the robot, whose convex hull counts, in its frame: x ahead, y to the left, m.
+    /// most_speed_mps, most_turn_rate_radps : float, optional
+    ///     What the robot can do, > 0, m/s and rad/s: a plan that needs more jumps. By default the speed and turn rate
+    ///     of the robot of the parameters.
+    /// accuracy_m : float
+    ///     How far a clearance up to 2 m may be below the true one, m; 10⁻⁴ to 10.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (m, T)
+    ///     For each set and step: nobody who drives within the set comes nearer to the robot, m. At ≤ 0 they may touch.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the plan has another shape than (T, 3), or jumps; it says where.
+    #[pyo3(signature = (plan, radius_m, *, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=0.02))]
+    fn clear<'py>(
+        &self,
+        plan: &Bound<'py, PyAny>,
+        radius_m: f64,
+        corners: Option<&Bound<'py, PyAny>>,
+        most_speed_mps: Option<f64>,
+        most_turn_rate_radps: Option<f64>,
+        accuracy_m: f64,
+    ) -> Result<Array<'py>, Error> {
+        let asked = Asked { plan, radius_m, corners, most_speed_mps, most_turn_rate_radps };
+        let found = self.clearances(plan.py(), &asked, ClearanceSettings::new(accuracy_m)?)?;
+        Ok(proved(plan.py(), &found)?)
+    }
+
     fn __len__(&self) -> usize {
         self.found.sets.len()
     }
@@ -246,6 +302,19 @@ impl Shfrs {
 }
 
 impl Shfrs {
+    /// The clearance of a plan from each set.
+    pub(crate) fn clearances(
+        &self,
+        py: Python<'_>,
+        asked: &Asked<'_, '_>,
+        settings: ClearanceSettings,
+    ) -> Result<Clearances, Error> {
+        let parameters = &self.source.human.parameters;
+        let planned = asked.check(self.now.robot, parameters)?;
+        let sets: Vec<InputBounds> = self.bounds().cloned().collect();
+        Ok(py.detach(|| planned.clearances(self.now.human, &sets, parameters, settings))?)
+    }
+
     fn bounds(&self) -> impl Iterator<Item = &InputBounds> + Clone {
         self.found.sets.iter().map(|set| &set.bounds)
     }
@@ -265,8 +334,7 @@ impl Shfrs {
 ///     Needed if the vehicles differ and a feature of the model is a safety level.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ShfrsPredictor {
-    human: Human,
-    settings: shfrs::ShfrsSettings,
+    source: Arc<Source>,
     /// Its memory serves one prediction at a time.
     frames: Mutex<shfrs::ShfrsPredictor>,
 }
@@ -290,7 +358,8 @@ impl ShfrsPredictor {
                 by_step: given.by_step,
             },
         };
-        Ok(Self { human, settings, frames: Mutex::default() })
+        let source = Arc::new(Source { human, settings });
+        Ok(Self { source, frames: Mutex::default() })
     }
 
     /// The sets that follow from the states so far.
@@ -307,19 +376,21 @@ impl ShfrsPredictor {
     fn predict(&self, history: &Bound<'_, PyAny>) -> Result<Shfrs, Error> {
         let py = history.py();
         let history = joint_states("history", 1, history)?;
-        let (parameters, settings) = (&self.human.parameters, &self.settings);
-        self.human.work(py, |learned| {
+        let Source { human, settings } = &*self.source;
+        let parameters = &human.parameters;
+        human.work(py, |learned| {
             // Another thread may be predicting, or a function of Python within its own prediction.
             let mut other = shfrs::ShfrsPredictor::default();
             let mut kept = self.frames.try_lock().ok();
             let frames = kept.as_deref_mut().unwrap_or(&mut other);
             let found = frames.predict(&history, parameters, learned, settings)?.clone();
             drop(kept);
-            let now = history[history.len() - 1].human;
+            let now = history[history.len() - 1];
             let (speed_mps, step_s) = (parameters.human.speed_mps, parameters.step_s);
-            let set = |set: &shfrs::NestedSet| Reachable::new(now, &set.bounds, speed_mps, step_s);
+            let set =
+                |set: &shfrs::NestedSet| Reachable::new(now.human, &set.bounds, speed_mps, step_s);
             let reachable = found.sets.iter().map(set).collect::<Result<_, _>>()?;
-            Ok(Shfrs { found, reachable })
+            Ok(Shfrs { found, reachable, now, source: Arc::clone(&self.source) })
         })
     }
 }

@@ -127,7 +127,7 @@ pub(crate) fn value_of<'py>(
     let states = rows("states", states)?;
     let threads = checked(threads)?;
     let values = py.detach(|| {
-        in_parts(states.rows(), threads, 0.0, |states, values| match function {
+        in_parts(states.rows(), threads, 0.0, |_, states, values| match function {
             ValueFunction::Exact(exact) => exact.values_into(states, values),
             ValueFunction::Sampled(sampled) => {
                 for (value, &state) in values.iter_mut().zip(states) {
@@ -150,7 +150,7 @@ pub(crate) fn state_of<'py>(
     let states = rows("states", states)?;
     let threads = checked(threads)?;
     let found = py.detach(|| {
-        in_parts(states.rows(), threads, UNSEEN, |states, found| {
+        in_parts(states.rows(), threads, UNSEEN, |_, states, found| {
             for (found, &state) in found.iter_mut().zip(states) {
                 *found = function.state(state);
             }
@@ -188,24 +188,27 @@ const UNSEEN: ValueState = ValueState {
     inside: false,
 };
 
-/// One result for each state: `work` fills parts of them, on at most `threads` threads.
-fn in_parts<T: Send + Clone>(
-    states: &[[f64; 3]],
+/// One result for each state: `work` gets the number of its first state, states and their results to fill in, on at
+/// most `threads` threads.
+pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
+    states: &[S],
     threads: usize,
     unseen: T,
-    work: impl Fn(&[[f64; 3]], &mut [T]) -> Result<(), Invalid> + Sync,
+    work: impl Fn(usize, &[S], &mut [T]) -> Result<(), Invalid> + Sync,
 ) -> Result<Vec<T>, Invalid> {
     let threads = threads.min(states.len() / STATES_OF_A_THREAD + 1).min(default_threads());
     let mut found = vec![unseen; states.len()];
     let part = states.len().div_ceil(threads).max(1);
-    let mut parts = states.chunks(part).zip(found.chunks_mut(part));
+    let parts = states.chunks(part).zip(found.chunks_mut(part)).enumerate();
+    let mut parts = parts.map(|(i, (states, found))| (i * part, states, found));
     let own = parts.next();
     let mut done = Ok(());
     std::thread::scope(|scope| {
         let work = &work;
-        let others: Vec<_> =
-            parts.map(|(states, found)| scope.spawn(move || work(states, found))).collect();
-        done = own.map_or(Ok(()), |(states, found)| work(states, found));
+        let others: Vec<_> = parts
+            .map(|(first, states, found)| scope.spawn(move || work(first, states, found)))
+            .collect();
+        done = own.map_or(Ok(()), |(first, states, found)| work(first, states, found));
         for other in others {
             // A thread that panicked has been reported; the library does not.
             let of_other = other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));

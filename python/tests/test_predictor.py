@@ -132,7 +132,8 @@ def test_support_vector_machines_that_are_refused(rows):
     several = CalibratedClassifierCV(SVC(), cv=2).fit(x, np.abs(y))
     steps = CalibratedClassifierCV(SVC(), method="isotonic", ensemble=False).fit(x, np.abs(y))
     other = CalibratedClassifierCV(LogisticRegression(max_iter=2000), ensemble=False).fit(x, np.abs(y))
-    twice = make_pipeline(StandardScaler(), CalibratedClassifierCV(make_pipeline(StandardScaler(), SVC()), ensemble=False))
+    inner = make_pipeline(StandardScaler(), SVC())
+    twice = make_pipeline(StandardScaler(), CalibratedClassifierCV(inner, ensemble=False))
     for estimator, complaint in (
         (SVC().fit(x, y), "with probabilities, found none"),
         (SVC(kernel="poly", probability=True).fit(x, y), "kernel linear or rbf, found 'poly'"),

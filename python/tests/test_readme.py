@@ -16,5 +16,5 @@ def test_the_examples_run(tmp_path, monkeypatch, capsys):
     for block in blocks:
         exec(compile(block, "README.md", "exec"), names)
     assert "With confidence 0.95" in capsys.readouterr().out
-    assert {path.name for path in tmp_path.iterdir()} == {"function.value", "predictor.json", "regions.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"function.value", "predictor.json", "regions.png", "solution.npz"}
     plt.close("all")

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import shapely
 from conftest import constant, driven
+from scipy.stats import beta
+from sklearn.linear_model import LogisticRegression
 
 import sidestep
 
@@ -124,6 +126,142 @@ def test_calibrated_sets_hold_their_share():
     ]
     assert np.mean(inside) >= 0.8 - 4 * np.sqrt(0.8 * 0.2 * (1 / 60 + 1 / len(inside)))
     assert np.mean(inside) < 1
+
+
+STRAIGHT = constant([0.0, 1.0, 0.0])
+CROSSED = np.array([[[0.0, 0.0, 0.0], [2.0, -2.4, np.pi / 2]]])
+
+
+def crossing(speed_mps):
+    """The plan of a robot that drives up from where it is in `CROSSED`, ten steps of 0.2 s."""
+    y = -2.4 + speed_mps * 0.2 * np.arange(1, 11)
+    return np.stack([np.full(10, 2.0), y, np.full(10, np.pi / 2)], axis=-1)
+
+
+def test_a_plan_is_as_clear_as_it_is_from_drives(rng):
+    """No drive of a set comes nearer than the clearance; straight on there is one drive, which comes as near."""
+    predicted = sidestep.ShfrsPredictor(STRAIGHT, sidestep.ShfrsSettings([0.0, 0.25, 1.0], [1] * 10)).predict(CROSSED)
+    plan, radius = crossing(1.2), 0.6
+    clear = predicted.clear(plan, radius)
+    assert clear.shape == (3, 10) and (np.diff(clear, axis=0) <= 0).all()
+    time = np.linspace(0, 2, 2001)
+    robot = np.stack([np.full(2001, 2.0), -2.4 + 1.2 * time], axis=-1)
+
+    def apart(turn_rates):
+        fine = driven(CROSSED[0, 0], np.repeat(turn_rates, 200), step_s=0.001)
+        distance = np.hypot(*(fine[:, :2] - robot).T) - radius
+        return np.array([distance[200 * i : 200 * i + 201].min() for i in range(10)])
+
+    straight = apart(np.zeros(10))
+    assert (clear[0] <= straight + 1e-9).all() and (clear[0] >= np.minimum(straight, 2) - 0.02 - 1e-9)[straight > 0].all()
+    for lo, hi, bound in zip(predicted.lo, predicted.hi, clear, strict=True):
+        for _ in range(40):
+            rates = np.where(rng.random(10) < 0.5, rng.choice([0, 1], 10), rng.random(10)) * (hi - lo) + lo
+            assert (apart(rates) >= bound - 1e-9).all()
+    # A square of 0.6 m contains no more than the disc around its corners.
+    square = predicted.clear(plan, 0.0, corners=[[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]])
+    assert (square >= predicted.clear(plan, 0.3 * np.sqrt(2)) - 0.02).all()
+    assert (predicted.clear(crossing(0.0), radius)[2] > 0).all() and (clear[2] <= 0).any()
+
+
+def test_an_online_predictor_is_the_library_state_by_state(people):
+    names = ["distance", "turned_1", "dpsi"]
+    trial = people[0][0]
+    rows = sidestep.features(trial.states[:-1], names)
+    model = sidestep.from_sklearn(LogisticRegression(max_iter=2000).fit(rows, np.sign(trial.turn_rates)), names)
+    settings = sidestep.ShfrsSettings.paper()
+    online = sidestep.OnlinePredictor(model, settings)
+    whole = sidestep.ShfrsPredictor(model, settings)
+    assert online.states_needed == 2 and len(online.history) == 0
+    for i in range(6):
+        assert online.push(trial.states[i])
+    lo, hi = online.predict()
+    predicted = whole.predict(trial.states[:6])
+    np.testing.assert_array_equal(lo, predicted.lo)
+    np.testing.assert_array_equal(hi, predicted.hi)
+    np.testing.assert_array_equal(online.history, trial.states[4:6])
+    ahead = trial.states[6:16, 1]
+    np.testing.assert_array_equal(online.clear(ahead, 0.4), predicted.clear(ahead, 0.4))
+    jump = trial.states[6] + [[5, 0, 0], [0, 0, 0]]
+    assert not online.push(jump) and len(online.history) == 1
+    for call, complaint in (
+        (online.predict, "history: expected at least 2 states"),
+        (lambda: online.clear(ahead, 0.4), "predict: expected a prediction from the latest state, found none"),
+        (lambda: online.push(np.zeros((3, 2))), r"state: expected an array of shape \(2, 3\)"),
+        (lambda: online.push(np.full((2, 3), 1e9)), r"state\.human\.x: expected"),
+        (lambda: sidestep.OnlinePredictor(model, accuracy_m=0.0), "accuracy_m: expected"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            call()
+    online.reset()
+    with pytest.raises(ValueError, match="history: expected at least one state, found none"):
+        online.clear(ahead, 0.4)
+
+
+def test_a_collision_bound_is_that_of_clopper_and_pearson(people):
+    trajectories = [trial for trials in people for trial in trials]
+    settings = sidestep.ShfrsSettings([0.0], [1] * 10)
+    calibration = sidestep.calibrate(trajectories, STRAIGHT, settings, p=0.8, delta=0.1, seed=5)
+    nested = sidestep.ShfrsSettings([0.0, 0.3, 1.0], [1] * 10)
+    predicted = sidestep.ShfrsPredictor(STRAIGHT, nested).predict(CROSSED)
+    n = len(calibration.scores)
+
+    def outside(level):
+        inside = int((calibration.scores <= level).sum())
+        return 1 - beta.ppf(0.1 / 3, inside, n - inside + 1) if inside else 1.0
+
+    for plan, radius in ((crossing(0.0), 0.6), (crossing(1.2), 0.6), (crossing(1.2), 0.3), (crossing(1.2), 5.0)):
+        bound = calibration.collision(predicted, plan, radius)
+        clear = predicted.clear(plan, radius).min(axis=1) > bound.margin_m
+        if not clear.any():
+            assert (bound.set, bound.at_most) == (None, 1.0)
+            continue
+        largest = int(np.flatnonzero(clear).max())
+        expected = 0.0 if largest == 2 else outside([0.0, 0.3][largest])
+        assert bound.set == largest and abs(bound.at_most - expected) < 1e-9
+        assert "With confidence 0.9" in bound.statement and "no guarantee for one scene" in bound.statement
+    other = sidestep.ShfrsPredictor(STRAIGHT, sidestep.ShfrsSettings([0.0], [2] + [1] * 9)).predict(CROSSED)
+    model = sidestep.ShfrsPredictor(constant([0.2, 0.6, 0.2]), nested).predict(CROSSED)
+    paper = sidestep.ShfrsSettings([0.0, 0.3, 1.0], [1] * 10, rollout="paper")
+    average = sidestep.calibrate(trajectories, STRAIGHT, settings, p=0.8, delta=None, seed=5)
+    for call, complaint in (
+        (lambda: calibration.collision(other, crossing(0.0), 0.6), "shfrs: .*choice of actions, found others"),
+        (lambda: calibration.collision(model, crossing(0.0), 0.6), "shfrs: .*model and parameters, found others"),
+        (
+            lambda: calibration.collision(sidestep.ShfrsPredictor(STRAIGHT, paper).predict(CROSSED), crossing(0.0), 0.6),
+            "shfrs: .*roll-outs, base, found others",
+        ),
+        (lambda: average.collision(predicted, crossing(0.0), 0.6), "delta: .*since the calibration has none, found None"),
+        (lambda: calibration.collision(predicted, crossing(0.0), 0.6, delta=1.0), "delta: expected"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            call()
+    assert average.collision(predicted, crossing(0.0), 0.6, delta=0.1).at_most == 0.0
+
+
+def test_a_plan_that_is_none_is_refused():
+    predicted = sidestep.ShfrsPredictor(STRAIGHT).predict(CROSSED)
+    jump = crossing(0.5)
+    jump[4:, 1] += 1.0
+    for plan, options, complaint in (
+        (crossing(0.5)[:5], {}, "plan: expected 10 steps, as predicted, found 5 steps"),
+        (crossing(0.5)[:, :2], {}, r"plan: expected an array of shape \(…, 3\), found shape \(10, 2\)"),
+        (crossing(0.5)[0], {}, r"plan: expected an array of shape \(n, 3\), found shape \(3,\)"),
+        (crossing(0.5)[:0], {}, "plan: expected"),
+        (crossing(0.5) * np.nan, {}, r"plan\[0, 0\]: expected a finite number, found NaN"),
+        (jump, {}, r"plan\[4\]: expected at most 0.4 m after plan\[3\], as the limits allow, found 1.1"),
+        (crossing(0.5) + [1, 0, 0], {}, r"plan\[0\]: expected at most 0.4 m after the present pose"),
+        (crossing(0.5), {"most_speed_mps": 0.1}, r"plan\[0\]: expected at most 0.02"),
+        (crossing(0.5), {"most_turn_rate_radps": -1.0}, "most_turn_rate_radps: expected a finite number > 0, found -1"),
+        (crossing(0.5), {"radius_m": -1.0}, "radius_m: expected a length from 0 to 10000 m, found -1"),
+        (crossing(0.5), {"radius_m": -1.0, "corners": [[0, 0]]}, "radius_m: expected a length"),
+        (crossing(0.5), {"corners": np.zeros((0, 2))}, "corners: expected at least one, found none"),
+        (crossing(0.5), {"corners": [0.0, 1.0]}, r"corners: expected an array of shape \(n, 2\), found shape \(2,\)"),
+        (crossing(0.5), {"accuracy_m": 0.0}, "accuracy_m: expected 10⁻⁴ to 10 m, found 0"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            predicted.clear(plan, **{"radius_m": 0.3, **options})
+    assert predicted.clear(crossing(3.0), 0.3, most_speed_mps=3.0).shape == (5, 10)
 
 
 def test_simulated_people(people):

@@ -23,7 +23,7 @@ pub use crate::parallel::{Lanes, default_threads};
 pub use crate::real::Real;
 pub use exact::{ExactState, ExactValue};
 pub use game::{Game, Inputs, Players, TERMS};
-pub use games::{ControlAffine, DoubleIntegrator, DubinsCar, RelativeDubins};
+pub use games::{AffineArrays, ControlAffine, DoubleIntegrator, DubinsCar, RelativeDubins};
 pub use grid::{Axis, Boundary, Grid};
 pub use progress::{MEMORY_LIMIT_BYTES, Progress, SolveError};
 pub use pursuit::PursuitGame;

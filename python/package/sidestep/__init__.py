@@ -9,9 +9,11 @@ task                                       use
 =========================================  ==========================================================
 how safe is a state                        `value`, `state` (identical vehicles), `solve` (others)
 the state of a game from two poses         `relative_state`
+a game of your own, ẋ = f + Gu u + Gd d    `Grid`, `hj_solve`
 which turns can be expected                `bounds`
 where can a vehicle be                     `reach`, `ReachableSet`
 predict a human online                     `ShfrsPredictor`, `ShfrsSettings`
+is a plan clear of the human               `Shfrs.clear`, `OnlinePredictor`, `Calibration.collision`
 choose ε with a guarantee                  `calibrate`
 learn from recorded trials                 `features`, `from_sklearn`, `Predictor`, `ActionModel`
 trials to try things with                  `simulate`
@@ -26,6 +28,9 @@ from ._sidestep import (
     FEATURES,
     ActionModel,
     Calibration,
+    CollisionBound,
+    Grid,
+    OnlinePredictor,
     Predictor,
     PursuitGame,
     ReachableSet,
@@ -34,6 +39,7 @@ from ._sidestep import (
     Shfrs,
     ShfrsPredictor,
     ShfrsSettings,
+    Solution,
     Trajectory,
     ValueFunction,
     VehicleModel,
@@ -41,6 +47,7 @@ from ._sidestep import (
     bounds,
     calibrate,
     features,
+    hj_solve,
     reach,
     relative_state,
     simulate,
@@ -54,6 +61,9 @@ __all__ = [
     "FEATURES",
     "ActionModel",
     "Calibration",
+    "CollisionBound",
+    "Grid",
+    "OnlinePredictor",
     "Predictor",
     "PursuitGame",
     "ReachableSet",
@@ -63,6 +73,7 @@ __all__ = [
     "ShfrsPredictor",
     "ShfrsSettings",
     "SidestepClassifier",
+    "Solution",
     "Trajectory",
     "ValueFunction",
     "VehicleModel",
@@ -71,6 +82,7 @@ __all__ = [
     "calibrate",
     "features",
     "from_sklearn",
+    "hj_solve",
     "reach",
     "relative_state",
     "simulate",

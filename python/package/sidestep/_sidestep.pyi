@@ -13,11 +13,15 @@ _States: TypeAlias = tuple[_Floats, _Floats, _Floats, _Bools]
 _Path: TypeAlias = str | PathLike[str]
 _Progress: TypeAlias = Callable[[float, float], object]
 _Model: TypeAlias = Predictor | ActionModel
+_OnNodes: TypeAlias = ArrayLike | Callable[[_Floats], ArrayLike]
 
 __all__ = [
     "ActionModel",
     "Calibration",
+    "CollisionBound",
     "FEATURES",
+    "Grid",
+    "OnlinePredictor",
     "Predictor",
     "PursuitGame",
     "ReachableSet",
@@ -26,6 +30,7 @@ __all__ = [
     "Shfrs",
     "ShfrsPredictor",
     "ShfrsSettings",
+    "Solution",
     "Trajectory",
     "ValueFunction",
     "VehicleModel",
@@ -33,6 +38,7 @@ __all__ = [
     "bounds",
     "calibrate",
     "features",
+    "hj_solve",
     "reach",
     "relative_state",
     "simulate",
@@ -143,6 +149,74 @@ class SafetyLevels:
     def robot(self) -> ValueFunction: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Grid:
+    def __new__(
+        cls, lo: ArrayLike, hi: ArrayLike, nodes: Sequence[int], *, periodic: Sequence[int] = ...
+    ) -> Self: ...
+    @property
+    def lo(self) -> _Floats: ...
+    @property
+    def hi(self) -> _Floats: ...
+    @property
+    def spacing(self) -> _Floats: ...
+    @property
+    def nodes(self) -> list[int]: ...
+    @property
+    def periodic(self) -> list[int]: ...
+    @property
+    def axes(self) -> list[_Floats]: ...
+    @property
+    def states(self) -> _Floats: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[_Floats, _Floats, list[int]], dict[str, list[int]]]: ...
+
+@final
+class Solution:
+    @property
+    def grid(self) -> Grid: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def values(self) -> NDArray[np.float32]: ...
+    @property
+    def direction(self) -> Literal["backward", "forward"]: ...
+    @property
+    def kind(self) -> Literal["tube", "set"]: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def residual(self) -> float: ...
+    def value(self, states: ArrayLike, *, tau_s: float | None = None, threads: int | None = None) -> _Floats: ...
+    def gradient(self, states: ArrayLike, *, tau_s: float | None = None, threads: int | None = None) -> _Floats: ...
+    def inputs(
+        self, states: ArrayLike, *, tau_s: float | None = None, threads: int | None = None
+    ) -> tuple[_Floats, _Floats]: ...
+    def save(self, path: _Path) -> None: ...
+    @staticmethod
+    def load(path: _Path) -> Solution: ...
+
+def hj_solve(
+    grid: Grid,
+    f0: _OnNodes,
+    Gu: _OnNodes | None,
+    Gd: _OnNodes | None,
+    u_box: ArrayLike | None,
+    d_box: ArrayLike | None,
+    target: _OnNodes,
+    times: ArrayLike,
+    *,
+    obstacle: _OnNodes | None = None,
+    kind: Literal["tube", "set"] = "tube",
+    direction: Literal["backward", "forward"] = "backward",
+    scheme: Literal["weno5", "eno3", "eno2", "upwind"] = "weno5",
+    cfl: float | None = None,
+    tolerance: float | None = None,
+    threads: int | None = None,
+    progress: _Progress | None = None,
+) -> Solution: ...
 
 @final
 class Predictor:
@@ -270,6 +344,16 @@ class Shfrs:
     def contains(
         self, states: ArrayLike, *, position_m: float = 0.005, heading_rad: float = 0.002
     ) -> _Bools: ...
+    def clear(
+        self,
+        plan: ArrayLike,
+        radius_m: float,
+        *,
+        corners: ArrayLike | None = None,
+        most_speed_mps: float | None = None,
+        most_turn_rate_radps: float | None = None,
+        accuracy_m: float = 0.02,
+    ) -> _Floats: ...
     def __len__(self, /) -> int: ...
 
 @final
@@ -285,6 +369,45 @@ class ShfrsPredictor:
     def predict(self, history: ArrayLike) -> Shfrs: ...
 
 @final
+class OnlinePredictor:
+    def __new__(
+        cls,
+        model: Predictor,
+        settings: ShfrsSettings | None = None,
+        *,
+        parameters: SceneParameters | None = None,
+        safety: SafetyLevels | None = None,
+        accuracy_m: float = 0.02,
+    ) -> Self: ...
+    def push(self, state: ArrayLike) -> bool: ...
+    def reset(self) -> None: ...
+    @property
+    def history(self) -> _Floats: ...
+    @property
+    def states_needed(self) -> int: ...
+    def predict(self) -> tuple[_Floats, _Floats]: ...
+    def clear(
+        self,
+        plan: ArrayLike,
+        radius_m: float,
+        *,
+        corners: ArrayLike | None = None,
+        most_speed_mps: float | None = None,
+        most_turn_rate_radps: float | None = None,
+    ) -> _Floats: ...
+
+@final
+class CollisionBound:
+    @property
+    def at_most(self) -> float: ...
+    @property
+    def set(self) -> int | None: ...
+    @property
+    def margin_m(self) -> float: ...
+    @property
+    def statement(self) -> str: ...
+
+@final
 class Calibration:
     @property
     def epsilon(self) -> float: ...
@@ -298,6 +421,18 @@ class Calibration:
     def settings(self) -> ShfrsSettings: ...
     @property
     def scores(self) -> _Floats: ...
+    def collision(
+        self,
+        shfrs: Shfrs,
+        plan: ArrayLike,
+        radius_m: float,
+        *,
+        delta: float | None = None,
+        corners: ArrayLike | None = None,
+        most_speed_mps: float | None = None,
+        most_turn_rate_radps: float | None = None,
+        accuracy_m: float = 0.02,
+    ) -> CollisionBound: ...
 
 def calibrate(
     trajectories: Sequence[Trajectory],

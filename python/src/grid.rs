@@ -1,0 +1,211 @@
+//! Rectangular grids of one to four dimensions.
+
+use pyo3::prelude::*;
+use sidestep::invalid::Invalid;
+use sidestep::reachability::{Axis, Boundary, Grid as OfDimension};
+
+use crate::arrays::{Array, Numbers, count, list, numbers, shaped, wrong_shape};
+use crate::error::Error;
+
+/// A rectangular grid of one to four dimensions, on whose nodes `hj_solve` computes values.
+///
+/// Parameters
+/// ----------
+/// lo, hi : array of float64, shape (D,), 1 ≤ D ≤ 4
+///     The lower and the upper end of each axis, in the unit of its coordinate.
+/// nodes : list of int, D of them, each ≥ 3
+///     How many nodes each axis has: from `lo` to `hi`, both included. On a periodic axis `hi` is the same place as
+///     `lo` and no node.
+/// periodic : list of int
+///     Which axes close on themselves, from 0, such as headings.
+#[pyclass(frozen, eq, from_py_object, module = "sidestep")]
+#[derive(Clone, PartialEq)]
+pub(crate) struct Grid {
+    pub(crate) axes: Vec<Axis>,
+}
+
+/// More nodes than this need more memory than a machine has, for all that a game keeps at each.
+const MOST_NODES: usize = 1 << 28;
+
+#[pymethods]
+impl Grid {
+    #[new]
+    #[pyo3(signature = (lo, hi, nodes, *, periodic=Vec::new()))]
+    fn new(
+        lo: &Bound<'_, PyAny>,
+        hi: &Bound<'_, PyAny>,
+        nodes: Vec<i64>,
+        periodic: Vec<i64>,
+    ) -> Result<Self, Error> {
+        let (lo, hi) = (list("lo", lo)?, list("hi", hi)?);
+        if !(1..=4).contains(&lo.len()) {
+            return Err(wrong_shape("lo", "(D,) with 1 ≤ D ≤ 4", &[lo.len()]));
+        }
+        for (name, entries) in [("hi", hi.len()), ("nodes", nodes.len())] {
+            if entries != lo.len() {
+                let expected = format!("{} entries, as lo has", lo.len());
+                return Err(Invalid::new(name, expected, entries).into());
+            }
+        }
+        let mut axes = Vec::with_capacity(lo.len());
+        for (d, nodes) in nodes.into_iter().enumerate() {
+            let nodes = count(&format!("nodes[{d}]"), 3, nodes)?;
+            axes.push(Axis::bounded(lo[d], hi[d], nodes));
+        }
+        for (i, d) in periodic.into_iter().enumerate() {
+            let axis = usize::try_from(d).ok().and_then(|d| axes.get_mut(d));
+            let Some(axis) = axis else {
+                let expected = format!("an axis, from 0 to {}", lo.len() - 1);
+                return Err(Invalid::new(format!("periodic[{i}]"), expected, d).into());
+            };
+            axis.boundary = Boundary::Periodic;
+        }
+        Self::of_axes(axes)
+    }
+
+    /// The lower end of each axis, shape (D,).
+    #[getter]
+    fn lo<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.by_axis(py, |axis| axis.low)
+    }
+
+    /// The upper end of each axis, shape (D,).
+    #[getter]
+    fn hi<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.by_axis(py, |axis| axis.high)
+    }
+
+    /// The distance between neighbouring nodes of each axis, shape (D,).
+    #[getter]
+    fn spacing<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.by_axis(py, Axis::spacing)
+    }
+
+    /// The number of nodes of each axis.
+    #[getter]
+    pub(crate) fn nodes(&self) -> Vec<usize> {
+        self.axes.iter().map(|axis| axis.nodes).collect()
+    }
+
+    /// Which axes close on themselves.
+    #[getter]
+    fn periodic(&self) -> Vec<usize> {
+        let closed = |d: &usize| self.axes[*d].boundary == Boundary::Periodic;
+        (0..self.axes.len()).filter(closed).collect()
+    }
+
+    /// The coordinates of the nodes of each axis: D arrays of shape (nodes,).
+    #[getter]
+    fn axes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Array<'py>>> {
+        self.axes.iter().map(|axis| shaped(py, axis.coordinates(), &[axis.nodes])).collect()
+    }
+
+    /// The state at each node, shape (*nodes, D).
+    #[getter]
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let coordinates: Vec<Vec<f64>> = self.axes.iter().map(Axis::coordinates).collect();
+        let mut states = Vec::with_capacity(self.len() * self.axes.len());
+        for mut position in 0..self.len() {
+            let place = states.len();
+            for along in coordinates.iter().rev() {
+                states.push(along[position % along.len()]);
+                position /= along.len();
+            }
+            states[place..].reverse();
+        }
+        shaped(py, states, &self.shape(&[self.axes.len()]))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<NewArguments<'py>> {
+        let named = pyo3::types::PyDict::new(py);
+        named.set_item("periodic", self.periodic())?;
+        Ok(((self.lo(py)?, self.hi(py)?, self.nodes()), named))
+    }
+
+    pub(crate) fn __repr__(&self) -> String {
+        let ends = |end: fn(&Axis) -> f64| self.axes.iter().map(end).collect::<Vec<_>>();
+        format!(
+            "Grid(lo={:?}, hi={:?}, nodes={:?}, periodic={:?})",
+            ends(|axis| axis.low),
+            ends(|axis| axis.high),
+            self.nodes(),
+            self.periodic()
+        )
+    }
+}
+
+/// What makes a grid anew.
+type NewArguments<'py> = ((Array<'py>, Array<'py>, Vec<usize>), Bound<'py, pyo3::types::PyDict>);
+
+impl Grid {
+    /// A grid of these axes, if they have lengths and not too many nodes.
+    fn of_axes(axes: Vec<Axis>) -> Result<Self, Error> {
+        let mut nodes = 1_usize;
+        for (d, &axis) in axes.iter().enumerate() {
+            OfDimension { axes: [axis] }.check(1).map_err(|invalid| named(invalid, d))?;
+            nodes = nodes.saturating_mul(axis.nodes);
+        }
+        if nodes > MOST_NODES {
+            return Err(Invalid::new("nodes", format!("at most {MOST_NODES} in all"), nodes).into());
+        }
+        Ok(Self { axes })
+    }
+
+    /// Number of nodes.
+    pub(crate) fn len(&self) -> usize {
+        self.axes.iter().map(|axis| axis.nodes).product()
+    }
+
+    /// The shape of arrays with `tail` numbers at each node.
+    pub(crate) fn shape(&self, tail: &[usize]) -> Vec<usize> {
+        [&self.nodes(), tail].concat()
+    }
+
+    fn by_axis<'py>(&self, py: Python<'py>, of: impl Fn(&Axis) -> f64) -> PyResult<Array<'py>> {
+        shaped(py, self.axes.iter().map(of).collect(), &[self.axes.len()])
+    }
+
+    /// Numbers at each node, row-major: from an array, or from a callable of the states of all nodes. Where `tail`
+    /// is not empty, an array of that shape alone is the same at every node.
+    pub(crate) fn at_nodes(
+        slf: &Bound<'_, Self>,
+        field: &str,
+        tail: &[usize],
+        object: &Bound<'_, PyAny>,
+    ) -> Result<Vec<f64>, Error> {
+        let grid = slf.get();
+        let answer;
+        let given = if object.is_callable() {
+            answer = object.call1((grid.states(slf.py())?,))?;
+            &answer
+        } else {
+            object
+        };
+        let whole = grid.shape(tail);
+        let listed = |shape: &[usize]| {
+            let numbers: Vec<_> = shape.iter().map(ToString::to_string).collect();
+            format!("({}{})", numbers.join(", "), if shape.len() == 1 { "," } else { "" })
+        };
+        let mut expected = listed(&whole);
+        if !tail.is_empty() {
+            expected = format!("{expected} or {}", listed(tail));
+        }
+        let Numbers { shape, values } = numbers(field, &expected, given)?;
+        if shape == whole {
+            Ok(values)
+        } else if !tail.is_empty() && shape == tail {
+            Ok(values.repeat(grid.len()))
+        } else {
+            Err(wrong_shape(field, &expected, &shape))
+        }
+    }
+}
+
+/// A complaint about the only axis of a grid, as one about the arguments of axis `d`.
+fn named(mut invalid: Invalid, d: usize) -> Invalid {
+    for (part, argument) in [("low", "lo"), ("high", "hi"), ("nodes", "nodes")] {
+        invalid.field =
+            invalid.field.replace(&format!("axes[0].{part}"), &format!("{argument}[{d}]"));
+    }
+    invalid
+}

@@ -1,0 +1,267 @@
+//! Games of one's own on a grid: the Hamilton–Jacobi equation, solved.
+
+use std::ops::ControlFlow;
+
+use pyo3::prelude::*;
+use sidestep::invalid::Invalid;
+use sidestep::reachability::cartesian::{
+    self, Direction, Horizon, Kind, Problem, Region, Settings,
+};
+use sidestep::reachability::{self, AffineArrays, Axis, Progress, Scheme, SolveError};
+
+use crate::arrays::{Numbers, numbers, wrong_shape};
+use crate::error::Error;
+use crate::function::{named, watched};
+use crate::grid::Grid;
+use crate::solution::{DIRECTIONS, KINDS, OnGrid, Solution, Solved};
+use crate::value::checked;
+
+/// Finds from where a target is reached in a game of your own, ẋ = f0(x) + Gu(x) u + Gd(x) d. Ctrl-C ends it.
+///
+/// The inputs u minimise V and steer to the target {V ≤ 0}; the inputs d maximise it. If the control is to avoid
+/// the target, the control is d and the disturbance u. V is computed in single precision, by the local
+/// Lax–Friedrichs method.
+///
+/// Parameters
+/// ----------
+/// grid : Grid
+///     Of D dimensions.
+/// f0 : array of float64 or callable, shape (*nodes, D) or (D,)
+///     The velocity without inputs, in the unit of each coordinate per second: at each node, or the same everywhere.
+///     A callable gets `grid.states`, shape (*nodes, D), and answers with such an array.
+/// Gu, Gd : array of float64 or callable or None, shape (*nodes, D, m) or (D, m)
+///     What the m inputs of a player add to it: row d of a matrix belongs to coordinate d. `None` if there are none.
+/// u_box, d_box : array of float64 or None, shape (m, 2)
+///     The lowest and the highest value of each input.
+/// target : array of float64 or callable, shape (*nodes,)
+///     l(x), ≤ 0 in the target; V begins as l. Best a distance, negative inside.
+/// times : float or array of float64, shape (nt,)
+///     The horizon > 0, s; or the instants at which V is kept, s, which rise from 0 to the horizon in equal steps.
+///     They are times of the march: the time left, or with `direction="forward"` the time since the beginning.
+/// obstacle : array of float64 or callable or None, shape (*nodes,)
+///     Positive in what must not be entered: V ≥ obstacle.
+/// kind : {"tube", "set"}
+///     Whether a state counts that reaches the target at any time up to the horizon, or exactly at the horizon.
+/// direction : {"backward", "forward"}
+///     States that lead to the target, or states that are reached from it.
+/// scheme : {"weno5", "eno3", "eno2", "upwind"}
+///     The spatial derivatives, and a Runge–Kutta method that matches.
+/// cfl : float, optional
+///     The share of the largest stable time step, in (0, 1]; by default one at which the scheme keeps its order.
+/// tolerance : float, optional
+///     Ends as soon as V changes by at most this per second everywhere; `times` is then the longest time, a number.
+/// threads : int, optional
+///     The greatest number of threads; by default as many as the machine has processors.
+/// progress : callable, optional
+///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and the
+///     largest change of V per second (inf where it is not measured). An exception that it raises ends the solve.
+///
+/// Returns
+/// -------
+/// Solution
+///
+/// Raises
+/// ------
+/// ValueError
+///     If an array has another shape or dtype or a number that is not finite, a box has its ends in the wrong order,
+///     the instants are not evenly spaced, or the grid needs too much memory or is too small for the scheme.
+#[pyfunction]
+#[pyo3(signature = (grid, f0, Gu, Gd, u_box, d_box, target, times, *, obstacle=None, kind="tube", direction="backward", scheme="weno5", cfl=None, tolerance=None, threads=None, progress=None))]
+#[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
+#[allow(non_snake_case, reason = "the names of the field")]
+pub(crate) fn hj_solve(
+    py: Python<'_>,
+    grid: &Bound<'_, Grid>,
+    f0: &Bound<'_, PyAny>,
+    Gu: Option<&Bound<'_, PyAny>>,
+    Gd: Option<&Bound<'_, PyAny>>,
+    u_box: Option<&Bound<'_, PyAny>>,
+    d_box: Option<&Bound<'_, PyAny>>,
+    target: &Bound<'_, PyAny>,
+    times: &Bound<'_, PyAny>,
+    obstacle: Option<&Bound<'_, PyAny>>,
+    kind: &str,
+    direction: &str,
+    scheme: &str,
+    cfl: Option<f64>,
+    tolerance: Option<f64>,
+    threads: Option<i64>,
+    progress: Option<Py<PyAny>>,
+) -> Result<Solution, Error> {
+    let (horizon_s, slices) = instants(times)?;
+    let scheme = named("scheme", SCHEMES, scheme)?;
+    let usual = Settings::of(scheme).slices(slices).threads(checked(threads)?);
+    let task = Task {
+        f0: Grid::at_nodes(grid, "f0", &[grid.get().axes.len()], f0)?,
+        minimiser: inputs(grid, ["Gu", "u_box"], Gu, u_box)?,
+        maximiser: inputs(grid, ["Gd", "d_box"], Gd, d_box)?,
+        target: Grid::at_nodes(grid, "target", &[], target)?,
+        obstacle: obstacle.map(|of| Grid::at_nodes(grid, "obstacle", &[], of)).transpose()?,
+        kind: named("kind", KINDS, kind)?,
+        direction: named("direction", DIRECTIONS, direction)?,
+        horizon: horizon(horizon_s, slices, tolerance)?,
+        settings: Settings { cfl: cfl.unwrap_or(usual.cfl), ..usual },
+    };
+    let axes = &grid.get().axes;
+    let solved = watched(py, progress.as_ref(), |report| {
+        let solved = match axes[..] {
+            [x] => task.solve([x], report),
+            [x, y] => task.solve([x, y], report),
+            [x, y, z] => task.solve([x, y, z], report),
+            [x, y, z, w] => task.solve([x, y, z, w], report),
+            _ => Err(Invalid::new("grid", "1 to 4 axes", axes.len()).into()),
+        };
+        solved.map_err(|error| match error {
+            SolveError::Invalid(invalid) => SolveError::Invalid(of_arguments(invalid)),
+            SolveError::Cancelled => SolveError::Cancelled,
+        })
+    })?;
+    Ok(Solution { grid: grid.get().clone(), solved })
+}
+
+const SCHEMES: &[(&str, Scheme, &str)] = &[
+    ("weno5", Scheme::Weno5, ""),
+    ("eno3", Scheme::Eno3, ""),
+    ("eno2", Scheme::Eno2, ""),
+    ("upwind", Scheme::Upwind, ""),
+];
+
+/// The horizon, s, and how many instants before it are kept.
+fn instants(times: &Bound<'_, PyAny>) -> Result<(f64, usize), Error> {
+    let Numbers { shape, values } = numbers("times", "() or (nt,)", times)?;
+    let last = match (&shape[..], &values[..]) {
+        ([], [horizon_s]) => return Ok((*horizon_s, 0)),
+        ([_], [_, .., last]) => *last,
+        ([_], _) => {
+            let expected = "a number, or at least two instants from 0 on";
+            return Err(Invalid::new("times", expected, format!("{} of them", values.len())).into());
+        }
+        _ => return Err(wrong_shape("times", "() or (nt,)", &shape)),
+    };
+    let slices = values.len() - 1;
+    for (k, &time) in values.iter().enumerate() {
+        let even = last * k as f64 / slices as f64;
+        // Also false for a last one that is not > 0.
+        if !(last > 0.0 && (time - even).abs() <= 1e-9 * last) {
+            let expected = if last > 0.0 { even.to_string() } else { "a last one > 0".to_owned() };
+            let found = if last > 0.0 { time } else { last };
+            let expected = format!("{expected}: they rise from 0 in equal steps");
+            return Err(Invalid::new(format!("times[{k}]"), expected, found).into());
+        }
+    }
+    Ok((last, slices))
+}
+
+/// When the march ends.
+fn horizon(horizon_s: f64, slices: usize, tolerance: Option<f64>) -> Result<Horizon, Error> {
+    match tolerance {
+        None => Ok(Horizon::Finite(horizon_s)),
+        Some(tolerance) if !(tolerance > 0.0 && tolerance.is_finite()) => {
+            Err(Invalid::new("tolerance", "a finite number > 0", tolerance).into())
+        }
+        Some(_) if slices > 0 => {
+            let expected = "one number beside tolerance: the longest time";
+            Err(Invalid::new("times", expected, format!("{} instants", slices + 1)).into())
+        }
+        Some(tolerance) => Ok(Horizon::Converged { tolerance, longest_s: horizon_s }),
+    }
+}
+
+/// A player's matrices at all nodes, and the range of each input.
+type OfPlayer = (Vec<f64>, Vec<[f64; 2]>);
+
+fn inputs(
+    grid: &Bound<'_, Grid>,
+    [matrix_name, box_name]: [&str; 2],
+    matrix: Option<&Bound<'_, PyAny>>,
+    ranges: Option<&Bound<'_, PyAny>>,
+) -> Result<OfPlayer, Error> {
+    let (matrix, ranges) = match (matrix, ranges) {
+        (None, None) => return Ok((Vec::new(), Vec::new())),
+        (Some(matrix), Some(ranges)) => (matrix, ranges),
+        (None, Some(_)) => {
+            let expected = format!("a matrix for each node, with {box_name}");
+            return Err(Invalid::new(matrix_name, expected, "None").into());
+        }
+        (Some(_), None) => {
+            let expected = format!("the range of each input, with {matrix_name}");
+            return Err(Invalid::new(box_name, expected, "None").into());
+        }
+    };
+    let Numbers { shape, values } = numbers(box_name, "(m, 2)", ranges)?;
+    if shape.len() != 2 || shape[0] == 0 || shape[1] != 2 {
+        return Err(wrong_shape(box_name, "(m, 2) with m ≥ 1", &shape));
+    }
+    let ranges = values.as_chunks::<2>().0.to_vec();
+    let tail = [grid.get().axes.len(), ranges.len()];
+    Ok((Grid::at_nodes(grid, matrix_name, &tail, matrix)?, ranges))
+}
+
+/// A complaint in the names of the arguments.
+fn of_arguments(mut invalid: Invalid) -> Invalid {
+    for (theirs, ours) in [
+        ("drift", "f0"),
+        ("minimiser.range", "u_box"),
+        ("maximiser.range", "d_box"),
+        ("minimiser", "Gu"),
+        ("maximiser", "Gd"),
+        ("horizon_s", "times"),
+        ("grid.axes", "grid.axes"),
+        ("axes", "grid.axes"),
+    ] {
+        if let Some(rest) = invalid.field.strip_prefix(theirs) {
+            invalid.field = format!("{ours}{rest}");
+            break;
+        }
+    }
+    invalid
+}
+
+/// What is to be solved, on a grid of any dimension.
+struct Task {
+    f0: Vec<f64>,
+    minimiser: OfPlayer,
+    maximiser: OfPlayer,
+    target: Vec<f64>,
+    obstacle: Option<Vec<f64>>,
+    kind: Kind,
+    direction: Direction,
+    horizon: Horizon,
+    settings: Settings,
+}
+
+impl Task {
+    fn solve<const D: usize>(
+        &self,
+        axes: [Axis; D],
+        report: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<Box<dyn Solved>, SolveError> {
+        let grid = reachability::Grid { axes };
+        let game = AffineArrays::new(grid, &self.f0)?
+            .minimiser(&self.minimiser.0, &self.minimiser.1)?
+            .maximiser(&self.maximiser.0, &self.maximiser.1)?;
+        let target = |state| at(&grid, &self.target, state);
+        let obstacle = self.obstacle.as_ref();
+        let obstacle = obstacle.map(|obstacle| move |state| at(&grid, obstacle, state));
+        let problem = Problem {
+            game: &game,
+            grid,
+            target: Region::Static(&target),
+            obstacle: obstacle.as_ref().map(|obstacle| Region::Static(obstacle)),
+            kind: self.kind,
+            direction: self.direction,
+            horizon: self.horizon,
+        };
+        let solution = cartesian::solve::<f32, D, _>(&problem, &self.settings, report)?;
+        Ok(Box::new(OnGrid { solution, game: Some(game) }))
+    }
+}
+
+/// The number at the node whose coordinates these are.
+fn at<const D: usize>(grid: &reachability::Grid<D>, values: &[f64], state: [f64; D]) -> f64 {
+    let node = grid.axes.iter().zip(state).fold(0, |position, (axis, coordinate)| {
+        let node = ((coordinate - axis.low) / axis.spacing()).round() as usize;
+        position * axis.nodes + node.min(axis.nodes - 1)
+    });
+    values.get(node).copied().unwrap_or(f64::NAN)
+}

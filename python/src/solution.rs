@@ -1,0 +1,341 @@
+//! What is found on a grid: V as a function of state and time.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use sidestep::invalid::Invalid;
+use sidestep::reachability::cartesian::{self, Direction, Kind};
+use sidestep::reachability::{self, AffineArrays};
+
+use crate::arrays::{Array, Numbers, place, rows_of, shaped};
+use crate::error::Error;
+use crate::files::{read, write};
+use crate::grid::Grid;
+use crate::value::{checked, in_parts};
+
+/// Values on the nodes.
+type Values<'py> = Bound<'py, numpy::PyArrayDyn<f32>>;
+
+/// What `hj_solve` found: V on the nodes, and by interpolation at any state of the grid. It owns its memory.
+///
+/// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences at both ends
+/// of an edge; between instants it is linear in time. Outside the grid there is no value: a state there is refused.
+#[pyclass(frozen, module = "sidestep")]
+pub(crate) struct Solution {
+    pub(crate) grid: Grid,
+    pub(crate) solved: Box<dyn Solved>,
+}
+
+#[pymethods]
+impl Solution {
+    /// The nodes.
+    #[getter]
+    fn grid(&self) -> Grid {
+        self.grid.clone()
+    }
+
+    /// The instants, s of the march, shape (nt,): the time left, or forward the time since the beginning. The last
+    /// one is the horizon.
+    #[getter]
+    fn times<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let times = self.solved.times_s();
+        let shape = [times.len()];
+        shaped(py, times, &shape)
+    }
+
+    /// V at each instant and node, float32, shape (nt, *nodes).
+    #[getter]
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Values<'py>> {
+        let instants = self.solved.times_s().len();
+        let shape = [&[instants], &self.grid.nodes()[..]].concat();
+        shaped(py, self.solved.values(), &shape)
+    }
+
+    /// Which way time ran, `backward` or `forward`.
+    #[getter]
+    fn direction(&self) -> &'static str {
+        word(DIRECTIONS, self.solved.march().0)
+    }
+
+    /// Whether it is a `tube` or a `set`.
+    #[getter]
+    fn kind(&self) -> &'static str {
+        word(KINDS, self.solved.march().1)
+    }
+
+    /// Time steps taken.
+    #[getter]
+    fn steps(&self) -> usize {
+        self.solved.march().2
+    }
+
+    /// The largest change of V per second at the end.
+    #[getter]
+    fn residual(&self) -> f64 {
+        self.solved.march().3
+    }
+
+    /// V at many states.
+    ///
+    /// Parameters
+    /// ----------
+    /// states : array of float64, shape (…, D)
+    ///     On the grid; any real along periodic axes.
+    /// tau_s : float, optional
+    ///     The time of the march, s, as in `times`; the horizon by default.
+    /// threads : int, optional
+    ///     The greatest number of threads; by default as many as the machine has processors.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (…,)
+    ///     V; at ≤ 0 the state belongs to the tube or set.
+    #[pyo3(signature = (states, *, tau_s=None, threads=None))]
+    fn value<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        tau_s: Option<f64>,
+        threads: Option<i64>,
+    ) -> Result<Array<'py>, Error> {
+        let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
+        let found = py.detach(|| self.solved.samples(&asked, false))?;
+        Ok(shaped(py, found, &asked.shape)?)
+    }
+
+    /// The gradient of V at many states.
+    ///
+    /// Parameters
+    /// ----------
+    /// states, tau_s, threads
+    ///     As for `value`.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (…, D)
+    ///     ∂V/∂x_d, in the unit of V per unit of the coordinate; one-sided where V has a kink.
+    #[pyo3(signature = (states, *, tau_s=None, threads=None))]
+    fn gradient<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        tau_s: Option<f64>,
+        threads: Option<i64>,
+    ) -> Result<Array<'py>, Error> {
+        let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
+        let found = py.detach(|| self.solved.samples(&asked, true))?;
+        Ok(shaped(py, found, &[&asked.shape[..], &[self.grid.axes.len()]].concat())?)
+    }
+
+    /// The inputs that are optimal for the gradient of V at many states: what both players do there and then; forward,
+    /// what they did when they arrived there.
+    ///
+    /// Parameters
+    /// ----------
+    /// states, tau_s, threads
+    ///     As for `value`.
+    ///
+    /// Returns
+    /// -------
+    /// u : array of float64, shape (…, m)
+    ///     Of the player who minimises V; the middle of its range for an input on which nothing depends.
+    /// d : array of float64, shape (…, k)
+    ///     Of the player who maximises V.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     As for `value`; and for a solution that was loaded, which does not know the game.
+    #[pyo3(signature = (states, *, tau_s=None, threads=None))]
+    fn inputs<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        tau_s: Option<f64>,
+        threads: Option<i64>,
+    ) -> Result<(Array<'py>, Array<'py>), Error> {
+        let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
+        let [(u, m), (d, k)] = py.detach(|| self.solved.inputs(&asked))?;
+        let wide = |width: usize| [&asked.shape[..], &[width]].concat();
+        Ok((shaped(py, u, &wide(m))?, shaped(py, d, &wide(k))?))
+    }
+
+    /// Writes the values to an .npz file, which `load`, `numpy.load` and the Rust library read. The game is not kept.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
+        py.detach(|| write(&path, &self.solved.npz()?))
+    }
+
+    /// Reads a file that `save` wrote.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the file is no solution in single precision, is cut short, or has a format of another version.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> Result<Self, Error> {
+        py.detach(|| {
+            let bytes = read(&path)?;
+            let mut answer = loaded::<1>(&bytes);
+            // The file says how many axes it has.
+            for next in [loaded::<2>, loaded::<3>, loaded::<4>] {
+                if !answer.as_ref().is_err_and(|invalid| invalid.field == "meta.axes") {
+                    break;
+                }
+                answer = next(&bytes);
+            }
+            Ok(answer.map_err(|invalid| invalid.within("solution"))?)
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        let horizon_s = self.solved.times_s().last().copied().unwrap_or_default();
+        format!(
+            "Solution({}, direction={:?}, kind={:?}, horizon_s={horizon_s})",
+            self.grid.__repr__(),
+            self.direction(),
+            self.kind()
+        )
+    }
+}
+
+impl Solution {
+    fn asked(
+        &self,
+        states: &Bound<'_, PyAny>,
+        tau_s: Option<f64>,
+        threads: Option<i64>,
+    ) -> Result<Asked, Error> {
+        let Numbers { shape, values } = rows_of("states", self.grid.axes.len(), states)?;
+        Ok(Asked { shape, states: values, tau_s, threads: checked(threads)? })
+    }
+}
+
+fn loaded<const D: usize>(bytes: &[u8]) -> Result<Solution, Invalid> {
+    let solution = cartesian::Solution::<f32, D>::from_npz(bytes)?;
+    let grid = Grid { axes: solution.grid.axes.to_vec() };
+    Ok(Solution { grid, solved: Box::new(OnGrid { solution, game: None }) })
+}
+
+/// The word of an entry.
+fn word<T: PartialEq + Copy>(table: &[(&'static str, T, &str)], entry: T) -> &'static str {
+    table.iter().find(|(_, other, _)| *other == entry).map_or("", |(word, ..)| word)
+}
+
+pub(crate) const KINDS: &[(&str, Kind, &str)] = &[("tube", Kind::Tube, ""), ("set", Kind::Set, "")];
+pub(crate) const DIRECTIONS: &[(&str, Direction, &str)] =
+    &[("backward", Direction::Backward, ""), ("forward", Direction::Forward, "")];
+
+/// A solution of any dimension.
+pub(crate) trait Solved: Send + Sync {
+    fn times_s(&self) -> Vec<f64>;
+    fn values(&self) -> Vec<f32>;
+    /// Direction, kind, steps and the largest change of V per second at the end.
+    fn march(&self) -> (Direction, Kind, usize, f64);
+    fn npz(&self) -> Result<Vec<u8>, Invalid>;
+    /// V or its gradient (D numbers) at states, row by row.
+    fn samples(&self, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Invalid>;
+    /// The optimal inputs u and d at states, and how many there are of each.
+    fn inputs(&self, asked: &Asked) -> Result<OptimalInputs, Invalid>;
+}
+
+/// Where a solution is looked at.
+pub(crate) struct Asked {
+    /// The shape of the states without their last axis.
+    shape: Vec<usize>,
+    states: Vec<f64>,
+    tau_s: Option<f64>,
+    threads: usize,
+}
+
+/// The optimal inputs of both players, row by row, with the length of a row.
+pub(crate) type OptimalInputs = [(Vec<f64>, usize); 2];
+
+pub(crate) struct OnGrid<const D: usize> {
+    pub(crate) solution: cartesian::Solution<f32, D>,
+    /// Not known of a file.
+    pub(crate) game: Option<AffineArrays<D>>,
+}
+
+impl<const D: usize> OnGrid<D> {
+    fn at(&self, tau_s: Option<f64>) -> Result<cartesian::Snapshot<'_, f32, D>, Invalid> {
+        match tau_s {
+            None => Ok(self.solution.end()),
+            Some(tau_s) => {
+                let horizon_s = self.solution.horizon_s;
+                if self.solution.earlier.is_empty() && tau_s != horizon_s {
+                    let expected = format!("{horizon_s} s, since `times` was one number");
+                    return Err(Invalid::new("tau_s", expected, tau_s));
+                }
+                self.solution.at_march_time(tau_s)
+            }
+        }
+    }
+
+    /// One result for each state.
+    fn each<T: Send + Clone>(
+        &self,
+        asked: &Asked,
+        unseen: T,
+        of: impl Fn([f64; D]) -> Result<T, Invalid> + Sync,
+    ) -> Result<Vec<T>, Invalid> {
+        let states = asked.states.as_chunks::<D>().0;
+        in_parts(states, asked.threads, unseen, |first, states, found| {
+            for (i, (found, &state)) in found.iter_mut().zip(states).enumerate() {
+                *found = of(state).map_err(|mut invalid| {
+                    // The library names a coordinate of the state; the array has many.
+                    let coordinate = invalid.field.strip_prefix("state[");
+                    let d = coordinate.and_then(|of| of.strip_suffix(']')?.parse::<usize>().ok());
+                    if let Some(d) = d {
+                        let shape = [&asked.shape[..], &[D]].concat();
+                        invalid.field = place("states", (first + i) * D + d, &shape);
+                    }
+                    invalid
+                })?;
+            }
+            Ok(())
+        })
+    }
+}
+
+impl<const D: usize> Solved for OnGrid<D> {
+    fn times_s(&self) -> Vec<f64> {
+        self.solution.march_times_s()
+    }
+
+    fn values(&self) -> Vec<f32> {
+        let all = self.solution.earlier.iter().chain([&self.solution.values]);
+        all.flatten().copied().collect()
+    }
+
+    fn march(&self) -> (Direction, Kind, usize, f64) {
+        let cartesian::Solution { direction, kind, steps, residual, .. } = self.solution;
+        (direction, kind, steps, residual)
+    }
+
+    fn npz(&self) -> Result<Vec<u8>, Invalid> {
+        self.solution.npz()
+    }
+
+    fn samples(&self, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Invalid> {
+        let then = self.at(asked.tau_s)?;
+        if gradient {
+            let found = self.each(asked, [0.0; D], |state| Ok(then.sample(state)?.gradient))?;
+            return Ok(found.into_flattened());
+        }
+        self.each(asked, 0.0, |state| then.value(state))
+    }
+
+    fn inputs(&self, asked: &Asked) -> Result<OptimalInputs, Invalid> {
+        let then = self.at(asked.tau_s)?;
+        let Some(game) = &self.game else {
+            let expected = "one that hj_solve returned: a file keeps V, not the game";
+            return Err(Invalid::new("solution", expected, "one that was loaded"));
+        };
+        let nobody = reachability::Inputs { minimiser: Vec::new(), maximiser: Vec::new() };
+        let found = self.each(asked, nobody, |state| then.inputs(game, state))?;
+        let ranges = game.ranges();
+        let (mut u, mut d) = (Vec::new(), Vec::new());
+        for inputs in found {
+            u.extend(inputs.minimiser);
+            d.extend(inputs.maximiser);
+        }
+        Ok([(u, ranges.minimiser.len()), (d, ranges.maximiser.len())])
+    }
+}
