@@ -115,39 +115,45 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T,
         let mut carried = Carried::new(layout);
         let mut scratch = Scratch { rights: [[T::ZERO; BLOCK]; D], moved: [T::ZERO; BLOCK] };
         for (i, slice) in slices.chunks_mut(layout.slice_length()).enumerate() {
-            let slice_start = layout.lead() + (first + i) * layout.slice_length();
             for run in 0..layout.runs_per_slice() {
-                let (index, offset) = layout.run(first + i, run);
-                let fixed: [[T; TERMS]; D] = core::array::from_fn(|d| {
-                    if d < Layout::<D>::LOOP_AXES {
-                        stage.tables.nodes[d][index[d]]
-                    } else {
-                        [T::ZERO; TERMS]
-                    }
-                });
-                stage.enter(i == 0, &index, slice_start, offset, &mut carried, &mut scratch);
-                let mut cell = 0;
-                while cell < layout.run_length() {
-                    let here = offset + cell;
-                    let length = BLOCK.min(layout.run_length() - cell);
-                    let target = &mut slice[here..here + length];
-                    stage.block(
-                        &fixed,
-                        cell,
-                        slice_start,
-                        here,
-                        &mut carried,
-                        &mut scratch,
-                        target,
-                    );
-                    cell += length;
+                let run = Run::new(&stage, first + i, run);
+                stage.enter(i == 0, &run, &mut carried, &mut scratch);
+                let end = run.offset + layout.run_length();
+                for here in (run.offset..end).step_by(BLOCK) {
+                    let target = &mut slice[here..end.min(here + BLOCK)];
+                    stage.block(&run, here, &mut carried, &mut scratch, target);
                 }
             }
-            for d in 1..D {
-                fill_ghosts(slice, layout, d, boundaries[d]);
+            for (d, boundary) in boundaries.into_iter().enumerate().skip(1) {
+                fill_ghosts(slice, layout, d, boundary);
             }
             carried.next_slice();
         }
+    }
+}
+
+/// A run of cells along the last axes.
+struct Run<T, const D: usize> {
+    /// Along the loop axes.
+    index: [usize; D],
+    /// The terms of the loop axes.
+    fixed: [[T; TERMS]; D],
+    /// Where its slice begins in the arrays.
+    slice_start: usize,
+    /// Its first cell, in the slice.
+    offset: usize,
+}
+
+impl<T: Real, const D: usize> Run<T, D> {
+    #[inline(always)]
+    fn new<G, S>(stage: &Stage<'_, T, D, G, S>, slice: usize, run: usize) -> Self {
+        let layout = stage.layout;
+        let (index, offset) = layout.run(slice, run);
+        let fixed = core::array::from_fn(|d| {
+            let loops = d < Layout::<D>::LOOP_AXES;
+            if loops { stage.tables.nodes[d][index[d]] } else { [T::ZERO; TERMS] }
+        });
+        Self { index, fixed, slice_start: layout.lead() + slice * layout.slice_length(), offset }
     }
 }
 
@@ -201,32 +207,30 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
     fn enter(
         &self,
         first: bool,
-        index: &[usize; D],
-        slice_start: usize,
-        offset: usize,
+        run: &Run<T, D>,
         carried: &mut Carried<T, D>,
         scratch: &mut Scratch<T, D>,
     ) {
-        let (layout, loops) = (self.layout, Layout::<D>::LOOP_AXES);
-        for d in 0..D {
+        let layout = self.layout;
+        for (d, node) in run.index.into_iter().enumerate() {
             let stride = layout.strides[d];
-            let count = if d >= loops {
+            let count = if d >= Layout::<D>::LOOP_AXES {
                 stride
-            } else if if d == 0 { first } else { index[d] == 0 } {
+            } else if if d == 0 { first } else { node == 0 } {
                 layout.run_length()
             } else {
                 0
             };
-            if stride == 1 && count == 1 {
-                let at = slice_start + offset - 1;
-                let value = |k: isize| self.source[at.wrapping_add_signed(k)];
+            let (offset, at) = (run.offset, run.slice_start + run.offset - stride);
+            if count == 1 {
+                let value = |k: isize| self.source[at.wrapping_add_signed(k * stride as isize)];
                 carried.lefts[d][offset] = S::face(value, self.units[d]).1;
                 continue;
             }
             // What a last block computes too much is computed again before it is read.
-            for here in (offset..offset + count).step_by(BLOCK) {
-                let lefts = block_mut(&mut carried.lefts[d], here);
-                self.faces(d, slice_start + here - stride, &mut scratch.rights[d], lefts);
+            for start in (0..count).step_by(BLOCK) {
+                let lefts = block_mut(&mut carried.lefts[d], offset + start);
+                self.faces(d, at + start, &mut scratch.rights[d], lefts);
             }
         }
     }
@@ -247,25 +251,23 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
         }
     }
 
-    /// The block of cells from `cell` of a run, at `here` in their slice.
+    /// The block of cells of a run from `here` in their slice.
     #[inline(always)]
     fn block(
         &self,
-        fixed: &[[T; TERMS]; D],
-        cell: usize,
-        slice_start: usize,
+        run: &Run<T, D>,
         here: usize,
         carried: &mut Carried<T, D>,
         scratch: &mut Scratch<T, D>,
         target: &mut [T],
     ) {
-        let at = slice_start + here;
+        let at = run.slice_start + here;
         let Scratch { rights, moved } = scratch;
         for (d, rights) in rights.iter_mut().enumerate() {
             self.faces(d, at, rights, carried.behind(d, here, self.layout));
         }
         let lefts = core::array::from_fn(|d| block(&carried.lefts[d], here));
-        self.advance(fixed, cell, block(self.source, at), lefts, rights, moved);
+        self.advance(run, here, lefts, rights, moved);
         if let Some(target) = target.first_chunk_mut() {
             self.settle(at, moved, target);
         } else {
@@ -313,19 +315,19 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
     #[inline(always)]
     fn advance(
         &self,
-        fixed: &[[T; TERMS]; D],
-        cell: usize,
-        source: &[T; BLOCK],
+        run: &Run<T, D>,
+        here: usize,
         lefts: [&[T; BLOCK]; D],
         rights: &[[T; BLOCK]; D],
         moved: &mut [T; BLOCK],
     ) {
-        let loops = Layout::<D>::LOOP_AXES;
+        let (loops, cell) = (Layout::<D>::LOOP_AXES, here - run.offset);
+        let source = block(self.source, run.slice_start + here);
         let tables: [[&[T; BLOCK]; TERMS]; D] = core::array::from_fn(|d| {
             core::array::from_fn(|k| block(&self.tables.runs[d.max(loops)][k], cell))
         });
         for i in 0..BLOCK {
-            let mut terms = *fixed;
+            let mut terms = run.fixed;
             for d in loops..D {
                 for k in 0..TERMS {
                     terms[d][k] = tables[d][k][i];
