@@ -14,6 +14,16 @@
 //!
 //! Examples: `cargo run --release -p sidestep --example value`.
 //!
+//! # Features
+//! | feature | adds |
+//! |---|---|
+//! | none | what a robot runs: games and their values, predictors, reachable sets, tuning, plans |
+//! | `learn` | trials, recordings of them, and training of predictors |
+//! | `study` (default) | experiments with people: studies, synthetic participants, the paper's comparison, replays, charts and the server's wire types; includes `learn` |
+//! | `openapi` | JSON schemas of the wire types; includes `study` |
+//!
+//! A robot's planner needs none: `sidestep = { version = "0.1", default-features = false }`.
+//!
 //! # Conventions
 //! SI units and radians. World frame: x to the right, y up, heading counter-clockwise from +x and
 //! wrapped to (−π, π]. A *relative state* is the pursuer's pose in the evader's frame (x ahead, y to
@@ -109,34 +119,51 @@
 //! No module knows of clocks, files, sockets or browsers, and no module uses a module that is
 //! declared below it.
 
+#![cfg_attr(docsrs, feature(doc_cfg))]
+
 pub mod invalid;
 pub mod document;
 pub mod math;
 mod real;
 mod parallel;
 pub mod stats;
+#[cfg(feature = "study")]
 pub mod chart;
 pub mod vehicle;
 pub mod reachability;
 pub mod scene;
+#[cfg(feature = "study")]
 pub mod picture;
+#[cfg(feature = "study")]
 pub mod inspection;
+#[cfg(feature = "learn")]
 pub mod trial;
+#[cfg(feature = "learn")]
 pub mod recording;
+#[cfg(feature = "study")]
 pub mod motion;
+#[cfg(feature = "study")]
 pub mod behaviour;
+#[cfg(feature = "study")]
 pub mod study;
+#[cfg(feature = "study")]
 pub mod synthetic;
 pub mod safety;
 pub mod features;
+#[cfg(feature = "learn")]
 pub mod dataset;
 pub mod predict;
+#[cfg(feature = "learn")]
 pub mod learn;
+#[cfg(feature = "learn")]
 pub mod training;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;
 pub mod planner;
+#[cfg(feature = "study")]
 pub mod playback;
+#[cfg(feature = "study")]
 pub mod comparison;
+#[cfg(feature = "study")]
 pub mod api;

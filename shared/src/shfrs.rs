@@ -15,6 +15,7 @@ pub mod danger;
 mod testing;
 pub mod guarantee;
 pub mod pareto;
+#[cfg(feature = "study")]
 pub mod panels;
 pub mod tuning;
 

@@ -4,6 +4,7 @@ use crate::math::{SeededRng, hypot, wrap_angle};
 use crate::scene::{JointState, Scene, SceneParameters, closest_within_step};
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "study")]
 use sha2::{Digest, Sha256};
 
 /// The part of a study that a scene belongs to. Only tasks are analysed.
@@ -332,6 +333,7 @@ pub fn flags(
 
 /// SHA-256 of the states of `count` random trials, in hexadecimal digits. Two machines that compute
 /// the same hash simulate with the same bits.
+#[cfg(feature = "study")]
 #[must_use]
 pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
     let parameters = SceneParameters::default();

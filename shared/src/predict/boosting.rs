@@ -100,6 +100,7 @@ impl SummandFile {
 
 impl Boosted {
     /// A model of trained trees, as many as intercepts in each round.
+    #[cfg(feature = "learn")]
     pub(crate) fn new(intercepts: Vec<f64>, trees: Vec<Summand>) -> Self {
         Self { intercepts, trees }
     }

@@ -199,6 +199,7 @@ impl TreeFile {
 
 impl Tree {
     /// A tree of nodes in preorder and the counts of each.
+    #[cfg(feature = "learn")]
     pub(crate) fn new(nodes: Vec<Node>, classes: usize, counts: Vec<u32>) -> Self {
         Self { questions: Questions(nodes), classes, counts }
     }

@@ -11,6 +11,7 @@ use super::sampled::{Nodes, SampledValue};
 use super::value_function::ValueFunction;
 use crate::invalid::{Invalid, positive};
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "study")]
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
@@ -157,6 +158,7 @@ impl ValueFunction {
     }
 
     /// Content hash (SHA-256, hexadecimal) of the bytes: the function's address.
+    #[cfg(feature = "study")]
     #[must_use]
     pub fn id(&self) -> String {
         hex::encode(Sha256::digest(self.encode()))

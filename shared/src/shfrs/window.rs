@@ -6,6 +6,7 @@
 
 use crate::invalid::{Invalid, length};
 use crate::math::SeededRng;
+#[cfg(feature = "learn")]
 use crate::recording::{Fault, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
 use crate::vehicle::TurnInput;
@@ -53,6 +54,7 @@ impl Trajectory {
     ///
     /// # Errors
     /// [`Fault`] for a trial that [`Self::new`] refuses.
+    #[cfg(feature = "learn")]
     pub fn of(trial: &RecordedTrial, scene: &SceneParameters) -> Result<Self, Fault> {
         Self::driven(trial.states.clone(), &trial.inputs, scene)
             .map_err(|what| Fault { line: trial.line, what })

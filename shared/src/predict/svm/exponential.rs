@@ -39,6 +39,7 @@ pub(crate) fn exp64(x: f64) -> f64 {
 }
 
 /// The same for f32; arguments below −86 count as −86.
+#[cfg(feature = "learn")]
 #[inline(always)]
 pub(crate) fn exp32(x: f32) -> f32 {
     const LN2_HIGH: f32 = 0.693_359_4;
