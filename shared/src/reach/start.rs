@@ -6,6 +6,7 @@ use crate::vehicle::Pose;
 
 /// How far a start position may be from the one given.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum PositionUncertainty {
     /// Not at all.
     #[default]

@@ -14,6 +14,7 @@ pub(crate) fn pose_at(start: &StartSet, [along, across, turn]: [f64; 3]) -> Pose
             (radius_m * across * cos, radius_m * across * sin)
         }
         PositionUncertainty::Box { along_m, across_m } => (along_m * along, across_m * across),
+        position => unreachable!("no pose is drawn from {position:?}"),
     };
     let pose = start.pose();
     let (sin, cos) = sin_cos(pose.psi);
