@@ -72,7 +72,7 @@ fn online(parameters: &SceneParameters) -> OnlinePredictor {
 /// 60 states of a human who turns now and then, each with a plan of a robot that is somewhere about
 /// `robot`, seen from the human, and turns.
 fn rounds(parameters: &SceneParameters, robot: Pose, spread: f64) -> Vec<(JointState, Plan)> {
-    let limits = PlanLimits { most_speed_mps: 3.0, most_turn_rate_radps: 2.0 };
+    let limits = PlanLimits::new(3.0, 2.0);
     let mut human = Pose::new(0.0, 0.0, 0.4);
     let mut rounds = Vec::new();
     for i in 0..60_usize {

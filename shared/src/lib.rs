@@ -10,7 +10,7 @@
 //! | where can a person be? | [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |
 //! | the exact set under bounds, and whether it contains a state | [`ReachableSet`](reach::ReachableSet) | below |
 //! | sets that contain the next drive with a stated probability | [`tune`](shfrs::tuning::tune) | `tune` |
-//! | is a plan clear of the person? | [`OnlinePredictor`](planner::OnlinePredictor), [`Plan`](planner::Plan), [`CoverageBounds`](planner::CoverageBounds) | `replan` |
+//! | is a plan clear of the person? | [`OnlinePredictor`](planner::OnlinePredictor), [`Plan`](planner::Plan), [`CoverageBounds`](planner::CoverageBounds) | `plan` |
 //!
 //! Examples: `cargo run --release -p sidestep --example value`.
 //!

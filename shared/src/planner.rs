@@ -36,7 +36,7 @@
 //! online.push(JointState { human: Pose::new(0.0, 0.0, 0.0), robot })?;
 //! online.predict()?;
 //! let footprint = Footprint::disc(0.3)?.grown(0.3)?; // the robot, and a person's body
-//! let limits = PlanLimits { most_speed_mps: 1.5, most_turn_rate_radps: 1.0 };
+//! let limits = PlanLimits::new(1.5, 1.0);
 //!
 //! let cross = Plan::driven(robot, &[(1.2, 0.0); 10], 0.2, limits)?;
 //! let clearances = online.clear(&cross, &footprint)?;

@@ -29,7 +29,7 @@ fn main() {
     let mut online = OnlinePredictor::new(model, safety, parameters, settings).unwrap();
     let corners = [[0.4, 0.3], [-0.4, 0.3], [-0.4, -0.3], [0.4, -0.3]];
     let footprint = Footprint::polygon(&corners).unwrap().grown(0.2).unwrap();
-    let limits = PlanLimits { most_speed_mps: 3.0, most_turn_rate_radps: 2.0 };
+    let limits = PlanLimits::new(3.0, 2.0);
     let robot = Pose::new(6.0, 1.0, 3.1);
     let mut plan = Plan::new(vec![robot; 11], parameters.step_s, limits).unwrap();
     let mut poses = [robot; 11];

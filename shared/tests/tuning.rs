@@ -133,7 +133,7 @@ fn what_was_tuned_predicts_online() {
     assert!((0.01..0.02).contains(&bounds.margin_m()), "{}", bounds.margin_m());
     assert!(bounds.statement().starts_with(&found.statement));
 
-    let limits = PlanLimits { most_speed_mps: 1.0, most_turn_rate_radps: 1.0 };
+    let limits = PlanLimits::new(1.0, 1.0);
     let footprint = Footprint::disc(0.3).unwrap();
     let (mut called_safe, mut touched) = (0, 0);
     for trajectory in unseen {

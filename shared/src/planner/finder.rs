@@ -94,7 +94,7 @@ impl HumanFuture<'_> {
 /// let sets = [straight, all];
 /// let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
 /// // A robot that stands 3 m ahead, with a radius of 0.4 m.
-/// let limits = PlanLimits { most_speed_mps: 1.0, most_turn_rate_radps: 1.0 };
+/// let limits = PlanLimits::new(1.0, 1.0);
 /// let plan = Plan::of_positions(&[[3.0, 0.0]; 6], 0.2, limits)?;
 /// let mut finder = ClearanceFinder::default();
 /// let found = finder.find(&future, &plan, &Footprint::disc(0.4)?)?;

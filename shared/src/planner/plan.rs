@@ -7,6 +7,7 @@ use crate::vehicle::{Pose, dubins};
 
 /// What the robot can do. A plan that needs more jumps.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct PlanLimits {
     /// Greatest speed along the path, forward or backward, m/s.
     pub most_speed_mps: f64,
@@ -18,6 +19,12 @@ pub struct PlanLimits {
 const ROUNDING: f64 = 1e-9;
 
 impl PlanLimits {
+    /// A greatest speed, m/s, and a greatest turn rate, rad/s.
+    #[must_use]
+    pub const fn new(most_speed_mps: f64, most_turn_rate_radps: f64) -> Self {
+        Self { most_speed_mps, most_turn_rate_radps }
+    }
+
     /// Accepts limits that are finite and > 0.
     ///
     /// # Errors
@@ -42,7 +49,7 @@ impl PlanLimits {
 /// use sidestep::planner::{Plan, PlanLimits};
 /// use sidestep::vehicle::Pose;
 ///
-/// let limits = PlanLimits { most_speed_mps: 1.5, most_turn_rate_radps: 1.0 };
+/// let limits = PlanLimits::new(1.5, 1.0);
 /// // Straight on for two steps, then a turn to the left while slowing down.
 /// let inputs = [(1.2, 0.0), (1.2, 0.0), (0.8, 0.6)];
 /// let plan = Plan::driven(Pose::new(0.0, 0.0, 0.0), &inputs, 0.2, limits)?;

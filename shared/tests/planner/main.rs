@@ -23,7 +23,7 @@ struct Class {
 
 const PAPERS: Class = Class { speed_mps: 2.0, step_s: 0.2, rate_radps: 0.5, steps: 10 };
 
-const FREE: PlanLimits = PlanLimits { most_speed_mps: 20.0, most_turn_rate_radps: 20.0 };
+const FREE: PlanLimits = PlanLimits::new(20.0, 20.0);
 
 fn bounds(lo: &[f64], hi: &[f64]) -> InputBounds {
     InputBounds::new(lo.to_vec(), hi.to_vec(), (-4.0, 4.0)).unwrap()

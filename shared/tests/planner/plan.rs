@@ -30,7 +30,7 @@ fn a_driven_plan_is_the_drive() {
 
 #[test]
 fn plans_that_jump_are_refused() {
-    let limits = PlanLimits { most_speed_mps: 1.5, most_turn_rate_radps: 1.0 };
+    let limits = PlanLimits::new(1.5, 1.0);
     let complain = |poses: &[[f64; 3]]| {
         let poses = poses.iter().map(|&pose| Pose::from(pose)).collect();
         Plan::new(poses, 0.2, limits).unwrap_err()
@@ -44,7 +44,7 @@ fn plans_that_jump_are_refused() {
     assert_eq!(complain(&[]).field, "poses");
     let poses = || vec![Pose::new(0.0, 0.0, 0.0); 2];
     assert_eq!(Plan::new(poses(), 0.0, limits).unwrap_err().field, "step_s");
-    let limitless = PlanLimits { most_speed_mps: f64::INFINITY, ..limits };
+    let limitless = PlanLimits::new(f64::INFINITY, limits.most_turn_rate_radps);
     assert_eq!(Plan::new(poses(), 0.2, limitless).unwrap_err().field, "limits.most_speed_mps");
     let around = Plan::driven(poses()[0], &[(1.0, 0.0), (1.0, 16.0)], 0.2, FREE).unwrap_err();
     assert_eq!(around.field, "inputs[1].turn_rate");
