@@ -100,11 +100,7 @@ pub(crate) fn choice(
             ActionChoice::Adaptive { tau, steps }
         }
     };
-    let steps = match &choice {
-        ActionChoice::TopK(k) => k.len(),
-        ActionChoice::Adaptive { steps, .. } => *steps,
-    };
-    few_steps("steps", steps)?;
+    few_steps("steps", choice.steps())?;
     Ok(choice)
 }
 

@@ -137,7 +137,7 @@ impl ValueFunction {
                 return Err(Invalid::new(name, format!("a number ≥ {least} m"), fine).into());
             }
         }
-        let settings = CurveSettings { flatness_m, spacing_m };
+        let settings = CurveSettings::default().with_flatness(flatness_m).with_spacing(spacing_m);
         let curves = py.detach(|| self.0.level_curves(psi, level, settings))?;
         Ok(curves.iter().map(|curve| points(py, curve)).collect::<PyResult<_>>()?)
     }
@@ -245,13 +245,11 @@ pub(crate) fn solve(
     threads: Option<i64>,
     progress: Option<Py<PyAny>>,
 ) -> Result<ValueFunction, Error> {
-    let options = Options {
-        method: method.map(|method| named("method", METHODS, method)).transpose()?,
-        accuracy: named("accuracy", ACCURACIES, accuracy)?,
-        horizon_s,
-        threads: checked(threads)?,
-        ..Options::default()
-    };
+    let options = Options::default()
+        .with_method(method.map(|method| named("method", METHODS, method)).transpose()?)
+        .with_accuracy(named("accuracy", ACCURACIES, accuracy)?)
+        .with_horizon(horizon_s)
+        .with_threads(checked(threads)?);
     let game = game.0;
     let solved =
         watched(py, progress.as_ref(), |report| reachability::solve(game, &options, report))?;
@@ -368,9 +366,7 @@ pub(crate) fn watched<T: Send>(
         (Some(exception), _) => Err(exception.into()),
         (None, Ok(solved)) => Ok(solved),
         (None, Err(SolveError::Invalid(invalid))) => Err(invalid.into()),
-        (None, Err(SolveError::Cancelled)) => {
-            Err(Invalid::new("progress", "a solve that goes on", "one that was cancelled").into())
-        }
+        (None, Err(ended)) => Err(Invalid::new("progress", "a solve that goes on", ended).into()),
     }
 }
 

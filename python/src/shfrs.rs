@@ -119,10 +119,7 @@ impl ShfrsSettings {
     /// Coming steps, T.
     #[getter]
     pub(crate) fn steps(&self) -> usize {
-        match &self.choice {
-            ActionChoice::TopK(k) => k.len(),
-            ActionChoice::Adaptive { steps, .. } => *steps,
-        }
+        self.choice.steps()
     }
 
     /// What roll-outs follow.
@@ -352,11 +349,9 @@ impl ShfrsPredictor {
         let human = Human::new(model, &parameters.unwrap_or_default().0, safety)?;
         let settings = match settings {
             None => shfrs::ShfrsSettings::paper(human.actions())?,
-            Some(given) => shfrs::ShfrsSettings {
-                bounds: given.bounds(human.actions())?,
-                polygon: drawn(given.accuracy_m, false)?,
-                by_step: given.by_step,
-            },
+            Some(given) => shfrs::ShfrsSettings::new(given.bounds(human.actions())?)
+                .with_polygon(drawn(given.accuracy_m, false)?)
+                .with_by_step(given.by_step),
         };
         let source = Arc::new(Source { human, settings });
         Ok(Self { source, frames: Mutex::default() })

@@ -150,13 +150,14 @@ pub(crate) fn state_of<'py>(
     let states = rows("states", states)?;
     let threads = checked(threads)?;
     let found = py.detach(|| {
-        in_parts(states.rows(), threads, UNSEEN, |_, states, found| {
+        in_parts(states.rows(), threads, None, |_, states, found| {
             for (found, &state) in found.iter_mut().zip(states) {
-                *found = function.state(state);
+                *found = Some(function.state(state));
             }
             Ok(())
         })
     })?;
+    let found: Vec<ValueState> = found.into_iter().flatten().collect();
     let column = |of: &dyn Fn(&ValueState) -> f64| found.iter().map(of).collect();
     let wide = |width: usize| [&states.shape[..], &[width]].concat();
     let gradient = found.iter().flat_map(|state| state.gradient).collect();
@@ -178,18 +179,8 @@ pub(crate) fn checked(threads: Option<i64>) -> Result<usize, Error> {
 /// Fewer states than this are not worth another thread: they take less time than it takes to start.
 const STATES_OF_A_THREAD: usize = 4096;
 
-/// What stands where no state was looked at yet.
-const UNSEEN: ValueState = ValueState {
-    value: 0.0,
-    gradient: [0.0; 3],
-    evader_turn: 0.0,
-    pursuer_turn: 0.0,
-    exact: false,
-    inside: false,
-};
-
-/// One result for each state: `work` gets the number of its first state, states and their results to fill in, on at
-/// most `threads` threads.
+/// One result for each state, `unseen` at first: `work` gets the number of its first state, states and their results
+/// to fill in, on at most `threads` threads.
 pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
     states: &[S],
     threads: usize,

@@ -96,7 +96,7 @@ fn trials(parameters: &SceneParameters) -> Vec<Trial> {
 
 /// The same game as the closed form's, on the nodes of the polar method.
 fn sampled(parameters: &SceneParameters) -> SafetyLevels {
-    let options = Options { method: Some(Method::Polar), ..Options::default() };
+    let options = Options::default().with_method(Method::Polar);
     let game = parameters.game(Evader::Human);
     let solved = solve(game, &options, &mut |_| ControlFlow::Continue(()));
     let function = solved.expect("a game that can be solved").function;

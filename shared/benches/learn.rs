@@ -148,7 +148,7 @@ fn boosting(criterion: &mut Criterion) {
     let people = people();
     let mut group = criterion.benchmark_group("boosting");
     group.sample_size(10).measurement_time(Duration::from_secs(5));
-    let settings = BoostingSettings { rounds: 100, ..Default::default() };
+    let settings = BoostingSettings::default().with_rounds(100);
     let person = &people[0];
     let part = Part::new(person, SETS[0], None);
     for (experiment, name) in ["which way", "whether"].into_iter().enumerate() {

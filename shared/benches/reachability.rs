@@ -13,9 +13,7 @@ use std::time::Duration;
 use criterion::{Criterion, SamplingMode, Throughput};
 use fastest::Fastest;
 use sidestep::math::{SeededRng, TAU};
-use sidestep::reachability::cartesian::{
-    Direction, Horizon, Kind, Problem, Region, Settings, solve,
-};
+use sidestep::reachability::cartesian::{Problem, Settings, solve};
 use sidestep::reachability::{
     self, Axis, CurveSettings, ExactValue, Grid, Method, Options, PursuitGame, RelativeDubins,
     Scheme, ValueFunction,
@@ -97,8 +95,7 @@ fn curves(function: &ValueFunction) {
 fn sampled(criterion: &mut Criterion, fastest: &mut Fastest) {
     let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
     let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 };
-    let options =
-        Options { method: Some(Method::Polar), range_m: Some(40.0), ..Options::default() };
+    let options = Options::default().with_method(Method::Polar).with_range(40.0);
     let solve = || {
         let solved = reachability::solve(game, &options, &mut |_| ControlFlow::Continue(()));
         solved.expect("the problem is valid and nobody cancels")
@@ -130,20 +127,13 @@ fn cartesian(criterion: &mut Criterion, fastest: &mut Fastest) {
     let vehicle = VehicleModel { speed_mps: 5.0, turn_rate_radps: 1.0 };
     let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 5.0 };
     let target = |state| game.target(state);
+    let game = RelativeDubins(game);
     let axes = [
         Axis::bounded(-6.0, 20.0, 51),
         Axis::bounded(-10.0, 10.0, 40),
         Axis::periodic(0.0, TAU, 50),
     ];
-    let problem = Problem {
-        game: &RelativeDubins(game),
-        grid: Grid { axes },
-        target: Region::Static(&target),
-        obstacle: None,
-        kind: Kind::Tube,
-        direction: Direction::Backward,
-        horizon: Horizon::Finite(2.8),
-    };
+    let problem = Problem::reach(&game, Grid { axes }, &target, 2.8);
 
     let mut group = criterion.benchmark_group("cartesian");
     group.sample_size(10).sampling_mode(SamplingMode::Flat);
@@ -154,7 +144,7 @@ fn cartesian(criterion: &mut Criterion, fastest: &mut Fastest) {
         ("cartesian/weno5, 1 thread", Scheme::Weno5, 1),
         ("cartesian/weno5, 2 threads", Scheme::Weno5, 2),
     ] {
-        let settings = Settings { threads, cfl: 0.75, ..Settings::of(scheme) };
+        let settings = Settings::new(scheme).with_threads(threads).with_cfl(0.75);
         fastest.measure(&mut group, name, 1, || {
             let solution =
                 solve::<f32, 3, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()));

@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let most = env::var("LANES").map_or(Ok(Lanes::widest()), |name| Lanes::named(&name))?;
     let lanes = most.min(Lanes::widest());
     let threads = threads.parse()?;
-    let settings = Settings { threads, lanes, cfl: CFL, ..Settings::of(scheme) };
+    let settings = Settings::new(scheme).with_threads(threads).with_lanes(lanes).with_cfl(CFL);
     let exact = MITCHELL.exact()?;
 
     // Once for the memory and the caches, as the peer has compiled beforehand.

@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let wall = |[distance, _]: [f64; 2]| distance; // negative inside
     let problem = Problem::reach(&game, grid, &wall, 4.0); // within 4 s
     let progress = &mut |_| ControlFlow::Continue(());
-    let solution = solve::<f32, 2, _>(&problem, &Settings::of(Scheme::Weno5), progress)?;
+    let solution = solve::<f32, 2, _>(&problem, &Settings::new(Scheme::Weno5), progress)?;
     for distance in [1.0, 2.0, 4.0] {
         let state = [distance, 2.0];
         let sample = solution.sample(state)?;

@@ -152,6 +152,7 @@ impl From<&SceneParameters> for Motion {
 
 /// The actions that are likely enough to count.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum ActionChoice {
     /// The k most likely at each coming step; every action that ties with the
     /// k-th counts too.
@@ -163,6 +164,17 @@ pub enum ActionChoice {
         /// Coming steps.
         steps: usize,
     },
+}
+
+impl ActionChoice {
+    /// Coming steps, T.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        match self {
+            Self::TopK(k) => k.len(),
+            Self::Adaptive { steps, .. } => *steps,
+        }
+    }
 }
 
 /// `k = 3 3 2 1 …` or `τ = 0.1`.
@@ -181,6 +193,7 @@ impl fmt::Display for ActionChoice {
 /// What the vehicles do in the low and the high roll-out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Rollout {
     /// The bounds of F_1, widened by ε_1, as the paper prints it.
     Paper,
@@ -268,10 +281,7 @@ impl BoundsSettings {
     /// The number of steps ahead, T.
     #[must_use]
     pub fn steps(&self) -> usize {
-        match &self.choice {
-            ActionChoice::TopK(k) => k.len(),
-            ActionChoice::Adaptive { steps, .. } => *steps,
-        }
+        self.choice.steps()
     }
 
     /// By how much each set widens the bounds, rad/s.

@@ -103,6 +103,7 @@ pub(crate) trait Kernel {
 
 /// The width of the lanes in which a solve computes. No bit of a result depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Lanes {
     /// 128 bits: what every machine has.
     Bits128,

@@ -116,6 +116,7 @@ impl ActionModel for PredictedHuman<'_> {
 
 /// How sets are predicted and drawn.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ShfrsSettings {
     /// Settings of Algorithm 1.
     pub bounds: BoundsSettings,
@@ -126,6 +127,12 @@ pub struct ShfrsSettings {
 }
 
 impl ShfrsSettings {
+    /// Tubes under these bounds, as [`PolygonSettings::default`] draws them.
+    #[must_use]
+    pub fn new(bounds: BoundsSettings) -> Self {
+        Self { bounds, polygon: PolygonSettings::default(), by_step: false }
+    }
+
     /// The paper's settings (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and k = 2, 2, 1, 1 …
     /// over ten steps, with roll-outs that keep regions nested when ε changes, and polygons with an
     /// accuracy of 1 mm. For a predictor with a single action, k = 1.
@@ -137,12 +144,31 @@ impl ShfrsSettings {
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
         // Far less than a pixel at any zoom of a scene.
-        Ok(Self { bounds, polygon: PolygonSettings::new(1e-3, 8)?, by_step: false })
+        Ok(Self { polygon: PolygonSettings::new(1e-3, 8)?, ..Self::new(bounds) })
+    }
+
+    /// Sets [`Self::bounds`], the settings of Algorithm 1.
+    #[must_use]
+    pub fn with_bounds(self, bounds: BoundsSettings) -> Self {
+        Self { bounds, ..self }
+    }
+
+    /// Sets [`Self::polygon`], how polygons are drawn.
+    #[must_use]
+    pub fn with_polygon(self, polygon: PolygonSettings) -> Self {
+        Self { polygon, ..self }
+    }
+
+    /// Sets [`Self::by_step`], whether to compute polygons after each step, besides the tube.
+    #[must_use]
+    pub fn with_by_step(self, by_step: bool) -> Self {
+        Self { by_step, ..self }
     }
 }
 
 /// One of the nested sets F_1 ⊆ F_2 ⊆ …
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct NestedSet {
     /// The widening ε of the bounds, rad/s.
     pub epsilon: f64,

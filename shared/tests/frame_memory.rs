@@ -31,7 +31,7 @@ fn main() {
     let features = FeatureSet::subset("hrd").unwrap();
     let model = Predictor::logistic(features, vec![-1, 0, 1], scale, model.unwrap());
     let human = PredictedHuman::new(&model, &safety, &parameters).unwrap();
-    let settings = ShfrsSettings { by_step: true, ..ShfrsSettings::paper(3).unwrap() };
+    let settings = ShfrsSettings::paper(3).unwrap().with_by_step(true);
     let motion = Motion::from(&parameters);
     let start = JointState { human: Pose::new(-8.0, 0.0, 0.1), robot: Pose::new(8.0, 1.0, 3.1) };
     let next = |state: &JointState| Some(state.advance(&parameters, TurnInput::Left, 0.2));

@@ -24,7 +24,7 @@ fn log_loss(model: &Boosted, values: &[f64], labels: &[usize], classes: usize) -
 fn the_deviance_falls_round_after_round() {
     for experiment in [1, 2] {
         let rows = person(4, experiment).0;
-        let settings = BoostingSettings { rounds: 100, ..Default::default() };
+        let settings = BoostingSettings::default().with_rounds(100);
         let model = fit(&rows.samples(experiment), &settings).unwrap();
         assert_eq!(model.rounds(), 100);
         let loss = |rounds| {
@@ -55,7 +55,7 @@ fn the_first_round_is_the_best_stump() {
     let values: Vec<f64> = (0..60).map(|_| f64::from(rng.below(12) as u32)).collect();
     let labels: Vec<usize> = (0..30).map(|_| rng.below(2)).collect();
     let samples = Samples::new(2, &values, &labels, 2).unwrap();
-    let settings = BoostingSettings { rounds: 1, depth: 1, min_leaf: 3, ..Default::default() };
+    let settings = BoostingSettings::default().with_rounds(1).with_depth(1).with_min_leaf(3);
     let file = BoostedFile::from(&fit(&samples, &settings).unwrap());
     let ones = labels.iter().sum::<usize>() as f64;
     let score = ln((ones + 1.0) / (31.0 - ones));
@@ -104,7 +104,7 @@ proptest! {
         let moved: Vec<f64> =
             order.iter().flat_map(|&i| &values[i * width..][..width]).copied().collect();
         let relabelled: Vec<usize> = order.iter().map(|&i| labels[i]).collect();
-        let settings = BoostingSettings { rounds: 5, bins: 16, ..Default::default() };
+        let settings = BoostingSettings::default().with_rounds(5).with_bins(16);
         let model = |values: &[f64], labels: &[usize]| {
             fit(&Samples::new(width, values, labels, k).unwrap(), &settings).unwrap()
         };
@@ -124,10 +124,10 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
         assert_eq!(model.rounds(), chosen.rounds);
         assert!(chosen.rounds > 0 && chosen.rounds < settings.rounds);
         // Patience ends the search early, not elsewhere.
-        let patient = BoostingSettings { patience: 60, rounds: 150, ..settings };
+        let patient = settings.with_patience(60).with_rounds(150);
         assert_eq!(fit_by_folds(&samples, &folds, &[2, 3], &patient).unwrap().1, chosen);
         // The chosen rounds by hand, with one fold after another left out.
-        let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..settings };
+        let settings = settings.with_depth(chosen.depth).with_rounds(chosen.rounds);
         let mut loss = 0.0;
         for fold in 0..5 {
             let part = |keep: &dyn Fn(usize) -> bool| {
@@ -160,7 +160,7 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
 fn little_to_learn_from_gives_little_models() {
     let probabilities = |width, values: &[f64], labels: &[usize], classes, row: &[f64]| {
         let samples = Samples::new(width, values, labels, classes).unwrap();
-        let settings = BoostingSettings { min_leaf: 1, ..Default::default() };
+        let settings = BoostingSettings::default().with_min_leaf(1);
         let model = fit(&samples, &settings).unwrap();
         let mut p = vec![0.0; classes];
         model.probabilities_into(row, &mut p);

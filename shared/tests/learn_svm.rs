@@ -103,7 +103,7 @@ fn libsvm_finds_the_same_svms() {
             (Kernel::Rbf { gamma: 0.5 }, 1.0),
             (Kernel::Rbf { gamma: 5.0 }, 0.1),
         ] {
-            let settings = SvmSettings { tolerance: 1e-9, ..SvmSettings::new(kernel, c) };
+            let settings = SvmSettings::new(kernel, c).with_tolerance(1e-9);
             let (scale, svm) = fit(width, &values, target, settings, plain(classes)).unwrap();
             let nodes = |row: &[f64]| -> Vec<SvmNode> {
                 let value = |(j, &x): (usize, &f64)| SvmNode {
@@ -120,6 +120,7 @@ fn libsvm_finds_the_same_svms() {
             let (kernel_type, gamma) = match kernel {
                 Kernel::Linear => (KernelType::Linear, 1.0),
                 Kernel::Rbf { gamma } => (KernelType::Rbf, gamma),
+                _ => unreachable!("libsvm is not asked for {kernel:?}"),
             };
             let parameter = SvmParameter {
                 svm_type: SvmType::CSvc,
@@ -262,10 +263,10 @@ fn poor_data() {
             let target = Target { labels: &[0, 1], classes: 2 };
             fit(1, &[1.0, 2.0], target, settings, plain(2)).unwrap_err().field
         };
-        assert_eq!(bad(SvmSettings { c: 0.0, ..settings }), "c");
-        assert_eq!(bad(SvmSettings { tolerance: f64::NAN, ..settings }), "tolerance");
+        assert_eq!(bad(settings.with_c(0.0)), "c");
+        assert_eq!(bad(settings.with_tolerance(f64::NAN)), "tolerance");
     }
-    let none = SvmSettings { kernel: Kernel::Rbf { gamma: 0.0 }, ..settings[0] };
+    let none = settings[0].with_kernel(Kernel::Rbf { gamma: 0.0 });
     let target = Target { labels: &[0, 1], classes: 2 };
     assert_eq!(fit(1, &[1.0, 2.0], target, none, plain(2)).unwrap_err().field, "gamma");
     assert_eq!(

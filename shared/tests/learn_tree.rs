@@ -96,7 +96,7 @@ proptest! {
     #[test]
     fn every_split_is_the_best((width, values, labels) in rows(), depth in 0..5usize, leaf in 1..4usize) {
         let samples = Samples::new(width, &values, &labels, 3).unwrap();
-        let settings = TreeSettings { max_depth: Some(depth), min_leaf: leaf };
+        let settings = TreeSettings::default().with_max_depth(depth).with_min_leaf(leaf);
         let tree = grow(&samples, settings).unwrap();
         let row = |(row, &label): (&[f64], &usize)| (row.iter().map(|&x| x as f32).collect(), label);
         let rows: Vec<(Vec<f32>, usize)> = values.chunks_exact(width).zip(&labels).map(row).collect();
@@ -111,10 +111,10 @@ proptest! {
         let leaves = [1, 2, 3, 5, 8];
         let together = grow_each(&samples, None, &leaves).unwrap();
         for (tree, min_leaf) in together.iter().zip(leaves) {
-            let alone = grow(&samples, TreeSettings { max_depth: None, min_leaf }).unwrap();
+            let alone = grow(&samples, TreeSettings::default().with_min_leaf(min_leaf)).unwrap();
             prop_assert_eq!(tree, &alone);
             for depth in 0..6 {
-                let settings = TreeSettings { max_depth: Some(depth), min_leaf };
+                let settings = TreeSettings::default().with_max_depth(depth).with_min_leaf(min_leaf);
                 prop_assert_eq!(tree.truncated(depth), grow(&samples, settings).unwrap());
             }
         }
@@ -128,7 +128,7 @@ proptest! {
         let relabelled: Vec<usize> = order.iter().map(|&i| labels[i]).collect();
         let tree = |values: &[f64], labels: &[usize]| {
             let samples = Samples::new(width, values, labels, 3).unwrap();
-            grow(&samples, TreeSettings { max_depth: None, min_leaf: 1 }).unwrap()
+            grow(&samples, TreeSettings::default()).unwrap()
         };
         prop_assert_eq!(tree(&values, &labels), tree(&moved, &relabelled));
     }
@@ -141,7 +141,11 @@ fn real_trees_are_grown_together_and_cut_alike() {
     let leaves = [1, 5, 10, 20];
     for (tree, min_leaf) in grow_each(&samples, None, &leaves).unwrap().iter().zip(leaves) {
         for depth in [2, 3, 4, 6, 8] {
-            let alone = grow(&samples, TreeSettings { max_depth: Some(depth), min_leaf }).unwrap();
+            let alone = grow(
+                &samples,
+                TreeSettings::default().with_max_depth(depth).with_min_leaf(min_leaf),
+            )
+            .unwrap();
             assert_eq!(tree.truncated(depth), alone, "depth {depth}, leaf {min_leaf}");
         }
         assert!(tree.depth() > 8);
@@ -152,7 +156,7 @@ fn real_trees_are_grown_together_and_cut_alike() {
 fn little_to_learn_from_gives_little_trees() {
     let tree = |width, values: &[f64], labels: &[usize]| {
         let samples = Samples::new(width, values, labels, 2).unwrap();
-        grow(&samples, TreeSettings { max_depth: None, min_leaf: 1 }).unwrap()
+        grow(&samples, TreeSettings::default()).unwrap()
     };
     // One class: its count at the root.
     let one = tree(1, &[1.0, 2.0, 3.0], &[1, 1, 1]);

@@ -4,9 +4,7 @@ use core::ops::ControlFlow;
 use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout, input_bounds};
 use sidestep::features::{Compute, FEATURES, Feature, FeatureSet};
 use sidestep::predict::{Predictor, PredictorFile};
-use sidestep::reachability::cartesian::{
-    Direction, Horizon, Kind, Problem, Region, Settings, solve,
-};
+use sidestep::reachability::cartesian::{Problem, Settings, solve};
 use sidestep::reachability::{Axis, Game, Grid, Real, Scheme, TERMS};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
@@ -111,16 +109,10 @@ fn a_game_is_three_methods() {
         }
     }
     // V is the least distance less 0.5 m within 1 s: the lead shrinks by 1 m.
-    let problem = Problem {
-        game: &Chase,
-        grid: Grid { axes: [Axis::bounded(-4.0, 4.0, 161)] },
-        target: Region::Static(&|[x]: [f64; 1]| x.abs() - 0.5),
-        obstacle: None,
-        kind: Kind::Tube,
-        direction: Direction::Backward,
-        horizon: Horizon::Finite(1.0),
-    };
-    let settings = Settings::of(Scheme::Weno5);
+    let grid = Grid { axes: [Axis::bounded(-4.0, 4.0, 161)] };
+    let near = |[x]: [f64; 1]| x.abs() - 0.5;
+    let problem = Problem::reach(&Chase, grid, &near, 1.0);
+    let settings = Settings::new(Scheme::Weno5);
     let solution = solve::<f64, 1, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()));
     let solution = solution.expect("a solution");
     // Node 140 is x = 3 m.

@@ -43,13 +43,8 @@ fn data() -> &'static Data {
 }
 
 fn settings(p: f64, guarantee: Guarantee, seed: u64) -> TuningSettings {
-    TuningSettings {
-        p,
-        guarantee,
-        windows: WindowChoice::RandomOne { seed },
-        candidates: candidates(3, 10),
-        confidence: 0.95,
-    }
+    TuningSettings::new(p, guarantee, candidates(3, 10))
+        .with_windows(WindowChoice::RandomOne { seed })
 }
 
 fn tuned(settings: &TuningSettings) -> Result<Tuned, Invalid> {
@@ -101,8 +96,8 @@ fn tuning_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     let area = |choice: ActionChoice| {
-        let one =
-            TuningSettings { candidates: vec![choice], ..settings(0.9, Guarantee::Conformal, 2) };
+        let one = TuningSettings::new(0.9, Guarantee::Conformal, vec![choice])
+            .with_windows(WindowChoice::RandomOne { seed: 2 });
         tuned(&one).unwrap().mean_area_m2
     };
     let adaptive = area(ActionChoice::Adaptive { tau: 0.1, steps: 10 });

@@ -42,12 +42,10 @@ impl Task {
         progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
     ) -> Result<Vec<u8>, SolveError> {
         let usual = Options::default();
-        let options = Options {
-            method: self.method,
-            horizon_s: self.horizon_s.unwrap_or(f64::INFINITY),
-            accuracy: self.accuracy.unwrap_or(usual.accuracy),
-            ..usual
-        };
+        let options = usual
+            .with_method(self.method)
+            .with_horizon(self.horizon_s.unwrap_or(f64::INFINITY))
+            .with_accuracy(self.accuracy.unwrap_or(usual.accuracy));
         if self.as_archive {
             let solved = solve(self.game, &options, progress)?;
             return Ok(npz::npz(&solved.samples, solved.method));
@@ -91,7 +89,7 @@ mod tests {
             let game = parameters.game(Evader::Human);
             let draft = Some(Accuracy::Draft);
             let task = Task { accuracy: draft, as_archive: true, ..game.into() };
-            let options = Options { accuracy: Accuracy::Draft, ..Options::default() };
+            let options = Options::default().with_accuracy(Accuracy::Draft);
             let theirs = solve(game, &options, &mut |_| ControlFlow::Continue(())).unwrap();
             assert_eq!(solved(task).unwrap(), npz::npz(&theirs.samples, theirs.method));
         }

@@ -86,7 +86,7 @@ impl FunctionArgs {
         if game.identical() {
             return game.exact().map(ValueFunction::Exact).map_err(flagged);
         }
-        let options = Options { accuracy: self.accuracy, ..Options::default() };
+        let options = Options::default().with_accuracy(self.accuracy);
         Ok(solving::solved(game, options, interrupt).await?.0.function)
     }
 }

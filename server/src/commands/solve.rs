@@ -153,11 +153,10 @@ const THREAD_LIMIT: usize = 1024;
 
 impl SolveArgs {
     fn options(&self) -> Result<Options, CommandError> {
-        let grid = self.grid.zip(self.domain).map(|(nodes, domain_m)| CartesianGrid {
-            nodes,
-            domain_m,
-            scheme: self.scheme,
-            precision: self.precision,
+        let grid = self.grid.zip(self.domain).map(|(nodes, domain_m)| {
+            CartesianGrid::new(nodes, domain_m)
+                .with_scheme(self.scheme)
+                .with_precision(self.precision)
         });
         let nodes = self.grid.unwrap_or_default();
         if let Some(long) = nodes.iter().find(|n| **n > AXIS_LIMIT) {
@@ -172,14 +171,12 @@ impl SolveArgs {
             let expected = format!("1 to {THREAD_LIMIT}");
             return Err(flagged(Invalid::new("threads", expected, threads)));
         }
-        Ok(Options {
-            method: self.method,
-            horizon_s: self.horizon,
-            accuracy: self.accuracy,
-            grid,
-            range_m: self.range,
-            threads,
-            ..Options::default()
-        })
+        Ok(Options::default()
+            .with_method(self.method)
+            .with_horizon(self.horizon)
+            .with_accuracy(self.accuracy)
+            .with_grid(grid)
+            .with_range(self.range)
+            .with_threads(threads))
     }
 }

@@ -128,6 +128,7 @@ pub(super) async fn solved_silently(
         Ok(solved) => Ok((solved, wall_s)),
         Err(SolveError::Invalid(invalid)) => Err(flagged(invalid)),
         Err(SolveError::Cancelled) => Err(stopped()),
+        Err(other) => Err(CommandError::failure(other)),
     }
 }
 

@@ -6,9 +6,7 @@ use std::ops::ControlFlow;
 use serde::Serialize;
 use sidestep::invalid::Invalid;
 use sidestep::math::TAU;
-use sidestep::reachability::cartesian::{
-    Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
-};
+use sidestep::reachability::cartesian::{Problem, Settings, Solution, solve};
 use sidestep::reachability::{
     Axis, ExactValue, Grid, Nodes, PursuitGame, RelativeDubins, SampledValue,
 };
@@ -41,15 +39,7 @@ pub(crate) fn solve_over(
     horizon_s: f64,
 ) -> Result<Solution<f32, 3>, Box<dyn Error>> {
     let target = |state| MITCHELL.target(state);
-    let problem = Problem {
-        game: &RelativeDubins(MITCHELL),
-        grid: *grid,
-        target: Region::Static(&target),
-        obstacle: None,
-        kind: Kind::Tube,
-        direction: Direction::Backward,
-        horizon: Horizon::Finite(horizon_s),
-    };
+    let problem = Problem::reach(&RelativeDubins(MITCHELL), *grid, &target, horizon_s);
     Ok(solve(&problem, settings, &mut |_| ControlFlow::Continue(()))?)
 }
 

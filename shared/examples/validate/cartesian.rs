@@ -6,9 +6,7 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 use sidestep::math::{TAU, cos, ln};
-use sidestep::reachability::cartesian::{
-    Direction, Horizon, Kind, Problem, Region, Settings, solve,
-};
+use sidestep::reachability::cartesian::{Kind, Problem, Settings, solve};
 use sidestep::reachability::{Axis, Grid, Scheme};
 
 #[path = "../../tests/level_set_solver/steepening.rs"]
@@ -75,7 +73,7 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
         let grid = measure::air3d_grid(nodes);
         let dx_m = grid.axes[0].spacing();
         for (scheme, of) in SCHEMES {
-            let settings = Settings::of(of);
+            let settings = Settings::new(of);
             let solution = measure::solve_over(&grid, &settings, HORIZON_S)?;
             let accuracy = Accuracy::new(&truth, &grid, &solution.values)?;
             let (cfl, steps) = (Some(settings.cfl), Some(solution.steps));
@@ -88,7 +86,7 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
     }
 
     let grid = measure::air3d_grid(GRIDS[1]);
-    let longer = measure::solve_over(&grid, &Settings::of(Scheme::Weno5), 0.5 * TAU)?;
+    let longer = measure::solve_over(&grid, &Settings::new(Scheme::Weno5), 0.5 * TAU)?;
     let longer = Accuracy::new(&truth, &grid, &longer.values)?;
     let shorter = air3d.iter().find(|of| of.scheme == "WENO5" && of.nodes == GRIDS[1]);
     let shorter = shorter.ok_or("no such solve")?.accuracy.volume_percent;
@@ -109,16 +107,9 @@ fn order(name: &'static str, scheme: Scheme, cfl: f64) -> Result<Order, Box<dyn 
     let target = |[x]: [f64; 1]| cos(x);
     let mut errors: Vec<(f64, f64)> = Vec::new();
     for nodes in NODES {
-        let problem = Problem {
-            game: &Steepening,
-            grid: Grid { axes: [Axis::periodic(0.0, TAU, nodes)] },
-            target: Region::Static(&target),
-            obstacle: None,
-            kind: Kind::Set,
-            direction: Direction::Backward,
-            horizon: Horizon::Finite(SECONDS),
-        };
-        let settings = Settings { cfl, threads: 1, ..Settings::of(scheme) };
+        let grid = Grid { axes: [Axis::periodic(0.0, TAU, nodes)] };
+        let problem = Problem::reach(&Steepening, grid, &target, SECONDS).with_kind(Kind::Set);
+        let settings = Settings::new(scheme).with_cfl(cfl).with_threads(1);
         let solution = solve::<f64, 1, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()))?;
         let axis = solution.grid.axes[0];
         let off = |(i, v): (usize, &f64)| (v - exact(axis.node(i as isize))).abs();

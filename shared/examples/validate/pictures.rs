@@ -4,9 +4,7 @@ use std::error::Error;
 
 use serde::Serialize;
 use sidestep::math::{PI, TAU, hypot};
-use sidestep::reachability::{
-    CartesianGrid, CurveSettings, Options, Precision, Scheme, Solved, ValueFunction,
-};
+use sidestep::reachability::{CartesianGrid, CurveSettings, Options, Solved, ValueFunction};
 
 use crate::errors::Errors;
 use crate::measure::{HORIZON_S, MITCHELL};
@@ -46,7 +44,9 @@ pub(crate) struct ErrorMap {
     pub(crate) zero: Vec<Curve>,
 }
 
-const CURVES: CurveSettings = CurveSettings { flatness_m: 0.002, spacing_m: 0.1 };
+fn fineness() -> CurveSettings {
+    CurveSettings::default().with_flatness(0.002).with_spacing(0.1)
+}
 
 /// How far curves that are traced through the grid of a solution are from its {V = 0}: |V|, m, on
 /// their points and midway between these, at 24 headings.
@@ -67,18 +67,13 @@ pub(crate) fn traced(solved: &Solved) -> Result<Errors, Box<dyn Error>> {
 
 /// Three slices, by the polar solver as it was solved before.
 pub(crate) fn slices(polar: &Solved) -> Result<Vec<Slice>, Box<dyn Error>> {
-    let grid = CartesianGrid {
-        nodes: [51, 40, 50],
-        domain_m: [-6.0, 20.0, -10.0, 10.0],
-        scheme: Scheme::Weno5,
-        precision: Precision::F32,
-    };
-    let options = Options { horizon_s: HORIZON_S, grid: Some(grid), ..Options::default() };
+    let grid = CartesianGrid::new([51, 40, 50], [-6.0, 20.0, -10.0, 10.0]);
+    let options = Options::default().with_horizon(HORIZON_S).with_grid(grid);
     let cartesian = solved(MITCHELL, &options)?.function;
     let exact = ValueFunction::Exact(MITCHELL.exact()?);
     let slice = |psi_deg: f64| -> Result<Slice, Box<dyn Error>> {
         let psi = psi_deg * TAU / 360.0;
-        let curves = |function: &ValueFunction| function.level_curves(psi, 0.0, CURVES);
+        let curves = |function: &ValueFunction| function.level_curves(psi, 0.0, fineness());
         let (exact, polar) = (curves(&exact)?, curves(&polar.function)?);
         let cartesian = curves(&cartesian)?;
         let farther = |a: [f64; 2], b: &[f64; 2]| {
@@ -104,6 +99,6 @@ pub(crate) fn error_map(polar: &Solved) -> Result<ErrorMap, Box<dyn Error>> {
     let errors = rows.concat();
     let worst = (0..errors.len()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
     let worst = at(worst % columns, worst / columns);
-    let zero = exact.level_curves(PI, 0.0, CURVES)?;
+    let zero = exact.level_curves(PI, 0.0, fineness())?;
     Ok(ErrorMap { errors: Errors::of(errors), worst, origin, cell_m, rows, zero })
 }

@@ -48,7 +48,7 @@ pub(crate) const STANDARD: usize = 1;
 
 /// The converged value by the polar solver.
 pub(crate) fn by_polar(game: PursuitGame, accuracy: Accuracy) -> Result<Solved, Box<dyn Error>> {
-    solved(game, &Options { method: Some(Method::Polar), accuracy, ..Options::default() })
+    solved(game, &Options::default().with_method(Method::Polar).with_accuracy(accuracy))
 }
 
 /// The same with each of the three accuracies.

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use serde_json::{Value, json};
-use sidestep::reachability::{Accuracy, CartesianGrid, Options, Precision, PursuitGame, Scheme};
+use sidestep::reachability::{Accuracy, CartesianGrid, Options, PursuitGame};
 use sidestep::vehicle::VehicleModel;
 
 use crate::errors::{Errors, numbers, random_states};
@@ -19,13 +19,8 @@ const GAME: PursuitGame = PursuitGame {
 /// Measures both solvers on the unequal pair.
 pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
     let (horizon_s, nodes) = (6.0, [81, 81, 60]);
-    let grid = CartesianGrid {
-        nodes,
-        domain_m: [-20.0, 20.0, -20.0, 20.0],
-        scheme: Scheme::Weno5,
-        precision: Precision::F32,
-    };
-    let finite = solved(GAME, &Options { horizon_s, grid: Some(grid), ..Options::default() })?;
+    let grid = CartesianGrid::new(nodes, [-20.0, 20.0, -20.0, 20.0]);
+    let finite = solved(GAME, &Options::default().with_horizon(horizon_s).with_grid(grid))?;
     let standard = by_polar(GAME, Accuracy::Standard)?;
     let fine = by_polar(GAME, Accuracy::Fine)?;
 

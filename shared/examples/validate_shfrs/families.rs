@@ -56,13 +56,9 @@ fn table(
     for (name, candidates) in choices() {
         let mut cells = Vec::new();
         for p in TARGETS {
-            let settings = TuningSettings {
-                p,
-                guarantee: Guarantee::Conformal,
-                windows,
-                candidates: candidates.clone(),
-                confidence: CONFIDENCE,
-            };
+            let settings = TuningSettings::new(p, Guarantee::Conformal, candidates.clone())
+                .with_windows(windows)
+                .with_confidence(CONFIDENCE);
             let tuned = tune(&sample, prediction, &settings)?;
             let coverage = tuned.coverage;
             cells.push([tuned.mean_area_m2, coverage.value, coverage.low, coverage.high]);

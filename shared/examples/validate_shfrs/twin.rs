@@ -13,9 +13,7 @@ use sidestep::bounds::InputBounds;
 use sidestep::math::{PI, hypot, wrap_angle};
 use sidestep::reach::polygon::{signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet};
-use sidestep::reachability::cartesian::{
-    Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
-};
+use sidestep::reachability::cartesian::{Direction, Problem, Settings, Solution, solve};
 use sidestep::reachability::{Axis, DubinsCar, Grid, Scheme};
 use sidestep::vehicle::Pose;
 
@@ -65,16 +63,10 @@ fn twin(turn_rate: (f64, f64), tube: &[[f64; 2]], (spacing_m, headings): (f64, u
     // Both in metres: the vehicle turns by a radian in about two metres.
     let start =
         |[x, y, psi]: [f64; 3]| (hypot(x, y) - radius).max(2.0 * (wrap_angle(psi).abs() - half));
-    let problem = Problem {
-        game: &DubinsCar { speed_mps: SPEED_MPS, turn_rate_radps: turn_rate },
-        grid: Grid { axes },
-        target: Region::Static(&start),
-        obstacle: None,
-        kind: Kind::Tube,
-        direction: Direction::Forward,
-        horizon: Horizon::Finite(STEPS as f64 * STEP_S),
-    };
-    let settings = Settings { threads: 2, ..Settings::of(Scheme::Eno2) };
+    let car = DubinsCar { speed_mps: SPEED_MPS, turn_rate_radps: turn_rate };
+    let problem = Problem::reach(&car, Grid { axes }, &start, STEPS as f64 * STEP_S)
+        .with_direction(Direction::Forward);
+    let settings = Settings::new(Scheme::Eno2).with_threads(2);
     let solution = solve::<f32, 3, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()))?;
     let reached: Vec<[f64; 2]> =
         shadow(&solution).into_iter().filter(|(_, v)| *v <= 0.0).map(|(node, _)| node).collect();

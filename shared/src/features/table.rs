@@ -23,6 +23,7 @@ pub struct Feature {
 
 /// How a feature is computed from the joint states so far, one for each step; the last one is the
 /// current state.
+#[non_exhaustive]
 pub enum Compute {
     /// From the states alone.
     FromMotion(fn(&[JointState]) -> f64),

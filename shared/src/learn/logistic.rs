@@ -20,6 +20,7 @@ use objective::{Objective, Point};
 
 /// The stopping rule of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct LogisticSettings {
     /// The fit ends with the Newton step whose squared decrement, gᵀ H⁻¹ g, is at most this times
     /// 1 + C. Since H ⪰ 1 for the weights, √(tolerance · (1 + C)) bounds that step, and its square,
@@ -32,6 +33,20 @@ pub struct LogisticSettings {
 impl Default for LogisticSettings {
     fn default() -> Self {
         Self { tolerance: 1e-13, max_steps: 100 }
+    }
+}
+
+impl LogisticSettings {
+    /// Sets [`Self::tolerance`], the squared decrement at which a fit ends, divided by 1 + C.
+    #[must_use]
+    pub fn with_tolerance(self, tolerance: f64) -> Self {
+        Self { tolerance, ..self }
+    }
+
+    /// Sets [`Self::max_steps`], the most Newton steps for each C.
+    #[must_use]
+    pub fn with_max_steps(self, max_steps: usize) -> Self {
+        Self { max_steps, ..self }
     }
 }
 

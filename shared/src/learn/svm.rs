@@ -28,6 +28,7 @@ use smo::Smo;
 
 /// Hyper-parameters and stopping rule of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SvmSettings {
     /// Linear or radial basis functions.
     pub kernel: Kernel,
@@ -44,6 +45,30 @@ impl SvmSettings {
     #[must_use]
     pub fn new(kernel: Kernel, c: f64) -> Self {
         Self { kernel, c, tolerance: 1e-6, max_steps: 10_000_000 }
+    }
+
+    /// Sets [`Self::kernel`], the kernel.
+    #[must_use]
+    pub fn with_kernel(self, kernel: Kernel) -> Self {
+        Self { kernel, ..self }
+    }
+
+    /// Sets [`Self::c`], the cost of a unit of margin violation.
+    #[must_use]
+    pub fn with_c(self, c: f64) -> Self {
+        Self { c, ..self }
+    }
+
+    /// Sets [`Self::tolerance`], how nearly the optimality conditions must hold.
+    #[must_use]
+    pub fn with_tolerance(self, tolerance: f64) -> Self {
+        Self { tolerance, ..self }
+    }
+
+    /// Sets [`Self::max_steps`], the most pairwise steps.
+    #[must_use]
+    pub fn with_max_steps(self, max_steps: usize) -> Self {
+        Self { max_steps, ..self }
     }
 }
 

@@ -18,12 +18,34 @@ use grower::{Columns, Criterion, Limits, grow as grow_with};
 
 /// The limits of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct TreeSettings {
     /// The greatest depth; none for as deep as the rows allow, up to
     /// [`DEEPEST`](crate::predict::tree::DEEPEST).
     pub max_depth: Option<usize>,
     /// Fewest rows of a leaf.
     pub min_leaf: usize,
+}
+
+impl Default for TreeSettings {
+    /// As deep as the rows allow, with leaves of a single row.
+    fn default() -> Self {
+        Self { max_depth: None, min_leaf: 1 }
+    }
+}
+
+impl TreeSettings {
+    /// Sets [`Self::max_depth`], the greatest depth; none for as deep as the rows allow.
+    #[must_use]
+    pub fn with_max_depth(self, max_depth: impl Into<Option<usize>>) -> Self {
+        Self { max_depth: max_depth.into(), ..self }
+    }
+
+    /// Sets [`Self::min_leaf`], the fewest rows of a leaf.
+    #[must_use]
+    pub fn with_min_leaf(self, min_leaf: usize) -> Self {
+        Self { min_leaf, ..self }
+    }
 }
 
 /// Grows a tree.

@@ -21,6 +21,7 @@ use support::Support;
 
 /// What stands for the inner product of two standardised rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Kernel {
     /// x·z.
     Linear,

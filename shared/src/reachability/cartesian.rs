@@ -48,6 +48,7 @@ pub enum Direction {
 
 /// A function of the state, or of state and time.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub enum Region<'a, const D: usize> {
     /// Fixed.
     Static(&'a (dyn Fn([f64; D]) -> f64 + Sync)),
@@ -75,6 +76,7 @@ impl<const D: usize> Region<'_, D> {
 
 /// When the march ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Horizon {
     /// After this many seconds.
     Finite(f64),
@@ -88,6 +90,7 @@ pub enum Horizon {
 }
 
 /// The problem to solve.
+#[non_exhaustive]
 pub struct Problem<'a, const D: usize, G> {
     /// The dynamics and the players.
     pub game: &'a G,
@@ -106,23 +109,45 @@ pub struct Problem<'a, const D: usize, G> {
 }
 
 impl<'a, const D: usize, G> Problem<'a, D, G> {
+    /// A backward tube of `target` without obstacle.
+    pub fn new(game: &'a G, grid: Grid<D>, target: Region<'a, D>, horizon: Horizon) -> Self {
+        let (kind, direction) = (Kind::Tube, Direction::Backward);
+        Self { game, grid, target, obstacle: None, kind, direction, horizon }
+    }
+
     /// From which states is the target {l ≤ 0} reached within `seconds`? A backward tube without
-    /// obstacle; change a field to ask otherwise.
+    /// obstacle.
     pub fn reach(
         game: &'a G,
         grid: Grid<D>,
         target: &'a (dyn Fn([f64; D]) -> f64 + Sync),
         seconds: f64,
     ) -> Self {
-        Self {
-            game,
-            grid,
-            target: Region::Static(target),
-            obstacle: None,
-            kind: Kind::Tube,
-            direction: Direction::Backward,
-            horizon: Horizon::Finite(seconds),
-        }
+        Self::new(game, grid, Region::Static(target), Horizon::Finite(seconds))
+    }
+
+    /// Sets [`Self::obstacle`], the obstacle; none for none.
+    #[must_use]
+    pub fn with_obstacle(self, obstacle: impl Into<Option<Region<'a, D>>>) -> Self {
+        Self { obstacle: obstacle.into(), ..self }
+    }
+
+    /// Sets [`Self::kind`], tube or set.
+    #[must_use]
+    pub fn with_kind(self, kind: Kind) -> Self {
+        Self { kind, ..self }
+    }
+
+    /// Sets [`Self::direction`], backward or forward.
+    #[must_use]
+    pub fn with_direction(self, direction: Direction) -> Self {
+        Self { direction, ..self }
+    }
+
+    /// Sets [`Self::horizon`], when the march ends.
+    #[must_use]
+    pub fn with_horizon(self, horizon: Horizon) -> Self {
+        Self { horizon, ..self }
     }
 
     /// The time t of a clock that runs forward, after τ of the march; not a number if it has no
@@ -138,6 +163,7 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
 
 /// How to solve it.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Settings {
     /// Spatial derivatives (and the Runge–Kutta order that goes with them).
     pub scheme: Scheme,
@@ -160,7 +186,7 @@ pub struct Settings {
 impl Settings {
     /// `scheme` with its time step, on all threads.
     #[must_use]
-    pub fn of(scheme: Scheme) -> Self {
+    pub fn new(scheme: Scheme) -> Self {
         Self {
             scheme,
             threads: default_threads(),
@@ -171,16 +197,34 @@ impl Settings {
         }
     }
 
-    /// Sets [`Settings::slices`], the number of instants before the end whose values are stored.
+    /// Sets [`Self::threads`], the number of threads.
     #[must_use]
-    pub fn slices(self, slices: usize) -> Self {
+    pub fn with_threads(self, threads: usize) -> Self {
+        Self { threads, ..self }
+    }
+
+    /// Sets [`Self::lanes`], the widest lanes that may be used.
+    #[must_use]
+    pub fn with_lanes(self, lanes: Lanes) -> Self {
+        Self { lanes, ..self }
+    }
+
+    /// Sets [`Self::cfl`], the share of the largest stable time step.
+    #[must_use]
+    pub fn with_cfl(self, cfl: f64) -> Self {
+        Self { cfl, ..self }
+    }
+
+    /// Sets [`Self::slices`], the number of instants before the end whose values are stored.
+    #[must_use]
+    pub fn with_slices(self, slices: usize) -> Self {
         Self { slices, ..self }
     }
 
-    /// Sets [`Settings::threads`], the number of threads.
+    /// Sets [`Self::memory_limit_bytes`], the most memory that a solve may take, bytes.
     #[must_use]
-    pub fn threads(self, threads: usize) -> Self {
-        Self { threads, ..self }
+    pub fn with_memory_limit(self, memory_limit_bytes: u64) -> Self {
+        Self { memory_limit_bytes, ..self }
     }
 }
 

@@ -214,6 +214,7 @@ impl ExactValue {
 
 /// Value, gradient and optimal turns of the game of two identical vehicles at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ExactState {
     /// V, m, the same bits as [`ExactValue::value`].
     pub value: f64,

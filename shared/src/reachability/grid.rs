@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How values continue beyond the ends of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Boundary {
     /// The axis closes on itself; the upper end is not a node.
     Periodic,

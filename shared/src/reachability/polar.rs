@@ -40,6 +40,7 @@ pub use sweep::WINDOW;
 
 /// Nodes in polar coordinates, and how far the solve goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Settings {
     /// Largest range, m.
     pub range_m: f64,
@@ -66,6 +67,44 @@ impl Default for Settings {
             most_sweeps: 2000,
             memory_limit_bytes: MEMORY_LIMIT_BYTES,
         }
+    }
+}
+
+impl Settings {
+    /// Sets [`Self::range_m`], the largest range, m.
+    #[must_use]
+    pub fn with_range(self, range_m: f64) -> Self {
+        Self { range_m, ..self }
+    }
+
+    /// Sets [`Self::range_nodes`], the nodes of the range axis.
+    #[must_use]
+    pub fn with_range_nodes(self, range_nodes: usize) -> Self {
+        Self { range_nodes, ..self }
+    }
+
+    /// Sets [`Self::angle_nodes`], the nodes of a full turn.
+    #[must_use]
+    pub fn with_angle_nodes(self, angle_nodes: usize) -> Self {
+        Self { angle_nodes, ..self }
+    }
+
+    /// Sets [`Self::tolerance`], the drift, as a share of the radius, below which V is converged.
+    #[must_use]
+    pub fn with_tolerance(self, tolerance: f64) -> Self {
+        Self { tolerance, ..self }
+    }
+
+    /// Sets [`Self::most_sweeps`], the most sweeps over any grid.
+    #[must_use]
+    pub fn with_most_sweeps(self, most_sweeps: usize) -> Self {
+        Self { most_sweeps, ..self }
+    }
+
+    /// Sets [`Self::memory_limit_bytes`], the most memory that a solve may take, bytes.
+    #[must_use]
+    pub fn with_memory_limit(self, memory_limit_bytes: u64) -> Self {
+        Self { memory_limit_bytes, ..self }
     }
 }
 

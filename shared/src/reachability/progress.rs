@@ -4,6 +4,7 @@ use crate::invalid::Invalid;
 
 /// The progress of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Progress {
     /// Share of the steps done, 0 … 1. If the march may end early, the share of the most steps that
     /// are possible.
@@ -14,6 +15,7 @@ pub struct Progress {
 
 /// Why there is no solution.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SolveError {
     /// The problem cannot be solved as stated.
     #[error(transparent)]

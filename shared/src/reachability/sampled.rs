@@ -42,6 +42,7 @@ pub struct SampledValue {
 
 /// Value, gradient, and whether the state lies within the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SampledState {
     /// V, m.
     pub value: f64,

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 /// The approximation of the spatial derivatives, and the Runge–Kutta method of matching order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Scheme {
     /// First order, Euler.
     Upwind,

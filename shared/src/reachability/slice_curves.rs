@@ -9,6 +9,7 @@ use crate::math::{TAU, hypot, sin_cos};
 
 /// How finely a curve is traced.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct CurveSettings {
     /// For closed forms: largest distance between the curve and an edge of the polygon, m.
     pub flatness_m: f64,
@@ -19,6 +20,20 @@ pub struct CurveSettings {
 impl Default for CurveSettings {
     fn default() -> Self {
         Self { flatness_m: 0.01, spacing_m: 0.15 }
+    }
+}
+
+impl CurveSettings {
+    /// Sets [`Self::flatness_m`], the largest distance of an edge from the curve of a closed form, m.
+    #[must_use]
+    pub fn with_flatness(self, flatness_m: f64) -> Self {
+        Self { flatness_m, ..self }
+    }
+
+    /// Sets [`Self::spacing_m`], the largest distance of neighbouring points on a solved grid, m.
+    #[must_use]
+    pub fn with_spacing(self, spacing_m: f64) -> Self {
+        Self { spacing_m, ..self }
     }
 }
 

@@ -21,6 +21,7 @@ use std::sync::Arc;
 /// How a value function is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Method {
     /// The closed form: identical vehicles, converged value.
     Exact,
@@ -63,6 +64,7 @@ impl Method {
 /// the states where V is at most half the radius, as far as a draft can tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Accuracy {
     /// For a look: tenths of a metre near kinks.
     Draft,
@@ -90,6 +92,7 @@ pub enum Precision {
 
 /// A rectangular grid and how it is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct CartesianGrid {
     /// Nodes of x, y, ψ.
     pub nodes: [usize; 3],
@@ -102,6 +105,25 @@ pub struct CartesianGrid {
 }
 
 impl CartesianGrid {
+    /// `nodes` of x, y, ψ on the rectangle from x₀ to x₁ and from y₀ to y₁ (`domain_m`), with WENO5
+    /// in single precision.
+    #[must_use]
+    pub fn new(nodes: [usize; 3], domain_m: [f64; 4]) -> Self {
+        Self { nodes, domain_m, scheme: Scheme::Weno5, precision: Precision::F32 }
+    }
+
+    /// Sets [`Self::scheme`], the derivatives.
+    #[must_use]
+    pub fn with_scheme(self, scheme: Scheme) -> Self {
+        Self { scheme, ..self }
+    }
+
+    /// Sets [`Self::precision`], the numbers.
+    #[must_use]
+    pub fn with_precision(self, precision: Precision) -> Self {
+        Self { precision, ..self }
+    }
+
     fn axes(&self) -> Grid<3> {
         let [x0, x1, y0, y1] = self.domain_m;
         let [nx, ny, n_psi] = self.nodes;
@@ -117,6 +139,7 @@ impl CartesianGrid {
 
 /// How [`solve`] is to find a value function.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Options {
     /// None: the best one ([`Method::choose`]).
     pub method: Option<Method>,
@@ -149,6 +172,48 @@ impl Default for Options {
 }
 
 impl Options {
+    /// Sets [`Self::method`], the method; none for the best one.
+    #[must_use]
+    pub fn with_method(self, method: impl Into<Option<Method>>) -> Self {
+        Self { method: method.into(), ..self }
+    }
+
+    /// Sets [`Self::horizon_s`], seconds of the game; infinite for the converged value.
+    #[must_use]
+    pub fn with_horizon(self, horizon_s: f64) -> Self {
+        Self { horizon_s, ..self }
+    }
+
+    /// Sets [`Self::accuracy`], how fine the grid is.
+    #[must_use]
+    pub fn with_accuracy(self, accuracy: Accuracy) -> Self {
+        Self { accuracy, ..self }
+    }
+
+    /// Sets [`Self::grid`], the grid of the Cartesian method; none for one that `accuracy` chooses.
+    #[must_use]
+    pub fn with_grid(self, grid: impl Into<Option<CartesianGrid>>) -> Self {
+        Self { grid: grid.into(), ..self }
+    }
+
+    /// Sets [`Self::range_m`], the largest range of the polar method, m; none for one that is chosen.
+    #[must_use]
+    pub fn with_range(self, range_m: impl Into<Option<f64>>) -> Self {
+        Self { range_m: range_m.into(), ..self }
+    }
+
+    /// Sets [`Self::threads`], the threads of the Cartesian method.
+    #[must_use]
+    pub fn with_threads(self, threads: usize) -> Self {
+        Self { threads, ..self }
+    }
+
+    /// Sets [`Self::memory_limit_bytes`], the most memory that a solve may take, bytes.
+    #[must_use]
+    pub fn with_memory_limit(self, memory_limit_bytes: u64) -> Self {
+        Self { memory_limit_bytes, ..self }
+    }
+
     /// The method that [`solve`] uses for `game`, before it begins.
     ///
     /// # Errors
@@ -177,6 +242,7 @@ impl Options {
 
 /// A value function and how it was found.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Solved {
     /// The function: the closed form, or interpolated between the nodes of the solver.
     pub function: ValueFunction,
@@ -209,7 +275,7 @@ pub struct Solved {
 /// let person = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
 /// let robot = VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 };
 /// let game = PursuitGame { evader: person, pursuer: robot, radius_m: 3.0 };
-/// let options = Options { accuracy: Accuracy::Draft, ..Options::default() };
+/// let options = Options::default().with_accuracy(Accuracy::Draft);
 /// let solved = solve(game, &options, &mut |progress| {
 ///     if progress.done < 2.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
 /// })?;
@@ -338,7 +404,7 @@ fn march<T: Real>(
     let settings = cartesian::Settings {
         threads: options.threads,
         memory_limit_bytes: options.memory_limit_bytes,
-        ..cartesian::Settings::of(grid.scheme)
+        ..cartesian::Settings::new(grid.scheme)
     };
     let solution = cartesian::solve::<T, 3, _>(&problem, &settings, progress)?;
     let samples = SampledValue::from_cartesian(game, options.horizon_s, &solution)?;

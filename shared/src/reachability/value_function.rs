@@ -19,6 +19,7 @@ pub enum ValueFunction {
 
 /// Value, gradient and optimal turns at a relative state.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ValueState {
     /// V, m.
     pub value: f64,

@@ -26,6 +26,7 @@ use crate::vehicle::{Pose, VehicleModel};
 
 /// The assumed behaviour of the human.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Nominal {
     /// Drives straight on: constant velocity.
     Straight,

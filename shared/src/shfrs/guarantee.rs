@@ -10,6 +10,7 @@ use crate::stats::{beta_cdf, binomial_at_least, open_probability};
 
 /// How calibration trajectories determine a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Guarantee {
     /// Split conformal prediction: the ⌈(n + 1)p⌉-th score. The set contains the next trajectory with
     /// probability ≥ p, on average over calibrations.

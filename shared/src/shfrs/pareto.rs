@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 /// The families that are compared.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Compared {
     /// SHFRS with this choice of actions.
     Shfrs(ActionChoice),

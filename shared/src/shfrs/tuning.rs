@@ -104,6 +104,7 @@ impl Split {
 
 /// The aim of tuning.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct TuningSettings {
     /// Probability p that a trajectory stays inside F_1, in (0, 1).
     pub p: f64,
@@ -123,6 +124,18 @@ impl TuningSettings {
     pub fn new(p: f64, guarantee: Guarantee, candidates: Vec<ActionChoice>) -> Self {
         let windows = WindowChoice::RandomOne { seed: 0 };
         Self { p, guarantee, windows, candidates, confidence: 0.95 }
+    }
+
+    /// Sets [`Self::windows`], the window of each trajectory.
+    #[must_use]
+    pub fn with_windows(self, windows: WindowChoice) -> Self {
+        Self { windows, ..self }
+    }
+
+    /// Sets [`Self::confidence`], the confidence of the interval of the measured coverage.
+    #[must_use]
+    pub fn with_confidence(self, confidence: f64) -> Self {
+        Self { confidence, ..self }
     }
 }
 
@@ -160,6 +173,7 @@ pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
 
 /// A tuned setting with its guarantee and its measured coverage and area.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Tuned {
     /// The choice of actions.
     #[serde(serialize_with = "in_words")]

@@ -146,6 +146,7 @@ impl<'a> Window<'a> {
 
 /// The choice of windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum WindowChoice {
     /// One from every step with enough steps left: several for each trajectory.
     EveryStep,

@@ -102,8 +102,8 @@ fn a_grid_beyond_the_memory_is_refused_at_once() {
     let target = |_: [f64; 4]| 1.0;
     let axes = [Axis::bounded(0.0, 1.0, 1_000_000); 4];
     let problem = problem(&Twisted, axes, &target, (Kind::Tube, BACKWARD), 1.0);
-    for limit in [0, Settings::of(Scheme::Upwind).memory_limit_bytes, u64::MAX - 1] {
-        let settings = Settings { memory_limit_bytes: limit, ..settings(Scheme::Upwind) };
+    for limit in [0, Settings::new(Scheme::Upwind).memory_limit_bytes, u64::MAX - 1] {
+        let settings = settings(Scheme::Upwind).with_memory_limit(limit);
         let result = solve::<f64, 4, _>(&problem, &settings, &mut |_| ControlFlow::Break(()));
         let Err(SolveError::Invalid(complaint)) = result else { panic!("not refused") };
         eprintln!("{complaint}");

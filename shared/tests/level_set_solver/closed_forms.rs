@@ -27,7 +27,7 @@ fn an_interval_grows_at_full_speed() {
                 let axes = [Axis::bounded(-4.0, 4.0, 201)];
                 let problem = problem(&game, axes, &target, (kind, direction), 1.5);
                 // With more, two one-sided stencils of ENO2 together are not stable.
-                let settings = Settings { cfl: 0.5, ..settings(scheme) };
+                let settings = settings(scheme).with_cfl(0.5);
                 let solution = solved::<f64, 1, _>(&problem, &settings);
                 let exact = |[x]: [f64; 1]| (x.abs() - 1.5).max(0.0) - radius;
                 let name = format!("interval {kind:?} {direction:?} {}", scheme.name());
@@ -286,15 +286,9 @@ fn a_moving_interval_is_met() {
     let target = |[x]: [f64; 1], time: f64| (x - speed * time).abs() - radius;
     let exact = |[x]: [f64; 1]| (-x - seconds).max(x - speed * seconds).max(0.0) - radius;
     for scheme in SCHEMES {
-        let problem = Problem {
-            game: &game,
-            grid: Grid { axes: [Axis::bounded(-4.0, 5.0, 226)] },
-            target: Region::OfMarchTime(&target),
-            obstacle: None,
-            kind: Kind::Tube,
-            direction: BACKWARD,
-            horizon: Horizon::Finite(seconds),
-        };
+        let grid = Grid { axes: [Axis::bounded(-4.0, 5.0, 226)] };
+        let target = Region::OfMarchTime(&target);
+        let problem = Problem::new(&game, grid, target, Horizon::Finite(seconds));
         let solution = solved::<f64, 1, _>(&problem, &settings(scheme));
         let dx = solution.grid.axes[0].spacing();
         let all = errors(&format!("meeting {}", scheme.name()), &solution, |_| true, exact);

@@ -7,7 +7,7 @@ fn march<T: Real>(slices: usize) -> Solution<T, 2> {
     let target = |[x, v]: [f64; 2]| hypot(x, v) - 0.5;
     let axes = [Axis::bounded(-2.0, 2.0, 17), Axis::periodic(-1.0, 2.0, 12)];
     let problem = problem(&game, axes, &target, (Kind::Tube, FORWARD), 0.5);
-    solved(&problem, &settings(Scheme::Eno2).slices(slices))
+    solved(&problem, &settings(Scheme::Eno2).with_slices(slices))
 }
 
 #[test]

@@ -38,7 +38,7 @@ const FORWARD: Direction = Direction::Forward;
 const SCHEMES: [Scheme; 4] = [Scheme::Upwind, Scheme::Eno2, Scheme::Eno3, Scheme::Weno5];
 
 fn settings(scheme: Scheme) -> Settings {
-    Settings { threads: 2, cfl: 0.75, ..Settings::of(scheme) }
+    Settings::new(scheme).with_threads(2).with_cfl(0.75)
 }
 
 fn solved<T: Real, const D: usize, G: Game<D>>(
@@ -56,15 +56,7 @@ fn problem<'a, const D: usize, G: Game<D>>(
     (kind, direction): (Kind, Direction),
     seconds: f64,
 ) -> Problem<'a, D, G> {
-    Problem {
-        game,
-        grid: Grid { axes },
-        target: Region::Static(target),
-        obstacle: None,
-        kind,
-        direction,
-        horizon: Horizon::Finite(seconds),
-    }
+    Problem::reach(game, Grid { axes }, target, seconds).with_kind(kind).with_direction(direction)
 }
 
 /// A bumpy function with a kink, periodic in 2π along every axis.

@@ -14,6 +14,7 @@ pub(crate) fn check_order(scheme: Scheme, order: f64) {
         Scheme::Upwind => (0.9..1.1).contains(&order),
         Scheme::Eno2 => order >= 1.8,
         Scheme::Eno3 | Scheme::Weno5 => order >= 2.5,
+        _ => unreachable!("the order of {scheme:?} is not known here"),
     };
     assert!(fits, "{scheme:?}: order {order}");
 }
@@ -43,7 +44,7 @@ pub(crate) fn steepening_order(scheme: Scheme, cfl: f64) -> f64 {
     observed_order(&name, 160, |nodes| {
         let axes = [Axis::periodic(0.0, TAU, nodes)];
         let problem = problem(&Steepening, axes, &target, (Kind::Set, BACKWARD), SECONDS);
-        let solution = solved::<f64, 1, _>(&problem, &Settings { cfl, ..settings(scheme) });
+        let solution = solved::<f64, 1, _>(&problem, &settings(scheme).with_cfl(cfl));
         errors(&format!("{name} {nodes}"), &solution, |_| true, |[x]| exact(x))
     })
 }

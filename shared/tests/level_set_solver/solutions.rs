@@ -117,7 +117,7 @@ fn slices_are_shorter_marches() {
         let base = |_: [f64; 1]| 0.0;
         let mut problem = problem(&game, axes, &base, (Kind::Tube, BACKWARD), seconds);
         problem.target = Region::OfMarchTime(&target);
-        solved::<f64, 1, _>(&problem, &settings(Scheme::Weno5).slices(slices))
+        solved::<f64, 1, _>(&problem, &settings(Scheme::Weno5).with_slices(slices))
     };
     let whole = march(1.0, 4);
     assert_eq!(whole.march_times_s(), [0.0, 0.25, 0.5, 0.75, 1.0]);
@@ -210,7 +210,7 @@ fn its_inputs_steer_to_the_target() {
     let target = |[x, v]: [f64; 2]| hypot(x, v) - 0.5;
     let axes = [Axis::bounded(-4.0, 4.0, 161), Axis::bounded(-3.0, 3.0, 121)];
     let problem = problem(&game, axes, &target, (Kind::Set, BACKWARD), 1.2);
-    let solution = solved::<f64, 2, _>(&problem, &settings(Scheme::Weno5).slices(24));
+    let solution = solved::<f64, 2, _>(&problem, &settings(Scheme::Weno5).with_slices(24));
     let mut rng = SeededRng::new(21);
     let mut worst = 0.0_f64;
     for _ in 0..200 {
@@ -266,7 +266,7 @@ fn what_it_does_not_know_is_refused() {
         let mut problem = problem(&game, axes, &target, (Kind::Tube, BACKWARD), 1.0);
         problem.horizon = Horizon::Converged { tolerance: 1e-3, longest_s: 1.0 };
         problem.target = region;
-        let settings = settings(Scheme::Eno2).slices(slices);
+        let settings = settings(Scheme::Eno2).with_slices(slices);
         let found = solve::<f64, 1, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()));
         let SolveError::Invalid(invalid) = found.unwrap_err() else { panic!("not cancelled") };
         invalid.field

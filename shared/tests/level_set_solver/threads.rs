@@ -8,17 +8,11 @@ pub(crate) fn compare_threads<const D: usize>(axes: [Axis; D], seconds: f64, sin
     let grid = Grid { axes };
     assert!(grid.len() >= 50_000, "small grids use one thread whatever is asked for");
     let still_ball = |x| ball(x, 0.0);
-    let problem = Problem {
-        game: &Twisted,
-        grid,
-        target: Region::OfMarchTime(&bumpy),
-        obstacle: Some(Region::Static(&still_ball)),
-        kind: Kind::Tube,
-        direction: Direction::Backward,
-        horizon: Horizon::Finite(seconds),
-    };
+    let target = Region::OfMarchTime(&bumpy);
+    let problem = Problem::new(&Twisted, grid, target, Horizon::Finite(seconds))
+        .with_obstacle(Region::Static(&still_ball));
     for scheme in [Scheme::Upwind, Scheme::Eno2, Scheme::Weno5] {
-        let with = |threads| Settings { threads, ..settings(scheme) };
+        let with = |threads| settings(scheme).with_threads(threads);
         let one = solved::<f64, D, _>(&problem, &with(1));
         let one_single = solved::<f32, D, _>(&problem, &with(1));
         for threads in [0, 2, 3, 1_000_000] {
@@ -30,7 +24,7 @@ pub(crate) fn compare_threads<const D: usize>(axes: [Axis; D], seconds: f64, sin
             assert!(pairs.all(|(a, b)| a.to_bits() == b.to_bits()), "{threads} threads, f32");
         }
         for lanes in [Lanes::Bits128, Lanes::Bits256, Lanes::Bits512] {
-            let with = Settings { lanes, ..with(2) };
+            let with = with(2).with_lanes(lanes);
             let double = solved::<f64, D, _>(&problem, &with);
             let mut pairs = one.values.iter().zip(&double.values);
             assert!(pairs.all(|(a, b)| a.to_bits() == b.to_bits()), "{lanes:?}");

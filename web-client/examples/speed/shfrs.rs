@@ -248,7 +248,7 @@ fn overlay(
     human: &PredictedHuman<'_>,
 ) -> Result<(), Invalid> {
     for (name, by_step) in [("overlay, tubes", false), ("overlay, per step", true)] {
-        let settings = ShfrsSettings { by_step, ..ShfrsSettings::paper(human.actions().len())? };
+        let settings = ShfrsSettings::paper(human.actions().len())?.with_by_step(by_step);
         let mut sets = ShfrsPredictor::default();
         let mut frame = |history: &[JointState]| {
             let found = sets.predict(black_box(history), parameters, human, &settings);
@@ -326,13 +326,9 @@ fn tuning(
     human: &PredictedHuman<'_>,
 ) -> Result<(), Box<dyn Error>> {
     let prediction = Prediction::new(parameters, human);
-    let settings = TuningSettings {
-        p: 0.9,
-        guarantee: Guarantee::Conformal,
-        windows: WindowChoice::RandomOne { seed: 1 },
-        candidates: candidates(human.actions().len(), STEPS),
-        confidence: 0.95,
-    };
+    let settings =
+        TuningSettings::new(0.9, Guarantee::Conformal, candidates(human.actions().len(), STEPS))
+            .with_windows(WindowChoice::RandomOne { seed: 1 });
     figures.add("tuning, 400 drives", 1, || {
         black_box(tune(sample, prediction, &settings).expect("enough drives"));
     });

@@ -28,7 +28,7 @@ fn against(speed_mps: f64, turn_rate_radps: f64) -> PursuitGame {
 }
 
 fn polar() -> Options {
-    Options { method: Some(Method::Polar), range_m: Some(40.0), threads: 1, ..Options::default() }
+    Options::default().with_method(Method::Polar).with_range(40.0).with_threads(1)
 }
 
 fn solved(game: PursuitGame, options: &Options) -> Result<Solved, SolveError> {
@@ -37,7 +37,7 @@ fn solved(game: PursuitGame, options: &Options) -> Result<Solved, SolveError> {
 
 /// What the solver's worker does.
 pub(crate) fn solve(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
-    let usual = || Options { threads: 1, ..Options::default() };
+    let usual = || Options::default().with_threads(1);
     for (name, game, options) in [
         ("polar standard solve", paper(), polar()),
         ("slower, more agile pursuer", against(1.5, 0.8), usual()),

@@ -86,13 +86,13 @@ impl Tuning {
         prediction: &Predicted<'_>,
         progress: &mut dyn FnMut(Report),
     ) -> Result<bool, Invalid> {
-        let settings = TuningSettings {
-            p: self.aim.p,
-            guarantee: self.aim.guarantee(),
-            windows: WINDOWS,
-            candidates: candidates(prediction.actions(), self.aim.steps),
-            confidence: CONFIDENCE,
-        };
+        let settings = TuningSettings::new(
+            self.aim.p,
+            self.aim.guarantee(),
+            candidates(prediction.actions(), self.aim.steps),
+        )
+        .with_windows(WINDOWS)
+        .with_confidence(CONFIDENCE);
         let number = self.number;
         // The last report has the result.
         let tell = &mut |done: f64| {

@@ -508,7 +508,7 @@ impl Explorer {
         let settings = self
             .wanted
             .settings(actions)
-            .and_then(|bounds| Ok(ShfrsSettings { bounds, ..ShfrsSettings::paper(actions)? }));
+            .and_then(|bounds| Ok(ShfrsSettings::paper(actions)?.with_bounds(bounds)));
         match settings {
             Ok(settings) => {
                 self.complaint = None;

@@ -141,13 +141,13 @@ impl Evaluation {
         for &guarantee in &questions.guarantees {
             for &p in &questions.probabilities {
                 bar.set_message(format!("tuning, {} {p}", guarantee.word().replace('_', " ")));
-                let settings = TuningSettings {
+                let settings = TuningSettings::new(
                     p,
                     guarantee,
-                    windows: questions.windows,
-                    candidates: candidates(prediction.actions(), questions.steps),
-                    confidence: questions.confidence,
-                };
+                    candidates(prediction.actions(), questions.steps),
+                )
+                .with_windows(questions.windows)
+                .with_confidence(questions.confidence);
                 tuning.push(tune(&sample, prediction, &settings).map_err(flagged)?);
                 bar.inc(1);
             }

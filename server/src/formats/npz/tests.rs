@@ -3,7 +3,7 @@
 use super::*;
 use npyz::WriterBuilder;
 use sidestep::reachability::npz::{meta, npz};
-use sidestep::reachability::{CartesianGrid, Options, Precision, Scheme, solve};
+use sidestep::reachability::{CartesianGrid, Options, Scheme, solve};
 use sidestep::reachability::{Nodes, PursuitGame};
 use sidestep::vehicle::VehicleModel;
 use std::io::{self, Cursor, Write};
@@ -84,13 +84,8 @@ fn bearings_are_a_full_turn() {
 
 #[test]
 fn cartesian_values_come_back() {
-    let grid = CartesianGrid {
-        nodes: [9, 7, 8],
-        domain_m: [-4.0, 20.0, -10.0, 10.0],
-        scheme: Scheme::Upwind,
-        precision: Precision::F32,
-    };
-    let options = Options { horizon_s: 0.5, grid: Some(grid), threads: 1, ..Options::default() };
+    let grid = CartesianGrid::new([9, 7, 8], [-4.0, 20.0, -10.0, 10.0]).with_scheme(Scheme::Upwind);
+    let options = Options::default().with_horizon(0.5).with_grid(grid).with_threads(1);
     let solved = solve(game(0.75), &options, &mut |_| ControlFlow::Continue(())).unwrap();
     let again = read(Cursor::new(bytes(&solved.samples, solved.method))).unwrap();
     let ValueFunction::Sampled(again) = again.function else { panic!("sampled") };

@@ -4,6 +4,7 @@ use crate::invalid::{Invalid, positive};
 
 /// Hyper-parameters of boosting.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct BoostingSettings {
     /// Most trees for each score.
     pub rounds: usize,
@@ -36,6 +37,48 @@ impl Default for BoostingSettings {
 }
 
 impl BoostingSettings {
+    /// Sets [`Self::rounds`], the most trees for each score.
+    #[must_use]
+    pub fn with_rounds(self, rounds: usize) -> Self {
+        Self { rounds, ..self }
+    }
+
+    /// Sets [`Self::patience`], the rounds that cross-validation waits for a lower log loss.
+    #[must_use]
+    pub fn with_patience(self, patience: usize) -> Self {
+        Self { patience, ..self }
+    }
+
+    /// Sets [`Self::depth`], the depth of the trees.
+    #[must_use]
+    pub fn with_depth(self, depth: usize) -> Self {
+        Self { depth, ..self }
+    }
+
+    /// Sets [`Self::rate`], the share of each Newton step that is taken.
+    #[must_use]
+    pub fn with_rate(self, rate: f64) -> Self {
+        Self { rate, ..self }
+    }
+
+    /// Sets [`Self::min_leaf`], the fewest rows of a leaf.
+    #[must_use]
+    pub fn with_min_leaf(self, min_leaf: usize) -> Self {
+        Self { min_leaf, ..self }
+    }
+
+    /// Sets [`Self::penalty`], λ of the penalty on the leaves.
+    #[must_use]
+    pub fn with_penalty(self, penalty: f64) -> Self {
+        Self { penalty, ..self }
+    }
+
+    /// Sets [`Self::bins`], the most bins of each column.
+    #[must_use]
+    pub fn with_bins(self, bins: usize) -> Self {
+        Self { bins, ..self }
+    }
+
     /// Accepts settings that are in range.
     ///
     /// # Errors

@@ -14,6 +14,7 @@ use crate::predict::svm::{Kernel, pair_count, pairs, vote};
 
 /// The kernels to try.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Kernels {
     /// The linear one.
     Linear,

@@ -31,7 +31,7 @@ use crate::real::Real;
 /// let target = |[x, _]: [f64; 2]| x.abs() - 0.5;
 /// let problem = Problem::reach(&game, grid, &target, 1.0);
 /// let solution =
-///     solve::<f32, 2, _>(&problem, &Settings::of(Scheme::Weno5), &mut |_| ControlFlow::Continue(()))?;
+///     solve::<f32, 2, _>(&problem, &Settings::new(Scheme::Weno5), &mut |_| ControlFlow::Continue(()))?;
 /// let state = [1.2, -0.6]; // m, m/s
 /// assert!(solution.value(state)? < 0.0); // it gets there, whatever the wind does,
 /// assert_eq!(solution.inputs(&game, state)?.minimiser, [-1.0]); // if it brakes later, not now

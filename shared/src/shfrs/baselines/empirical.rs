@@ -11,6 +11,7 @@ use crate::shfrs::family::Family;
 use crate::shfrs::window::Window;
 
 /// What determines a window's mode of behaviour.
+#[non_exhaustive]
 pub enum Mode<M> {
     /// The model's most likely action now.
     MostLikely(M),

@@ -507,13 +507,11 @@ fn levels_that_did_not_converge_are_marked() {
     // A solve that gives up after its first sweeps.
     let parameters = unequal();
     let game = parameters.game(Evader::Human);
-    let settings = polar::Settings {
-        range_m: 12.0,
-        range_nodes: 17,
-        angle_nodes: 24,
-        most_sweeps: 40,
-        ..polar::Settings::default()
-    };
+    let settings = polar::Settings::default()
+        .with_range(12.0)
+        .with_range_nodes(17)
+        .with_angle_nodes(24)
+        .with_most_sweeps(40);
     let solution = polar::solve(&game, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
     let unsettled = SampledValue::from_polar(game, &solution).unwrap();
     let unsettled = ValueFunction::Sampled(unsettled.into());

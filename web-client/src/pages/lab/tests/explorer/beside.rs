@@ -88,8 +88,9 @@ fn only_moves_that_matter_compare_again() {
 fn tuned(p: f64, guarantee: Guarantee) -> Tuned {
     at_the_command_line(|prediction, parts, trajectories| {
         let candidates = candidates(3, 10);
-        let settings =
-            TuningSettings { p, guarantee, windows: ONE, candidates, confidence: CONFIDENCE };
+        let settings = TuningSettings::new(p, guarantee, candidates)
+            .with_windows(ONE)
+            .with_confidence(CONFIDENCE);
         tune(&parts.sample(trajectories), prediction, &settings).unwrap()
     })
 }
