@@ -1,6 +1,7 @@
 //! `cargo xtask check`: checks the code, and what it is built from, without running it.
 
 mod dependencies;
+mod library;
 
 use anyhow::Result;
 
@@ -22,6 +23,8 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
     let mut clippy = workspace.compile_for_browsers("clippy", Runs::InPage);
     clippy.args(ENTRIES.iter().flat_map(|(entry, _)| ["--bin", entry]));
     stage("clippy for browsers", clippy.args(["--", "--deny", "warnings"]))?;
+
+    library::run(workspace)?;
 
     // Two calls, because the server's program and the library are both called
     // `sidestep`: cargo cannot place both, and the library's pages are to remain.

@@ -14,6 +14,7 @@ mod site;
 mod python;
 mod build;
 mod check;
+mod semver;
 mod search;
 mod fuzz;
 mod serve;
@@ -47,6 +48,7 @@ enum Task {
     Wheel,
     /// Check formatting, dependencies, lints (native and browser) and documentation, without running anything.
     Check,
+    Semver(semver::Options),
     Search(search::Options),
     Fuzz(fuzz::Options),
     Bench(bench::Options),
@@ -72,6 +74,7 @@ fn run(task: Task) -> anyhow::Result<ExitCode> {
         Task::Test(options) => test::run(&workspace, &options),
         Task::Wheel => wheel::run(&workspace).map(|()| ExitCode::SUCCESS),
         Task::Check => check::run(&workspace).map(|()| ExitCode::SUCCESS),
+        Task::Semver(options) => semver::run(&workspace, &options),
         Task::Search(options) => search::run(&workspace, &options),
         Task::Fuzz(options) => fuzz::run(&workspace, &options),
         Task::Bench(options) => bench::run(&workspace, &options),

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 /// The target triple that browsers run.
-const WASM_TARGET: &str = "wasm32-unknown-unknown";
+pub(crate) const WASM_TARGET: &str = "wasm32-unknown-unknown";
 
 /// Where a program of the web client runs, which decides how it is compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,7 +101,15 @@ impl Workspace {
         cargo
     }
 
-    /// The same for browsers, with the settings of `.cargo/client.toml` and, for a worker, of
+    /// A call of a cargo command that compiles the library alone, with the features that are named
+    /// then and no others.
+    pub(crate) fn compile_library(&self, command: &str) -> Command {
+        let mut cargo = cargo_in(&self.root);
+        cargo.args([command, "--locked", "--profile", "release", "--package", "sidestep", "--lib"]);
+        cargo
+    }
+
+    /// [`Self::compile`] for browsers, with the settings of `.cargo/client.toml` and, for a worker, of
     /// `.cargo/worker.toml`.
     pub(crate) fn compile_for_browsers(&self, command: &str, runs: Runs) -> Command {
         let mut cargo = self.compile(command);

@@ -1,0 +1,57 @@
+//! The library as others build it: with fewer features, and with the oldest Rust that it promises.
+
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result};
+
+use crate::workspace::{WASM_TARGET, Workspace, stage};
+
+/// Which features, as cargo takes them. All of them together are what the workspace builds.
+const FEATURES: [(&str, &[&str]); 2] = [
+    ("no features", &["--no-default-features"]),
+    ("learn", &["--no-default-features", "--features=learn"]),
+];
+
+/// Lints the library with fewer features, natively and for browsers, and builds it with the oldest Rust.
+///
+/// # Errors
+/// Naming the stage that failed.
+pub(super) fn run(workspace: &Workspace) -> Result<()> {
+    for (name, features) in FEATURES {
+        let mut clippy = workspace.compile_library("clippy");
+        clippy.args(features).args(["--", "--deny", "warnings"]);
+        stage(&format!("library with {name}"), &mut clippy)?;
+    }
+    let mut clippy = workspace.compile_library("clippy");
+    clippy.args(FEATURES[0].1).args(["--target", WASM_TARGET, "--", "--deny", "warnings"]);
+    stage("library with no features for browsers", &mut clippy)?;
+    oldest_rust(workspace)
+}
+
+/// Builds the library with the Rust of its `rust-version`. A machine that has no such toolchain and
+/// cannot get it is told so.
+fn oldest_rust(workspace: &Workspace) -> Result<()> {
+    let manifest = std::fs::read_to_string(workspace.path("shared/Cargo.toml"))
+        .context("shared/Cargo.toml")?;
+    let manifest: toml::Table = toml::from_str(&manifest).context("shared/Cargo.toml")?;
+    let version = manifest["package"]["rust-version"]
+        .as_str()
+        .context("shared/Cargo.toml: package.rust-version: expected a version of Rust")?;
+    let has = |arguments: &[&str]| {
+        let mut rustup = Command::new("rustup");
+        rustup.args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+        rustup.status().is_ok_and(|status| status.success())
+    };
+    let is_here = has(&["run", version, "rustc", "--version"]);
+    if !is_here && !has(&["toolchain", "install", version, "--profile", "minimal"]) {
+        eprintln!(
+            "    Rust {version} not tried: rustup has no such toolchain and cannot install it"
+        );
+        return Ok(());
+    }
+    let mut check = Command::new("rustup");
+    check.args(["run", version, "cargo", "check", "--locked", "--package", "sidestep", "--lib"]);
+    // Not the cargo that runs this command, but that of the other toolchain.
+    check.env_remove("CARGO").current_dir(workspace.path(""));
+    stage(&format!("library with Rust {version}"), &mut check).map(drop)
+}
