@@ -1,11 +1,14 @@
 //! Trials: a driven scene, its replay, its outcome and its flags.
 
-use crate::math::{SeededRng, hypot, wrap_angle};
-use crate::scene::{JointState, Scene, SceneParameters, closest_within_step};
-use crate::vehicle::{Pose, TurnInput};
-use serde::{Deserialize, Serialize};
 #[cfg(feature = "study")]
-use sha2::{Digest, Sha256};
+mod fingerprint;
+
+use crate::math::{hypot, wrap_angle};
+use crate::scene::{JointState, Scene, SceneParameters, closest_within_step};
+use crate::vehicle::TurnInput;
+#[cfg(feature = "study")]
+pub use fingerprint::simulation_fingerprint;
+use serde::{Deserialize, Serialize};
 
 /// The part of a study that a scene belongs to. Only tasks are analysed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -329,31 +332,6 @@ pub fn flags(
     .into_iter()
     .filter_map(|(seen, flag)| seen.then_some(flag))
     .collect()
-}
-
-/// SHA-256 of the states of `count` random trials, in hexadecimal digits. Two machines that compute
-/// the same hash simulate with the same bits.
-#[cfg(feature = "study")]
-#[must_use]
-pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
-    let parameters = SceneParameters::default();
-    let mut rng = SeededRng::new(seed);
-    let mut hash = Sha256::new();
-    for _ in 0..count {
-        let mut pose = || {
-            Pose::new(rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0), rng.uniform(-4.0, 4.0))
-        };
-        let start = JointState { human: pose(), robot: pose() };
-        let inputs: Vec<_> = (0..parameters.steps).map(|_| TurnInput::ALL[rng.below(3)]).collect();
-        for state in simulate(&parameters, start, &inputs) {
-            for pose in [state.human, state.robot] {
-                for number in <[f64; 3]>::from(pose) {
-                    hash.update(number.to_le_bytes());
-                }
-            }
-        }
-    }
-    hex::encode(hash.finalize())
 }
 
 #[cfg(test)]
