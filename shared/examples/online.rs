@@ -33,7 +33,7 @@ fn main() -> Result<(), Invalid> {
         history.push(JointState { human, robot });
         let shfrs = predictor.predict(&history, &parameters, &Shy, &settings)?;
         let areas: Vec<f64> = shfrs.sets.iter().map(|set| set.area_m2).collect();
-        println!("{:.1} s: areas {areas:.2?} m²", 0.2 * f64::from(tick));
+        println!("{:.1} s: the five sets cover {areas:.2?} m²", 0.2 * f64::from(tick));
         human = dubins::arc(human, 2.0, -0.5, 0.2);
     }
     Ok(())

@@ -13,10 +13,9 @@ use sidestep::shfrs::tuning::{Split, TuningSettings, candidates, tune};
 use sidestep::shfrs::window::Trajectory;
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep::training::{Driven, train};
-use std::error::Error;
 use std::ops::ControlFlow;
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     let parameters = SceneParameters::default();
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     let person = SyntheticParticipant::new(7, 0);
@@ -35,6 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let mut online = OnlinePredictor::tuned(&tuned, &[1.0], predictor, safety, parameters)?;
     online.push(unseen[0].states()[0])?;
-    println!("{:?}", online.predict()?[0]);
+    let first = &online.predict()?[0];
+    println!("turns of the next steps: {:.2?} to {:.2?} rad/s", first.lo(), first.hi());
     Ok(())
 }

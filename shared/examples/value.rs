@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         // The pursuer is 6 m ahead, 1 m to the left, and comes towards the evader.
         let state = solved.function.state([6.0, 1.0, 3.0]);
         println!(
-            "{}: V = {:.3} m, gradient {:.3?}, the evader turns at {:+} rad/s",
+            "{}: V = {:.3} m, gradient {:.3?} (m/m, m/m, m/rad), the evader turns at {:+} rad/s",
             solved.method.name(),
             state.value,
             state.gradient,

@@ -29,3 +29,14 @@ pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
     }
     hex::encode(hash.finalize())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fingerprints_follow_the_seed() {
+        assert_eq!(simulation_fingerprint(1, 10), simulation_fingerprint(1, 10));
+        assert_ne!(simulation_fingerprint(1, 10), simulation_fingerprint(2, 10));
+    }
+}
