@@ -90,7 +90,8 @@ pub(crate) fn hj_solve(
 ) -> Result<Solution, Error> {
     let (horizon_s, slices) = instants(times)?;
     let scheme = named("scheme", SCHEMES, scheme)?;
-    let usual = Settings::of(scheme).slices(slices).threads(checked(threads)?);
+    let settings = Settings::new(scheme).with_slices(slices).with_threads(checked(threads)?);
+    let usual_cfl = settings.cfl;
     let task = Task {
         f0: Grid::at_nodes(grid, "f0", &[grid.get().axes.len()], f0)?,
         minimiser: inputs(grid, ["Gu", "u_box"], Gu, u_box)?,
@@ -100,7 +101,7 @@ pub(crate) fn hj_solve(
         kind: named("kind", KINDS, kind)?,
         direction: named("direction", DIRECTIONS, direction)?,
         horizon: horizon(horizon_s, slices, tolerance)?,
-        settings: Settings { cfl: cfl.unwrap_or(usual.cfl), ..usual },
+        settings: settings.with_cfl(cfl.unwrap_or(usual_cfl)),
     };
     let axes = &grid.get().axes;
     let solved = watched(py, progress.as_ref(), |report| {
@@ -113,7 +114,7 @@ pub(crate) fn hj_solve(
         };
         solved.map_err(|error| match error {
             SolveError::Invalid(invalid) => SolveError::Invalid(of_arguments(invalid)),
-            SolveError::Cancelled => SolveError::Cancelled,
+            ended => ended,
         })
     })?;
     Ok(Solution { grid: grid.get().clone(), solved })
@@ -243,15 +244,11 @@ impl Task {
         let target = |state| at(&grid, &self.target, state);
         let obstacle = self.obstacle.as_ref();
         let obstacle = obstacle.map(|obstacle| move |state| at(&grid, obstacle, state));
-        let problem = Problem {
-            game: &game,
-            grid,
-            target: Region::Static(&target),
-            obstacle: obstacle.as_ref().map(|obstacle| Region::Static(obstacle)),
-            kind: self.kind,
-            direction: self.direction,
-            horizon: self.horizon,
-        };
+        let obstacle = obstacle.as_ref();
+        let problem = Problem::new(&game, grid, Region::Static(&target), self.horizon)
+            .with_obstacle(obstacle.map(|obstacle| Region::Static(obstacle)))
+            .with_kind(self.kind)
+            .with_direction(self.direction);
         let solution = cartesian::solve::<f32, D, _>(&problem, &self.settings, report)?;
         Ok(Box::new(OnGrid { solution, game: Some(game) }))
     }

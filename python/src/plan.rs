@@ -37,10 +37,10 @@ impl Asked<'_, '_> {
         let mut ahead = poses("plan", self.plan)?;
         ahead.insert(0, now);
         let robot = parameters.robot;
-        let limits = PlanLimits {
-            most_speed_mps: self.most_speed_mps.unwrap_or(robot.speed_mps),
-            most_turn_rate_radps: self.most_turn_rate_radps.unwrap_or(robot.turn_rate_radps),
-        };
+        let limits = PlanLimits::new(
+            self.most_speed_mps.unwrap_or(robot.speed_mps),
+            self.most_turn_rate_radps.unwrap_or(robot.turn_rate_radps),
+        );
         limits.check()?;
         let steps = ahead.len();
         let plan = Plan::new(ahead, parameters.step_s, limits)
