@@ -1,5 +1,9 @@
 """What several tests need."""
 
+import os
+import signal
+import threading
+
 import matplotlib
 import numpy as np
 import pytest
@@ -7,6 +11,14 @@ import pytest
 import sidestep
 
 matplotlib.use("Agg")
+
+
+@pytest.fixture
+def ctrl_c():
+    """Sends Ctrl-C to this process after some seconds; a process that was started in the background ignores it else."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield lambda seconds: threading.Timer(seconds, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

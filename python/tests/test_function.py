@@ -2,7 +2,6 @@
 
 import os
 import pickle
-import signal
 import threading
 import time
 
@@ -107,9 +106,8 @@ def test_progress_rises_and_may_end_the_solve(unequal):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
-def test_ctrl_c_ends_a_solve(unequal):
-    timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
-    timer.start()
+def test_ctrl_c_ends_a_solve(unequal, ctrl_c):
+    ctrl_c(0.3)
     start = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         sidestep.solve(unequal, 20.0, accuracy="fine", threads=1)

@@ -2,8 +2,6 @@
 
 import os
 import pickle
-import signal
-import threading
 import time
 
 import numpy as np
@@ -238,8 +236,8 @@ def test_progress_may_end_it():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
-def test_ctrl_c_ends_it():
-    threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+def test_ctrl_c_ends_it(ctrl_c):
+    ctrl_c(0.5)
     start = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         endless()
