@@ -68,7 +68,7 @@ impl Asked<'_, '_> {
     }
 }
 
-/// A complaint about the present pose and the plan, in which it is the first of so many poses.
+/// Restates a complaint about a list of poses, whose first is the present one, in terms of the plan alone.
 fn of_array(mut invalid: Invalid, poses: usize) -> Invalid {
     for i in (0..poses).rev() {
         let theirs = format!("poses[{i}]");

@@ -20,7 +20,7 @@ pub struct Progress {
 #[error("the work was cancelled")]
 pub struct Cancelled;
 
-/// After at most about so many units the caller is asked whether to go on.
+/// About the largest number of units of work between two questions to the caller whether to go on.
 const BETWEEN_REPORTS: usize = 10_000;
 
 /// What answers whether to go on.

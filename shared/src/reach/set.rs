@@ -35,7 +35,7 @@ const MOST_RAD: f64 = 1e4;
 /// A boundary is widened at most this often. Once was always enough.
 const MOST_WIDENINGS: usize = 4;
 
-/// A boundary that is followed without extremals takes at most so many pieces of time.
+/// The largest number of pieces of time for a boundary that is followed without extremals.
 const MOST_PIECES: usize = 10_000;
 
 /// Longest step, m.

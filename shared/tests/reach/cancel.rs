@@ -15,7 +15,7 @@ fn laborious() -> ReachableSet {
     ReachableSet::new(origin(), &bounds, 2.0, 1.0).unwrap()
 }
 
-/// Lets work go on for so many reports, and keeps the last one.
+/// Cancels the work after a number of reports, and keeps the last report.
 fn after(reports: usize, last: &mut Option<Progress>) -> impl FnMut(Progress) -> ControlFlow<()> {
     let mut left = reports;
     move |now| {

@@ -230,7 +230,7 @@ fn no_drive_that_tries_breaks_a_promise() {
 
 /// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with `SETS=1000` for a shorter one.
 #[test]
-#[ignore = "takes half an hour"]
+#[ignore = "a search of its own, of about an hour"]
 fn a_search_of_full_size() {
     let sets = std::env::var("SETS").map_or(100_000, |sets| sets.parse().expect("a number"));
     let seed = std::env::var("SEED").map_or(1, |seed| seed.parse().expect("a number"));

@@ -101,7 +101,7 @@ impl<const D: usize> AffineArrays<D> {
         self.with(player, ranges, |node, input, d| matrix[(node * D + d) * n + input])
     }
 
-    /// Whether memory suffices for so many further inputs.
+    /// Checks that the memory suffices for this number of further inputs.
     pub(super) fn check_room(&self, inputs: usize) -> Result<(), Invalid> {
         check_grid(&self.grid, self.stride().saturating_add(inputs))
     }
