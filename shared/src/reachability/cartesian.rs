@@ -5,11 +5,13 @@
 //! One array holds the values, with ghost nodes all around. A stage walks over the last two axes as
 //! one run of cells, in blocks that fit into the first-level cache with their derivatives, so there
 //! are no arrays of derivatives. The run passes over ghost nodes; filling the ghosts later replaces
-//! what it computed there.
+//! what it computed there. A problem that is its own mirror image, like that of two vehicles in the frame of
+//! one, is computed on half of the nodes.
 
 mod layout;
 mod kernel;
 mod solution;
+mod mirror;
 mod march;
 
 use super::game::Game;

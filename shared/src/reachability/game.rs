@@ -27,6 +27,12 @@ pub trait Game<const D: usize>: Sync {
     /// Upper bounds of |∂H/∂p_d| over all gradients: the largest speed along each
     /// axis. They set the Lax–Friedrichs dissipation and the time step.
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; D]) -> [T; D];
+
+    /// The coordinates that may all change sign at once without changing the game. Where grid, target and
+    /// obstacle are mirror images of themselves too, the solver computes half of the nodes.
+    fn mirror(&self) -> [bool; D] {
+        [false; D]
+    }
 }
 
 /// The inputs of both players at one state.

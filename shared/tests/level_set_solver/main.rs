@@ -10,6 +10,7 @@ mod threads;
 mod closed_forms;
 mod orders;
 mod pursuit;
+mod mirrored;
 mod bad_input;
 mod games;
 mod steepening;

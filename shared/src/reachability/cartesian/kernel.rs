@@ -1,9 +1,9 @@
 //! One Runge–Kutta stage on a run of nodes, in lanes. Most of a solve's time is spent here.
 
 use super::super::game::{Game, TERMS};
-use super::super::grid::{Boundary, Grid};
+use super::super::grid::Grid;
 use super::super::scheme::Stencil;
-use super::layout::{BLOCK, Layout, fill_ghosts};
+use super::layout::{BLOCK, Ghosts, Layout, fill_ghosts};
 use crate::parallel::Kernel;
 use crate::real::Real;
 
@@ -78,8 +78,8 @@ pub(super) struct Task<'a, 'b, T, const D: usize, G, S> {
     pub(super) stage: Stage<'a, T, D, G, S>,
     pub(super) first: usize,
     pub(super) slices: &'b mut [T],
-    /// How values continue, by axis.
-    pub(super) boundaries: [Boundary; D],
+    /// By axis.
+    pub(super) ghosts: [Ghosts<'a>; D],
 }
 
 /// moved ← keep·other + (1 − keep)·moved.
@@ -110,7 +110,7 @@ pub(super) fn block<T>(values: &[T], at: usize) -> &[T; BLOCK] {
 impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T, D, G, S> {
     #[inline(always)]
     fn run(self) {
-        let Self { stage, first, slices, boundaries } = self;
+        let Self { stage, first, slices, ghosts } = self;
         let layout = stage.layout;
         let mut carried = Carried::new(layout);
         let mut scratch = Scratch { rights: [[T::ZERO; BLOCK]; D], moved: [T::ZERO; BLOCK] };
@@ -124,8 +124,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T,
                     stage.block(&run, here, &mut carried, &mut scratch, target);
                 }
             }
-            for (d, boundary) in boundaries.into_iter().enumerate().skip(1) {
-                fill_ghosts(slice, layout, d, boundary);
+            for (d, ghosts) in ghosts.into_iter().enumerate().skip(1) {
+                fill_ghosts(slice, layout, d, ghosts);
             }
             carried.next_slice();
         }

@@ -79,37 +79,68 @@ impl<const D: usize> Layout<D> {
     }
 }
 
+/// What the ghosts of an axis repeat or continue.
+#[derive(Clone, Copy)]
+pub(super) enum Ghosts<'a> {
+    /// As the boundary says.
+    Of(Boundary),
+    /// At the low end the mirror image, at the high end values extrapolate.
+    Mirrored {
+        /// Whether the first node is the middle.
+        centred: bool,
+        /// Each place of a row and that of its image.
+        cells: &'a [(usize, usize)],
+    },
+}
+
 /// Fills the ghosts of `axis` in `data`, whose entries form whole slices of it.
 #[inline(always)]
 pub(super) fn fill_ghosts<T: Real, const D: usize>(
     data: &mut [T],
     layout: &Layout<D>,
     axis: usize,
-    boundary: Boundary,
+    ghosts: Ghosts<'_>,
 ) {
     let (reach, nodes, stride) = (layout.reach, layout.nodes[axis], layout.strides[axis]);
     let padded = (nodes + 2 * reach) * stride;
     for line in data.chunks_exact_mut(padded) {
-        match boundary {
-            Boundary::Periodic if stride == 1 => wrap(line, reach, nodes),
-            Boundary::Periodic => {
+        match ghosts {
+            Ghosts::Of(Boundary::Periodic) if stride == 1 => wrap(line, reach, nodes),
+            Ghosts::Of(Boundary::Periodic) => {
                 for (from, to) in wrapped(reach, nodes) {
                     line.copy_within(from * stride..(from + 1) * stride, to * stride);
                 }
             }
-            Boundary::Extrapolate => {
+            Ghosts::Of(Boundary::Extrapolate) => {
                 let (low, rest) = line.split_at_mut(reach * stride);
-                let (inside, high) = rest.split_at_mut(nodes * stride);
-                let last = (nodes - 1) * stride;
-                let row = |at: usize| &inside[at..at + stride];
-                for k in 0..reach {
-                    let ghost = &mut low[(reach - 1 - k) * stride..(reach - k) * stride];
-                    extend(ghost, row(0), row(stride), k);
-                    let ghost = &mut high[k * stride..(k + 1) * stride];
-                    extend(ghost, row(last), row(last - stride), k);
+                let (edge, inner) = rest.split_at(stride);
+                for (k, ghost) in low.rchunks_mut(stride).enumerate() {
+                    extend(ghost, edge, &inner[..stride], k);
                 }
+                extend_high(line, reach, nodes, stride);
+            }
+            Ghosts::Mirrored { centred, cells } => {
+                for k in 0..reach {
+                    let ghost = (reach - 1 - k) * stride;
+                    let image = (reach + k + usize::from(centred)) * stride;
+                    for (to, from) in cells {
+                        line[ghost + to] = line[image + from];
+                    }
+                }
+                extend_high(line, reach, nodes, stride);
             }
         }
+    }
+}
+
+/// Fills the rows of ghosts at the high end.
+#[inline(always)]
+fn extend_high<T: Real>(line: &mut [T], reach: usize, nodes: usize, stride: usize) {
+    let (inside, high) = line.split_at_mut((reach + nodes) * stride);
+    let (inner, edge) = inside.split_at(inside.len() - stride);
+    let inner = &inner[inner.len() - stride..];
+    for (k, ghost) in high.chunks_mut(stride).enumerate() {
+        extend(ghost, edge, inner, k);
     }
 }
 

@@ -5,7 +5,8 @@ use super::super::grid::Grid;
 use super::super::progress::{Progress, SolveError, check_memory};
 use super::super::scheme::Stencil;
 use super::kernel::{Base, Stage, Tables, Task};
-use super::layout::{BLOCK, Layout, each_interior, fill_ghosts};
+use super::layout::{BLOCK, Ghosts, Layout, each_interior, fill_ghosts};
+use super::mirror::Mirror;
 use super::{Direction, Horizon, Kind, Problem, Region, Settings, Solution};
 use crate::invalid::Invalid;
 use crate::parallel::{Lanes, Workers, in_lanes};
@@ -15,6 +16,11 @@ use core::sync::atomic::{AtomicUsize, Ordering};
 
 struct Marcher<'a, T, const D: usize, G, S> {
     problem: &'a Problem<'a, D, G>,
+    /// The nodes that are computed: all, or half of them.
+    grid: Grid<D>,
+    mirror: Option<Mirror<D>>,
+    /// See [`Mirror::cells`].
+    cells: Vec<(usize, usize)>,
     layout: Layout<D>,
     tables: Tables<T, D>,
     units: [T; D],
@@ -51,14 +57,24 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             scheme: core::marker::PhantomData,
         };
         let layout = &self.layout;
-        let boundaries = self.problem.grid.axes.map(|axis| axis.boundary);
+        let ghosts = self.ghosts();
         let (lead, slice) = (layout.lead(), layout.slice_length());
         let inside = &mut destination[lead..lead + layout.slices() * slice];
         self.workers.for_chunks(inside, self.slices_per_chunk * slice, |chunk, slices| {
             let first = chunk * self.slices_per_chunk;
-            in_lanes(self.lanes, Task { stage, first, slices, boundaries });
+            in_lanes(self.lanes, Task { stage, first, slices, ghosts });
         });
-        fill_ghosts(destination, layout, 0, self.problem.grid.axes[0].boundary);
+        fill_ghosts(destination, layout, 0, ghosts[0]);
+    }
+
+    /// What the ghosts of each axis are.
+    fn ghosts(&self) -> [Ghosts<'_>; D] {
+        core::array::from_fn(|d| match &self.mirror {
+            Some(Mirror { axis, centred, .. }) if *axis == d => {
+                Ghosts::Mirrored { centred: *centred, cells: &self.cells }
+            }
+            _ => Ghosts::Of(self.grid.axes[d].boundary),
+        })
     }
 
     /// Brings the limits that move to `time`.
@@ -82,7 +98,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         time: f64,
         destination: &mut [T],
     ) -> Result<(), Invalid> {
-        let (layout, grid) = (&self.layout, &self.problem.grid);
+        let (layout, grid) = (&self.layout, &self.grid);
         let (lead, slice) = (layout.lead(), layout.slice_length());
         let inside = &mut destination[lead..lead + layout.slices() * slice];
         let clock = self.problem.clock(time);
@@ -103,15 +119,18 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         self.all_finite(name, destination, bad)
     }
 
-    /// The values of the nodes, row-major.
+    /// The values of the whole grid's nodes, row-major.
     fn nodes(&self, value: &[T]) -> Vec<T> {
-        let (layout, grid) = (&self.layout, &self.problem.grid);
+        let (layout, grid) = (&self.layout, &self.grid);
         let mut nodes = Vec::with_capacity(grid.len());
         for slice in 0..layout.slices() {
             let start = layout.lead() + slice * layout.slice_length();
             each_interior(layout, slice, |_, offset| nodes.push(value[start + offset]));
         }
-        nodes
+        match &self.mirror {
+            Some(mirror) => mirror.whole(&nodes),
+            None => nodes,
+        }
     }
 
     /// Names the first node from slice `first` on whose value is not finite.
@@ -122,7 +141,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             each_interior(layout, slice, |index, offset| {
                 let value = data[start + offset].to_f64();
                 if complaint.is_none() && !value.is_finite() {
-                    let state = self.problem.grid.node(index);
+                    let state = self.grid.node(index);
                     let found = format!("{value} at {state:?}");
                     complaint = Some(Invalid::new(name, "a finite number at every node", found));
                 }
@@ -143,8 +162,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     settings: &Settings,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Solution<T, D>, SolveError> {
-    let grid = &problem.grid;
-    grid.check(S::REACH)?;
+    problem.grid.check(S::REACH)?;
     let (longest, tolerance) = match problem.horizon {
         Horizon::Finite(seconds) => (seconds, None),
         Horizon::Converged { tolerance, longest_s } => (longest_s, Some(tolerance)),
@@ -156,19 +174,26 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     check_times(problem, settings)?;
     let stages = settings.scheme.stages();
     let limits = usize::from(problem.kind == Kind::Tube) + usize::from(problem.obstacle.is_some());
-    let padded = grid
+    let padded = problem
+        .grid
         .axes
         .iter()
         .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * S::REACH)));
     let arrays = (stages.max(2) + limits).saturating_add(settings.slices);
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
+    // It looks at every node: after the check that there are not too many.
+    let mirror = Mirror::of(problem, S::REACH);
+    let grid = mirror.as_ref().map_or(problem.grid, Mirror::half);
 
-    let layout = Layout::new(grid, S::REACH);
+    let layout = Layout::new(&grid, S::REACH);
     let threads = if grid.len() < SMALL { 1 } else { settings.threads.clamp(1, layout.slices()) };
     let mut marcher = Marcher::<T, D, G, S> {
         problem,
+        grid,
+        cells: mirror.as_ref().map_or(Vec::new(), |mirror| mirror.cells(&layout)),
+        mirror,
         layout,
-        tables: Tables::new(problem.game, grid, &layout),
+        tables: Tables::new(problem.game, &grid, &layout),
         units: [T::ZERO; D],
         scale: 1.0,
         workers: Workers::new(threads),
@@ -190,13 +215,13 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         }
     }
     for d in (0..D).rev() {
-        fill_ghosts(&mut value[..layout.length - BLOCK], &layout, d, grid.axes[d].boundary);
+        fill_ghosts(&mut value[..layout.length - BLOCK], &layout, d, marcher.ghosts()[d]);
     }
-    marcher.scale = steepest(&value, &layout, grid);
+    marcher.scale = steepest(&value, &layout, &grid);
     marcher.units =
         core::array::from_fn(|d| T::from_f64(1.0 / (grid.axes[d].spacing() * marcher.scale)));
 
-    let longest_step = settings.cfl / rate_bound(problem.game, grid)?;
+    let longest_step = settings.cfl / rate_bound(problem.game, &grid)?;
     let planned = (longest / longest_step).ceil().max(1.0);
     // Stored instants are ends of time steps.
     let parts = settings.slices.max(1) as f64;
@@ -254,7 +279,16 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     let (direction, kind) = (*direction, *kind);
     // Without rounding where the march went to its end.
     let horizon_s = if steps as f64 >= planned { longest } else { steps as f64 * time_step };
-    Ok(Solution { grid: *grid, values, earlier, direction, kind, steps, horizon_s, residual })
+    Ok(Solution {
+        grid: problem.grid,
+        values,
+        earlier,
+        direction,
+        kind,
+        steps,
+        horizon_s,
+        residual,
+    })
 }
 
 /// Refuses what needs to know when the march ends, if nobody knows.

@@ -38,6 +38,11 @@ impl Game<3> for RelativeDubins {
         let pursuer = T::from_f64(self.0.pursuer.turn_rate_radps);
         [drift_x.abs() + evader * y.abs(), drift_y.abs() + evader * x.abs(), evader + pursuer]
     }
+
+    /// Left and right.
+    fn mirror(&self) -> [bool; 3] {
+        [false, true, true]
+    }
 }
 
 impl Players<3> for RelativeDubins {

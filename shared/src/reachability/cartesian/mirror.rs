@@ -1,0 +1,109 @@
+//! The half of a grid that decides the other, where game, grid, target and obstacle are mirror images of
+//! themselves.
+
+use super::super::game::Game;
+use super::super::grid::{Axis, Boundary, Grid};
+use super::layout::Layout;
+use super::{Problem, Region};
+
+/// A symmetry of a problem: V(x) is V at x with some coordinates reversed. The march computes the nodes
+/// from the middle of one axis on.
+pub(super) struct Mirror<const D: usize> {
+    whole: Grid<D>,
+    /// The axis that is halved: the first of the reversed ones.
+    pub(super) axis: usize,
+    reversed: [bool; D],
+    /// Whether the first node of the half is the middle of the axis.
+    pub(super) centred: bool,
+}
+
+impl<const D: usize> Mirror<D> {
+    /// The symmetry of `problem`, if it has one and the half has enough nodes for a stencil of `reach`.
+    pub(super) fn of<G: Game<D>>(problem: &Problem<'_, D, G>, reach: usize) -> Option<Self> {
+        let reversed = problem.game.mirror();
+        let (axis, whole) = (reversed.iter().position(|reversed| *reversed)?, problem.grid);
+        let (nodes, boundary) = (whole.axes[axis].nodes, whole.axes[axis].boundary);
+        let fits = boundary == Boundary::Extrapolate && nodes - nodes / 2 > reach.max(2);
+        let symmetric = |d: usize| !reversed[d] || is_symmetric(&whole.axes[d]);
+        let mirror = Self { whole, axis, reversed, centred: nodes % 2 == 1 };
+        let regions = [Some(&problem.target), problem.obstacle.as_ref()];
+        let same =
+            |region: Option<&Region<'_, D>>| region.is_none_or(|region| mirror.keeps(region));
+        (fits && (0..D).all(symmetric) && regions.into_iter().all(same)).then_some(mirror)
+    }
+
+    /// The grid of the half.
+    pub(super) fn half(&self) -> Grid<D> {
+        let mut grid = self.whole;
+        let Axis { high, nodes, .. } = grid.axes[self.axis];
+        let middle = nodes / 2;
+        let low = grid.axes[self.axis].node(middle as isize);
+        grid.axes[self.axis] = Axis::bounded(low, high, nodes - middle);
+        grid
+    }
+
+    /// The values of the whole grid from those of the half, row-major.
+    pub(super) fn whole<T: Copy>(&self, half: &[T]) -> Vec<T> {
+        let shape = self.half().axes.map(|axis| axis.nodes);
+        let middle = self.whole.axes[self.axis].nodes / 2;
+        let node = |position: usize| {
+            let mut index = self.whole.index(position);
+            if index[self.axis] < middle {
+                index = self.image(index);
+            }
+            index[self.axis] -= middle;
+            half[index.iter().zip(shape).fold(0, |position, (i, nodes)| position * nodes + i)]
+        };
+        (0..self.whole.len()).map(node).collect()
+    }
+
+    /// Each node of a row behind the halved axis and its mirror image, as places in a row of `layout`.
+    pub(super) fn cells(&self, layout: &Layout<D>) -> Vec<(usize, usize)> {
+        let count: usize = layout.nodes[self.axis + 1..].iter().product();
+        let place = |index: [usize; D]| {
+            let places = (self.axis + 1..D).map(|d| (index[d] + layout.reach) * layout.strides[d]);
+            places.sum::<usize>()
+        };
+        // Row-major, so that the last `count` nodes of the first row of everything are that row.
+        let index = |position: usize| self.whole.index(position);
+        (0..count)
+            .map(|position| (place(index(position)), place(self.image(index(position)))))
+            .collect()
+    }
+
+    /// The node whose coordinates are reversed.
+    fn image(&self, index: [usize; D]) -> [usize; D] {
+        core::array::from_fn(|d| {
+            let Axis { nodes, boundary, .. } = self.whole.axes[d];
+            match boundary {
+                _ if !self.reversed[d] => index[d],
+                Boundary::Periodic => (nodes - index[d]) % nodes,
+                Boundary::Extrapolate => nodes - 1 - index[d],
+            }
+        })
+    }
+
+    /// Whether a region has the same value at each node and at its image, but for rounding.
+    fn keeps(&self, region: &Region<'_, D>) -> bool {
+        let Region::Static(region) = region else {
+            return false;
+        };
+        let at = |index: [usize; D]| region(self.whole.node(index));
+        let indices = || (0..self.whole.len()).map(|position| self.whole.index(position));
+        let largest = indices().map(|index| at(index).abs()).fold(0.0, f64::max);
+        indices().all(|index| (at(index) - at(self.image(index))).abs() <= ROUNDING * largest)
+    }
+}
+
+/// Whether the nodes of `axis` are their own mirror images, about 0 or, on a periodic axis, half a period.
+fn is_symmetric(axis: &Axis) -> bool {
+    let Axis { low, high, boundary, .. } = *axis;
+    let zero = |x: f64| x.abs() <= ROUNDING * (high - low);
+    match boundary {
+        Boundary::Periodic => zero(low) || zero(low + high),
+        Boundary::Extrapolate => zero(low + high),
+    }
+}
+
+/// Coordinates of nodes are rounded, and so is what is made of them.
+const ROUNDING: f64 = 1e-13;
