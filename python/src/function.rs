@@ -221,12 +221,12 @@ impl ValueFunction {
 /// horizon_s : float
 ///     Seconds of the game, > 0; infinite for the converged value.
 /// method : {"exact", "polar", "cartesian"}, optional
-///     The best one by default: the closed form for identical vehicles, polar coordinates for others, a
-///     rectangular grid for a finite horizon.
+///     The best one by default: the closed form for identical vehicles and an infinite horizon, else polar
+///     coordinates.
 /// accuracy : {"draft", "standard", "fine"}
 ///     The size of the grid.
 /// threads : int, optional
-///     Threads of the Cartesian method; all of the machine by default.
+///     Threads for a finite horizon or the Cartesian method; all of the machine by default.
 /// progress : callable, optional
 ///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and the
 ///     largest change of V per second. An exception that it raises ends the solve.

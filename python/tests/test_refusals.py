@@ -40,7 +40,7 @@ REFUSED = [
     (lambda: sidestep.solve(GAME, NAN), "horizon_s: .*found NaN"),
     (lambda: sidestep.solve(GAME, method="fast"), "method: expected one of exact, polar, cartesian, found fast"),
     (lambda: sidestep.solve(GAME, accuracy="best"), "accuracy: expected one of draft, standard, fine, found best"),
-    (lambda: sidestep.solve(GAME, 2.0, "polar"), "horizon_s: expected inf with method polar"),
+    (lambda: sidestep.solve(GAME, 2.0, "exact"), "horizon_s: expected inf with method exact"),
     (lambda: sidestep.solve(GAME, threads=-2), "threads: expected at least 1, found -2"),
     (lambda: sidestep.solve(GAME).level_curves(NAN), "psi: expected a finite number, found NaN"),
     (lambda: sidestep.solve(GAME).level_curves(0, -3), "level: expected above -radius_m = -3, found -3"),

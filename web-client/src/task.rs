@@ -104,7 +104,7 @@ mod tests {
         let short = ValueFunction::decode(&solved(Task { horizon_s: Some(0.5), ..draft }).unwrap());
         let ValueFunction::Sampled(short) = short.unwrap() else { panic!("a grid") };
         assert_eq!(short.horizon_s(), 0.5);
-        let never = solved(Task { method: Some(Method::Polar), horizon_s: Some(0.5), ..draft });
-        assert!(never.unwrap_err().to_string().contains("inf with method polar"));
+        let never = solved(Task { method: Some(Method::Exact), horizon_s: Some(0.5), ..draft });
+        assert!(never.unwrap_err().to_string().contains("inf with method exact"));
     }
 }

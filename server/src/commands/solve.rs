@@ -18,26 +18,26 @@ use std::path::PathBuf;
 /// can keep; V <= 0 where the pursuer can force a collision. Prints one line of JSON:
 /// method, grid (shape of the array value), steps (time steps, or sweeps over the finest
 /// grid), wall_s, threads, converged_residual (how much V still moves: m/s, or m in 16
-/// sweeps of the polar method), converged (null for a finite horizon), and volume (of
+/// sweeps of the polar method without a horizon), converged (null for a finite horizon), and volume (of
 /// {V <= 0} over the grid's domain, between the nodes too, in m^2 rad).
 #[derive(Clone, Debug, clap::Args)]
 pub struct SolveArgs {
     #[command(flatten)]
     game: GameArgs,
-    /// Method [default: exact for equal vehicles, else polar; cartesian for a finite
-    /// horizon or a grid].
+    /// Method [default: exact for equal vehicles and no horizon, cartesian for a grid, else
+    /// polar].
     #[arg(long, value_parser = one_of(METHODS))]
     method: Option<Method>,
-    /// Horizon, s; inf for the converged value. Finite ones need method cartesian.
+    /// Horizon, s; inf for the converged value.
     #[arg(long, value_name = "S", default_value_t = f64::INFINITY, allow_negative_numbers = true)]
     horizon: f64,
-    /// Grid by accuracy. A Cartesian grid holds the states where a draft finds V at most half
-    /// the radius.
+    /// Grid by accuracy. That of a finite horizon, and a Cartesian one, holds the states where a
+    /// draft finds V at most half the radius.
     #[arg(long, value_parser = one_of(ACCURACIES), default_value = "standard")]
     #[arg(conflicts_with = "grid")]
     accuracy: Accuracy,
     /// Largest range of the polar grid, m [default: radius + 3 pi times the wider
-    /// turning radius].
+    /// turning radius; less for a finite horizon].
     #[arg(long, value_name = "M", allow_negative_numbers = true, conflicts_with = "grid")]
     range: Option<f64>,
     /// Cartesian grid: nodes of x, y and psi (psi is one turn, periodic);
@@ -55,8 +55,8 @@ pub struct SolveArgs {
     /// Numbers the Cartesian grid is solved in.
     #[arg(long, value_parser = one_of(PRECISIONS), default_value = "f32", requires = "grid")]
     precision: Precision,
-    /// Threads of the Cartesian method, which do not change the result [default: all
-    /// cores].
+    /// Threads for a finite horizon or method cartesian; they do not change the result
+    /// [default: all cores].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     threads: Option<usize>,
     /// File to write: arrays value, axis0, axis1, axis2, meta, and of the polar method
@@ -101,7 +101,7 @@ struct Line {
     /// Of the solve, without writing.
     wall_s: f64,
     threads: usize,
-    /// m/s; of the polar method m a round of sweeps.
+    /// m/s; of the polar method without a horizon, m in a round of sweeps.
     converged_residual: f64,
     /// Whether the solution had settled, or else the solve gave up; null for a finite
     /// horizon.

@@ -340,13 +340,13 @@ mod tests {
         let unequal = complaint("method=exact&evader-speed=1");
         assert_eq!(unequal.field, "method");
         assert!(unequal.expected.starts_with("polar or cartesian"), "{unequal}");
-        let finite = complaint("method=polar&horizon=3");
+        let finite = complaint("method=exact&horizon=3");
         assert_eq!(
             finite.to_string(),
-            "horizon: expected inf with method polar, or method cartesian, found 3"
+            "horizon: expected inf with method exact, or method polar, found 3"
         );
         assert_eq!(of("evader-speed=1").0.chosen(), Ok(Method::Polar));
-        assert_eq!(of("horizon=3").0.chosen(), Ok(Method::Cartesian));
+        assert_eq!(of("horizon=3").0.chosen(), Ok(Method::Polar));
     }
 
     proptest! {

@@ -1,4 +1,4 @@
-//! Converged value of a pursuit game in polar relative coordinates.
+//! Value of a pursuit game in polar relative coordinates.
 //!
 //! State: range r, bearing α of the pursuer from the evader's heading, relative
 //! heading ψ. With β = ψ − α, the pursuer's heading against the line of sight,
@@ -17,19 +17,23 @@
 //! min over b of max over a: the evader answers. Any other order, or the aspect β in
 //! place of ψ, wears the ridge away by some tenths of a metre.
 //!
-//! Only the converged value is wanted, so every cell takes its own largest stable
+//! Where only the converged value is wanted, every cell takes its own largest stable
 //! time step, new values are used at once (Gauss–Seidel), the sweeps change
 //! direction, rows that rest are skipped, and coarser grids give the first guess.
+//! For a finite horizon all cells take the same time steps.
 
 mod range;
 mod level;
+mod upwind;
 mod sweep;
 mod kink;
+mod march;
 
 use super::progress::{MEMORY_LIMIT_BYTES, Progress, SolveError, check_memory};
 use super::pursuit::PursuitGame;
 use crate::invalid::{Invalid, positive};
 use crate::math::power_of_two_near;
+use crate::parallel::{Workers, default_threads};
 use crate::real::Real;
 use crate::vehicle::VehicleModel;
 use core::ops::ControlFlow;
@@ -42,6 +46,8 @@ pub use sweep::WINDOW;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Settings {
+    /// Seconds of the game; infinite for the converged value.
+    pub horizon_s: f64,
     /// Largest range, m.
     pub range_m: f64,
     /// Nodes of the range axis, the one at 0 included.
@@ -53,6 +59,8 @@ pub struct Settings {
     pub tolerance: f64,
     /// At most this many sweeps over any grid, at least 1.
     pub most_sweeps: usize,
+    /// Threads, for a finite horizon.
+    pub threads: usize,
     /// Refuse to take more memory than this.
     pub memory_limit_bytes: u64,
 }
@@ -60,17 +68,25 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
+            horizon_s: f64::INFINITY,
             range_m: 40.0,
             range_nodes: 65,
             angle_nodes: 96,
             tolerance: 1e-4,
             most_sweeps: 2000,
+            threads: default_threads(),
             memory_limit_bytes: MEMORY_LIMIT_BYTES,
         }
     }
 }
 
 impl Settings {
+    /// Sets [`Self::horizon_s`], seconds of the game; infinite for the converged value.
+    #[must_use]
+    pub fn with_horizon(self, horizon_s: f64) -> Self {
+        Self { horizon_s, ..self }
+    }
+
     /// Sets [`Self::range_m`], the largest range, m.
     #[must_use]
     pub fn with_range(self, range_m: f64) -> Self {
@@ -101,6 +117,12 @@ impl Settings {
         Self { most_sweeps, ..self }
     }
 
+    /// Sets [`Self::threads`], the threads for a finite horizon.
+    #[must_use]
+    pub fn with_threads(self, threads: usize) -> Self {
+        Self { threads, ..self }
+    }
+
     /// Sets [`Self::memory_limit_bytes`], the most memory that a solve may take, bytes.
     #[must_use]
     pub fn with_memory_limit(self, memory_limit_bytes: u64) -> Self {
@@ -115,6 +137,8 @@ pub struct Solution<T> {
     pub range: RangeAxis,
     /// Last range, m.
     pub range_m: f64,
+    /// Seconds of the game; infinite for the converged value.
+    pub horizon_s: f64,
     /// Nodes of a full turn.
     pub angle_nodes: usize,
     /// W(range, bearing in [0, π], heading in [0, 2π)), row-major, m: bearing has
@@ -125,11 +149,13 @@ pub struct Solution<T> {
     /// either way, Q is the smooth continuation of the side where it turns right;
     /// elsewhere Q = W.
     pub sheet: Vec<T>,
-    /// Sweeps over the finest grid.
+    /// Sweeps over the finest grid; for a finite horizon, time steps.
     pub sweeps: usize,
+    /// The largest |∂V/∂τ| at the end of a finite horizon, m/s; 0 for the converged value.
+    pub rate_mps: f64,
     /// How much the rows still drift in [`WINDOW`] sweeps, m: the signed changes of a row are
     /// summed and averaged over its cells, their magnitudes averaged over the rows. Cells on a
-    /// kink that flicker between both sides cancel out.
+    /// kink that flicker between both sides cancel out. 0 for a finite horizon.
     pub drift_m: f64,
     /// Whether that was within the tolerance.
     ///
@@ -141,7 +167,22 @@ pub struct Solution<T> {
     pub converged: bool,
 }
 
-/// Solves for the converged value.
+impl<T: Real> Solution<T> {
+    /// A range, m, beyond which V is nowhere both at most `level_m` and less than r − R.
+    pub(super) fn extent(&self, radius_m: f64, level_m: f64) -> f64 {
+        let slab = (self.angle_nodes / 2 + 1) * self.angle_nodes;
+        let matters = |i: &usize| {
+            let margin = self.range.node(*i) - radius_m;
+            let closing = |w: &T| w.to_f64() < 0.0 && margin + w.to_f64() <= level_m;
+            self.deficit[i * slab..(i + 1) * slab].iter().any(closing)
+        };
+        let last = (0..self.range.nodes).rev().find(matters).unwrap_or(0);
+        let next = self.range.node((last + 1).min(self.range.nodes - 1));
+        next.min(self.range_m)
+    }
+}
+
+/// Solves for the value of a horizon, or the converged one.
 ///
 /// # Errors
 /// [`SolveError::Invalid`] naming a parameter; [`SolveError::Cancelled`].
@@ -151,6 +192,9 @@ pub fn solve<T: Real>(
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Solution<T>, SolveError> {
     game.check()?;
+    if settings.horizon_s.is_nan() || settings.horizon_s <= 0.0 {
+        return Err(Invalid::new("horizon_s", "a number > 0, or inf", settings.horizon_s).into());
+    }
     positive("range_m", settings.range_m)?;
     positive("tolerance", settings.tolerance)?;
     if settings.range_m <= game.radius_m {
@@ -167,9 +211,12 @@ pub fn solve<T: Real>(
     if settings.most_sweeps == 0 {
         return Err(Invalid::new("most_sweeps", "at least 1", 0).into());
     }
+    if settings.threads == 0 {
+        return Err(Invalid::new("threads", "at least 1", 0).into());
+    }
     let half = settings.angle_nodes / 2 + 1;
     let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
-    // The half turn and its copy, the full turn of the sheet and its copy.
+    // The half turn and its copy, the full turn of the sheet and its copy, on the way or in the solution.
     check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
     // Lengths in units of about R/3 and time so that the faster player has a speed
@@ -199,6 +246,10 @@ pub fn solve<T: Real>(
             );
             return Err(Invalid::new(name, expected, found).into());
         }
+    }
+    let scale = Scale { unit, rate };
+    if settings.horizon_s.is_finite() {
+        return timed(game, &small, scale, settings, progress);
     }
     let pace = pace(&small);
     if pace < SLOWEST_PACE {
@@ -244,17 +295,62 @@ pub fn solve<T: Real>(
     match solved {
         Some(full) => {
             let sheet = full.right_sheet();
-            let mut solution = full.finish(sheet);
-            solution.range = RangeAxis::new(game.radius_m, settings.range_m, settings.range_nodes);
-            solution.range_m = settings.range_m;
-            solution.drift_m *= unit;
-            let metres = T::from_f64(unit);
-            for w in solution.deficit.iter_mut().chain(&mut solution.sheet) {
-                *w = *w * metres;
-            }
-            Ok(solution)
+            let drift_m = full.drift_m * unit;
+            Ok(Solution { drift_m, ..scale.undo(full.finish(sheet), game, settings) })
         }
         None => unreachable!("there is always the grid asked for"),
+    }
+}
+
+/// Solves for the value of a finite horizon.
+fn timed<T: Real>(
+    game: &PursuitGame,
+    small: &PursuitGame,
+    scale: Scale,
+    settings: &Settings,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Solution<T>, SolveError> {
+    let Settings { range_m, range_nodes, angle_nodes, .. } = *settings;
+    let Scale { unit, rate } = scale;
+    let mut level = Level::new(small, range_m / unit, range_nodes, angle_nodes, Evader::Free);
+    let workers = Workers::new(settings.threads.min(range_nodes - 1));
+    let mut report = |change: f64, done: f64| {
+        progress(Progress { done, residual: change * unit * rate })
+    };
+    match level.march(settings.horizon_s * rate, &workers, &mut report) {
+        ControlFlow::Continue(sheet) => {
+            let rate_mps = level.drift_m * unit * rate;
+            Ok(Solution { rate_mps, ..scale.undo(level.finish(sheet), game, settings) })
+        }
+        ControlFlow::Break(()) => Err(SolveError::Cancelled),
+    }
+}
+
+/// The units in which a game is solved: lengths in `unit` metres, `rate` of its seconds a second.
+#[derive(Clone, Copy)]
+struct Scale {
+    unit: f64,
+    rate: f64,
+}
+
+impl Scale {
+    /// A solution in metres and seconds.
+    fn undo<T: Real>(
+        self,
+        mut solution: Solution<T>,
+        game: &PursuitGame,
+        settings: &Settings,
+    ) -> Solution<T> {
+        let metres = T::from_f64(self.unit);
+        for w in solution.deficit.iter_mut().chain(&mut solution.sheet) {
+            *w = *w * metres;
+        }
+        Solution {
+            range: RangeAxis::new(game.radius_m, settings.range_m, settings.range_nodes),
+            range_m: settings.range_m,
+            horizon_s: settings.horizon_s,
+            ..solution
+        }
     }
 }
 

@@ -174,7 +174,7 @@ impl SampledValue {
             angle_nodes: solution.angle_nodes,
         };
         let sheet = Some(&solution.sheet[..]);
-        let function = Self::new(game, nodes, f64::INFINITY, &solution.deficit, sheet)?;
+        let function = Self::new(game, nodes, solution.horizon_s, &solution.deficit, sheet)?;
         Ok(function.unsettled((!solution.converged).then_some(solution.drift_m)))
     }
 

@@ -25,7 +25,7 @@ use std::sync::Arc;
 pub enum Method {
     /// The closed form: identical vehicles, converged value.
     Exact,
-    /// Polar relative coordinates: any vehicles, converged value.
+    /// Polar relative coordinates: any vehicles, any horizon.
     Polar,
     /// A rectangular grid in x, y, ψ: any vehicles, any horizon.
     Cartesian,
@@ -34,7 +34,7 @@ pub enum Method {
 /// Every method: its word on the command line, in links and in files, and its meaning.
 pub const METHODS: &[(&str, Method, &str)] = &[
     ("exact", Method::Exact, "Closed form: equal vehicles, infinite horizon"),
-    ("polar", Method::Polar, "Polar relative coordinates: any vehicles, infinite horizon"),
+    ("polar", Method::Polar, "Polar relative coordinates: any vehicles, any horizon"),
     ("cartesian", Method::Cartesian, "A rectangular grid: any vehicles, any horizon"),
 ];
 
@@ -42,11 +42,7 @@ impl Method {
     /// The method that suits `game` and the horizon best.
     #[must_use]
     pub fn choose(game: &PursuitGame, horizon_s: f64) -> Self {
-        match (horizon_s.is_finite(), game.identical()) {
-            (true, _) => Self::Cartesian,
-            (false, true) => Self::Exact,
-            (false, false) => Self::Polar,
-        }
+        if game.identical() && horizon_s.is_infinite() { Self::Exact } else { Self::Polar }
     }
 
     /// The name in files and on the command line.
@@ -60,8 +56,8 @@ impl Method {
     }
 }
 
-/// Grids of growing size, each with about twice as many nodes an axis. A Cartesian one just holds
-/// the states where V is at most half the radius, as far as a draft can tell.
+/// Grids of growing size, each with about twice as many nodes an axis. One for a finite horizon, and a
+/// Cartesian one, just holds the states where V is at most half the radius, as far as a draft can tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -151,7 +147,7 @@ pub struct Options {
     pub grid: Option<CartesianGrid>,
     /// Largest range of the polar method, m.
     pub range_m: Option<f64>,
-    /// Threads of the Cartesian method.
+    /// Threads, where time steps are computed: with a finite horizon or the Cartesian method.
     pub threads: usize,
     /// Refuse to take more memory than this.
     pub memory_limit_bytes: u64,
@@ -202,7 +198,7 @@ impl Options {
         Self { range_m: range_m.into(), ..self }
     }
 
-    /// Sets [`Self::threads`], the threads of the Cartesian method.
+    /// Sets [`Self::threads`], the threads of time steps.
     #[must_use]
     pub fn with_threads(self, threads: usize) -> Self {
         Self { threads, ..self }
@@ -229,11 +225,11 @@ impl Options {
         } else {
             self.method.unwrap_or_else(|| Method::choose(game, horizon_s))
         };
-        if chosen != Method::Cartesian && horizon_s.is_finite() {
-            let expected = format!("inf with method {}, or method cartesian", chosen.name());
-            return Err(Invalid::new("horizon_s", expected, horizon_s));
-        }
         if chosen == Method::Exact {
+            if horizon_s.is_finite() {
+                let expected = "inf with method exact, or method polar";
+                return Err(Invalid::new("horizon_s", expected, horizon_s));
+            }
             game.exact()?;
         }
         Ok(chosen)
@@ -255,7 +251,8 @@ pub struct Solved {
     pub steps: usize,
     /// Threads used.
     pub threads: usize,
-    /// How much the solution still moves: Cartesian max |∂V/∂τ|, m/s; polar the
+    /// How much the solution still moves: the largest |∂V/∂τ| of time steps, m/s (at the end of a finite
+    /// horizon this says nothing about errors); for the converged value of the polar method, the
     /// drift in [`polar::WINDOW`] sweeps, m; 0 for the closed form.
     pub residual: f64,
     /// Whether the solution had settled when the solve ended; none for a finite horizon. A
@@ -328,32 +325,23 @@ pub fn solve(
                 let found = "a grid of x, y and ψ with method polar";
                 return Err(Invalid::new("grid", "none (see accuracy and range)", found).into());
             }
-            let Nodes::Polar { range_m, range_nodes, angle_nodes, .. } =
-                polar_nodes(&game, options)?
-            else {
-                unreachable!("polar_nodes are polar");
+            let (settings, begun) = polar_settings(&game, options, progress)?;
+            let report = &mut |report: Progress| {
+                progress(Progress { done: begun + (1.0 - begun) * report.done, ..report })
             };
-            // In proportion to the errors of the grid, which fall with the square of its spacing.
-            let tolerance = polar::Settings::default().tolerance
-                * match options.accuracy {
-                    Accuracy::Draft => 4.0,
-                    Accuracy::Standard => 1.0,
-                    Accuracy::Fine => 0.25,
-                };
-            let settings = polar::Settings {
-                range_m,
-                tolerance,
-                range_nodes,
-                angle_nodes,
-                memory_limit_bytes: options.memory_limit_bytes,
-                ..polar::Settings::default()
-            };
-            let solution = polar::solve::<f32>(&game, &settings, progress)?;
-            let (steps, residual) = (solution.sweeps, solution.drift_m);
+            let solution = polar::solve::<f32>(&game, &settings, report)?;
+            let timed = horizon_s.is_finite();
+            let residual = if timed { solution.rate_mps } else { solution.drift_m };
             let samples = Arc::new(SampledValue::from_polar(game, &solution)?);
-            let function = ValueFunction::Sampled(samples.clone());
-            let converged = Some(solution.converged);
-            Ok(Solved { function, samples, method: chosen, steps, threads: 1, residual, converged })
+            Ok(Solved {
+                function: ValueFunction::Sampled(samples.clone()),
+                samples,
+                method: chosen,
+                steps: solution.sweeps,
+                threads: if timed { options.threads } else { 1 },
+                residual,
+                converged: (!timed).then_some(solution.converged),
+            })
         }
         Method::Cartesian => {
             let (grid, begun) = match options.grid {
@@ -422,7 +410,58 @@ fn widest_turn(game: &PursuitGame) -> f64 {
     radius(game.evader).max(radius(game.pursuer))
 }
 
-fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> {
+/// How the polar method finds a value, and the share of the solve that is done by then.
+fn polar_settings(
+    game: &PursuitGame,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<(polar::Settings, f64), SolveError> {
+    let settings = polar::Settings {
+        horizon_s: options.horizon_s,
+        threads: options.threads,
+        memory_limit_bytes: options.memory_limit_bytes,
+        ..polar::Settings::default()
+    };
+    if options.horizon_s.is_infinite() {
+        let Nodes::Polar { range_m, range_nodes, angle_nodes, .. } = polar_nodes(game, options)?
+        else {
+            unreachable!("polar_nodes are polar");
+        };
+        // In proportion to the errors of the grid, which fall with the square of its spacing.
+        let tolerance = settings.tolerance
+            * match options.accuracy {
+                Accuracy::Draft => 4.0,
+                Accuracy::Standard => 1.0,
+                Accuracy::Fine => 0.25,
+            };
+        return Ok((
+            polar::Settings { range_m, tolerance, range_nodes, angle_nodes, ..settings },
+            0.0,
+        ));
+    }
+    let (range_nodes, angle_nodes) = match options.accuracy {
+        Accuracy::Draft => (33, 96),
+        Accuracy::Standard => (65, 160),
+        Accuracy::Fine => (129, 320),
+    };
+    let nodes = polar::Settings { range_nodes, angle_nodes, ..settings };
+    if options.range_m.is_some() {
+        return Ok((polar::Settings { range_m: largest_range(game, options)?, ..nodes }, 0.0));
+    }
+    // Beyond, the vehicles cannot meet in time.
+    let closing = game.evader.speed_mps + game.pursuer.speed_mps;
+    let certain = game.radius_m + closing * options.horizon_s;
+    let range_m = certain.min(largest_range(game, options)?);
+    let draft = polar::Settings { range_m, range_nodes: 33, angle_nodes: 48, ..settings };
+    let solution = polar::solve::<f32>(game, &draft, &mut |report| {
+        progress(Progress { done: DRAFT_SHARE * report.done, ..report })
+    })?;
+    let matters = solution.extent(game.radius_m, MARGIN * game.radius_m);
+    Ok((polar::Settings { range_m: matters, ..nodes }, DRAFT_SHARE))
+}
+
+/// The largest range of the polar method, m.
+fn largest_range(game: &PursuitGame, options: &Options) -> Result<f64, Invalid> {
     // Half a turn of both at full speed shortens the range by at most 2π turning
     // radii; half as much again for vehicles that differ.
     let range_m = match options.range_m {
@@ -433,6 +472,11 @@ fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> 
         let expected = format!("above the radius {}", game.radius_m);
         return Err(Invalid::new("range_m", expected, range_m));
     }
+    Ok(range_m)
+}
+
+fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> {
+    let range_m = largest_range(game, options)?;
     let (range_nodes, angle_nodes) = match options.accuracy {
         Accuracy::Draft => (33, 48),
         Accuracy::Standard => (65, 96),

@@ -2,13 +2,14 @@
 
 use super::Solution;
 use super::level::{Evader, Level, PAD};
-use super::sweep::{SAFE, Sweep};
+use super::sweep::Sweep;
+use super::upwind::SAFE;
 use crate::math::TAU;
 use crate::parallel::in_widest_lanes;
 use crate::real::Real;
 
-/// Sweeps over a sheet.
-const SHEET_SWEEPS: usize = 12;
+/// Sweeps over a sheet, or steps of [`CFL`](super::sweep::CFL) that the slowest cells of a sheet march.
+pub(super) const SHEET_SWEEPS: usize = 12;
 
 /// The kink of the full game is blurred by at most this share of a cell. Where the sheets are lower by
 /// more, the evader has a better strategy than a single turn.
@@ -18,10 +19,10 @@ const KINK_BLUR: f64 = 0.2;
 const KINK_NEAR: f64 = 4.0;
 
 impl<T: Real> Level<T> {
-    /// The game in which the evader turns right or goes straight until it is safe in the full game,
-    /// which is `self`.
-    pub(super) fn right_sheet(&self) -> Self {
-        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+    /// The game in which the evader turns right or goes straight until it is safe in the full game, with
+    /// the values of that game, which is `self`.
+    pub(super) fn right_copy(&self) -> Self {
+        let (n, ranges) = (self.shape.angle_nodes, self.range.nodes);
         let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);
         for i in 0..ranges {
             for k in 0..n {
@@ -30,6 +31,12 @@ impl<T: Real> Level<T> {
                 sheet.spread(i, k);
             }
         }
+        sheet
+    }
+
+    /// The converged value of that game.
+    pub(super) fn right_sheet(&self) -> Self {
+        let mut sheet = self.right_copy();
         // Where the evader turns right in the full game, its values are already those of the sheet. So
         // only a few cells beyond the kink need new values.
         let rest = T::from_f64(SAFE * self.game.radius_m);
@@ -41,7 +48,7 @@ impl<T: Real> Level<T> {
 
     /// Uses the sheet near the kink where it agrees with the full game.
     pub(super) fn finish(mut self, mut sheet: Self) -> Solution<T> {
-        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        let (n, ranges) = (self.shape.angle_nodes, self.range.nodes);
         for i in 0..ranges {
             let next = self.ranges[(i + 1).min(ranges - 1)] - self.ranges[i];
             let cell = next.max(self.ranges[i] * TAU / n as f64);
@@ -77,11 +84,13 @@ impl<T: Real> Level<T> {
         Solution {
             range: self.range,
             range_m: self.range_m,
-            angle_nodes: self.angle_nodes,
+            angle_nodes: self.shape.angle_nodes,
             deficit,
             sheet,
             sweeps: self.sweeps,
-            drift_m: self.drift_m,
+            horizon_s: f64::INFINITY,
+            rate_mps: 0.0,
+            drift_m: 0.0,
             converged: self.converged,
         }
     }

@@ -18,17 +18,86 @@ pub(super) enum Evader {
     Right,
 }
 
+/// Where the values of a grid are. A *slab* has all rows of one range, a row all headings of one bearing.
+#[derive(Clone, Copy)]
+pub(super) struct Shape {
+    pub(super) evader: Evader,
+    pub(super) angle_nodes: usize,
+    /// Rows of a slab, with `PAD` mirrored or repeated ones at each end.
+    rows: usize,
+    /// Entries of a row: one turn, and `PAD` repeated entries at each end.
+    pub(super) row: usize,
+}
+
+impl Shape {
+    fn new(evader: Evader, angle_nodes: usize) -> Self {
+        let bearings = match evader {
+            Evader::Free => angle_nodes / 2 + 1,
+            Evader::Right => angle_nodes,
+        };
+        Self { evader, angle_nodes, rows: bearings + 2 * PAD, row: angle_nodes + 2 * PAD }
+    }
+
+    pub(super) fn bearings(self) -> usize {
+        self.rows - 2 * PAD
+    }
+
+    /// Entries of a slab.
+    pub(super) fn slab(self) -> usize {
+        self.rows * self.row
+    }
+
+    /// Start of the slab of range node `i`.
+    pub(super) fn at_range(self, i: usize) -> usize {
+        (i + PAD) * self.slab()
+    }
+
+    /// Start of the row of bearing node `k` in its slab.
+    pub(super) fn at_bearing(self, k: usize) -> usize {
+        (k + PAD) * self.row
+    }
+
+    /// Copies row `k` of a slab to its ghosts: around the turn and beyond the mirror.
+    #[inline(always)]
+    pub(super) fn spread<T: Real>(self, slab: &mut [T], k: usize) {
+        let (n, last) = (self.angle_nodes, self.bearings() - 1);
+        let at = self.at_bearing(k);
+        let row = &mut slab[at..at + self.row];
+        row.copy_within(n..n + PAD, 0);
+        row.copy_within(PAD..2 * PAD, n + PAD);
+        if self.evader == Evader::Right {
+            let turn = self.bearings() * self.row;
+            if k < PAD {
+                slab.copy_within(at..at + self.row, at + turn);
+            } else if k > last - PAD {
+                slab.copy_within(at..at + self.row, at - turn);
+            }
+        }
+        let mirrored = if self.evader == Evader::Right {
+            None
+        } else if (1..=PAD).contains(&k) {
+            Some(at - 2 * k * self.row)
+        } else if k < last && last - k <= PAD {
+            Some(at + 2 * (last - k) * self.row)
+        } else {
+            None
+        };
+        if let Some(ghost) = mirrored {
+            for j in 0..self.row {
+                // Heading j − PAD becomes its negative.
+                let source = at + PAD + (2 * n + PAD - j) % n;
+                slab[ghost + j] = slab[source];
+            }
+        }
+    }
+}
+
 /// One grid being solved.
 pub(super) struct Level<T> {
     pub(super) game: PursuitGame,
-    pub(super) evader: Evader,
+    pub(super) shape: Shape,
     pub(super) range: RangeAxis,
     pub(super) range_m: f64,
-    pub(super) angle_nodes: usize,
-    /// Bearing rows for each range, with `PAD` mirrored or repeated rows at each end.
-    pub(super) rows: usize,
-    /// Entries of a row: one turn, and `PAD` repeated entries at each end.
-    pub(super) row: usize,
     pub(super) values: Vec<T>,
     /// Largest change of each row at its last update.
     pub(super) activity: Vec<T>,
@@ -52,12 +121,8 @@ impl<T: Real> Level<T> {
         angle_nodes: usize,
         evader: Evader,
     ) -> Self {
-        let bearings = match evader {
-            Evader::Free => angle_nodes / 2 + 1,
-            Evader::Right => angle_nodes,
-        };
-        let rows = bearings + 2 * PAD;
-        let row = angle_nodes + 2 * PAD;
+        let shape = Shape::new(evader, angle_nodes);
+        let bearings = shape.bearings();
         let trig = |f: fn((f64, f64)) -> f64| -> Vec<T> {
             let angle = |j: usize| TAU * j as f64 / angle_nodes as f64;
             (0..angle_nodes).map(|j| T::from_f64(f(sin_cos(angle(j))))).collect()
@@ -65,16 +130,13 @@ impl<T: Real> Level<T> {
         let range = RangeAxis::new(game.radius_m, range_m, range_nodes);
         Self {
             game: *game,
-            evader,
+            shape,
             range,
             range_m,
             ranges: (0..range_nodes).map(|i| range.node(i)).collect(),
             drift: vec![T::ZERO; range_nodes * bearings],
-            angle_nodes,
-            rows,
-            row,
             // Two ghost ranges beyond each end.
-            values: vec![T::ZERO; (range_nodes + 2 * PAD) * rows * row],
+            values: vec![T::ZERO; (range_nodes + 2 * PAD) * shape.slab()],
             activity: vec![T::from_f64(f64::MAX); range_nodes * bearings],
             sin: trig(|(sin, _)| sin),
             cos: trig(|(_, cos)| cos),
@@ -86,16 +148,21 @@ impl<T: Real> Level<T> {
 
     /// Start of the row of range node `i` and bearing node `k`.
     pub(super) fn at(&self, i: usize, k: usize) -> usize {
-        ((i + PAD) * self.rows + k + PAD) * self.row
+        self.shape.at_range(i) + self.shape.at_bearing(k)
     }
 
     pub(super) fn bearings(&self) -> usize {
-        self.rows - 2 * PAD
+        self.shape.bearings()
+    }
+
+    /// The rows of range node `i`.
+    pub(super) fn slab(&self, i: usize) -> &[T] {
+        &self.values[self.shape.at_range(i)..][..self.shape.slab()]
     }
 
     /// The linear interpolation of a grid with about half as many nodes on each axis.
     pub(super) fn start_from(&mut self, coarse: &Self) {
-        let angles = self.angle_nodes;
+        let angles = self.shape.angle_nodes;
         for i in 1..self.range.nodes {
             let position = coarse.range.position(self.ranges[i]);
             let low = (position as usize).min(coarse.range.nodes - 2);
@@ -106,7 +173,7 @@ impl<T: Real> Level<T> {
                     let mut sum = T::ZERO;
                     for (range, weight) in [(low, T::from_f64(1.0) - share), (low + 1, share)] {
                         for bearing in [k / 2, k.div_ceil(2)] {
-                            for heading in [j / 2, j.div_ceil(2) % coarse.angle_nodes] {
+                            for heading in [j / 2, j.div_ceil(2) % coarse.shape.angle_nodes] {
                                 let from = coarse.at(range, bearing) + PAD + heading;
                                 sum += weight * coarse.values[from];
                             }
@@ -123,43 +190,15 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// Copies a row to its ghosts: around the turn, beyond the mirror and beyond the ends of the
-    /// range.
+    /// Copies a row to its ghosts: around the turn, beyond the mirror and beyond the last range.
     pub(super) fn spread(&mut self, i: usize, k: usize) {
-        let (n, last) = (self.angle_nodes, self.bearings() - 1);
-        let at = self.at(i, k);
-        let row = &mut self.values[at..at + self.row];
-        row.copy_within(n..n + PAD, 0);
-        row.copy_within(PAD..2 * PAD, n + PAD);
-        if self.evader == Evader::Right {
-            let turn = self.bearings() * self.row;
-            if k < PAD {
-                self.values.copy_within(at..at + self.row, at + turn);
-            } else if k > last - PAD {
-                self.values.copy_within(at..at + self.row, at - turn);
-            }
-        }
-        let mirrored = if self.evader == Evader::Right {
-            None
-        } else if (1..=PAD).contains(&k) {
-            Some(at - 2 * k * self.row)
-        } else if k < last && last - k <= PAD {
-            Some(at + 2 * (last - k) * self.row)
-        } else {
-            None
-        };
-        if let Some(ghost) = mirrored {
-            for j in 0..self.row {
-                // Heading j − PAD becomes its negative.
-                let source = at + PAD + (2 * n + PAD - j) % n;
-                self.values[ghost + j] = self.values[source];
-            }
-        }
+        let (shape, start) = (self.shape, self.shape.at_range(i));
+        shape.spread(&mut self.values[start..start + shape.slab()], k);
         if i == self.range.nodes - 1 {
             // Beyond the last range the deficit is constant.
+            let at = self.at(i, k);
             for ghost in 1..=PAD {
-                let to = at + ghost * self.rows * self.row;
-                self.values.copy_within(at..at + self.row, to);
+                self.values.copy_within(at..at + shape.row, at + ghost * shape.slab());
             }
         }
     }
@@ -167,7 +206,7 @@ impl<T: Real> Level<T> {
     /// Writes W of the full game at any bearing, from its half turn, to `row`.
     #[inline(always)]
     pub(super) fn copy_row(&self, i: usize, k: usize, row: &mut [T]) {
-        let n = self.angle_nodes;
+        let n = self.shape.angle_nodes;
         if k <= n / 2 {
             row.copy_from_slice(&self.values[self.at(i, k) + PAD..][..n]);
         } else {
@@ -182,11 +221,11 @@ impl<T: Real> Level<T> {
 
     /// A copy of the entries without the ghosts.
     pub(super) fn inside(&self) -> Vec<T> {
-        let mut values = Vec::with_capacity(self.range.nodes * self.bearings() * self.angle_nodes);
+        let mut values = Vec::with_capacity(self.range.nodes * self.bearings() * self.shape.angle_nodes);
         for i in 0..self.range.nodes {
             for k in 0..self.bearings() {
                 let at = self.at(i, k) + PAD;
-                values.extend_from_slice(&self.values[at..at + self.angle_nodes]);
+                values.extend_from_slice(&self.values[at..at + self.shape.angle_nodes]);
             }
         }
         values

@@ -1,0 +1,159 @@
+//! The value of a finite horizon: all cells advance by the same time, in Euler steps from V = r − R on.
+
+use super::kink::SHEET_SWEEPS;
+use super::level::{Level, PAD};
+use super::sweep::{CFL, WINDOW};
+use super::upwind::Seconds;
+use crate::math::{TAU, hypot};
+use crate::parallel::{Kernel, Workers, in_widest_lanes};
+use crate::real::Real;
+use core::ops::ControlFlow;
+
+/// Ranges below this share of the radius take several parts of a step: bearings there pass quickly, and only
+/// values that are lower still depend on them.
+const INNER: f64 = 0.3;
+
+/// A step of all cells, and how many parts of it each slab takes.
+struct Steps<T> {
+    count: usize,
+    seconds: T,
+    /// By range node.
+    parts: Vec<usize>,
+    /// The last steps, in which the sheet passes a few cells everywhere.
+    with_sheet: usize,
+}
+
+impl<T: Real> Level<T> {
+    /// Advances the deficit, which is 0 at first, by `horizon_s`, and returns the sheet. `report` gets the
+    /// largest change of V at the last look, m/s, and the share that is done, and may stop it.
+    pub(super) fn march(
+        &mut self,
+        horizon_s: f64,
+        workers: &Workers,
+        report: &mut dyn FnMut(f64, f64) -> ControlFlow<()>,
+    ) -> ControlFlow<(), Self> {
+        let steps = self.steps(horizon_s);
+        let mut next = self.values.clone();
+        let mut sheet = None;
+        for step in 1..=steps.count {
+            if steps.count - step < steps.with_sheet && sheet.is_none() {
+                let begun = self.right_copy();
+                sheet = Some((begun.values.clone(), begun));
+            }
+            self.step(&steps, None, workers, &mut next);
+            if let Some((next, sheet)) = &mut sheet {
+                sheet.step(&steps, Some(self), workers, next);
+            }
+            if step % WINDOW == 1 || step == steps.count {
+                let changes = self.values.iter().zip(&next).map(|(new, old)| (*new - *old).abs());
+                let largest = changes.fold(T::ZERO, |largest, change| largest.larger(change));
+                self.drift_m = largest.to_f64() / steps.seconds.to_f64();
+            }
+            report(self.drift_m, step as f64 / steps.count as f64)?;
+        }
+        (self.sweeps, self.converged) = (steps.count, true);
+        match sheet {
+            Some((_, sheet)) => ControlFlow::Continue(sheet),
+            None => unreachable!("there is at least one step"),
+        }
+    }
+
+    fn steps(&self, horizon_s: f64) -> Steps<T> {
+        let speeds: Vec<f64> = (1..self.range.nodes).map(|i| self.fastest(i)).collect();
+        let inner = INNER * self.game.radius_m;
+        let outer = speeds.iter().zip(&self.ranges[1..]).filter(|(_, range_m)| **range_m >= inner);
+        let fastest = outer.map(|(speed, _)| *speed).fold(0.0, f64::max);
+        let slowest = speeds.iter().copied().fold(f64::INFINITY, f64::min);
+        let count = (horizon_s * fastest / CFL).ceil().max(1.0);
+        let parts = speeds.iter().map(|speed| (speed / fastest).ceil() as usize);
+        Steps {
+            count: count as usize,
+            seconds: T::from_f64(horizon_s / count),
+            parts: core::iter::once(1).chain(parts).collect(),
+            with_sheet: (SHEET_SWEEPS as f64 * fastest / slowest).ceil() as usize,
+        }
+    }
+
+    /// The most cells that information passes in a second at range node `i`.
+    fn fastest(&self, i: usize) -> f64 {
+        let (evader, pursuer) = (self.game.evader, self.game.pursuer);
+        let per_angle = self.shape.angle_nodes as f64 / TAU;
+        let turns = 2.0 * evader.turn_rate_radps + pursuer.turn_rate_radps;
+        let closing = evader.speed_mps + pursuer.speed_mps;
+        // The relative velocity is at most `closing`, in any direction.
+        closing * hypot(self.per_range_m(i), per_angle / self.ranges[i]) + turns * per_angle
+    }
+
+    /// Moves all cells by one step. `next` becomes the values, and the values before it.
+    fn step(&mut self, steps: &Steps<T>, full: Option<&Self>, workers: &Workers, next: &mut Vec<T>) {
+        let shape = self.shape;
+        let last = shape.at_range(self.range.nodes - 1);
+        let inside = &mut next[shape.at_range(1)..last + shape.slab()];
+        let level = &*self;
+        workers.for_chunks(inside, shape.slab(), |chunk, out| {
+            in_widest_lanes(Slab { level, steps, full, i: chunk + 1, out });
+        });
+        // Beyond the last range the deficit is constant.
+        for ghost in 1..=PAD {
+            next.copy_within(last..last + shape.slab(), last + ghost * shape.slab());
+        }
+        core::mem::swap(&mut self.values, next);
+    }
+
+    /// Writes the slab of range node `i`, from `slab`, to `out`.
+    #[inline(always)]
+    fn advance_slab<const FOLLOWS: bool>(
+        &self,
+        slab: &[T],
+        i: usize,
+        seconds: T,
+        full: Option<&Self>,
+        out: &mut [T],
+    ) {
+        let n = self.shape.angle_nodes;
+        let mut spare = vec![T::ZERO; if full.is_some() { n } else { 0 }];
+        for k in 0..self.bearings() {
+            let at = self.shape.at_bearing(k) + PAD;
+            let row = &mut out[at..at + n];
+            self.advance::<FOLLOWS>(slab, [i, k], Seconds(seconds), row);
+            if let Some(full) = full {
+                self.keep_safe(full, [i, k], row, &mut spare);
+            }
+            self.shape.spread(out, k);
+        }
+    }
+}
+
+/// The cells of one range in one step.
+struct Slab<'a, T> {
+    level: &'a Level<T>,
+    steps: &'a Steps<T>,
+    full: Option<&'a Level<T>>,
+    i: usize,
+    out: &'a mut [T],
+}
+
+impl<T: Real> Kernel for Slab<'_, T> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { level, steps, full, i, out } = self;
+        let parts = steps.parts[i];
+        let seconds = steps.seconds / T::from_f64(parts as f64);
+        // Information passes along the range much more slowly there, so the neighbours' values may wait.
+        let mut before = Vec::new();
+        for part in 0..parts {
+            let slab = if part == 0 {
+                level.slab(i)
+            } else {
+                before.clear();
+                before.extend_from_slice(out);
+                &before
+            };
+            if level.follows() {
+                level.advance_slab::<true>(slab, i, seconds, full, out);
+            } else {
+                level.advance_slab::<false>(slab, i, seconds, full, out);
+            }
+        }
+    }
+}
