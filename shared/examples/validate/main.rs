@@ -13,6 +13,7 @@ mod closed_form;
 mod polar;
 mod cartesian;
 mod unequal;
+mod finite;
 mod pictures;
 mod figures;
 
@@ -71,6 +72,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cartesian = cartesian::check()?;
     step("unequal vehicles");
     let unequal = unequal::check()?;
+    step("finite horizons");
+    let finite = finite::check()?;
     step("pictures");
     let traced = pictures::traced(&mitchell[polar::STANDARD])?;
     let slices = pictures::slices(&mitchell[polar::STANDARD])?;
@@ -81,6 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "chase": chase,
         "cartesian": cartesian,
         "unequal": unequal,
+        "finite": finite,
         "traced": traced,
         "slices_deg": slices.iter().map(|slice| slice.psi_deg).collect::<Vec<_>>(),
         "error_map": map,

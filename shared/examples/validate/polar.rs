@@ -41,7 +41,7 @@ const NEAR_M: f64 = 0.5;
 /// stored exactly and would make the quantiles look better.
 const CLOSING_M: f64 = 1e-6;
 
-const ACCURACIES: [(&str, Accuracy); 3] =
+pub(crate) const ACCURACIES: [(&str, Accuracy); 3] =
     [("draft", Accuracy::Draft), ("standard", Accuracy::Standard), ("fine", Accuracy::Fine)];
 /// The place of the standard accuracy among these.
 pub(crate) const STANDARD: usize = 1;
@@ -105,7 +105,7 @@ pub(crate) fn check(known: &Known, solutions: &[Solved]) -> Result<Vec<Check>, B
 }
 
 /// Whether the error at a state with this value counts.
-fn counts(game: &PursuitGame, state: [f64; 3], value: f64) -> bool {
+pub(crate) fn counts(game: &PursuitGame, state: [f64; 3], value: f64) -> bool {
     value.abs() < NEAR_M && game.target(state) - value > CLOSING_M
 }
 

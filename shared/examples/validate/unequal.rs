@@ -10,17 +10,21 @@ use crate::errors::{Errors, numbers, random_states};
 use crate::polar::{STATES, by_polar};
 use crate::solved;
 
-const GAME: PursuitGame = PursuitGame {
+pub(crate) const GAME: PursuitGame = PursuitGame {
     evader: VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 },
     pursuer: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },
     radius_m: 3.0,
 };
 
+/// Of the finite horizon.
+pub(crate) const HORIZON_S: f64 = 6.0;
+/// Nodes of the rectangular grid.
+pub(crate) const CARTESIAN: [usize; 3] = [81, 81, 60];
+
 /// Measures both solvers on the unequal pair.
 pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
-    let (horizon_s, nodes) = (6.0, [81, 81, 60]);
-    let grid = CartesianGrid::new(nodes, [-20.0, 20.0, -20.0, 20.0]);
-    let finite = solved(GAME, &Options::default().with_horizon(horizon_s).with_grid(grid))?;
+    let grid = CartesianGrid::new(CARTESIAN, [-20.0, 20.0, -20.0, 20.0]);
+    let finite = solved(GAME, &Options::default().with_horizon(HORIZON_S).with_grid(grid))?;
     let standard = by_polar(GAME, Accuracy::Standard)?;
     let fine = by_polar(GAME, Accuracy::Fine)?;
 
@@ -39,8 +43,8 @@ pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
     });
     Ok(json!({
         "parameters": GAME,
-        "horizon_s": horizon_s,
-        "nodes": nodes,
+        "horizon_s": HORIZON_S,
+        "nodes": CARTESIAN,
         // Reference states, and those where the difference is within the reference's own estimate
         // of its error.
         "states": rows.len(),

@@ -314,9 +314,8 @@ fn timed<T: Real>(
     let Scale { unit, rate } = scale;
     let mut level = Level::new(small, range_m / unit, range_nodes, angle_nodes, Evader::Free);
     let workers = Workers::new(settings.threads.min(range_nodes - 1));
-    let mut report = |change: f64, done: f64| {
-        progress(Progress { done, residual: change * unit * rate })
-    };
+    let mut report =
+        |change: f64, done: f64| progress(Progress { done, residual: change * unit * rate });
     match level.march(settings.horizon_s * rate, &workers, &mut report) {
         ControlFlow::Continue(sheet) => {
             let rate_mps = level.drift_m * unit * rate;

@@ -221,7 +221,8 @@ impl<T: Real> Level<T> {
 
     /// A copy of the entries without the ghosts.
     pub(super) fn inside(&self) -> Vec<T> {
-        let mut values = Vec::with_capacity(self.range.nodes * self.bearings() * self.shape.angle_nodes);
+        let mut values =
+            Vec::with_capacity(self.range.nodes * self.bearings() * self.shape.angle_nodes);
         for i in 0..self.range.nodes {
             for k in 0..self.bearings() {
                 let at = self.at(i, k) + PAD;

@@ -85,7 +85,13 @@ impl<T: Real> Level<T> {
     }
 
     /// Moves all cells by one step. `next` becomes the values, and the values before it.
-    fn step(&mut self, steps: &Steps<T>, full: Option<&Self>, workers: &Workers, next: &mut Vec<T>) {
+    fn step(
+        &mut self,
+        steps: &Steps<T>,
+        full: Option<&Self>,
+        workers: &Workers,
+        next: &mut Vec<T>,
+    ) {
         let shape = self.shape;
         let last = shape.at_range(self.range.nodes - 1);
         let inside = &mut next[shape.at_range(1)..last + shape.slab()];
