@@ -189,8 +189,9 @@ pub(crate) fn largest_clear(
     margin_m: f64,
 ) -> Result<Option<usize>, Error> {
     let Numbers { shape, values } = numbers("clearances", "(m, T)", clearances)?;
-    let &[_, steps @ 1..] = &shape[..] else {
-        return Err(wrong_shape("clearances", "(m, T) with T ≥ 1", &shape));
+    let steps = match shape[..] {
+        [_, steps] if steps > 0 => steps,
+        _ => return Err(wrong_shape("clearances", "(m, T) with T ≥ 1", &shape)),
     };
     if !(margin_m.is_finite() && margin_m >= 0.0) {
         return Err(Invalid::new("margin_m", "a finite number ≥ 0", margin_m).into());
