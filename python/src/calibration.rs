@@ -212,11 +212,8 @@ fn enough(
     };
     let expected = format!("at least {needed} for p = {p} and {with}");
     let without = trajectories - found;
-    let why = if without == 0 {
-        String::new()
-    } else {
-        format!(": {without} of {trajectories} {lack}")
-    };
+    let why =
+        if without == 0 { String::new() } else { format!(": {without} of {trajectories} {lack}") };
     Err(Invalid::new("trajectories", expected, format!("{found}{why}")))
 }
 

@@ -139,8 +139,7 @@ pub(crate) fn drive_all<'py>(
     let step_s = positive("step_s", step_s)?;
     let Numbers { shape, values: rates } = numbers("turn_rates", "(…, T)", turn_rates)?;
     let steps = shape.last().copied().filter(|&steps| steps > 0);
-    let steps =
-        steps.ok_or_else(|| wrong_shape("turn_rates", "(…, T) with T ≥ 1", &shape))?;
+    let steps = steps.ok_or_else(|| wrong_shape("turn_rates", "(…, T) with T ≥ 1", &shape))?;
     let speeds = numbers("speed_mps", "of turn_rates, or a number", speed_mps)?;
     let speeds = match speeds.values[..] {
         [speed] if speeds.shape.is_empty() => vec![speed; rates.len()],

@@ -75,8 +75,7 @@ impl Predictor {
     ) -> Result<Self, Error> {
         let small = |(i, class): (usize, i64)| {
             let expected = "a whole number from -128 to 127";
-            i8::try_from(class)
-                .map_err(|_| Invalid::new(format!("classes[{i}]"), expected, class))
+            i8::try_from(class).map_err(|_| Invalid::new(format!("classes[{i}]"), expected, class))
         };
         let classes = classes.into_iter().enumerate().map(small).collect::<Result<_, _>>()?;
         let probabilities = list("probabilities", probabilities)?;

@@ -101,11 +101,12 @@ def test_a_grid_ends_where_it_says(paper, solved, unequal):
 
 def test_a_faster_pursuer_depends_on_the_range():
     """What the documentation warns of: the pursuer turns round beyond a grid that is too small, and comes back."""
-    quick = sidestep.PursuitGame(sidestep.VehicleModel(1.4, 1.0), sidestep.VehicleModel(2.0, 0.3), 1.0)
-    small, large = (sidestep.solve(quick, accuracy="draft", range_m=range_m) for range_m in (30.0, 240.0))
-    assert (small.domain, large.domain) == ({"range": (0.0, 30.0)}, {"range": (0.0, 240.0)})
-    behind = [-20.0, 0.0, np.pi]
-    print(small.value(behind), large.value(behind), small.unsettled_m, large.unsettled_m)
+    quick = sidestep.PursuitGame(sidestep.VehicleModel(2.0, 1.0), sidestep.VehicleModel(2.5, 0.4), 3.0)
+    small, large = (sidestep.solve(quick, accuracy="draft", range_m=range_m) for range_m in (None, 240.0))
+    assert large.domain == {"range": (0.0, 240.0)} and small.domain["range"][1] < 70
+    state = [-50.0, 0.0, np.pi]
+    assert small.state(state)[3] and small.unsettled_m < 0.01
+    assert small.value(state) > 5 and large.value(state) < -0.5
 
 
 def test_a_range_is_that_of_the_polar_method(paper, unequal):

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ._sidestep import SafetyLevels, SceneParameters, Shfrs, Trajectory, ValueFunction
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -195,7 +196,7 @@ def figure1(
     # As high as three panels of this shape beside each other are, with titles and the legend.
     wide, high_m = high - low
     figure.set_size_inches(11, min(11 / 3.15 * high_m / wide, 7) + 1.25)
-    named = {}
+    named: dict[str, Artist] = {}
     for axes in panels:
         named |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     named |= {name: _mark(colour) for name, colour in (("human", HUMAN), ("robot", ROBOT))}
