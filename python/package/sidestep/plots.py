@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
     from matplotlib.markers import MarkerStyle
 
 __all__ = ["HUMAN", "REGIONS", "ROBOT", "SAFE_REGIONS", "figure1", "figure3", "level_set", "regions", "scene"]
@@ -33,6 +32,8 @@ SAFE_REGIONS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
 
 # Among coloured regions both vehicles are dark.
 _DARK, _GREY = "#1b1f27", "#737985"
+# For legends: an arrowhead in the middle of its place.
+_ARROWHEAD = ((1.0, 0.0), (-1.0, 0.72), (-0.56, 0.0), (-1.0, -0.72), (1.0, 0.0))
 
 
 def scene(
@@ -61,6 +62,7 @@ def scene(
         Of the human and of the robot.
     """
     from matplotlib.patches import Circle
+    from matplotlib.patheffects import withStroke
 
     poses = _poses("state", state, (2, 3))
     parameters = parameters or SceneParameters()
@@ -77,7 +79,12 @@ def scene(
         for vehicle, colour in enumerate(colours):
             axes.plot(driven[:, vehicle, 0], driven[:, vehicle, 1], color=colour, lw=1.6, alpha=0.55)
     for (x, y, psi), colour, name in zip(poses, colours, ("human", "robot"), strict=True):
-        axes.plot(x, y, marker=_arrowhead(psi), ms=36, mfc=colour, mec="none", ls="none", zorder=4, label=name)
+        axes.plot(
+            x, y, marker=_arrowhead(psi), ms=36, mfc=colour, mec="none", ls="none", zorder=4,
+            path_effects=[withStroke(linewidth=1.2, foreground="white")],
+        )
+        # In a legend it points to the right, whatever the heading.
+        axes.plot([], [], marker=_ARROWHEAD, ms=14, mfc=colour, mec="none", ls="none", label=name)
     _metres(axes)
 
 
@@ -129,6 +136,7 @@ def regions(
         Whether to say ε and the area of each set.
     """
     from matplotlib.patches import Polygon
+    from matplotlib.transforms import offset_copy
 
     sets = list(zip(prediction.tubes, prediction.epsilon, prediction.areas_m2, strict=True))
     drawn = []
@@ -137,9 +145,10 @@ def regions(
         drawn.append(axes.add_patch(Polygon(tube, color=colours[j % len(colours)], lw=0, label=label)))
     axes.autoscale_view()
     if legend and sets:
-        # Below, so that it hides nothing.
+        # Below, so that it hides nothing, and as far as the axis's label needs.
         axes.legend(
-            handles=drawn[::-1], fontsize="small", frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.14)
+            handles=drawn[::-1], fontsize="small", frameon=False, loc="upper center", bbox_to_anchor=(0.5, 0),
+            bbox_transform=offset_copy(axes.transAxes, axes.get_figure(), y=-34, units="points"),
         )
     _metres(axes)
 
@@ -199,7 +208,6 @@ def figure1(
     named: dict[str, Artist] = {}
     for axes in panels:
         named |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-    named |= {name: _mark(colour) for name, colour in (("human", HUMAN), ("robot", ROBOT))}
     order = ["human", "robot", "danger zone", "way to the goal"]
     order += [label for label in named if label not in order]
     figure.legend(
@@ -237,7 +245,7 @@ def figure3(
     if len(titles) != len(predictions) or not predictions:
         raise ValueError(f"titles: expected one for each of {len(predictions)} predictions, found {len(titles)}")
     human, robot = _poses("states", states, (2, 3))
-    size = (max(3.2 * len(predictions), 4.2), 5.4)
+    size = (max(3.2 * len(predictions), 5.2), 5.4)
     figure, panels = plt.subplots(1, len(predictions), figsize=size, layout="constrained", squeeze=False)
     for axes, prediction, title in zip(panels[0], predictions, titles, strict=True):
         regions(axes, prediction, colours=colours)
@@ -266,10 +274,14 @@ def figure3(
                 "", beyond, beyond - 0.14 * extent * ahead,
                 arrowprops={"arrowstyle": "-|>", "color": _GREY, "lw": 1.4, "shrinkA": 0, "shrinkB": 0},
             )
-            axes.annotate(
-                f"robot, {distance:.1f} m away", beyond - 0.07 * extent * ahead, (7, 0), textcoords="offset points",
-                color=_GREY, fontsize="small", va="center",
-            )
+            text = f"robot, {distance:.1f} m away"
+            middle = beyond - 0.07 * extent * ahead
+            place = {"textcoords": "offset points", "color": _GREY, "fontsize": "small"}
+            # Along the side on which there is room.
+            if abs(ahead[0]) > 0.7:
+                axes.annotate(text, middle, (0, 8), ha="center", va="bottom", rotation=90, **place)
+            else:
+                axes.annotate(text, middle, (8, 0), ha="left", va="center", **place)
     return figure
 
 
@@ -279,17 +291,8 @@ def _arrowhead(psi: float) -> MarkerStyle:
     from matplotlib.path import Path
     from matplotlib.transforms import Affine2D
 
-    return MarkerStyle(Path([(0, 0), (-1, 0.36), (-0.78, 0), (-1, -0.36), (0, 0)]), transform=Affine2D().rotate(psi))
-
-
-def _mark(colour: str) -> Line2D:
-    """A vehicle's arrowhead for a legend, in the middle of its place."""
-    from matplotlib.lines import Line2D
-    from matplotlib.markers import MarkerStyle
-    from matplotlib.path import Path
-
-    middle = MarkerStyle(Path([(1, 0), (-1, 0.72), (-0.56, 0), (-1, -0.72), (1, 0)]))
-    return Line2D([], [], marker=middle, ms=14, mfc=colour, mec="none", ls="none")
+    outline = Path([(0, 0), (-1, 0.36), (-0.78, 0), (-1, -0.36), (0, 0)])
+    return MarkerStyle(outline, transform=Affine2D().rotate(psi), joinstyle="round")
 
 
 def _alike(panels: Sequence[Axes], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
