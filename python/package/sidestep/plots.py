@@ -136,7 +136,7 @@ def regions(
         Whether to say ε and the area of each set.
     """
     from matplotlib.patches import Polygon
-    from matplotlib.transforms import offset_copy
+    from matplotlib.transforms import ScaledTranslation
 
     sets = list(zip(prediction.tubes, prediction.epsilon, prediction.areas_m2, strict=True))
     drawn = []
@@ -148,7 +148,7 @@ def regions(
         # Below, so that it hides nothing, and as far as the axis's label needs.
         axes.legend(
             handles=drawn[::-1], fontsize="small", frameon=False, loc="upper center", bbox_to_anchor=(0.5, 0),
-            bbox_transform=offset_copy(axes.transAxes, axes.get_figure(), y=-34, units="points"),
+            bbox_transform=axes.transAxes + ScaledTranslation(0, -34 / 72, axes.figure.dpi_scale_trans),
         )
     _metres(axes)
 
