@@ -193,7 +193,7 @@ impl ValueFunction {
     /// Writes the function to a file, which `load`, the command `sidestep` and the laboratory read.
     ///
     /// Values on the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m). So what is read
-    /// again, from a file, a pickle or a copy, is not `==` to what was solved, but to itself, however often.
+    /// again is not `==` to what was solved, but to itself, however often. Pickles and copies are rounded, too.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
         py.detach(|| write(&path, &self.0.encode()))
     }
@@ -230,6 +230,11 @@ impl ValueFunction {
 
 impl ValueFunction {
     fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
+        // The header is an object.
+        if bytes.first() != Some(&b'{') {
+            let expected = "what `ValueFunction.save` writes";
+            return Err(Invalid::new("value function", expected, "other bytes").into());
+        }
         let named = |invalid: Invalid| {
             let already = invalid.field.starts_with("value function");
             if already { invalid } else { invalid.within("value function") }

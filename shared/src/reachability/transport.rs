@@ -47,8 +47,7 @@ enum Header {
 }
 
 impl ValueFunction {
-    /// The bytes in which this function is stored and served; [`Self::decode`] reads them. Values on nodes
-    /// are rounded to about a millimetre, so that what is read differs from what was solved by as much.
+    /// The bytes in which this function is stored and served.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let format = FORMAT.to_owned();
