@@ -247,7 +247,7 @@ impl ValueFunction {
 ///
 /// The grid ends somewhere. If the pursuer is faster, it may win chases that lead beyond the end, which the solver
 /// counts as escapes: V there, and along the way there, is then too large by metres, although `inside` is true and
-/// `unsettled_m` is small. Solve again with twice the `range_m`; where V changes, it was not the range's to tell.
+/// `unsettled_m` is small. Solve again with twice the `range_m`; where V changes, the smaller one was too small.
 ///
 /// Parameters
 /// ----------
