@@ -2,19 +2,20 @@
 
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
-use sidestep::bounds::Rollout;
+use sidestep::bounds::{BoundsSettings, Rollout};
 use sidestep::invalid::Invalid;
-use sidestep::planner::{ClearanceSettings, CoverageBounds};
+use sidestep::planner::{ClearanceSettings, Clearances, CoverageBounds};
 use sidestep::reach::Tolerance;
 use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::{Scores, ShfrsFamily};
-use sidestep::shfrs::window::WindowChoice;
+use sidestep::shfrs::window::{Window, WindowChoice};
 
 use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
+use crate::online::OnlinePredictor;
 use crate::plan::Asked;
 use crate::shfrs::{Shfrs, ShfrsSettings};
 use crate::trajectory::Trajectory;
@@ -78,10 +79,12 @@ impl Calibration {
     ///
     /// Parameters
     /// ----------
-    /// shfrs : Shfrs
+    /// prediction : Shfrs or OnlinePredictor
     ///     Predicted now, with the calibration's model, parameters and choice of actions, and `base` roll-outs.
-    /// plan, radius_m, corners, most_speed_mps, most_turn_rate_radps, accuracy_m
+    /// plan, radius_m, corners, most_speed_mps, most_turn_rate_radps
     ///     As for `Shfrs.clear`.
+    /// accuracy_m : float, optional
+    ///     As for `Shfrs.clear`, 0.02 by default; an `OnlinePredictor` has its own.
     /// delta : float, optional
     ///     How often the bounds of all sets together may fail, in (0, 1); by default that of the calibration.
     ///
@@ -95,28 +98,28 @@ impl Calibration {
     /// ------
     /// ValueError
     ///     If the sets were predicted otherwise, or there is no `delta`; and as for `Shfrs.clear`.
-    #[pyo3(signature = (shfrs, plan, radius_m, *, delta=None, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=0.02))]
+    #[pyo3(signature = (prediction, plan, radius_m, *, delta=None, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=None))]
     #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
     fn collision<'py>(
         &self,
-        shfrs: &Shfrs,
+        prediction: Predicted<'py>,
         plan: &Bound<'py, PyAny>,
         radius_m: f64,
         delta: Option<f64>,
         corners: Option<&Bound<'py, PyAny>>,
         most_speed_mps: Option<f64>,
         most_turn_rate_radps: Option<f64>,
-        accuracy_m: f64,
+        accuracy_m: Option<f64>,
     ) -> Result<CollisionBound, Error> {
-        let predicted = &shfrs.source.settings.bounds;
+        let predicted = prediction.settings();
         for (same, what) in [
-            (shfrs.source.human.same(&self.human), "model and parameters"),
+            (prediction.predicts(&self.human), "model and parameters"),
             (predicted.choice() == self.settings.choice(), "choice of actions"),
             (predicted.rollout() == Rollout::Base, "roll-outs, base"),
         ] {
             if !same {
                 let expected = format!("sets predicted with the calibration's {what}");
-                return Err(Invalid::new("shfrs", expected, "others").into());
+                return Err(Invalid::new("prediction", expected, "others").into());
             }
         }
         let expected = "a number in (0, 1), since the calibration has none";
@@ -133,8 +136,7 @@ impl Calibration {
             steps,
         )?;
         let asked = Asked { plan, radius_m, corners, most_speed_mps, most_turn_rate_radps };
-        let settings = ClearanceSettings::new(accuracy_m)?;
-        let found = bounds.collision(&shfrs.clearances(plan.py(), &asked, settings)?)?;
+        let found = bounds.collision(&prediction.clearances(plan.py(), &asked, accuracy_m)?)?;
         Ok(CollisionBound {
             at_most: found.at_most,
             set: found.set,
@@ -148,9 +150,77 @@ impl Calibration {
     }
 }
 
+/// The sets that a plan is to be clear of.
+#[derive(FromPyObject)]
+pub(crate) enum Predicted<'py> {
+    /// Predicted once.
+    Sets(Bound<'py, Shfrs>),
+    /// Predicted in a loop.
+    Online(Bound<'py, OnlinePredictor>),
+}
+
+impl Predicted<'_> {
+    fn settings(&self) -> &BoundsSettings {
+        match self {
+            Self::Sets(sets) => &sets.get().source.settings.bounds,
+            Self::Online(online) => &online.get().settings,
+        }
+    }
+
+    fn predicts(&self, human: &Human) -> bool {
+        match self {
+            Self::Sets(sets) => sets.get().source.human.same(human),
+            Self::Online(online) => online.get().predicts(human),
+        }
+    }
+
+    fn clearances(
+        &self,
+        py: Python<'_>,
+        asked: &Asked<'_, '_>,
+        accuracy_m: Option<f64>,
+    ) -> Result<Clearances, Error> {
+        match (self, accuracy_m) {
+            (Self::Sets(sets), accuracy_m) => {
+                let settings = ClearanceSettings::new(accuracy_m.unwrap_or(0.02))?;
+                sets.get().clearances(py, asked, settings)
+            }
+            (Self::Online(online), None) => online.get().clearances(py, asked),
+            (Self::Online(_), Some(accuracy_m)) => {
+                let expected = "None, as the OnlinePredictor has its own";
+                Err(Invalid::new("accuracy_m", expected, accuracy_m).into())
+            }
+        }
+    }
+}
+
+/// Refuses fewer windows than the guarantee needs, and says why there are so few.
+fn enough(
+    windows: &[Window<'_>],
+    trajectories: usize,
+    guarantee: Guarantee,
+    p: f64,
+    lack: &str,
+) -> Result<(), Invalid> {
+    let (needed, found) = (guarantee.needed(p)?, windows.len());
+    if found >= needed {
+        return Ok(());
+    }
+    let with = match guarantee {
+        Guarantee::Pac { delta } => format!("delta = {delta}"),
+        _ => "no delta".to_owned(),
+    };
+    let expected = format!("at least {needed} for p = {p} and {with}");
+    let without = trajectories - found;
+    let why =
+        if without == 0 { String::new() } else { format!(": {without} of {trajectories} {lack}") };
+    Err(Invalid::new("trajectories", expected, format!("{found}{why}")))
+}
+
 /// The least ε whose sets hold a share p of trajectories, with a guarantee.
 ///
-/// The model must not have been trained on these trajectories; otherwise there is no guarantee.
+/// Which actions count is not calibrated: the command `sidestep shfrs` and Rust's `tune` choose `k` or `tau`. The
+/// model must not have been trained on these trajectories; otherwise there is no guarantee.
 ///
 /// Parameters
 /// ----------
@@ -205,8 +275,12 @@ pub(crate) fn calibrate(
 
     let trajectories: Vec<_> = trajectories.into_iter().map(|of| of.0).collect();
     let steps = settings.steps();
+    let lack = match chosen {
+        WindowChoice::AvoidanceOnset => format!("have no turn with {steps} steps from it on"),
+        _ => format!("are shorter than {steps} steps"),
+    };
     let windows = chosen.windows(&trajectories, steps).concat();
-    guarantee.enough(windows.len(), p)?;
+    enough(&windows, trajectories.len(), guarantee, p, &lack)?;
     let mut scores = Vec::with_capacity(windows.len());
     for window in &windows {
         py.check_signals()?;

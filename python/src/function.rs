@@ -1,6 +1,7 @@
 //! Value functions as objects: solved, looked at, kept in files.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -11,7 +12,7 @@ use pyo3::types::PyBytes;
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{
-    self, ACCURACIES, CurveSettings, METHODS, Options, Progress, SolveError,
+    self, ACCURACIES, CurveSettings, METHODS, Method, Nodes, Options, Progress, SolveError,
 };
 use sidestep::safety;
 use sidestep::scene::{self, Evader};
@@ -69,8 +70,9 @@ impl ValueFunction {
     /// turns : array of float64, shape (…, 2)
     ///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive.
     /// inside : array of bool, shape (…,)
-    ///     Whether the state is inside the solved grid. Outside, V is the range less the radius, plus the deficit
-    ///     at the nearest point of the grid's boundary.
+    ///     Whether the state is inside the solved grid, `domain`. Outside, V is the range less the radius, plus the
+    ///     deficit at the nearest point of the grid's boundary. Inside, V is that of the grid: for a faster pursuer a
+    ///     larger one may tell otherwise, as `solve` says.
     #[pyo3(signature = (states, *, threads=None))]
     fn state<'py>(
         &self,
@@ -119,7 +121,7 @@ impl ValueFunction {
     /// -------
     /// list of array of float64, shape (n, 2)
     ///     Closed polygons (x, y) in the evader's frame, m, the first vertex not repeated, with the set on their
-    ///     left. None if the set is empty.
+    ///     left. None if the set is empty. A set that leaves the grid, `domain`, is closed along the grid's edge.
     #[pyo3(signature = (psi, level=0.0, *, flatness_m=0.01, spacing_m=0.15))]
     fn level_curves<'py>(
         &self,
@@ -163,15 +165,35 @@ impl ValueFunction {
         }
     }
 
-    /// How much V still changed when the solver stopped without converging, m; `None` if it converged.
+    /// How much V still changed when the solver stopped without converging, m; `None` if it converged or the horizon
+    /// is finite. It is no bound on the error: the difference from the converged value is not known, and in a chase it
+    /// can be much larger. For a faster pursuer V depends on the range of the grid besides, as `solve` says.
     #[getter]
     fn unsettled_m(&self) -> Option<f64> {
         self.0.unsettled_m()
     }
 
+    /// Where the solver's grid is: the lowest and the highest value of its coordinates, m.
+    ///
+    /// `{"range": (0.0, …)}` in polar coordinates, `{"x": (…, …), "y": (…, …)}` for a rectangular grid, in the
+    /// evader's frame; headings go all the way round. `None` for the closed form, which holds everywhere.
+    #[getter]
+    fn domain(&self) -> Option<BTreeMap<&'static str, (f64, f64)>> {
+        let reachability::ValueFunction::Sampled(sampled) = &self.0 else {
+            return None;
+        };
+        Some(match sampled.nodes() {
+            Nodes::Polar { range_m, .. } => BTreeMap::from([("range", (0.0, range_m))]),
+            Nodes::Cartesian { x, y, .. } => {
+                BTreeMap::from([("x", (x.low, x.high)), ("y", (y.low, y.high))])
+            }
+        })
+    }
+
     /// Writes the function to a file, which `load`, the command `sidestep` and the laboratory read.
     ///
-    /// Values on the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m).
+    /// Values on the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m). So what is read
+    /// again is not `==` to what was solved, but to itself, however often. Pickles and copies are rounded, too.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
         py.detach(|| write(&path, &self.0.encode()))
     }
@@ -208,12 +230,24 @@ impl ValueFunction {
 
 impl ValueFunction {
     fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
-        let function = reachability::ValueFunction::decode(bytes);
-        Ok(Self(function.map_err(|invalid| invalid.within("value function"))?))
+        // The header is an object.
+        if bytes.first() != Some(&b'{') {
+            let expected = "what `ValueFunction.save` writes";
+            return Err(Invalid::new("value function", expected, "other bytes").into());
+        }
+        let named = |invalid: Invalid| {
+            let already = invalid.field.starts_with("value function");
+            if already { invalid } else { invalid.within("value function") }
+        };
+        Ok(Self(reachability::ValueFunction::decode(bytes).map_err(named)?))
     }
 }
 
 /// Finds the value function of a game. Ctrl-C ends it.
+///
+/// The grid ends somewhere. If the pursuer is faster, it may win chases that lead beyond the end, which the solver
+/// counts as escapes: V there, and along the way there, is then too large by metres, although `inside` is true and
+/// `unsettled_m` is small. Solve again with twice the `range_m`; where V changes, the smaller one was too small.
 ///
 /// Parameters
 /// ----------
@@ -224,24 +258,30 @@ impl ValueFunction {
 ///     The best one by default: the closed form for identical vehicles and an infinite horizon, else polar
 ///     coordinates.
 /// accuracy : {"draft", "standard", "fine"}
-///     The size of the grid.
+///     The number of nodes of the grid.
+/// range_m : float, optional
+///     The largest range of the polar method, above the radius, m; `ValueFunction.domain` says which was chosen. A
+///     larger one has as many nodes, farther apart.
 /// threads : int, optional
 ///     Threads for a finite horizon or the Cartesian method; all of the machine by default.
 /// progress : callable, optional
 ///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and the
-///     largest change of V per second. An exception that it raises ends the solve.
+///     largest change of V per second. For a finite horizon the residual says nothing about accuracy. An exception
+///     that it raises ends the solve.
 ///
 /// Returns
 /// -------
 /// ValueFunction
 #[pyfunction]
-#[pyo3(signature = (game, horizon_s=f64::INFINITY, method=None, *, accuracy="standard", threads=None, progress=None))]
+#[pyo3(signature = (game, horizon_s=f64::INFINITY, method=None, *, accuracy="standard", range_m=None, threads=None, progress=None))]
+#[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
 pub(crate) fn solve(
     py: Python<'_>,
     game: &PursuitGame,
     horizon_s: f64,
     method: Option<&str>,
     accuracy: &str,
+    range_m: Option<f64>,
     threads: Option<i64>,
     progress: Option<Py<PyAny>>,
 ) -> Result<ValueFunction, Error> {
@@ -249,8 +289,14 @@ pub(crate) fn solve(
         .with_method(method.map(|method| named("method", METHODS, method)).transpose()?)
         .with_accuracy(named("accuracy", ACCURACIES, accuracy)?)
         .with_horizon(horizon_s)
+        .with_range(range_m)
         .with_threads(checked(threads)?);
     let game = game.0;
+    let chosen = options.method_for(&game)?;
+    if let (Some(range_m), Method::Exact | Method::Cartesian) = (range_m, chosen) {
+        let expected = format!("None with the method {}, or the method polar", chosen.name());
+        return Err(Invalid::new("range_m", expected, range_m).into());
+    }
     let solved =
         watched(py, progress.as_ref(), |report| reachability::solve(game, &options, report))?;
     Ok(ValueFunction(solved.function))

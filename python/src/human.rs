@@ -16,6 +16,8 @@ use crate::predictor::Predictor;
 
 /// A model of your own: a function that says how likely each action of the human is.
 ///
+/// Not for `OnlinePredictor`; `Predictor.constant` and `sidestep.from_sklearn` make models for it.
+///
 /// Parameters
 /// ----------
 /// actions : array of float64, shape (n,)
@@ -108,6 +110,16 @@ impl Human {
             Kept::Own(model) => G::Own(model.get()),
         };
         Ok(Learned { model, raised: Mutex::new(None) })
+    }
+
+    /// Whether it is the human of these parameters, as this predictor predicts it.
+    pub(crate) fn predicted_by(
+        &self,
+        predictor: &Predictor,
+        parameters: &scene::SceneParameters,
+    ) -> bool {
+        let model = matches!(&self.model, Kept::Trained(own, _) if own.get() == predictor);
+        model && self.parameters == *parameters
     }
 
     /// Whether both have the same model and parameters.

@@ -51,6 +51,8 @@ mod native {
     #[pymodule_export]
     use crate::online::OnlinePredictor;
     #[pymodule_export]
+    use crate::plan::{drive_all, largest_clear};
+    #[pymodule_export]
     use crate::predictor::{Predictor, features};
     #[pymodule_export]
     use crate::reach::{ReachableSet, reach_all};

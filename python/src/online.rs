@@ -3,18 +3,21 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use pyo3::prelude::*;
-use sidestep::bounds::InputBounds;
+use sidestep::bounds::{BoundsSettings, InputBounds};
 use sidestep::invalid::Invalid;
-use sidestep::planner::{self, ClearanceSettings, Continuity};
+use sidestep::planner::{self, ClearanceSettings, Clearances, Continuity};
+use sidestep::reach;
 use sidestep::scene::{self, JointState};
 
 use crate::arrays::{Array, Numbers, numbers, states_array, wrong_shape};
 use crate::bounds::stacked;
 use crate::error::Error;
 use crate::function::{SafetyLevels, levels};
+use crate::human::{Human, Model};
 use crate::plan::{Asked, proved};
 use crate::predictor::Predictor;
-use crate::shfrs::ShfrsSettings;
+use crate::reach::ReachableSet;
+use crate::shfrs::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
 
 /// Predicts a human in a robot's loop: push each new state, then predict, then ask whether plans are clear. It draws
@@ -23,9 +26,9 @@ use crate::vehicles::SceneParameters;
 /// Parameters
 /// ----------
 /// model : Predictor
-///     Its features look back a fixed number of steps.
+///     Its features look back a fixed number of steps. For an `ActionModel` use `ShfrsPredictor`.
 /// settings : ShfrsSettings, optional
-///     The paper's (Figure 3, left) by default, or those of a `Calibration`.
+///     Those of a `Calibration`, for instance; by default as for `ShfrsPredictor`.
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
@@ -34,6 +37,8 @@ use crate::vehicles::SceneParameters;
 ///     How far a clearance may be below the true one, m; 10⁻⁴ to 10.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct OnlinePredictor {
+    model: Py<Predictor>,
+    pub(crate) settings: BoundsSettings,
     parameters: scene::SceneParameters,
     online: Mutex<planner::OnlinePredictor>,
 }
@@ -43,24 +48,29 @@ impl OnlinePredictor {
     #[new]
     #[pyo3(signature = (model, settings=None, *, parameters=None, safety=None, accuracy_m=0.02))]
     fn new(
-        model: &Predictor,
+        model: Model<'_>,
         settings: Option<ShfrsSettings>,
         parameters: Option<SceneParameters>,
         safety: Option<SafetyLevels>,
         accuracy_m: f64,
     ) -> Result<Self, Error> {
+        let Model::Trained(model) = model else {
+            let expected = "a Predictor; use ShfrsPredictor for an ActionModel";
+            return Err(Invalid::new("model", expected, "an ActionModel").into());
+        };
         let parameters = parameters.unwrap_or_default().0;
-        let predictor = model.of_turns()?;
+        let predictor = model.get().of_turns()?;
         let safety = levels(predictor.features(), &parameters, safety)?;
         let actions = predictor.classes().len();
         let settings = match settings {
             Some(settings) => settings.bounds(actions)?,
-            None => sidestep::shfrs::ShfrsSettings::paper(actions)?.bounds,
+            None => usual(actions, &parameters)?.bounds,
         };
-        let online = planner::OnlinePredictor::new(predictor.clone(), safety, parameters, settings)
+        let kept = settings.clone();
+        let online = planner::OnlinePredictor::new(predictor.clone(), safety, parameters, kept)
             .map_err(|invalid| invalid.within("model"))?
             .with_clearance(ClearanceSettings::new(accuracy_m)?);
-        Ok(Self { parameters, online: Mutex::new(online) })
+        Ok(Self { model: model.unbind(), settings, parameters, online: Mutex::new(online) })
     }
 
     /// Appends the state one step after the last one.
@@ -119,6 +129,29 @@ impl OnlinePredictor {
         stacked(py, sets.iter())
     }
 
+    /// Predicts as `predict` does, and gives the sets under these bounds: where the human of the parameters, who is
+    /// now where the last state says, can be at their speed and with their steps.
+    ///
+    /// Returns
+    /// -------
+    /// list of ReachableSet
+    ///     m sets F_1 ⊆ F_2 ⊆ …
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     As for `predict`.
+    fn sets(&self, py: Python<'_>) -> Result<Vec<ReachableSet>, Error> {
+        let (now, sets) = py.detach(|| {
+            let mut online = self.lock();
+            let sets = online.predict()?.to_vec();
+            present(&online).map(|now| (now.human, sets))
+        })?;
+        let (speed_mps, step_s) = (self.parameters.human.speed_mps, self.parameters.step_s);
+        let set = |bounds| reach::ReachableSet::new(now, bounds, speed_mps, step_s);
+        Ok(sets.iter().map(|bounds| set(bounds).map(ReachableSet)).collect::<Result<_, _>>()?)
+    }
+
     /// How far a plan that begins now stays clear of where the human may be.
     ///
     /// Parameters
@@ -144,15 +177,8 @@ impl OnlinePredictor {
         most_speed_mps: Option<f64>,
         most_turn_rate_radps: Option<f64>,
     ) -> Result<Array<'py>, Error> {
-        let py = plan.py();
         let asked = Asked { plan, radius_m, corners, most_speed_mps, most_turn_rate_radps };
-        let now = py.detach(|| self.lock().history().last().map(|state| state.robot));
-        let Some(now) = now else {
-            return Err(Invalid::new("history", "at least one state", "none").into());
-        };
-        let planned = asked.check(now, &self.parameters)?;
-        let found = py.detach(|| self.lock().clear(&planned.plan, &planned.footprint).cloned())?;
-        Ok(proved(py, &found)?)
+        Ok(proved(plan.py(), &self.clearances(plan.py(), &asked)?)?)
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
@@ -162,8 +188,31 @@ impl OnlinePredictor {
 }
 
 impl OnlinePredictor {
+    /// The clearance of a plan from each set.
+    pub(crate) fn clearances(
+        &self,
+        py: Python<'_>,
+        asked: &Asked<'_, '_>,
+    ) -> Result<Clearances, Error> {
+        let now = py.detach(|| present(&self.lock()))?;
+        let planned = asked.check(now.robot, &self.parameters)?;
+        let clear = || self.lock().clear(&planned.plan, &planned.footprint).cloned();
+        Ok(py.detach(clear)?)
+    }
+
+    /// Whether it predicts this human.
+    pub(crate) fn predicts(&self, human: &Human) -> bool {
+        human.predicted_by(self.model.get(), &self.parameters)
+    }
+
     /// Only while the interpreter is released: whoever holds the lock may be waiting for it.
     fn lock(&self) -> MutexGuard<'_, planner::OnlinePredictor> {
         self.online.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// The state that was pushed last.
+fn present(online: &planner::OnlinePredictor) -> Result<JointState, Invalid> {
+    let last = online.history().last().copied();
+    last.ok_or_else(|| Invalid::new("history", "at least one state", "none"))
 }

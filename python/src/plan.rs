@@ -2,14 +2,15 @@
 
 use pyo3::prelude::*;
 use sidestep::bounds::InputBounds;
-use sidestep::invalid::Invalid;
+use sidestep::invalid::{Invalid, positive};
+use sidestep::math::PI;
 use sidestep::planner::{
     ClearanceFinder, ClearanceSettings, Clearances, Footprint, HumanFuture, Plan, PlanLimits,
 };
 use sidestep::scene;
-use sidestep::vehicle::Pose;
+use sidestep::vehicle::{Pose, dubins};
 
-use crate::arrays::{Array, poses, rows, shaped, wrong_shape};
+use crate::arrays::{Array, Numbers, numbers, place, pose, poses, rows, shaped, wrong_shape};
 use crate::error::Error;
 
 /// A plan, as methods take it.
@@ -106,4 +107,94 @@ pub(crate) fn proved<'py>(py: Python<'py>, found: &Clearances) -> PyResult<Array
     let sets = (0..found.sets()).flat_map(|set| found.by_step(set));
     let all = sets.map(|clearance| clearance.at_least_m).collect();
     shaped(py, all, &[found.sets(), found.steps()])
+}
+
+/// The plan of a robot that holds a speed and a turn rate in each step, for `Shfrs.clear` and the like.
+///
+/// Parameters
+/// ----------
+/// start : array of float64, shape (3,)
+///     The robot's pose (x, y, ψ) now, world frame, m, m, rad.
+/// speed_mps : float, or array of float64 of the shape of `turn_rates`
+///     Speed in each step, m/s; negative: backward.
+/// turn_rates : array of float64, shape (…, T), T ≥ 1
+///     Turn rate in each step, rad/s, left positive; at most half a turn a step.
+/// step_s : float
+///     Length of a step > 0, s, as in the parameters of the prediction.
+///
+/// Returns
+/// -------
+/// array of float64, shape (…, T, 3)
+///     The poses (x, y, ψ) after steps 1 … T, without the present one, world frame, m, m, rad in (−π, π].
+#[pyfunction]
+#[pyo3(name = "drive")]
+pub(crate) fn drive_all<'py>(
+    start: &Bound<'py, PyAny>,
+    speed_mps: &Bound<'py, PyAny>,
+    turn_rates: &Bound<'py, PyAny>,
+    step_s: f64,
+) -> Result<Array<'py>, Error> {
+    let py = start.py();
+    let start = pose("start", start)?;
+    let step_s = positive("step_s", step_s)?;
+    let Numbers { shape, values: rates } = numbers("turn_rates", "(…, T)", turn_rates)?;
+    let steps = shape.last().copied().filter(|&steps| steps > 0);
+    let steps = steps.ok_or_else(|| wrong_shape("turn_rates", "(…, T) with T ≥ 1", &shape))?;
+    let speeds = numbers("speed_mps", "of turn_rates, or a number", speed_mps)?;
+    let speeds = match speeds.values[..] {
+        [speed] if speeds.shape.is_empty() => vec![speed; rates.len()],
+        _ if speeds.shape == shape => speeds.values,
+        _ => {
+            let expected = format!("{shape:?} as turn_rates has, or a number");
+            return Err(wrong_shape("speed_mps", &expected, &speeds.shape));
+        }
+    };
+    let mut found = Vec::with_capacity(3 * rates.len());
+    let mut at = start;
+    for (i, (&speed, &rate)) in speeds.iter().zip(&rates).enumerate() {
+        if i % steps == 0 {
+            at = start;
+        }
+        if (rate * step_s).abs() > PI {
+            let expected = format!("at most half a turn in a step of {step_s} s");
+            return Err(Invalid::new(place("turn_rates", i, &shape), expected, rate).into());
+        }
+        at = dubins::arc(at, speed, rate, step_s);
+        at.check().map_err(|invalid| {
+            invalid.within(&format!("the pose after {}", place("turn_rates", i, &shape)))
+        })?;
+        found.extend([at.x, at.y, at.psi]);
+    }
+    Ok(shaped(py, found, &[&shape[..], &[3]].concat())?)
+}
+
+/// The largest set of which a plan is clear throughout; it is clear of all smaller ones, too.
+///
+/// Parameters
+/// ----------
+/// clearances : array of float64, shape (m, T)
+///     As `Shfrs.clear` and `OnlinePredictor.clear` return them, m: for each set, the smallest first, and each step.
+/// margin_m : float
+///     By more than this, m, ≥ 0.
+///
+/// Returns
+/// -------
+/// int or None
+///     Counted from 0, as in `Shfrs.sets`; `None` if the human may come nearer even within the smallest.
+#[pyfunction]
+#[pyo3(signature = (clearances, margin_m=0.0))]
+pub(crate) fn largest_clear(
+    clearances: &Bound<'_, PyAny>,
+    margin_m: f64,
+) -> Result<Option<usize>, Error> {
+    let Numbers { shape, values } = numbers("clearances", "(m, T)", clearances)?;
+    let steps = match shape[..] {
+        [_, steps] if steps > 0 => steps,
+        _ => return Err(wrong_shape("clearances", "(m, T) with T ≥ 1", &shape)),
+    };
+    if !(margin_m.is_finite() && margin_m >= 0.0) {
+        return Err(Invalid::new("margin_m", "a finite number ≥ 0", margin_m).into());
+    }
+    let clear = |set: &[f64]| set.iter().all(|&clearance_m| clearance_m > margin_m);
+    Ok(values.chunks_exact(steps).rposition(clear))
 }

@@ -9,7 +9,7 @@ use sidestep::features::{FEATURES, FeatureSet};
 use sidestep::invalid::Invalid;
 use sidestep::predict::{self, PredictorFile};
 
-use crate::arrays::{Array, joint_states, matrix, shaped};
+use crate::arrays::{Array, joint_states, list, matrix, shaped};
 use crate::error::Error;
 use crate::files::{read, write};
 use crate::function::{SafetyLevels, levels};
@@ -18,7 +18,7 @@ use crate::vehicles::SceneParameters;
 /// A trained model with its features: a probability for each class.
 ///
 /// `Predictor.load` reads a predictor.json, which `sidestep analyze` and `save` write; `sidestep.from_sklearn` makes
-/// one of an estimator.
+/// one of an estimator, and `Predictor.constant` one that looks at nothing.
 #[pyclass(frozen, eq, module = "sidestep")]
 #[derive(PartialEq)]
 pub(crate) struct Predictor {
@@ -51,6 +51,44 @@ impl Predictor {
         Ok(Self { predictor, experiment })
     }
 
+    /// The predictor that gives the same probabilities in every state.
+    ///
+    /// Parameters
+    /// ----------
+    /// classes : list of int
+    ///     Rising, −128 to 127: −1 right, 0 straight, 1 left; others only with `actions`.
+    /// probabilities : array of float64, shape (classes,)
+    ///     Of each class, 0 to 1, summing to 1.
+    /// actions : array of float64, shape (classes,), optional
+    ///     The turn rate of each class, rad/s, left positive, rising; by default each class times the human's turn
+    ///     rate.
+    ///
+    /// Returns
+    /// -------
+    /// Predictor
+    #[staticmethod]
+    #[pyo3(signature = (classes, probabilities, *, actions=None))]
+    fn constant(
+        classes: Vec<i64>,
+        probabilities: &Bound<'_, PyAny>,
+        actions: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let small = |(i, class): (usize, i64)| {
+            let expected = "a whole number from -128 to 127";
+            i8::try_from(class).map_err(|_| Invalid::new(format!("classes[{i}]"), expected, class))
+        };
+        let classes = classes.into_iter().enumerate().map(small).collect::<Result<_, _>>()?;
+        let probabilities = list("probabilities", probabilities)?;
+        let mut predictor =
+            predict::Predictor::constant(FeatureSet::none(), classes, probabilities)?;
+        if let Some(actions) = actions {
+            predictor = predictor.with_actions(list("actions", actions)?)?;
+        }
+        // What a file may not hold is no predictor.
+        let predictor = PredictorFile::from(&predictor).try_into()?;
+        Ok(Self { predictor, experiment: None })
+    }
+
     /// Writes predictor.json.
     fn save(&self, path: PathBuf) -> Result<(), Error> {
         write(&path, self.to_json()?.as_bytes())
@@ -76,7 +114,8 @@ impl Predictor {
         self.predictor.classes().iter().copied().map(i64::from).collect()
     }
 
-    /// The turn rate of each class, rad/s, if they were given.
+    /// The turn rate of each class, rad/s, left positive, if they were given; otherwise each class, −1, 0 or 1, is
+    /// taken times the turn rate of the human of the parameters.
     #[getter]
     fn actions(&self) -> Option<Vec<f64>> {
         self.predictor.actions().map(<[f64]>::to_vec)

@@ -20,9 +20,9 @@ use crate::error::Error;
 /// lo, hi : array of float64, shape (T,), 1 ≤ T ≤ 100
 ///     Lowest and highest turn rate of each step, rad/s, left positive; at most half a turn a step.
 /// speed_mps : float
-///     > 0, m/s; a step is at most 100 m.
+///     > 0, m/s; a step is at most 100 m. The paper's by default.
 /// step_s : float
-///     Length of a step > 0, s.
+///     Length of a step > 0, s; the paper's by default.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ReachableSet(pub(crate) reach::ReachableSet);
 
@@ -194,6 +194,9 @@ impl ReachableSet {
 
 /// The reachable set of each of m sets of bounds, as `bounds` returns them.
 ///
+/// Speed and step are those of the paper unless they are given, whatever the parameters that the bounds came from.
+/// `Shfrs.sets` and `OnlinePredictor.sets` have the sets of a prediction with its own.
+///
 /// Parameters
 /// ----------
 /// start : array of float64, shape (3,)
@@ -201,9 +204,9 @@ impl ReachableSet {
 /// lo, hi : array of float64, shape (m, T), 1 ≤ T ≤ 100
 ///     Lowest and highest turn rate of each step, rad/s, left positive.
 /// speed_mps : float
-///     m/s; a step is at most 100 m.
+///     m/s; a step is at most 100 m. The paper's by default.
 /// step_s : float
-///     Length of a step, s.
+///     Length of a step, s; the paper's by default.
 ///
 /// Returns
 /// -------

@@ -4,11 +4,11 @@ use std::sync::{Arc, Mutex};
 
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
-use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout};
-use sidestep::invalid::Invalid;
+use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout, in_proportion};
+use sidestep::invalid::{Invalid, positive};
 use sidestep::planner::{ClearanceSettings, Clearances};
 use sidestep::reach::ReachableSet as Reachable;
-use sidestep::scene::JointState;
+use sidestep::scene::{self, JointState};
 use sidestep::shfrs;
 use sidestep::shfrs::file::PRESETS;
 
@@ -23,11 +23,14 @@ use crate::vehicles::SceneParameters;
 
 /// How sets are predicted and drawn.
 ///
+/// `calibrate` finds an ε for a choice of actions. The choice itself, `k` or `tau`, is tuned by the command
+/// `sidestep shfrs` and by Rust's `tune`.
+///
 /// Parameters
 /// ----------
 /// epsilon : array of float64, shape (m,)
-///     By how much each set widens the bounds, rad/s, rising from ≥ 0. A last one of twice the turn rate admits
-///     everything.
+///     By how much each set widens the bounds, rad/s, rising from ≥ 0. A last one of twice the human's turn rate
+///     admits everything.
 /// k : list of int, optional
 ///     How many of the likeliest actions count at each coming step.
 /// tau, steps : float and int, optional
@@ -69,12 +72,15 @@ impl ShfrsSettings {
         Ok(settings)
     }
 
-    /// The paper's settings of Figure 3, for three actions and a human of 0.5 rad/s.
+    /// The paper's settings of Figure 3, for three actions.
     ///
     /// Parameters
     /// ----------
     /// figure : {"left", "middle", "right"}
     ///     Which part of the figure.
+    /// turn_rate_radps : float
+    ///     The human's turn rate > 0, rad/s, that of the paper by default. The ε are as wide in proportion to it, so
+    ///     that the last one, twice as much, admits everything.
     /// by_step : bool
     ///     Whether to draw the positions after each step too.
     ///
@@ -82,15 +88,16 @@ impl ShfrsSettings {
     /// -------
     /// ShfrsSettings
     #[staticmethod]
-    #[pyo3(signature = (figure="left", *, by_step=false))]
-    fn paper(figure: &str, by_step: bool) -> Result<Self, Error> {
+    #[pyo3(signature = (figure="left", *, turn_rate_radps=0.5, by_step=false))]
+    fn paper(figure: &str, turn_rate_radps: f64, by_step: bool) -> Result<Self, Error> {
+        let turn_rate_radps = positive("turn_rate_radps", turn_rate_radps)?;
         let preset =
             PRESETS.iter().find(|preset| preset.name.ends_with(figure) && !figure.is_empty());
         let preset =
             preset.ok_or_else(|| Invalid::new("figure", "left, middle or right", figure))?;
         let bounds = preset.settings(3).settings(3)?;
         Ok(Self {
-            epsilon: bounds.epsilon().to_vec(),
+            epsilon: in_proportion(bounds.epsilon(), turn_rate_radps),
             choice: bounds.choice().clone(),
             rollout: bounds.rollout(),
             accuracy_m: 1e-3,
@@ -151,6 +158,18 @@ impl ShfrsSettings {
     pub(crate) fn with(&self, epsilon: Vec<f64>) -> Self {
         Self { epsilon, rollout: Rollout::Base, ..self.clone() }
     }
+}
+
+/// The paper's settings for a model of so many actions and the human of these parameters.
+pub(crate) fn usual(
+    actions: usize,
+    parameters: &scene::SceneParameters,
+) -> Result<shfrs::ShfrsSettings, Invalid> {
+    let paper = shfrs::ShfrsSettings::paper(actions)?;
+    let bounds = &paper.bounds;
+    let epsilon = in_proportion(bounds.epsilon(), parameters.human.turn_rate_radps);
+    let bounds = BoundsSettings::new(epsilon, bounds.choice().clone(), bounds.rollout(), actions)?;
+    Ok(paper.with_bounds(bounds))
 }
 
 /// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far. They own their memory.
@@ -251,8 +270,9 @@ impl Shfrs {
     /// Parameters
     /// ----------
     /// plan : array of float64, shape (T, 3)
-    ///     The robot's poses (x, y, ψ) after steps 1 … T, world frame, m, m, rad. It is now where the last state of the
-    ///     history says.
+    ///     The robot's poses (x, y, ψ) after steps 1 … T, as `drive` makes them, world frame, m, m, rad. The present
+    ///     pose is not among them: the robot is now where the last state of the history says. (Rust's `Plan` begins
+    ///     with it.)
     /// radius_m : float
     ///     Of a disc around the robot's position, m, 0 to 10⁴; with `corners`, how far the robot extends beyond them.
     /// corners : array of float64, shape (n, 2), optional
@@ -267,6 +287,7 @@ impl Shfrs {
     /// -------
     /// array of float64, shape (m, T)
     ///     For each set and step: nobody who drives within the set comes nearer to the robot, m. At ≤ 0 they may touch.
+    ///     `largest_clear` takes it.
     ///
     /// Raises
     /// ------
@@ -324,7 +345,7 @@ impl Shfrs {
 /// model : Predictor or ActionModel
 ///     How likely each action of the human is.
 /// settings : ShfrsSettings, optional
-///     The paper's (Figure 3, left) by default.
+///     The paper's (Figure 3, left) by default, with ε in proportion to the human's turn rate.
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
@@ -348,7 +369,7 @@ impl ShfrsPredictor {
     ) -> Result<Self, Error> {
         let human = Human::new(model, &parameters.unwrap_or_default().0, safety)?;
         let settings = match settings {
-            None => shfrs::ShfrsSettings::paper(human.actions())?,
+            None => usual(human.actions(), &human.parameters)?,
             Some(given) => shfrs::ShfrsSettings::new(given.bounds(human.actions())?)
                 .with_polygon(drawn(given.accuracy_m, false)?)
                 .with_by_step(given.by_step),

@@ -69,7 +69,8 @@ impl Solution {
         self.solved.march().2
     }
 
-    /// The largest change of V per second at the end.
+    /// The largest change of V per second at the end. It tells whether V has settled, and after a finite time says
+    /// nothing about accuracy.
     #[getter]
     fn residual(&self) -> f64 {
         self.solved.march().3

@@ -78,6 +78,50 @@ def test_a_function_survives_its_file_and_pickle(paper, solved, tmp_path, rng):
         assert pickle.loads(pickle.dumps(loaded)) == loaded
 
 
+def test_what_is_read_again_is_rounded_once(solved, tmp_path):
+    path = tmp_path / "function.value"
+    solved.save(path)
+    again = sidestep.ValueFunction.load(path)
+    again.save(path)
+    assert again != solved and sidestep.ValueFunction.load(path) == again
+
+
+def test_a_grid_ends_where_it_says(paper, solved, unequal):
+    assert sidestep.solve(paper).domain is None
+    (name, (low, high)), = solved.domain.items()
+    assert (name, low) == ("range", 0.0)
+    assert solved.state([0.999 * high, 0, 1])[3] and not solved.state([1.001 * high, 0, 1])[3]
+    grid = sidestep.solve(unequal, 0.5, "cartesian", accuracy="draft")
+    ends = np.array([grid.domain["x"], grid.domain["y"]])
+    middle = ends.mean(axis=1)
+    for axis in range(2):
+        for side in range(2):
+            for scale, inside in ((0.999, True), (1.001, False)):
+                state = np.append(middle, 1.0)
+                state[axis] += scale * (ends[axis, side] - middle[axis])
+                assert grid.state(state)[3] == inside
+
+
+def test_a_faster_pursuer_depends_on_the_range():
+    """What the documentation warns of: the pursuer turns round beyond a grid that is too small, and comes back."""
+    quick = sidestep.PursuitGame(sidestep.VehicleModel(2.0, 1.0), sidestep.VehicleModel(2.5, 0.4), 3.0)
+    small, large = (sidestep.solve(quick, accuracy="draft", range_m=range_m) for range_m in (None, 240.0))
+    assert large.domain == {"range": (0.0, 240.0)} and small.domain["range"][1] < 70
+    state = [-50.0, 0.0, np.pi]
+    assert small.state(state)[3] and small.unsettled_m < 0.01
+    assert small.value(state) > 5 and large.value(state) < -0.5
+
+
+def test_a_range_is_that_of_the_polar_method(paper, unequal):
+    for call, complaint in (
+        (lambda: sidestep.solve(paper, range_m=50.0), "range_m: expected None with the method exact, or .* polar, found 50"),
+        (lambda: sidestep.solve(unequal, 1.0, "cartesian", range_m=50.0), "range_m: expected None with the method cartesian"),
+        (lambda: sidestep.solve(unequal, range_m=2.0), "range_m: expected above the radius 3, found 2"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            call()
+
+
 def test_what_is_no_function_is_refused(solved, tmp_path):
     path = tmp_path / "function.value"
     with pytest.raises(FileNotFoundError, match=r"function\.value"):
@@ -87,7 +131,7 @@ def test_what_is_no_function_is_refused(solved, tmp_path):
     solved.save(path)
     whole = path.read_bytes()
     newer = whole.replace(b"sidestep-value-function/1", b"sidestep-value-function/2")
-    for broken, expected in ((b"", "found"), (whole[:-5], "bytes"), (newer, "expected sidestep-value-function/1")):
+    for broken, expected in ((b"", "found"), (b"no", ": expected what `ValueFunction.save` writes, found other bytes"), (whole[:-5], "bytes"), (newer, "expected sidestep-value-function/1")):
         path.write_bytes(broken)
         with pytest.raises(ValueError, match=f"value function.*{expected}"):
             sidestep.ValueFunction.load(path)

@@ -38,6 +38,7 @@ def test_a_notebook_runs(path):
             assert text.count("5.33]") == 3
         case "table1":
             (table,) = contents["text/html"]
+            assert len(contents["image/png"]) == 1 and "accuracy (%)" in table
             assert table.count("<td>") == 6 * 7 and "nan" not in table.lower()
             assert "Shfrs(areas_m2=[" in text
         case other:

@@ -22,6 +22,14 @@ def test_figure_1_shows_the_level_sets_around_the_vehicles(people):
     beginning, later, levels = figure.axes
     assert later.get_title() == "after 4 s"
     assert len(beginning.patches) == len(levels.patches) == 1
+    # The same part of the plane in all, with every vehicle and outline.
+    assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in figure.axes}) == 1
+    low, high = np.transpose([levels.get_xlim(), levels.get_ylim()])
+    shown = np.vstack([trajectory.states[[0, 20], :, :2].reshape(-1, 2), *(line.get_xydata() for line in levels.lines)])
+    assert (low < shown).all() and (shown < high).all()
+    (legend,) = figure.legends
+    named = [text.get_text() for text in legend.get_texts()]
+    assert named == ["human", "robot", "danger zone", "way to the goal", "$V_{HR} = 0$", "$V_{RH} = 0$"]
     outlines = {line.get_label(): line.get_xydata() for line in levels.lines if "V_" in line.get_label()}
     assert set(outlines) == {"$V_{HR} = 0$", "$V_{RH} = 0$"}
     car = sidestep.VehicleModel(2.0, 0.5)
@@ -47,7 +55,22 @@ def test_figure_3_shows_the_regions(people):
         # The largest first, so that the smaller ones remain to be seen.
         np.testing.assert_allclose(drawn[::-1], prediction.areas_m2, rtol=1e-9)
         assert axes.get_legend().get_texts()[0].get_text().startswith("$F_{1}$: ε = ")
+    assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in figure.axes}) == 1
+    distance = np.hypot(*(states[-1, 0, :2] - states[-1, 1, :2]))
+    assert f"robot, {distance:.1f} m away" in [text.get_text() for text in figure.axes[0].texts]
     figure.canvas.draw()
+
+
+def test_an_arrowhead_is_where_the_vehicle_is_and_points_ahead():
+    axes = plt.figure().subplots()
+    plots.scene(axes, [[1.0, 2.0, np.pi / 2], [5.0, 3.0, np.pi]])
+    drawn = [line for line in axes.lines if len(line.get_xdata())]
+    for line, place, behind in zip(drawn, ([1.0, 2.0], [5.0, 3.0]), ([0, -1], [1, 0]), strict=True):
+        np.testing.assert_array_equal(line.get_xydata(), [place])
+        marker = line._marker
+        outline = marker.get_transform().transform_path(marker.get_path()).vertices
+        # The tip is the origin; all else is behind it.
+        assert np.abs(outline[0]).max() < 1e-12 and (outline[1:4] @ behind > 0).all()
 
 
 def test_refusals_name_the_argument(people):

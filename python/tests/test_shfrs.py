@@ -108,7 +108,7 @@ def test_calibration_is_the_rank_that_it_says(people):
     np.testing.assert_array_equal(found.settings.epsilon, [found.epsilon, 1.0])
     sure = sidestep.calibrate(trajectories, model, settings, p=0.8, delta=0.1, seed=5)
     assert sure.epsilon >= found.epsilon
-    with pytest.raises(ValueError, match=r"calibration trajectories: expected at least 59 for p = 0\.95"):
+    with pytest.raises(ValueError, match=r"trajectories: expected at least 59 for p = 0\.95 and delta = 0\.05, found 36$"):
         sidestep.calibrate(trajectories, model, settings, p=0.95)
 
 
@@ -225,11 +225,11 @@ def test_a_collision_bound_is_that_of_clopper_and_pearson(people):
     paper = sidestep.ShfrsSettings([0.0, 0.3, 1.0], [1] * 10, rollout="paper")
     average = sidestep.calibrate(trajectories, STRAIGHT, settings, p=0.8, delta=None, seed=5)
     for call, complaint in (
-        (lambda: calibration.collision(other, crossing(0.0), 0.6), "shfrs: .*choice of actions, found others"),
-        (lambda: calibration.collision(model, crossing(0.0), 0.6), "shfrs: .*model and parameters, found others"),
+        (lambda: calibration.collision(other, crossing(0.0), 0.6), "prediction: .*choice of actions, found others"),
+        (lambda: calibration.collision(model, crossing(0.0), 0.6), "prediction: .*model and parameters, found others"),
         (
             lambda: calibration.collision(sidestep.ShfrsPredictor(STRAIGHT, paper).predict(CROSSED), crossing(0.0), 0.6),
-            "shfrs: .*roll-outs, base, found others",
+            "prediction: .*roll-outs, base, found others",
         ),
         (lambda: average.collision(predicted, crossing(0.0), 0.6), "delta: .*since the calibration has none, found None"),
         (lambda: calibration.collision(predicted, crossing(0.0), 0.6, delta=1.0), "delta: expected"),

@@ -6,8 +6,10 @@ mod table;
 pub use table::{Compute, FEATURES, Feature};
 
 use crate::invalid::Invalid;
+use crate::reachability::{Progress, SolveError};
 use crate::safety::SafetyLevels;
-use crate::scene::{Evader, JointState};
+use crate::scene::{Evader, JointState, SceneParameters};
+use core::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
 
 /// What the human did before: a model of this set has a memory, so that in a roll-out it can hold a
@@ -108,6 +110,22 @@ impl FeatureSet {
         self.features().find(|feature| matches!(feature.compute, Compute::FromGame(_)))
     }
 
+    /// The safety levels that these features need: those of `parameters` if one of them depends on the game.
+    /// Otherwise two alike vehicles do as well as any, since nobody asks, and nothing is solved.
+    ///
+    /// # Errors
+    /// The errors of [`SafetyLevels::solve`].
+    pub fn safety(
+        &self,
+        parameters: &SceneParameters,
+        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<SafetyLevels, SolveError> {
+        if self.of_game().is_some() {
+            return SafetyLevels::solve(parameters, progress);
+        }
+        SafetyLevels::solve(&SceneParameters { human: parameters.robot, ..*parameters }, progress)
+    }
+
     /// Writes the features to `row`, which is as long as the set. `history` contains the joint states
     /// from the beginning of the trial to the current one, one for each step; it is never empty.
     pub fn compute_into(&self, history: &[JointState], safety: &SafetyLevels, row: &mut [f64]) {
@@ -170,9 +188,7 @@ impl TryFrom<Vec<String>> for FeatureSet {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::SceneParameters;
     use crate::vehicle::{Pose, TurnInput};
-    use core::ops::ControlFlow;
 
     #[test]
     fn the_papers_sets() {
@@ -195,6 +211,17 @@ mod tests {
         }
         assert_eq!(of(&FeatureSet::of(&["dv_r_turn"]).unwrap()), [false, true]);
         assert_eq!(of(&FeatureSet::all()), [true; 2]);
+    }
+
+    #[test]
+    fn levels_are_solved_only_where_a_feature_needs_them() {
+        let mut parameters = SceneParameters::default();
+        parameters.robot.turn_rate_radps = 0.35;
+        // Only the closed form never asks.
+        let stop = &mut |_| ControlFlow::Break(());
+        assert!(FeatureSet::of(&["distance"]).unwrap().safety(&parameters, stop).is_ok());
+        let solved = FeatureSet::of(&["v_h"]).unwrap().safety(&parameters, stop);
+        assert_eq!(solved, Err(SolveError::Cancelled));
     }
 
     /// Each feature alone: with as many states as it says it has its value, and it looks back so far.

@@ -5,6 +5,8 @@
 //! | task | type or function | example |
 //! |---|---|---|
 //! | how dangerous is a state, and which turn is best? | [`PursuitGame`](reachability::PursuitGame) and [`solve`](reachability::solve()); twins: [`ExactValue`](reachability::ExactValue) | `value` |
+//! | save and load a value function | [`ValueFunction::encode`](reachability::ValueFunction::encode) and `decode`; for NumPy, one way: [`npz`](reachability::npz::npz) | |
+//! | save and load a predictor | [`PredictorFile`](predict::PredictorFile), as JSON | |
 //! | a game of one's own | [`ControlAffine`](reachability::ControlAffine) or [`Game`](reachability::Game), [`cartesian::solve`](reachability::cartesian::solve) | `own_game` |
 //! | learn a person's next input | [`train`](training::train), [`Predictor`](predict::Predictor) | `train` |
 //! | where can a person be? | [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |

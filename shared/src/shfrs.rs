@@ -135,7 +135,9 @@ impl ShfrsSettings {
 
     /// The paper's settings (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and k = 2, 2, 1, 1 …
     /// over ten steps, with roll-outs that keep regions nested when ε changes, and polygons with an
-    /// accuracy of 1 mm. For a predictor with a single action, k = 1.
+    /// accuracy of 1 mm. For a predictor with a single action, k = 1. The ε are for a human of 0.5 rad/s;
+    /// for others [`in_proportion`](crate::bounds::in_proportion) makes them, so that the last one admits
+    /// every turn.
     ///
     /// # Errors
     /// [`Invalid`] if there is no action.

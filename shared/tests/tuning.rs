@@ -122,8 +122,10 @@ fn what_was_tuned_predicts_online() {
     let online =
         OnlinePredictor::tuned(&found, &further, predictor.clone(), safety.clone(), *parameters);
     let mut online = online.unwrap();
-    let bounds = CoverageBounds::of_tuned(&found, parameters, 3).unwrap();
-    assert!(bounds.outside().iter().all(|share| (share - 0.1).abs() < 1e-12));
+    let bounds = CoverageBounds::of_tuned(&found, &further, parameters).unwrap();
+    // The last set admits every turn.
+    assert_eq!(bounds.outside(), [1.0 - found.p, 1.0 - found.p, 0.0]);
+    assert!((bounds.outside()[0] - 0.1).abs() < 1e-12);
     // 5 mm; half a step of 0.2 m with the wrong heading; half of that with a turn of up to 1 rad/s.
     assert!((0.01..0.02).contains(&bounds.margin_m()), "{}", bounds.margin_m());
     assert!(bounds.statement().starts_with(&found.statement));
@@ -160,7 +162,9 @@ fn what_was_tuned_predicts_online() {
     }
     assert!(called_safe > 100, "{called_safe}");
     assert!(touched * 10 <= 4 * unseen.len(), "{touched} of {called_safe}");
-    assert_eq!(CoverageBounds::of_tuned(&found, parameters, 0).unwrap_err().field, "sets");
+    let falling = [found.epsilon + 0.2, found.epsilon];
+    let refused = CoverageBounds::of_tuned(&found, &falling, parameters).unwrap_err();
+    assert_eq!(refused.field, "further[1]");
 }
 
 #[test]

@@ -13,8 +13,11 @@ a game of your own, ẋ = f + Gu u + Gd d    `Grid`, `hj_solve`
 which turns can be expected                `bounds`
 where can a vehicle be                     `reach`, `ReachableSet`
 predict a human online                     `ShfrsPredictor`, `ShfrsSettings`
-is a plan clear of the human               `Shfrs.clear`, `OnlinePredictor`, `Calibration.collision`
+make a plan of speeds and turn rates       `drive`
+is a plan clear of the human               `Shfrs.clear`, `OnlinePredictor`, `largest_clear`
+how probable is a collision, at most       `Calibration.collision`
 choose ε with a guarantee                  `calibrate`
+choose k or τ                              the command `sidestep shfrs` (in Rust: `tune`)
 learn from recorded trials                 `features`, `from_sklearn`, `Predictor`, `ActionModel`
 trials to try things with                  `simulate`
 read what `sidestep export` wrote          `sidestep.exports` (needs pandas or polars)
@@ -46,8 +49,10 @@ from ._sidestep import (
     __version__,
     bounds,
     calibrate,
+    drive,
     features,
     hj_solve,
+    largest_clear,
     reach,
     relative_state,
     simulate,
@@ -80,9 +85,11 @@ __all__ = [
     "__version__",
     "bounds",
     "calibrate",
+    "drive",
     "features",
     "from_sklearn",
     "hj_solve",
+    "largest_clear",
     "reach",
     "relative_state",
     "simulate",

@@ -37,8 +37,10 @@ __all__ = [
     "__version__",
     "bounds",
     "calibrate",
+    "drive",
     "features",
     "hj_solve",
+    "largest_clear",
     "reach",
     "relative_state",
     "simulate",
@@ -121,6 +123,8 @@ class ValueFunction:
     def horizon_s(self) -> float: ...
     @property
     def unsettled_m(self) -> float | None: ...
+    @property
+    def domain(self) -> dict[str, tuple[float, float]] | None: ...
     def save(self, path: _Path) -> None: ...
     @staticmethod
     def load(path: _Path) -> ValueFunction: ...
@@ -136,6 +140,7 @@ def solve(
     method: Literal["exact", "polar", "cartesian"] | None = None,
     *,
     accuracy: Literal["draft", "standard", "fine"] = "standard",
+    range_m: float | None = None,
     threads: int | None = None,
     progress: _Progress | None = None,
 ) -> ValueFunction: ...
@@ -224,6 +229,10 @@ class Predictor:
     def load(path: _Path) -> Predictor: ...
     @staticmethod
     def from_json(text: str) -> Predictor: ...
+    @staticmethod
+    def constant(
+        classes: Sequence[int], probabilities: ArrayLike, *, actions: ArrayLike | None = None
+    ) -> Predictor: ...
     def save(self, path: _Path) -> None: ...
     def to_json(self) -> str: ...
     @property
@@ -286,6 +295,9 @@ def reach(
     start: ArrayLike, lo: ArrayLike, hi: ArrayLike, speed_mps: float = 2.0, step_s: float = 0.2
 ) -> list[ReachableSet]: ...
 
+def drive(start: ArrayLike, speed_mps: ArrayLike, turn_rates: ArrayLike, step_s: float) -> _Floats: ...
+def largest_clear(clearances: ArrayLike, margin_m: float = 0.0) -> int | None: ...
+
 @final
 class Trajectory:
     def __new__(cls, states: ArrayLike, turn_rates: ArrayLike) -> Self: ...
@@ -313,7 +325,12 @@ class ShfrsSettings:
         by_step: bool = False,
     ) -> Self: ...
     @staticmethod
-    def paper(figure: Literal["left", "middle", "right"] = "left", *, by_step: bool = False) -> ShfrsSettings: ...
+    def paper(
+        figure: Literal["left", "middle", "right"] = "left",
+        *,
+        turn_rate_radps: float = 0.5,
+        by_step: bool = False,
+    ) -> ShfrsSettings: ...
     @property
     def epsilon(self) -> _Floats: ...
     @property
@@ -386,6 +403,7 @@ class OnlinePredictor:
     @property
     def states_needed(self) -> int: ...
     def predict(self) -> tuple[_Floats, _Floats]: ...
+    def sets(self) -> list[ReachableSet]: ...
     def clear(
         self,
         plan: ArrayLike,
@@ -423,7 +441,7 @@ class Calibration:
     def scores(self) -> _Floats: ...
     def collision(
         self,
-        shfrs: Shfrs,
+        prediction: Shfrs | OnlinePredictor,
         plan: ArrayLike,
         radius_m: float,
         *,
@@ -431,7 +449,7 @@ class Calibration:
         corners: ArrayLike | None = None,
         most_speed_mps: float | None = None,
         most_turn_rate_radps: float | None = None,
-        accuracy_m: float = 0.02,
+        accuracy_m: float | None = None,
     ) -> CollisionBound: ...
 
 def calibrate(

@@ -64,20 +64,19 @@ const ASSUMED: &str = "This holds on average over windows that are drawn as thos
     probabilities add.";
 
 impl CoverageBounds {
-    /// The bounds that `tuned` guarantees, for a prediction whose first of `sets` nested sets has the
-    /// tuned choice of actions, roll-outs and ε: larger sets hold at least as much. `parameters` are
-    /// those of the tuning.
+    /// The bounds that `tuned` guarantees, for the prediction of
+    /// [`OnlinePredictor::tuned`](super::OnlinePredictor::tuned) with the same `further` sets, rad/s: its
+    /// first set has the tuned choice of actions, roll-outs and ε, and larger sets hold at least as much.
+    /// A set that admits every turn rate is left with probability 0. `parameters` are those of the tuning.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no set.
+    /// [`Invalid`] if the further widenings do not rise from the tuned ε.
     pub fn of_tuned(
         tuned: &Tuned,
+        further: &[f64],
         parameters: &SceneParameters,
-        sets: usize,
     ) -> Result<Self, Invalid> {
-        if sets == 0 {
-            return Err(Invalid::new("sets", "at least one", sets));
-        }
+        rising("further", tuned.epsilon, further)?;
         let tolerance =
             Tolerance { position_m: tuned.tolerance_m, heading_rad: tuned.tolerance_rad };
         let margin_m = margin_m(parameters, tolerance, tuned.steps);
@@ -87,7 +86,10 @@ impl CoverageBounds {
              touched by the human with probability at most {share:.4}. {ASSUMED}",
             tuned.statement
         );
-        Ok(Self { outside: vec![share; sets], margin_m, statement })
+        let full = everything(parameters);
+        let outside = |&level: &f64| if level >= full { 0.0 } else { share };
+        let outside = [&[tuned.epsilon], further].concat().iter().map(outside).collect();
+        Ok(Self { outside, margin_m, statement })
     }
 
     /// The bounds that hold for all sets at once with confidence 1 − `delta`: for each set those of
@@ -110,16 +112,9 @@ impl CoverageBounds {
         if epsilon.is_empty() {
             return Err(Invalid::new("epsilon", "at least one set", "none"));
         }
-        let mut least = 0.0;
-        for (j, &level) in epsilon.iter().enumerate() {
-            if !level.is_finite() || level < least {
-                let expected = format!("{least} rad/s or more: the sets contain each other");
-                return Err(Invalid::new(format!("epsilon[{j}]"), expected, level));
-            }
-            least = level;
-        }
+        rising("epsilon", 0.0, epsilon)?;
         let n = scores.len();
-        let full = 2.0 * parameters.human.turn_rate_radps;
+        let full = everything(parameters);
         let outside = |&level: &f64| {
             if level >= full {
                 return 0.0;
@@ -168,6 +163,23 @@ impl CoverageBounds {
         let set = clearances.largest_clear(self.margin_m);
         Ok(CollisionBound { at_most: set.map_or(1.0, |set| self.outside[set]), set })
     }
+}
+
+/// The widening, rad/s, that admits every turn rate.
+fn everything(parameters: &SceneParameters) -> f64 {
+    2.0 * parameters.human.turn_rate_radps
+}
+
+/// Accepts widenings, rad/s, that rise from `least`.
+fn rising(field: &str, mut least: f64, epsilon: &[f64]) -> Result<(), Invalid> {
+    for (j, &level) in epsilon.iter().enumerate() {
+        if !level.is_finite() || level < least {
+            let expected = format!("{least} rad/s or more: the sets contain each other");
+            return Err(Invalid::new(format!("{field}[{j}]"), expected, level));
+        }
+        least = level;
+    }
+    Ok(())
 }
 
 /// How far, m, a trajectory whose recorded states are inside can be from the set in between.

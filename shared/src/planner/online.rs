@@ -45,7 +45,8 @@ const JUMP: f64 = 2.0;
 
 impl OnlinePredictor {
     /// Predicts the human of `parameters` with `settings`. In the roll-outs the robot drives straight on,
-    /// at the speed of `parameters`.
+    /// at the speed of `parameters`. [`FeatureSet::safety`](crate::features::FeatureSet::safety) makes
+    /// `safety`, at once where no feature needs it.
     ///
     /// # Errors
     /// [`Invalid`] if a parameter is not valid, the predictor's classes are not understood or their

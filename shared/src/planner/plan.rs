@@ -36,7 +36,10 @@ impl PlanLimits {
     }
 }
 
-/// The robot's planned trajectory: its poses (world frame) now and after each step ahead.
+/// The robot's planned trajectory: its poses (world frame) now and after each step ahead, T + 1 of them.
+/// (In Python a plan is without the present pose, which is that of the last state.) The first pose is taken
+/// as it is: nothing compares it with the robot that an [`OnlinePredictor`](super::OnlinePredictor) was
+/// shown.
 ///
 /// # Between the poses
 /// In each step the robot turns at a constant rate, by the smaller angle, and drives at a constant

@@ -7,6 +7,10 @@
 //! There may be `sheet` (float32, like `value`), Q with
 //! V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ)): two smooth functions instead of one with a kink.
 //!
+//! They are for other programs; no function here reads them again. What is to be loaded again is saved by
+//! [`ValueFunction::encode`](super::ValueFunction::encode) and read by
+//! [`ValueFunction::decode`](super::ValueFunction::decode).
+//!
 //! The arrays are stored as they are, so that programs in browsers write them without a compressor.
 
 mod layout;
@@ -22,7 +26,8 @@ pub use solution::SOLUTION_FORMAT;
 use super::{Method, SampledValue};
 use archive::Archive;
 
-/// The archive of a function that this method found; the same function gives the same bytes.
+/// The archive of a function that this method found; the same function gives the same bytes. It cannot be
+/// read back: see [`ValueFunction::encode`](super::ValueFunction::encode).
 #[must_use]
 pub fn npz(samples: &SampledValue, method: Method) -> Vec<u8> {
     let layout = Layout::new(samples.nodes());

@@ -179,7 +179,8 @@ impl SampledValue {
     }
 
     /// How much the function still changed when the solver stopped without converging, m; none if it
-    /// converged or the horizon is finite. For the polar method, the change in [`polar::WINDOW`]
+    /// converged or the horizon is finite. It is no bound on the error
+    /// ([`ValueFunction::unsettled_m`](super::ValueFunction::unsettled_m)). For the polar method, the change in [`polar::WINDOW`]
     /// sweeps, averaged over its rows; for the Cartesian one, the largest change in a second of the
     /// game.
     #[must_use]

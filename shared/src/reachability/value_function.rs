@@ -32,7 +32,8 @@ pub struct ValueState {
     /// Whether these come from the closed form.
     pub exact: bool,
     /// Whether the state lies within the solved grid; outside, V is the range margin (range
-    /// minus radius) plus the deficit at the nearest point of the grid's boundary.
+    /// minus radius) plus the deficit at the nearest point of the grid's boundary. Inside, V is that of
+    /// the grid: for a faster pursuer a larger one may tell otherwise.
     pub inside: bool,
 }
 
@@ -53,8 +54,9 @@ impl ValueFunction {
     }
 
     /// How much V still changed when the solver stopped without converging, m
-    /// ([`SampledValue::unsettled_m`]); none if it converged. The difference from the converged value
-    /// is not known; in a chase it can be much larger.
+    /// ([`SampledValue::unsettled_m`]); none if it converged. It is no bound on the error: the difference
+    /// from the converged value is not known, and in a chase it can be much larger. For a faster pursuer V
+    /// depends on the range of the grid ([`Options::range_m`](super::Options::range_m)) besides.
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
         match self {
