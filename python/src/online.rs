@@ -14,6 +14,7 @@ use crate::error::Error;
 use crate::function::{SafetyLevels, levels};
 use crate::plan::{Asked, proved};
 use crate::predictor::Predictor;
+use crate::scalars::{real, some_real};
 use crate::shfrs::ShfrsSettings;
 use crate::vehicles::SceneParameters;
 
@@ -47,7 +48,7 @@ impl OnlinePredictor {
         settings: Option<ShfrsSettings>,
         parameters: Option<SceneParameters>,
         safety: Option<SafetyLevels>,
-        accuracy_m: f64,
+        #[pyo3(from_py_with = real)] accuracy_m: f64,
     ) -> Result<Self, Error> {
         let parameters = parameters.unwrap_or_default().0;
         let predictor = model.of_turns()?;
@@ -139,10 +140,10 @@ impl OnlinePredictor {
     fn clear<'py>(
         &self,
         plan: &Bound<'py, PyAny>,
-        radius_m: f64,
+        #[pyo3(from_py_with = real)] radius_m: f64,
         corners: Option<&Bound<'py, PyAny>>,
-        most_speed_mps: Option<f64>,
-        most_turn_rate_radps: Option<f64>,
+        #[pyo3(from_py_with = some_real)] most_speed_mps: Option<f64>,
+        #[pyo3(from_py_with = some_real)] most_turn_rate_radps: Option<f64>,
     ) -> Result<Array<'py>, Error> {
         let py = plan.py();
         let asked = Asked { plan, radius_m, corners, most_speed_mps, most_turn_rate_radps };
