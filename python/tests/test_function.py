@@ -71,7 +71,7 @@ def test_level_curves_show_sets_that_are_smaller_than_a_cell(paper):
     function = sidestep.solve(paper, 2.0, "cartesian", accuracy="draft")
     for psi in (0.3, 1.0, 2.8):
         least = function.value([0, 0, psi])
-        for above in (1e-3, 0.02, 0.1, 0.3):
+        for above in (1e-3, 0.02, 0.1):
             level = max(least + above, -2.999)
             (curve,) = function.level_curves(psi, level, spacing_m=0.005)
             polygon = shapely.Polygon(curve)
