@@ -31,6 +31,13 @@ pub(crate) fn numbers(
     let py = object.py();
     let numpy = py.import("numpy")?;
     let expected = || format!("an array of float64 of shape {shape}");
+    // Its copy would have what the mask hides.
+    let masked = object.hasattr("_mask")?
+        && numpy.getattr("ma")?.call_method1("is_masked", (object,))?.is_truthy()?;
+    if masked {
+        let expected = format!("{} without masked entries", expected());
+        return Err(Invalid::new(field, expected, "some").into());
+    }
     let array = numpy.call_method1("asarray", (object,)).map_err(|raised| {
         // Lists of different lengths, for instance.
         Invalid::new(field, expected(), raised.value(py))

@@ -9,6 +9,7 @@ use crate::arrays::{Array, count, joint_states, list, shaped};
 use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
+use crate::scalars::{some_real, some_whole, some_wholes};
 use crate::vehicles::SceneParameters;
 
 /// Bounds on the human's turn rate for each coming step and each set (Algorithm 1).
@@ -44,9 +45,9 @@ pub(crate) fn bounds<'py>(
     history: &Bound<'py, PyAny>,
     model: Model<'py>,
     epsilon: &Bound<'py, PyAny>,
-    k: Option<Vec<i64>>,
-    tau: Option<f64>,
-    steps: Option<i64>,
+    #[pyo3(from_py_with = some_wholes)] k: Option<Vec<i64>>,
+    #[pyo3(from_py_with = some_real)] tau: Option<f64>,
+    #[pyo3(from_py_with = some_whole)] steps: Option<i64>,
     rollout: &str,
     parameters: Option<SceneParameters>,
     safety: Option<SafetyLevels>,

@@ -17,6 +17,7 @@ use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
 use crate::online::OnlinePredictor;
 use crate::plan::Asked;
+use crate::scalars::{real, seed, some_real};
 use crate::shfrs::{Shfrs, ShfrsSettings};
 use crate::trajectory::Trajectory;
 use crate::vehicles::SceneParameters;
@@ -63,7 +64,8 @@ pub(crate) struct CollisionBound {
 #[pymethods]
 impl CollisionBound {
     fn __repr__(&self) -> String {
-        format!("CollisionBound(at_most={}, set={:?}): {}", self.at_most, self.set, self.statement)
+        let set = self.set.map_or("None".to_owned(), |set| set.to_string());
+        format!("CollisionBound(at_most={}, set={set}): {}", self.at_most, self.statement)
     }
 }
 
@@ -104,12 +106,12 @@ impl Calibration {
         &self,
         prediction: Predicted<'py>,
         plan: &Bound<'py, PyAny>,
-        radius_m: f64,
-        delta: Option<f64>,
+        #[pyo3(from_py_with = real)] radius_m: f64,
+        #[pyo3(from_py_with = some_real)] delta: Option<f64>,
         corners: Option<&Bound<'py, PyAny>>,
-        most_speed_mps: Option<f64>,
-        most_turn_rate_radps: Option<f64>,
-        accuracy_m: Option<f64>,
+        #[pyo3(from_py_with = some_real)] most_speed_mps: Option<f64>,
+        #[pyo3(from_py_with = some_real)] most_turn_rate_radps: Option<f64>,
+        #[pyo3(from_py_with = some_real)] accuracy_m: Option<f64>,
     ) -> Result<CollisionBound, Error> {
         let predicted = prediction.settings();
         for (same, what) in [
@@ -225,7 +227,8 @@ fn enough(
 /// Parameters
 /// ----------
 /// trajectories : list of Trajectory
-///     Independent ones: what exchangeable people did in exchangeable scenes.
+///     Independent ones: what exchangeable people did in exchangeable scenes. In every step each human moves as the
+///     human's vehicle of `parameters` can, and turns as the turn rate says, both to a millimetre and a milliradian.
 /// model : Predictor or ActionModel
 ///     How likely each action of the human is.
 /// settings : ShfrsSettings
@@ -250,7 +253,8 @@ fn enough(
 /// Raises
 /// ------
 /// ValueError
-///     If there are too few trajectories for the guarantee; it says how many are needed.
+///     If there are too few trajectories for the guarantee; it says how many are needed. If the human of one did not
+///     drive like the vehicle: sets would not hold such trajectories, whatever ε is.
 #[pyfunction]
 #[pyo3(signature = (trajectories, model, settings, *, p=0.9, delta=Some(0.05), windows="random_one", seed=0, parameters=None, safety=None))]
 #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
@@ -259,10 +263,10 @@ pub(crate) fn calibrate(
     trajectories: Vec<Trajectory>,
     model: Model<'_>,
     settings: &ShfrsSettings,
-    p: f64,
-    delta: Option<f64>,
+    #[pyo3(from_py_with = real)] p: f64,
+    #[pyo3(from_py_with = some_real)] delta: Option<f64>,
     windows: &str,
-    seed: u64,
+    #[pyo3(from_py_with = seed)] seed: u64,
     parameters: Option<SceneParameters>,
     safety: Option<SafetyLevels>,
 ) -> Result<Calibration, Error> {
@@ -281,6 +285,10 @@ pub(crate) fn calibrate(
     };
     let windows = chosen.windows(&trajectories, steps).concat();
     enough(&windows, trajectories.len(), guarantee, p, &lack)?;
+    for (i, trajectory) in trajectories.iter().enumerate() {
+        let fits = trajectory.check(&human.parameters);
+        fits.map_err(|invalid| invalid.within(&format!("trajectories[{i}]")))?;
+    }
     let mut scores = Vec::with_capacity(windows.len());
     for window in &windows {
         py.check_signals()?;

@@ -1,17 +1,37 @@
 //! Files, with Python's exceptions.
 
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::path::Path;
 
 use pyo3::PyErr;
 use pyo3::exceptions::PyOSError;
+use sidestep::invalid::Invalid;
 
 use crate::error::Error;
 
-/// The bytes of a file.
+/// The most that is read of a file: an archive of NumPy without extensions is no longer.
+const MOST_BYTES: u64 = 1 << 32;
+
+/// The bytes of a file of at most 4 GiB. Devices and pipes, which need not end, are refused.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Error> {
-    fs::read(path).map_err(|error| raised(&error, path))
+    let about = fs::metadata(path).map_err(|error| raised(&error, path))?;
+    if !about.is_file() && !about.is_dir() {
+        let found = format!("a device or a pipe, {}", path.display());
+        return Err(Invalid::new("path", "a file", found).into());
+    }
+    let too_long = |found: u64| {
+        let expected = format!("a file of at most {MOST_BYTES} bytes");
+        Err(Invalid::new("path", expected, format!("{found} or more in {}", path.display())).into())
+    };
+    if about.len() > MOST_BYTES {
+        return too_long(about.len());
+    }
+    let mut bytes = Vec::with_capacity(about.len() as usize);
+    let file = File::open(path).map_err(|error| raised(&error, path))?;
+    // It may grow meanwhile.
+    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|error| raised(&error, path))?;
+    if bytes.len() as u64 > MOST_BYTES { too_long(bytes.len() as u64) } else { Ok(bytes) }
 }
 
 /// Writes a whole file.

@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
 
 use numpy::PyArray2;
 use pyo3::prelude::*;
@@ -20,6 +19,8 @@ use sidestep::scene::{self, Evader};
 use crate::arrays::{Array, points};
 use crate::error::Error;
 use crate::files::{read, write};
+use crate::interrupt::Watch;
+use crate::scalars::{real, some_real, some_whole};
 use crate::value::{States, checked, state_of, value_of};
 use crate::vehicles::{PursuitGame, SceneParameters};
 
@@ -47,7 +48,7 @@ impl ValueFunction {
     fn value<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        threads: Option<i64>,
+        #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
         value_of(states, &self.0, threads)
     }
@@ -77,7 +78,7 @@ impl ValueFunction {
     fn state<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        threads: Option<i64>,
+        #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<States<'py>, Error> {
         state_of(states, &self.0, threads)
     }
@@ -99,7 +100,7 @@ impl ValueFunction {
     fn gradient<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        threads: Option<i64>,
+        #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
         Ok(state_of(states, &self.0, threads)?.1)
     }
@@ -126,10 +127,10 @@ impl ValueFunction {
     fn level_curves<'py>(
         &self,
         py: Python<'py>,
-        psi: f64,
-        level: f64,
-        flatness_m: f64,
-        spacing_m: f64,
+        #[pyo3(from_py_with = real)] psi: f64,
+        #[pyo3(from_py_with = real)] level: f64,
+        #[pyo3(from_py_with = real)] flatness_m: f64,
+        #[pyo3(from_py_with = real)] spacing_m: f64,
     ) -> Result<Vec<Bound<'py, PyArray2<f64>>>, Error> {
         let radius_m = self.0.game().radius_m;
         for (name, fine, least) in
@@ -193,7 +194,7 @@ impl ValueFunction {
     /// Writes the function to a file, which `load`, the command `sidestep` and the laboratory read.
     ///
     /// Values on the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m). So what is read
-    /// again is not `==` to what was solved, but to itself, however often. Pickles and copies are rounded, too.
+    /// again is not `==` to what was solved, but to itself, however often. `pickle` and `copy` do not round.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
         py.detach(|| write(&path, &self.0.encode()))
     }
@@ -203,7 +204,8 @@ impl ValueFunction {
     /// Raises
     /// ------
     /// ValueError
-    ///     If the file is no such function, is cut short, or has a format of another version.
+    ///     If the file is no such function, is cut short, damaged or longer than 4 GiB, or has a format of another
+    ///     version.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Result<Self, Error> {
         py.detach(|| Self::from_bytes(&read(&path)?))
@@ -219,8 +221,18 @@ impl ValueFunction {
     fn __reduce__<'py>(
         slf: &Bound<'py, Self>,
     ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
-        let bytes = PyBytes::new(slf.py(), &slf.get().0.encode());
+        let bytes = PyBytes::new(slf.py(), &slf.get().0.encode_unrounded());
         Ok((slf.get_type().getattr("_from_bytes")?, (bytes,)))
+    }
+
+    /// Itself: it never changes.
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    /// Itself: it never changes.
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
     }
 
     fn __repr__(&self) -> String {
@@ -278,11 +290,11 @@ impl ValueFunction {
 pub(crate) fn solve(
     py: Python<'_>,
     game: &PursuitGame,
-    horizon_s: f64,
+    #[pyo3(from_py_with = real)] horizon_s: f64,
     method: Option<&str>,
     accuracy: &str,
-    range_m: Option<f64>,
-    threads: Option<i64>,
+    #[pyo3(from_py_with = some_real)] range_m: Option<f64>,
+    #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     progress: Option<Py<PyAny>>,
 ) -> Result<ValueFunction, Error> {
     let options = Options::default()
@@ -375,9 +387,6 @@ pub(crate) fn levels(
 /// What a solver tells how far it is.
 pub(crate) type Report<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
-/// How long a solver works between two looks at Python.
-const BETWEEN_REPORTS: Duration = Duration::from_millis(100);
-
 /// Runs a solver while the interpreter is released. Now and then it tells `progress`, and ends if the user pressed
 /// Ctrl-C or `progress` raised an exception.
 pub(crate) fn watched<T: Send>(
@@ -385,34 +394,26 @@ pub(crate) fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
     solver: impl FnOnce(&mut Report<'_>) -> Result<T, SolveError> + Send,
 ) -> Result<T, Error> {
-    let mut raised = None;
-    let mut looked = Instant::now();
+    if let Some(progress) = progress.map(|progress| progress.bind(py))
+        && !progress.is_callable()
+    {
+        return Err(Invalid::new("progress", "a callable, or None", progress.get_type()).into());
+    }
+    let mut watch = Watch::new();
     let solved = py.detach(|| {
         solver(&mut |report: Progress| {
-            if looked.elapsed() < BETWEEN_REPORTS {
-                return ControlFlow::Continue(());
-            }
-            looked = Instant::now();
-            let told = Python::attach(|py| {
-                py.check_signals()?;
+            watch.tell(|py| {
                 progress.map_or(Ok(()), |progress| {
                     progress.call1(py, (report.done, report.residual)).map(drop)
                 })
-            });
-            match told {
-                Ok(()) => ControlFlow::Continue(()),
-                Err(exception) => {
-                    raised = Some(exception);
-                    ControlFlow::Break(())
-                }
-            }
+            })
         })
     });
-    match (raised, solved) {
-        (Some(exception), _) => Err(exception.into()),
-        (None, Ok(solved)) => Ok(solved),
-        (None, Err(SolveError::Invalid(invalid))) => Err(invalid.into()),
-        (None, Err(ended)) => Err(Invalid::new("progress", "a solve that goes on", ended).into()),
+    watch.end()?;
+    match solved {
+        Ok(solved) => Ok(solved),
+        Err(SolveError::Invalid(invalid)) => Err(invalid.into()),
+        Err(ended) => Err(Invalid::new("progress", "a solve that goes on", ended).into()),
     }
 }
 

@@ -6,6 +6,7 @@ use sidestep::reachability::{Axis, Boundary, Grid as OfDimension};
 
 use crate::arrays::{Array, Numbers, count, list, numbers, shaped, wrong_shape};
 use crate::error::Error;
+use crate::scalars::wholes;
 
 /// A rectangular grid of one to four dimensions, on whose nodes `hj_solve` computes values.
 ///
@@ -15,7 +16,7 @@ use crate::error::Error;
 ///     The lower and the upper end of each axis, in the unit of its coordinate.
 /// nodes : list of int, D of them, each ≥ 3
 ///     How many nodes each axis has: from `lo` to `hi`, both included. On a periodic axis `hi` is the same place as
-///     `lo` and no node.
+///     `lo` and no node. Neighbours are at least a thousand roundings of their coordinates apart.
 /// periodic : list of int
 ///     Which axes close on themselves, from 0, such as headings.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
@@ -34,8 +35,8 @@ impl Grid {
     fn new(
         lo: &Bound<'_, PyAny>,
         hi: &Bound<'_, PyAny>,
-        nodes: Vec<i64>,
-        periodic: Vec<i64>,
+        #[pyo3(from_py_with = wholes)] nodes: Vec<i64>,
+        #[pyo3(from_py_with = wholes)] periodic: Vec<i64>,
     ) -> Result<Self, Error> {
         let (lo, hi) = (list("lo", lo)?, list("hi", hi)?);
         if !(1..=4).contains(&lo.len()) {
@@ -143,6 +144,7 @@ impl Grid {
         let mut nodes = 1_usize;
         for (d, &axis) in axes.iter().enumerate() {
             OfDimension { axes: [axis] }.check(1).map_err(|invalid| named(invalid, d))?;
+            apart(axis, d)?;
             nodes = nodes.saturating_mul(axis.nodes);
         }
         if nodes > MOST_NODES {
@@ -199,6 +201,18 @@ impl Grid {
             Err(wrong_shape(field, &expected, &shape))
         }
     }
+}
+
+/// Refuses an axis whose nodes lie so close that rounding moves them by more than a thousandth of their distance.
+fn apart(axis: Axis, d: usize) -> Result<(), Invalid> {
+    let rounding = f64::EPSILON * axis.low.abs().max(axis.high.abs());
+    let least = (1e3 * rounding).max(f64::MIN_POSITIVE);
+    if axis.spacing() >= least {
+        return Ok(());
+    }
+    let expected =
+        format!("nodes at least {least:e} apart, a thousand times the rounding of their places");
+    Err(Invalid::new(format!("hi[{d}]"), expected, format!("{:e}", axis.spacing())))
 }
 
 /// A complaint about the only axis of a grid, as one about the arguments of axis `d`.

@@ -13,6 +13,7 @@ use crate::arrays::{Numbers, numbers, wrong_shape};
 use crate::error::Error;
 use crate::function::{named, watched};
 use crate::grid::Grid;
+use crate::scalars::{some_real, some_whole};
 use crate::solution::{DIRECTIONS, KINDS, OnGrid, Solution, Solved};
 use crate::value::checked;
 
@@ -83,9 +84,9 @@ pub(crate) fn hj_solve(
     kind: &str,
     direction: &str,
     scheme: &str,
-    cfl: Option<f64>,
-    tolerance: Option<f64>,
-    threads: Option<i64>,
+    #[pyo3(from_py_with = some_real)] cfl: Option<f64>,
+    #[pyo3(from_py_with = some_real)] tolerance: Option<f64>,
+    #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     progress: Option<Py<PyAny>>,
 ) -> Result<Solution, Error> {
     let (horizon_s, slices) = instants(times)?;

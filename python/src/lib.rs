@@ -7,6 +7,8 @@
 //! What draws figures or reads tables is plain Python beside it, in `python/package/sidestep/`.
 
 mod error;
+mod interrupt;
+mod scalars;
 mod arrays;
 mod files;
 mod vehicles;

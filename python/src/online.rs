@@ -17,6 +17,7 @@ use crate::human::{Human, Model};
 use crate::plan::{Asked, proved};
 use crate::predictor::Predictor;
 use crate::reach::ReachableSet;
+use crate::scalars::{real, some_real};
 use crate::shfrs::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
 
@@ -52,7 +53,7 @@ impl OnlinePredictor {
         settings: Option<ShfrsSettings>,
         parameters: Option<SceneParameters>,
         safety: Option<SafetyLevels>,
-        accuracy_m: f64,
+        #[pyo3(from_py_with = real)] accuracy_m: f64,
     ) -> Result<Self, Error> {
         let Model::Trained(model) = model else {
             let expected = "a Predictor; use ShfrsPredictor for an ActionModel";
@@ -172,10 +173,10 @@ impl OnlinePredictor {
     fn clear<'py>(
         &self,
         plan: &Bound<'py, PyAny>,
-        radius_m: f64,
+        #[pyo3(from_py_with = real)] radius_m: f64,
         corners: Option<&Bound<'py, PyAny>>,
-        most_speed_mps: Option<f64>,
-        most_turn_rate_radps: Option<f64>,
+        #[pyo3(from_py_with = some_real)] most_speed_mps: Option<f64>,
+        #[pyo3(from_py_with = some_real)] most_turn_rate_radps: Option<f64>,
     ) -> Result<Array<'py>, Error> {
         let asked = Asked { plan, radius_m, corners, most_speed_mps, most_turn_rate_radps };
         Ok(proved(plan.py(), &self.clearances(plan.py(), &asked)?)?)

@@ -13,6 +13,7 @@ use crate::arrays::{Array, joint_states, list, matrix, shaped};
 use crate::error::Error;
 use crate::files::{read, write};
 use crate::function::{SafetyLevels, levels};
+use crate::interrupt::each;
 use crate::vehicles::SceneParameters;
 
 /// A trained model with its features: a probability for each class.
@@ -47,6 +48,10 @@ impl Predictor {
         let file: PredictorFile =
             from_json(text).map_err(|unread| Error::unread("predictor", unread))?;
         let experiment = file.experiment;
+        if let Some(other) = experiment.filter(|number| !(1..=2).contains(number)) {
+            let expected = "1, the direction of a turn, 2, whether the human avoids, or none";
+            return Err(Invalid::new("predictor.experiment", expected, other).into());
+        }
         let predictor = file.try_into().map_err(|invalid: Invalid| invalid.within("predictor"))?;
         Ok(Self { predictor, experiment })
     }
@@ -142,11 +147,12 @@ impl Predictor {
         let (width, classes) = (self.predictor.features().len(), self.predictor.classes().len());
         let (n, rows) = matrix("rows", width, rows)?;
         let mut found = vec![0.0; n * classes];
-        py.detach(|| {
-            for (i, out) in found.chunks_exact_mut(classes).enumerate() {
+        let mut out = found.chunks_exact_mut(classes);
+        each(py, n, |i| {
+            if let Some(out) = out.next() {
                 self.predictor.probabilities_into(&rows[i * width..(i + 1) * width], out);
             }
-        });
+        })?;
         Ok(shaped(py, found, &[n, classes])?)
     }
 
@@ -166,8 +172,7 @@ impl Predictor {
         let width = self.predictor.features().len();
         let (n, rows) = matrix("rows", width, rows)?;
         let class = |i: usize| i64::from(self.predictor.class(&rows[i * width..(i + 1) * width]));
-        let classes: Vec<i64> = py.detach(|| (0..n).map(class).collect());
-        Ok(classes.into_pyarray(py))
+        Ok(each(py, n, class)?.into_pyarray(py))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<(Bound<'py, PyAny>, (String,)), Error> {
@@ -225,11 +230,13 @@ pub(crate) fn features<'py>(
     let safety = levels(&set, &parameters.unwrap_or_default().0, safety)?;
     let width = set.len();
     let mut rows = vec![0.0; history.len() * width];
-    py.detach(|| {
-        for (i, row) in rows.chunks_exact_mut(width).enumerate() {
-            set.compute_into(&history[..=i], &safety, row);
+    let (mut left, mut before) = (rows.chunks_exact_mut(width), None::<&mut [f64]>);
+    each(py, history.len(), |i| {
+        if let Some(row) = left.next() {
+            set.compute_after(before.as_deref(), &history[..=i], &safety, row);
+            before = Some(row);
         }
-    });
+    })?;
     Ok(shaped(py, rows, &[history.len(), width])?)
 }
 

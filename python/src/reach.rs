@@ -10,6 +10,8 @@ use sidestep::vehicle::Pose;
 use crate::arrays::{count, list, numbers, points, pose, poses, wrong_shape};
 use crate::bounds::few_steps;
 use crate::error::Error;
+use crate::interrupt::each;
+use crate::scalars::{real, whole};
 
 /// Every position and state that a vehicle can reach at constant speed under bounds on its turn rate.
 ///
@@ -36,8 +38,8 @@ impl ReachableSet {
         start: &Bound<'_, PyAny>,
         lo: &Bound<'_, PyAny>,
         hi: &Bound<'_, PyAny>,
-        speed_mps: f64,
-        step_s: f64,
+        #[pyo3(from_py_with = real)] speed_mps: f64,
+        #[pyo3(from_py_with = real)] step_s: f64,
     ) -> Result<Self, Error> {
         let start = pose("start", start)?;
         Self::under(start, list("lo", lo)?, list("hi", hi)?, speed_mps, step_s)
@@ -68,7 +70,7 @@ impl ReachableSet {
     fn tube<'py>(
         &self,
         py: Python<'py>,
-        accuracy_m: f64,
+        #[pyo3(from_py_with = real)] accuracy_m: f64,
         conservative: bool,
     ) -> Result<Polygon<'py>, Error> {
         let settings = drawn(accuracy_m, conservative)?;
@@ -95,8 +97,8 @@ impl ReachableSet {
     fn polygon<'py>(
         &self,
         py: Python<'py>,
-        step: i64,
-        accuracy_m: f64,
+        #[pyo3(from_py_with = whole)] step: i64,
+        #[pyo3(from_py_with = real)] accuracy_m: f64,
         conservative: bool,
     ) -> Result<Polygon<'py>, Error> {
         let (step, settings) = (self.step(step)?, drawn(accuracy_m, conservative)?);
@@ -122,23 +124,22 @@ impl ReachableSet {
     fn contains<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        step: i64,
-        position_m: f64,
-        heading_rad: f64,
+        #[pyo3(from_py_with = whole)] step: i64,
+        #[pyo3(from_py_with = real)] position_m: f64,
+        #[pyo3(from_py_with = real)] heading_rad: f64,
     ) -> Result<Bound<'py, PyArray1<bool>>, Error> {
         let py = states.py();
         let states = poses("states", states)?;
         let (step, tolerance) = (self.step(step)?, tolerance(position_m, heading_rad)?);
-        let inside = |state: &Pose| self.0.contains_state(step, *state, tolerance);
-        let found: Vec<bool> = py.detach(|| states.iter().map(inside).collect());
-        Ok(found.into_pyarray(py))
+        let inside = |i: usize| self.0.contains_state(step, states[i], tolerance);
+        Ok(each(py, states.len(), inside)?.into_pyarray(py))
     }
 
     /// Whether a drive is inside at each step.
     ///
     /// Parameters
     /// ----------
-    /// states : array of float64, shape (t, 3), t ≤ T
+    /// states : array of float64, shape (t, 3), 1 ≤ t ≤ T
     ///     The poses after steps 1 … t, world frame, m, m, rad.
     /// position_m, heading_rad : float
     ///     As for `contains`.
@@ -150,18 +151,14 @@ impl ReachableSet {
     fn contains_drive<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        position_m: f64,
-        heading_rad: f64,
+        #[pyo3(from_py_with = real)] position_m: f64,
+        #[pyo3(from_py_with = real)] heading_rad: f64,
     ) -> Result<Bound<'py, PyArray1<bool>>, Error> {
         let py = states.py();
         let states = drive("states", self.0.steps(), states)?;
         let tolerance = tolerance(position_m, heading_rad)?;
-        let found: Vec<bool> = py.detach(|| {
-            let inside =
-                |(i, state): (usize, &Pose)| self.0.contains_state(i + 1, *state, tolerance);
-            states.iter().enumerate().map(inside).collect()
-        });
-        Ok(found.into_pyarray(py))
+        let inside = |i: usize| self.0.contains_state(i + 1, states[i], tolerance);
+        Ok(each(py, states.len(), inside)?.into_pyarray(py))
     }
 
     fn __repr__(&self) -> String {
@@ -218,8 +215,8 @@ pub(crate) fn reach_all(
     start: &Bound<'_, PyAny>,
     lo: &Bound<'_, PyAny>,
     hi: &Bound<'_, PyAny>,
-    speed_mps: f64,
-    step_s: f64,
+    #[pyo3(from_py_with = real)] speed_mps: f64,
+    #[pyo3(from_py_with = real)] step_s: f64,
 ) -> Result<Vec<ReachableSet>, Error> {
     let start = pose("start", start)?;
     let [lo, hi] = [("lo", lo), ("hi", hi)].map(|(name, object)| {
@@ -247,15 +244,15 @@ pub(crate) fn reach_all(
     .collect()
 }
 
-/// At most `most` poses, those after each step.
+/// One to `most` poses, those after each step.
 pub(crate) fn drive(
     field: &str,
     most: usize,
     object: &Bound<'_, PyAny>,
 ) -> Result<Vec<Pose>, Error> {
     let states = poses(field, object)?;
-    if states.len() > most {
-        let expected = format!("(t, 3) with t ≤ {most}");
+    if !(1..=most).contains(&states.len()) {
+        let expected = format!("(t, 3) with 1 ≤ t ≤ {most}");
         return Err(wrong_shape(field, &expected, &[states.len(), 3]));
     }
     Ok(states)

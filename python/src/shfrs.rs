@@ -17,8 +17,10 @@ use crate::bounds::{choice, rolled_out, stacked};
 use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
+use crate::interrupt::{Watch, each};
 use crate::plan::{Asked, proved};
 use crate::reach::{ReachableSet, drawn, drive, tolerance};
+use crate::scalars::{real, some_real, some_whole, some_wholes};
 use crate::vehicles::SceneParameters;
 
 /// How sets are predicted and drawn.
@@ -57,11 +59,11 @@ impl ShfrsSettings {
     #[pyo3(signature = (epsilon, k=None, *, tau=None, steps=None, rollout="base", accuracy_m=1e-3, by_step=false))]
     fn new(
         epsilon: &Bound<'_, PyAny>,
-        k: Option<Vec<i64>>,
-        tau: Option<f64>,
-        steps: Option<i64>,
+        #[pyo3(from_py_with = some_wholes)] k: Option<Vec<i64>>,
+        #[pyo3(from_py_with = some_real)] tau: Option<f64>,
+        #[pyo3(from_py_with = some_whole)] steps: Option<i64>,
         rollout: &str,
-        accuracy_m: f64,
+        #[pyo3(from_py_with = real)] accuracy_m: f64,
         by_step: bool,
     ) -> Result<Self, Error> {
         let (epsilon, choice) = (list("epsilon", epsilon)?, choice(k, tau, steps)?);
@@ -237,7 +239,7 @@ impl Shfrs {
     ///
     /// Parameters
     /// ----------
-    /// states : array of float64, shape (t, 3), t ≤ T
+    /// states : array of float64, shape (t, 3), 1 ≤ t ≤ T
     ///     The human's poses after steps 1 … t, world frame, m, m, rad.
     /// position_m, heading_rad : float
     ///     How far a state may be from a reachable one and still count, m and rad, ≥ 0.
@@ -249,16 +251,15 @@ impl Shfrs {
     fn contains<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        position_m: f64,
-        heading_rad: f64,
+        #[pyo3(from_py_with = real)] position_m: f64,
+        #[pyo3(from_py_with = real)] heading_rad: f64,
     ) -> Result<Bound<'py, PyArray1<bool>>, Error> {
         let py = states.py();
         let steps = self.reachable.first().map_or(0, Reachable::steps);
         let states = drive("states", steps, states)?;
         let tolerance = tolerance(position_m, heading_rad)?;
-        let inside = |set: &Reachable| set.contains_trajectory(&states, None, tolerance);
-        let found: Vec<bool> = py.detach(|| self.reachable.iter().map(inside).collect());
-        Ok(found.into_pyarray(py))
+        let inside = |j: usize| self.reachable[j].contains_trajectory(&states, None, tolerance);
+        Ok(each(py, self.reachable.len(), inside)?.into_pyarray(py))
     }
 
     /// How far a plan of the robot that begins now stays clear of where the human may be: at every instant, not only
@@ -297,11 +298,11 @@ impl Shfrs {
     fn clear<'py>(
         &self,
         plan: &Bound<'py, PyAny>,
-        radius_m: f64,
+        #[pyo3(from_py_with = real)] radius_m: f64,
         corners: Option<&Bound<'py, PyAny>>,
-        most_speed_mps: Option<f64>,
-        most_turn_rate_radps: Option<f64>,
-        accuracy_m: f64,
+        #[pyo3(from_py_with = some_real)] most_speed_mps: Option<f64>,
+        #[pyo3(from_py_with = some_real)] most_turn_rate_radps: Option<f64>,
+        #[pyo3(from_py_with = real)] accuracy_m: f64,
     ) -> Result<Array<'py>, Error> {
         let asked = Asked { plan, radius_m, corners, most_speed_mps, most_turn_rate_radps };
         let found = self.clearances(plan.py(), &asked, ClearanceSettings::new(accuracy_m)?)?;
@@ -394,19 +395,26 @@ impl ShfrsPredictor {
         let history = joint_states("history", 1, history)?;
         let Source { human, settings } = &*self.source;
         let parameters = &human.parameters;
-        human.work(py, |learned| {
+        let mut watch = Watch::new();
+        let predicted = human.work(py, |learned| {
             // Another thread may be predicting, or a function of Python within its own prediction.
             let mut other = shfrs::ShfrsPredictor::default();
             let mut kept = self.frames.try_lock().ok();
             let frames = kept.as_deref_mut().unwrap_or(&mut other);
-            let found = frames.predict(&history, parameters, learned, settings)?.clone();
+            let goes_on = &mut || watch.look();
+            let found =
+                frames.predict_while(&history, parameters, learned, settings, goes_on)?.cloned();
             drop(kept);
+            let Some(found) = found else { return Ok(None) };
             let now = history[history.len() - 1];
             let (speed_mps, step_s) = (parameters.human.speed_mps, parameters.step_s);
             let set =
                 |set: &shfrs::NestedSet| Reachable::new(now.human, &set.bounds, speed_mps, step_s);
             let reachable = found.sets.iter().map(set).collect::<Result<_, _>>()?;
-            Ok(Shfrs { found, reachable, now, source: Arc::clone(&self.source) })
-        })
+            Ok(Some(Shfrs { found, reachable, now, source: Arc::clone(&self.source) }))
+        })?;
+        watch.end()?;
+        let expected = "a prediction that goes on";
+        Ok(predicted.ok_or_else(|| Invalid::new("prediction", expected, "one that ended"))?)
     }
 }

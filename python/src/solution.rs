@@ -11,6 +11,7 @@ use crate::arrays::{Array, Numbers, place, rows_of, shaped};
 use crate::error::Error;
 use crate::files::{read, write};
 use crate::grid::Grid;
+use crate::scalars::{some_real, some_whole};
 use crate::value::{checked, in_parts};
 
 /// Values on the nodes.
@@ -95,11 +96,11 @@ impl Solution {
     fn value<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        tau_s: Option<f64>,
-        threads: Option<i64>,
+        #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
+        #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
         let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
-        let found = py.detach(|| self.solved.samples(&asked, false))?;
+        let found = self.solved.samples(py, &asked, false)?;
         Ok(shaped(py, found, &asked.shape)?)
     }
 
@@ -118,11 +119,11 @@ impl Solution {
     fn gradient<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        tau_s: Option<f64>,
-        threads: Option<i64>,
+        #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
+        #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
         let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
-        let found = py.detach(|| self.solved.samples(&asked, true))?;
+        let found = self.solved.samples(py, &asked, true)?;
         Ok(shaped(py, found, &[&asked.shape[..], &[self.grid.axes.len()]].concat())?)
     }
 
@@ -149,11 +150,11 @@ impl Solution {
     fn inputs<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        tau_s: Option<f64>,
-        threads: Option<i64>,
+        #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
+        #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<(Array<'py>, Array<'py>), Error> {
         let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
-        let [(u, m), (d, k)] = py.detach(|| self.solved.inputs(&asked))?;
+        let [(u, m), (d, k)] = self.solved.inputs(py, &asked)?;
         let wide = |width: usize| [&asked.shape[..], &[width]].concat();
         Ok((shaped(py, u, &wide(m))?, shaped(py, d, &wide(k))?))
     }
@@ -168,7 +169,8 @@ impl Solution {
     /// Raises
     /// ------
     /// ValueError
-    ///     If the file is no solution in single precision, is cut short, or has a format of another version.
+    ///     If the file is no solution in single precision, is cut short, damaged or longer than 4 GiB, has a format of
+    ///     another version, or `tau` or an axis is not as `meta` says.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Result<Self, Error> {
         py.detach(|| {
@@ -231,9 +233,9 @@ pub(crate) trait Solved: Send + Sync {
     fn march(&self) -> (Direction, Kind, usize, f64);
     fn npz(&self) -> Result<Vec<u8>, Invalid>;
     /// V or its gradient (D numbers) at states, row by row.
-    fn samples(&self, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Invalid>;
+    fn samples(&self, py: Python<'_>, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Error>;
     /// The optimal inputs u and d at states, and how many there are of each.
-    fn inputs(&self, asked: &Asked) -> Result<OptimalInputs, Invalid>;
+    fn inputs(&self, py: Python<'_>, asked: &Asked) -> Result<OptimalInputs, Error>;
 }
 
 /// Where a solution is looked at.
@@ -272,12 +274,13 @@ impl<const D: usize> OnGrid<D> {
     /// One result for each state.
     fn each<T: Send + Clone>(
         &self,
+        py: Python<'_>,
         asked: &Asked,
         unseen: T,
         of: impl Fn([f64; D]) -> Result<T, Invalid> + Sync,
-    ) -> Result<Vec<T>, Invalid> {
+    ) -> Result<Vec<T>, Error> {
         let states = asked.states.as_chunks::<D>().0;
-        in_parts(states, asked.threads, unseen, |first, states, found| {
+        in_parts(py, states, asked.threads, unseen, |first, states, found| {
             for (i, (found, &state)) in found.iter_mut().zip(states).enumerate() {
                 *found = of(state).map_err(|mut invalid| {
                     // The library names a coordinate of the state; the array has many.
@@ -314,23 +317,23 @@ impl<const D: usize> Solved for OnGrid<D> {
         self.solution.npz()
     }
 
-    fn samples(&self, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Invalid> {
+    fn samples(&self, py: Python<'_>, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Error> {
         let then = self.at(asked.tau_s)?;
         if gradient {
-            let found = self.each(asked, [0.0; D], |state| Ok(then.sample(state)?.gradient))?;
+            let found = self.each(py, asked, [0.0; D], |state| Ok(then.sample(state)?.gradient))?;
             return Ok(found.into_flattened());
         }
-        self.each(asked, 0.0, |state| then.value(state))
+        self.each(py, asked, 0.0, |state| then.value(state))
     }
 
-    fn inputs(&self, asked: &Asked) -> Result<OptimalInputs, Invalid> {
+    fn inputs(&self, py: Python<'_>, asked: &Asked) -> Result<OptimalInputs, Error> {
         let then = self.at(asked.tau_s)?;
         let Some(game) = &self.game else {
             let expected = "one that hj_solve returned: a file keeps V, not the game";
-            return Err(Invalid::new("solution", expected, "one that was loaded"));
+            return Err(Invalid::new("solution", expected, "one that was loaded").into());
         };
         let nobody = reachability::Inputs { minimiser: Vec::new(), maximiser: Vec::new() };
-        let found = self.each(asked, nobody, |state| then.inputs(game, state))?;
+        let found = self.each(py, asked, nobody, |state| then.inputs(game, state))?;
         let ranges = game.ranges();
         let (mut u, mut d) = (Vec::new(), Vec::new());
         for inputs in found {

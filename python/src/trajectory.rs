@@ -8,6 +8,7 @@ use sidestep::synthetic::{Keys, SyntheticParticipant};
 
 use crate::arrays::{Array, count, joint_states, list, states_array};
 use crate::error::Error;
+use crate::scalars::{seed, whole};
 
 /// What a person drove: joint states, and the human's turn rates between them.
 ///
@@ -80,9 +81,9 @@ impl Trajectory {
 #[pyo3(signature = (participants, tasks, *, seed=0))]
 pub(crate) fn simulate(
     py: Python<'_>,
-    participants: i64,
-    tasks: i64,
-    seed: u64,
+    #[pyo3(from_py_with = whole)] participants: i64,
+    #[pyo3(from_py_with = whole)] tasks: i64,
+    #[pyo3(from_py_with = seed)] seed: u64,
 ) -> Result<Vec<Vec<Trajectory>>, Error> {
     let (participants, tasks) =
         (count("participants", 1, participants)?, count("tasks", 1, tasks)?);

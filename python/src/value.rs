@@ -1,5 +1,9 @@
 //! The value of a game at many states.
 
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use sidestep::invalid::Invalid;
@@ -8,6 +12,8 @@ use sidestep::vehicle::dubins;
 
 use crate::arrays::{Array, count, rows, shaped, wrong_shape};
 use crate::error::Error;
+use crate::interrupt::Watch;
+use crate::scalars::some_whole;
 use crate::vehicles::PursuitGame;
 
 /// V, its gradient, both optimal turns, and whether the state is inside the solved grid.
@@ -38,7 +44,7 @@ pub(crate) type States<'py> = (Array<'py>, Array<'py>, Array<'py>, Bound<'py, Py
 pub(crate) fn value<'py>(
     states: &Bound<'py, PyAny>,
     game: &PursuitGame,
-    threads: Option<i64>,
+    #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
 ) -> Result<Array<'py>, Error> {
     value_of(states, &closed_form(game)?, threads)
 }
@@ -74,7 +80,7 @@ pub(crate) fn value<'py>(
 pub(crate) fn state<'py>(
     states: &Bound<'py, PyAny>,
     game: &PursuitGame,
-    threads: Option<i64>,
+    #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
 ) -> Result<States<'py>, Error> {
     state_of(states, &closed_form(game)?, threads)
 }
@@ -126,16 +132,14 @@ pub(crate) fn value_of<'py>(
     let py = states.py();
     let states = rows("states", states)?;
     let threads = checked(threads)?;
-    let values = py.detach(|| {
-        in_parts(states.rows(), threads, 0.0, |_, states, values| match function {
-            ValueFunction::Exact(exact) => exact.values_into(states, values),
-            ValueFunction::Sampled(sampled) => {
-                for (value, &state) in values.iter_mut().zip(states) {
-                    *value = sampled.state(state).value;
-                }
-                Ok(())
+    let values = in_parts(py, states.rows(), threads, 0.0, |_, states, values| match function {
+        ValueFunction::Exact(exact) => exact.values_into(states, values),
+        ValueFunction::Sampled(sampled) => {
+            for (value, &state) in values.iter_mut().zip(states) {
+                *value = sampled.state(state).value;
             }
-        })
+            Ok(())
+        }
     })?;
     Ok(shaped(py, values, &states.shape)?)
 }
@@ -149,13 +153,11 @@ pub(crate) fn state_of<'py>(
     let py = states.py();
     let states = rows("states", states)?;
     let threads = checked(threads)?;
-    let found = py.detach(|| {
-        in_parts(states.rows(), threads, None, |_, states, found| {
-            for (found, &state) in found.iter_mut().zip(states) {
-                *found = Some(function.state(state));
-            }
-            Ok(())
-        })
+    let found = in_parts(py, states.rows(), threads, None, |_, states, found| {
+        for (found, &state) in found.iter_mut().zip(states) {
+            *found = Some(function.state(state));
+        }
+        Ok(())
     })?;
     let found: Vec<ValueState> = found.into_iter().flatten().collect();
     let column = |of: &dyn Fn(&ValueState) -> f64| found.iter().map(of).collect();
@@ -179,32 +181,55 @@ pub(crate) fn checked(threads: Option<i64>) -> Result<usize, Error> {
 /// Fewer states than this are not worth another thread: they take less time than it takes to start.
 const STATES_OF_A_THREAD: usize = 4096;
 
+/// States that a thread takes at once.
+const STATES_AT_ONCE: usize = 1024;
+
 /// One result for each state, `unseen` at first: `work` gets the number of its first state, states and their results
-/// to fill in, on at most `threads` threads.
+/// to fill in, on at most `threads` threads, while the interpreter is released. Ctrl-C ends it.
 pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
+    py: Python<'_>,
     states: &[S],
     threads: usize,
     unseen: T,
     work: impl Fn(usize, &[S], &mut [T]) -> Result<(), Invalid> + Sync,
-) -> Result<Vec<T>, Invalid> {
+) -> Result<Vec<T>, Error> {
     let threads = threads.min(states.len() / STATES_OF_A_THREAD + 1).min(default_threads());
-    let mut found = vec![unseen; states.len()];
-    let part = states.len().div_ceil(threads).max(1);
-    let parts = states.chunks(part).zip(found.chunks_mut(part)).enumerate();
-    let mut parts = parts.map(|(i, (states, found))| (i * part, states, found));
-    let own = parts.next();
-    let mut done = Ok(());
-    std::thread::scope(|scope| {
-        let work = &work;
-        let others: Vec<_> = parts
-            .map(|(first, states, found)| scope.spawn(move || work(first, states, found)))
-            .collect();
-        done = own.map_or(Ok(()), |(first, states, found)| work(first, states, found));
-        for other in others {
-            // A thread that panicked has been reported; the library does not.
-            let of_other = other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            done = done.clone().and(of_other);
+    let mut watch = Watch::new();
+    let found = py.detach(|| {
+        let mut found = vec![unseen; states.len()];
+        let parts = states.chunks(STATES_AT_ONCE).zip(found.chunks_mut(STATES_AT_ONCE));
+        let parts = Mutex::new(parts.enumerate());
+        let (ended, first) = (AtomicBool::new(false), Mutex::new(None));
+        let one = || {
+            let next = parts.lock().unwrap_or_else(PoisonError::into_inner).next();
+            let Some((i, (states, found))) = next.filter(|_| !ended.load(Ordering::Relaxed)) else {
+                return ControlFlow::Break(());
+            };
+            if let Err(invalid) = work(i * STATES_AT_ONCE, states, found) {
+                ended.store(true, Ordering::Relaxed);
+                // Earlier parts were taken before, so the first complaint of all is among those that come.
+                let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
+                if first.as_ref().is_none_or(|(other, _)| i < *other) {
+                    *first = Some((i, invalid));
+                }
+            }
+            ControlFlow::Continue(())
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..threads {
+                scope.spawn(|| while one().is_continue() {});
+            }
+            while one().is_continue() {
+                if watch.look().is_break() {
+                    ended.store(true, Ordering::Relaxed);
+                }
+            }
+        });
+        match first.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some((_, invalid)) => Err(invalid),
+            None => Ok(found),
         }
     });
-    done.map(|()| found)
+    watch.end()?;
+    Ok(found?)
 }

@@ -7,6 +7,7 @@ use sidestep::vehicle;
 
 use crate::arrays::count;
 use crate::error::Error;
+use crate::scalars::{real, whole};
 
 /// A Dubins car: constant speed, bounded turn rate.
 ///
@@ -30,7 +31,10 @@ impl std::hash::Hash for VehicleModel {
 #[pymethods]
 impl VehicleModel {
     #[new]
-    fn new(speed_mps: f64, turn_rate_radps: f64) -> Result<Self, Error> {
+    fn new(
+        #[pyo3(from_py_with = real)] speed_mps: f64,
+        #[pyo3(from_py_with = real)] turn_rate_radps: f64,
+    ) -> Result<Self, Error> {
         let model = vehicle::VehicleModel { speed_mps, turn_rate_radps };
         model.check()?;
         Ok(Self(model))
@@ -83,7 +87,11 @@ impl std::hash::Hash for PursuitGame {
 #[pymethods]
 impl PursuitGame {
     #[new]
-    fn new(evader: VehicleModel, pursuer: VehicleModel, radius_m: f64) -> Result<Self, Error> {
+    fn new(
+        evader: VehicleModel,
+        pursuer: VehicleModel,
+        #[pyo3(from_py_with = real)] radius_m: f64,
+    ) -> Result<Self, Error> {
         let game = reachability::PursuitGame { evader: evader.0, pursuer: pursuer.0, radius_m };
         Ok(Self(game.check()?))
     }
@@ -145,9 +153,9 @@ impl SceneParameters {
     fn new(
         human: Option<VehicleModel>,
         robot: Option<VehicleModel>,
-        danger_radius_m: f64,
-        step_s: f64,
-        steps: i64,
+        #[pyo3(from_py_with = real)] danger_radius_m: f64,
+        #[pyo3(from_py_with = real)] step_s: f64,
+        #[pyo3(from_py_with = whole)] steps: i64,
     ) -> Result<Self, Error> {
         let steps = count("steps", 1, steps)?;
         let usual = scene::SceneParameters::default();

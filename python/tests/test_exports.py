@@ -97,6 +97,26 @@ def test_nodes_of_a_solved_grid(program, unequal, tmp_path, rng):
     states = np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings), psi], axis=-1)
     solved = sidestep.solve(unequal, accuracy="draft")
     np.testing.assert_allclose(solved.value(states), found.value[i, j, k], atol=2e-3)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    np.savez(path, **{**arrays, "value": arrays["value"].ravel()})
+    with pytest.raises(ValueError, match=r"path: expected an archive of `sidestep solve`.*value of shape"):
+        exports.nodes(path)
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(ValueError, match="path: expected an archive of `sidestep solve`"):
         exports.nodes(path)
+
+
+def test_what_is_no_archive_is_refused(tmp_path):
+    path = tmp_path / "one.npy"
+    np.save(path, np.zeros(3))
+    with pytest.raises(ValueError, match="path: expected an archive of `sidestep solve`.*one array"):
+        exports.nodes(path)
+    # A number would be an open file, such as this process's output.
+    with pytest.raises(TypeError):
+        exports.nodes(1)
+    os.fstat(1)
+    for text in (b"{}", b"[]", b"\xff\xfe", b'{"files": [{"name": 3}]}'):
+        (tmp_path / "manifest.json").write_bytes(text)
+        with pytest.raises(ValueError, match=r"folder: expected a manifest\.json that lists files with their sha256"):
+            exports.table(tmp_path, "steps")

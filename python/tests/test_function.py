@@ -1,5 +1,6 @@
 """Value functions: solved, interrupted, looked at, kept."""
 
+import copy
 import os
 import pickle
 import threading
@@ -66,6 +67,19 @@ def test_level_curves_are_where_v_is_the_level(paper, solved, level):
                 assert function.value([inside.x, inside.y, psi]) < level
 
 
+def test_level_curves_show_sets_that_are_smaller_than_a_cell(paper):
+    function = sidestep.solve(paper, 2.0, "cartesian", accuracy="draft")
+    for psi in (0.3, 1.0, 2.8):
+        least = function.value([0, 0, psi])
+        for above in (1e-3, 0.02, 0.1):
+            level = max(least + above, -2.999)
+            (curve,) = function.level_curves(psi, level, spacing_m=0.005)
+            polygon = shapely.Polygon(curve)
+            assert polygon.is_valid and polygon.exterior.is_ccw and polygon.contains(shapely.Point(0, 0))
+            along = np.column_stack([curve, np.full(len(curve), psi)])
+            assert np.abs(function.value(along) - level).max() < 0.02 + 0.1 * (level - least)
+
+
 def test_a_function_survives_its_file_and_pickle(paper, solved, tmp_path, rng):
     states = rng.uniform([-6, -6, 0], [6, 6, 6], (300, 3))
     exact = sidestep.solve(paper)
@@ -76,6 +90,44 @@ def test_a_function_survives_its_file_and_pickle(paper, solved, tmp_path, rng):
         assert loaded.game == function.game
         assert np.abs(loaded.value(states) - function.value(states)).max() <= most
         assert pickle.loads(pickle.dumps(loaded)) == loaded
+        # Neither pickle nor a copy rounds.
+        assert pickle.loads(pickle.dumps(function)) == function
+        assert copy.copy(function) == function and copy.deepcopy([function]) == [function]
+
+
+def test_damage_of_a_file_is_noticed(paper, solved, tmp_path, rng):
+    path = tmp_path / "function.value"
+    for function in (sidestep.solve(paper), solved):
+        function.save(path)
+        whole = path.read_bytes()
+        for at in rng.integers(0, len(whole), 200):
+            damaged = bytearray(whole)
+            damaged[at] ^= 0x40
+            path.write_bytes(damaged)
+            with pytest.raises(ValueError, match="value function"):
+                sidestep.ValueFunction.load(path)
+        path.write_bytes(whole + b"junk")
+        with pytest.raises(ValueError, match="value function"):
+            sidestep.ValueFunction.load(path)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there are no such files there")
+def test_files_without_an_end_are_refused():
+    for load in (sidestep.ValueFunction.load, sidestep.Solution.load, sidestep.Predictor.load):
+        with pytest.raises(ValueError, match="path: expected a file, found a device or a pipe, /dev/full"):
+            load("/dev/full")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
+def test_ctrl_c_ends_many_values(paper, solved, ctrl_c, rng):
+    states = np.broadcast_to(rng.uniform([-6, -6, 0], [6, 6, 6], (1000, 3)), (10_000, 1000, 3)).reshape(-1, 3)
+    for call in (lambda: sidestep.state(states, paper, threads=1), lambda: solved.state(states, threads=2)):
+        ctrl_c(0.5)
+        begin = time.process_time()
+        with pytest.raises(KeyboardInterrupt):
+            call()
+        # Work, however busy the machine is; whole, it takes twice as much and more.
+        assert time.process_time() - begin < 2
 
 
 def test_what_is_read_again_is_rounded_once(solved, tmp_path):

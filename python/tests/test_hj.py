@@ -213,6 +213,47 @@ def test_a_solution_survives_its_file(solution, tmp_path, rng):
             sidestep.Solution.load(path)
 
 
+def test_damage_of_a_file_is_noticed(solution, tmp_path, rng):
+    path = tmp_path / "solution.npz"
+    solution.save(path)
+    whole = path.read_bytes()
+    for at in rng.integers(100, len(whole) - 1000, 50):
+        damaged = bytearray(whole)
+        damaged[at] ^= 0x40
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match="solution.*checksum.*found damaged ones"):
+            sidestep.Solution.load(path)
+    path.write_bytes(whole + b"junk")
+    with pytest.raises(ValueError, match=r"solution\.bytes: expected a whole NumPy archive.*bytes after its end"):
+        sidestep.Solution.load(path)
+
+
+def test_a_files_axes_and_instants_are_those_of_the_grid(solution, tmp_path):
+    path = tmp_path / "solution.npz"
+    solution.save(path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    np.savez(path, **arrays)
+    assert sidestep.Solution.load(path).grid == solution.grid
+    for name in ("tau", "axis0", "axis1"):
+        values = arrays[name]
+        wrong = {"0": np.full_like(values, np.nan), "0 ": values[::-1], "": values[:0]}
+        for index, other in wrong.items():
+            np.savez(path, **{**arrays, name: other})
+            where = rf"solution\.{name}\[{index.strip()}\]: .*as meta says" if index else rf"solution\.{name}: expected \d+"
+            with pytest.raises(ValueError, match=where):
+                sidestep.Solution.load(path)
+        np.savez(path, **{key: of for key, of in arrays.items() if key != name})
+        with pytest.raises(ValueError, match=rf"solution\.{name}: expected an array of this name"):
+            sidestep.Solution.load(path)
+
+
+def test_nodes_that_rounding_joins_are_refused():
+    for lo, hi, nodes in (([0], [5e-324], [5]), ([1e300], [1e300 * (1 + 1e-15)], [50]), ([1e6], [1e6 + 1e-8], [3])):
+        with pytest.raises(ValueError, match=r"hi\[0\]: expected nodes at least .* apart, .*found"):
+            sidestep.Grid(lo, hi, nodes)
+
+
 def test_a_march_may_end_when_it_has_converged(plane):
     target = np.hypot(*np.moveaxis(plane.states, -1, 0)) - 0.5
     solution = sidestep.hj_solve(

@@ -2,8 +2,10 @@
 
 import json
 import pickle
+import time
 
 import numpy as np
+import pandas
 import pytest
 from conftest import constant
 from sklearn.base import clone, is_classifier
@@ -28,6 +30,32 @@ def rows(people):
     y = np.concatenate([np.sign(trial.turn_rates) for trials in people for trial in trials]).astype(int)
     # Trees of scikit-learn compare float32.
     return x.astype(np.float32).astype(float), y
+
+
+@pytest.mark.parametrize("scaled", [True, False])
+def test_names_are_those_of_the_data_frame(rows, scaled):
+    x, y = rows
+    frame = pandas.DataFrame(x, columns=NAMES)
+    model = LogisticRegression(max_iter=2000)
+    model = make_pipeline(StandardScaler(), model) if scaled else model
+    model.fit(frame, y)
+    np.testing.assert_allclose(sidestep.from_sklearn(model, NAMES).proba(x), model.predict_proba(frame), atol=1e-12)
+    for wrong in (NAMES[::-1], [*NAMES[:-1], "turned_2"]):
+        with pytest.raises(ValueError, match=r"features: expected \['abs_dx', .*columns.* fitted on, found \['"):
+            sidestep.from_sklearn(model, wrong)
+
+
+def test_features_of_a_long_drive_take_no_longer_each(people):
+    states = np.tile(people[0][0].states, (1000, 1, 1))
+    names = ["turned", "turned_5", "distance"]
+    begin = time.monotonic()
+    found = sidestep.features(states, names)
+    # Row by row from the beginning, it takes a thousand times as long.
+    assert time.monotonic() - begin < 1
+    for n in (1, 2, 40, 2000):
+        np.testing.assert_array_equal(found[n - 1], sidestep.features(states[:n], names)[-1])
+    turned = np.diff(states[:, 0, 2])
+    np.testing.assert_allclose(found[1:, 0], np.cumsum((turned + np.pi) % (2 * np.pi) - np.pi), atol=1e-6)
 
 
 @pytest.mark.parametrize("classes", [2, 3])
@@ -139,6 +167,7 @@ def test_support_vector_machines_that_are_refused(rows):
         (SVC(kernel="poly", probability=True).fit(x, y), "kernel linear or rbf, found 'poly'"),
         (SVC(probability=True), "expected a fitted one"),
         (CalibratedClassifierCV(SVC()), "expected a fitted one"),
+        (SVC(kernel=lambda a, b: a @ b.T).fit(x, y), "expected the kernel linear or rbf, found <function"),
         (calibrated, "expected two classes, found 3"),
         (several, "ensemble=False, found 2 estimators"),
         (steps, "method sigmoid, found isotonic"),

@@ -15,6 +15,8 @@ MODEL = constant([0.2, 0.6, 0.2])
 NOW = np.zeros((1, 2, 3)) + [[0, 0, 0], [9, 0, 3]]
 FULL = np.full(3, 0.5)
 SET = sidestep.ReachableSet([0, 0, 0], -FULL, FULL)
+AVOIDANCE = '{"format":"sidestep-predictor/1","kind":"constant","features":[],"experiment":2,"classes":[0,1],'
+AVOIDANCE += '"probabilities":[0.5,0.5]}'
 ONCE = [sidestep.Trajectory(np.zeros((2, 2, 3)), [0.0])]
 NAN, INF = float("nan"), float("inf")
 
@@ -94,6 +96,19 @@ REFUSED = [
     (lambda: sidestep.calibrate([], MODEL, sidestep.ShfrsSettings([0.0], [1])), "expected at least 29"),
     (lambda: sidestep.calibrate(ONCE, MODEL, sidestep.ShfrsSettings([0.0], [1]), p=1.5), "p: expected"),
     (lambda: sidestep.calibrate(ONCE, MODEL, sidestep.ShfrsSettings([0.0], [1]), windows="x"), "windows: expected"),
+    (lambda: sidestep.VehicleModel(10**400, 0.5), "speed_mps: expected a finite number > 0, found inf"),
+    (lambda: sidestep.VehicleModel(-(10**400), 0.5), "speed_mps: expected a finite number > 0, found -inf"),
+    (lambda: sidestep.VehicleModel(-1e300, 0.5), "speed_mps: expected a finite number > 0, found -1e300"),
+    (lambda: sidestep.value([1, 2, 3], GAME, threads=-(2**63) - 1), "threads: expected at least 1, found -"),
+    (lambda: sidestep.SceneParameters(steps=2**64), "steps: expected a whole number from 1 to 3000"),
+    (lambda: sidestep.bounds(NOW, MODEL, [0], [2**70]), r"k\[0\]: expected a whole number from 1 to 3"),
+    (lambda: sidestep.simulate(1, 1, seed=-1), "seed: expected a whole number from 0 to 18446744073709551615, found -1"),
+    (lambda: sidestep.simulate(1, 1, seed=2**64), "seed: .*found 18446744073709551616"),
+    (lambda: sidestep.solve(GAME, progress=5), "progress: expected a callable, or None, found <class 'int'>"),
+    (lambda: sidestep.Predictor.from_json(AVOIDANCE.replace("2", "9", 1)), r"predictor\.experiment: expected 1, .*found 9"),
+    (lambda: SET.contains_drive(np.zeros((0, 3))), r"states: .*1 ≤ t ≤ 3, found shape \(0, 3\)"),
+    (lambda: sidestep.ShfrsPredictor(MODEL).predict(NOW).contains(np.zeros((0, 3))), r"states: .*found shape \(0, 3\)"),
+    (lambda: sidestep.value(np.ma.masked_equal([1.0, 2, 3], 2), GAME), "states: .*without masked entries, found some"),
 ]
 
 
@@ -110,11 +125,19 @@ def test_a_model_of_avoidance_cannot_drive_a_prediction():
         sidestep.ShfrsPredictor(sidestep.Predictor.from_json(text))
 
 
+def test_more_threads_than_a_machine_has_are_no_more_than_it_has():
+    assert sidestep.value([5.0, 0.0, 1.0], GAME, threads=2**63) == sidestep.value([5.0, 0.0, 1.0], GAME)
+    assert sidestep.value(np.ma.array([5.0, 0.0, 1.0], mask=False), GAME) == sidestep.value([5.0, 0.0, 1.0], GAME)
+
+
 def test_other_types_are_type_errors():
     for call, argument in (
         (lambda: sidestep.VehicleModel("fast", 1), "speed_mps"),
         (lambda: sidestep.PursuitGame(CAR, 3, 3), "pursuer"),
         (lambda: sidestep.bounds(NOW, "model", [0], [1]), "model"),
+        (lambda: sidestep.SidestepClassifier(None), "predictor: expected a Predictor, found NoneType"),
+        (lambda: sidestep.value([1, 2, 3], GAME, threads=1.5), "threads"),
+        (lambda: sidestep.simulate(1, 1, seed="a"), "seed"),
         (lambda: sidestep.calibrate([3], MODEL, sidestep.ShfrsSettings([0.0], [1])), "trajectories"),
     ):
         with pytest.raises(TypeError, match=argument):

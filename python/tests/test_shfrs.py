@@ -1,6 +1,8 @@
 """Predicted sets and their calibration."""
 
+import os
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -110,6 +112,34 @@ def test_calibration_is_the_rank_that_it_says(people):
     assert sure.epsilon >= found.epsilon
     with pytest.raises(ValueError, match=r"trajectories: expected at least 59 for p = 0\.95 and delta = 0\.05, found 36$"):
         sidestep.calibrate(trajectories, model, settings, p=0.95)
+
+
+def test_trajectories_of_other_vehicles_are_refused(people):
+    """Sets hold no drive that their vehicle cannot drive, whatever ε is, so there would be no guarantee."""
+    trajectories = [trial for trials in people for trial in trials]
+    model, settings = constant([0.2, 0.6, 0.2]), sidestep.ShfrsSettings([0.0], [1] * 8)
+    slower = sidestep.SceneParameters(human=sidestep.VehicleModel(1.0, 0.5))
+    straighter = sidestep.SceneParameters(human=sidestep.VehicleModel(2.0, 0.1))
+    for parameters, where in (
+        (slower, r"trajectories\[0\]\.states\[1\]\.human\.x, y: expected a position 0\.2000 m away"),
+        (sidestep.SceneParameters(step_s=0.1), r"trajectories\[0\]\.states\[1\]\.human\.x, y: expected"),
+        (straighter, r"trajectories\[\d+\]\.states\[\d+\]\.human\.psi: expected"),
+    ):
+        with pytest.raises(ValueError, match=where):
+            sidestep.calibrate(trajectories, model, settings, p=0.8, delta=None, parameters=parameters)
+    rng = np.random.default_rng(5)
+    jumping = sidestep.Trajectory(rng.uniform(-100, 100, (51, 2, 3)), rng.uniform(-9, 9, 50))
+    with pytest.raises(ValueError, match=r"trajectories\[36\]\.states\[1\]\.human\.x, y"):
+        sidestep.calibrate([*trajectories, jumping], model, settings, p=0.8, delta=None)
+    lying = sidestep.Trajectory(trajectories[0].states, trajectories[0].turn_rates + 0.1)
+    with pytest.raises(ValueError, match=r"trajectories\[0\]\.turn_rates\[0\]: expected .* rad/s, by which the human"):
+        sidestep.calibrate([lying, *trajectories[1:]], model, settings, p=0.8, delta=None)
+    # Which way a robot drives is no matter of the vehicle, and three decimals are enough.
+    states = trajectories[0].states
+    states[:, 1] = rng.uniform(-100, 100, (51, 3))
+    rounded = sidestep.Trajectory(states.round(3), trajectories[0].turn_rates)
+    found = sidestep.calibrate([rounded, *trajectories[1:]], model, settings, p=0.8, delta=None)
+    assert len(found.scores) == 36
 
 
 def test_calibrated_sets_hold_their_share():
@@ -237,6 +267,23 @@ def test_a_collision_bound_is_that_of_clopper_and_pearson(people):
         with pytest.raises(ValueError, match=complaint):
             call()
     assert average.collision(predicted, crossing(0.0), 0.6, delta=0.1).at_most == 0.0
+    # However sure the bound is to be, it comes at once; 1 says nothing.
+    bounds = [calibration.collision(predicted, crossing(1.2), 0.6, delta=d) for d in (0.1, 1e-100, 1e-200, 1e-300)]
+    found = [bound.at_most for bound in bounds]
+    assert found == sorted(found) and (found[0] < 1 or bounds[0].set is None)
+    assert f"set={bounds[0].set})" in repr(bounds[0])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
+def test_ctrl_c_ends_long_predictions(ctrl_c):
+    many = sidestep.ShfrsPredictor(STRAIGHT, sidestep.ShfrsSettings(np.linspace(0, 1, 3000), [1] * 100))
+    fine = sidestep.ShfrsSettings(np.linspace(0, 1, 20), [1] * 40, accuracy_m=1e-6, by_step=True)
+    for predictor in (many, sidestep.ShfrsPredictor(STRAIGHT, fine)):
+        ctrl_c(0.3)
+        begin = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            predictor.predict(CROSSED)
+        assert time.monotonic() - begin < 2.5
 
 
 def test_a_plan_that_is_none_is_refused():

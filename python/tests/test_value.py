@@ -105,3 +105,8 @@ def test_relative_states(rng):
     np.testing.assert_allclose(sidestep.relative_state(evader, pursuer), expected, atol=1e-12)
     with pytest.raises(ValueError, match=r"pursuer: expected an array of shape \[40, 3\] as evader has"):
         sidestep.relative_state(evader, pursuer[:5])
+
+
+def test_far_away_the_value_is_the_range(paper):
+    for far in (1e150, 1e155, 1e200, 1e300):
+        np.testing.assert_allclose(sidestep.value([[far, 0, 1], [0, -far, 2], [far, far, 3]], paper) / far, [1, 1, 2**0.5])

@@ -134,6 +134,25 @@ impl FeatureSet {
         }
     }
 
+    /// The same, given the row of the state before, if there is one: features that look back to the beginning
+    /// of the trial then take no longer than others.
+    pub fn compute_after(
+        &self,
+        before: Option<&[f64]>,
+        history: &[JointState],
+        safety: &SafetyLevels,
+        row: &mut [f64],
+    ) {
+        let Some(before) = before else { return self.compute_into(history, safety, row) };
+        for ((feature, value), &before) in self.features().zip(row).zip(before) {
+            *value = if feature.name == "turned" {
+                before + table::last_turn(history)
+            } else {
+                feature.value(history, safety)
+            };
+        }
+    }
+
     /// Whether one feature is the safety level of `evader` or a component of its gradient.
     #[must_use]
     pub fn has_level(&self, evader: Evader) -> bool {
@@ -198,6 +217,28 @@ mod tests {
         assert_eq!(names("").len(), 5);
         assert!(FeatureSet::subset("dh").is_err());
         assert!(FeatureSet::subset("hh").is_err());
+    }
+
+    #[test]
+    fn a_row_follows_from_the_one_before() {
+        let parameters = SceneParameters::default();
+        let progress = &mut |_| ControlFlow::Continue(());
+        let safety = SafetyLevels::solve(&parameters, progress).unwrap();
+        let mut rng = crate::math::SeededRng::new(7);
+        let start = JointState { human: Pose::new(0.0, 0.0, 2.9), robot: Pose::new(9.0, 1.0, 3.0) };
+        let mut history = vec![start];
+        let set = FeatureSet::all();
+        let [mut before, mut row, mut whole] = [(); 3].map(|()| vec![0.0; set.len()]);
+        set.compute_after(None, &history, &safety, &mut before);
+        for _ in 0..300 {
+            let input = TurnInput::ALL[rng.below(3)];
+            let now = history[history.len() - 1].advance(&parameters, input, 0.7);
+            history.push(now);
+            set.compute_after(Some(&before), &history, &safety, &mut row);
+            set.compute_into(&history, &safety, &mut whole);
+            assert_eq!(row, whole);
+            before.clone_from(&row);
+        }
     }
 
     #[test]

@@ -40,7 +40,7 @@ impl Invalid {
         expected: impl Into<String>,
         found: impl ToString,
     ) -> Self {
-        Self { field: field.into(), expected: expected.into(), found: found.to_string() }
+        Self { field: field.into(), expected: expected.into(), found: brief(found.to_string()) }
     }
 
     /// The same error, with the field's path as seen from its parent.
@@ -49,6 +49,21 @@ impl Invalid {
         let joint = if self.field.is_empty() || self.field.starts_with('[') { "" } else { "." };
         self.field = format!("{parent}{joint}{}", self.field);
         self
+    }
+}
+
+/// The longest number that is told digit by digit: f64 has at most 17 that say something, besides a sign, a point
+/// and some zeros.
+const MOST_DIGITS: usize = 24;
+
+/// A number of hundreds of digits as 1e300; anything else as it is.
+fn brief(found: String) -> String {
+    if found.len() <= MOST_DIGITS {
+        return found;
+    }
+    match found.parse::<f64>() {
+        Ok(number) if number.is_finite() => format!("{number:e}"),
+        _ => found,
     }
 }
 
@@ -140,6 +155,12 @@ mod tests {
         assert_eq!(complaint.to_string(), "states[3]: expected a finite number, found NaN");
         let complaint = positive("speed_mps", -1.0).unwrap_err().within("human");
         assert_eq!(complaint.field, "human.speed_mps");
+        for (number, told) in
+            [(1e300, "1e300"), (-2.5e-300, "-2.5e-300"), (1e21, "1000000000000000000000")]
+        {
+            assert_eq!(Invalid::new("x", "less", number).found, told);
+        }
+        assert_eq!(Invalid::new("x", "a number", "a word of many letters, 1e300").found.len(), 29);
         let whole = Invalid::new("", "an object", "a list");
         assert_eq!(whole.to_string(), "expected an object, found a list");
     }

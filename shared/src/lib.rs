@@ -142,7 +142,6 @@ pub mod inspection;
 pub mod trial;
 #[cfg(feature = "learn")]
 pub mod recording;
-#[cfg(feature = "study")]
 pub mod motion;
 #[cfg(feature = "study")]
 pub mod behaviour;

@@ -5,11 +5,15 @@
 //! step, and numbers may be rounded. So the conditions here are necessary for every drive at constant
 //! speed and at most the vehicle's turn rate, and for every number that has at least three decimals.
 
+#[cfg(feature = "study")]
+mod recorded;
+
+#[cfg(feature = "study")]
+pub use recorded::{check, check_inputs, exclude_impossible, replays};
+
 use crate::invalid::Invalid;
 use crate::math::{PI, asin, atan2, hypot, sinc, wrap_angle};
-use crate::recording::{Exclusion, Fault, RecordedTrial, Recording};
 use crate::scene::{JointState, SceneParameters};
-use crate::trial::verify;
 use crate::vehicle::{Pose, VehicleModel};
 
 /// Most that rounding to three decimals changes a number, m or rad, and what simple precision adds.
@@ -18,40 +22,39 @@ const ROUNDING: f64 = 5e-4 + 1e-6;
 /// Most that rounding of both ends changes the distance between two positions, m.
 const DISTANCE_ROUNDING: f64 = 2.0 * core::f64::consts::SQRT_2 * ROUNDING;
 
-/// Checks every step of a trial but the last, whose end is computed from its input.
+/// Checks that the human of a drive moved as the human's vehicle of `parameters` can, and turned in step i by
+/// `turn_rates[i]`, rad/s. `states` are one more than turn rates. The robot may have driven anyhow.
 ///
 /// # Errors
-/// [`Invalid`] for the first step that the human or the robot cannot have driven. Its field is the
-/// column of trials.csv that is wrong, after the trial and the step.
-pub fn check(parameters: &SceneParameters, trial: &RecordedTrial) -> Result<(), Invalid> {
-    type Of = fn(&JointState) -> Pose;
-    let vehicles: [(char, VehicleModel, Of); 2] = [
-        ('h', parameters.human, |state| state.human),
-        ('r', parameters.robot, |state| state.robot),
-    ];
-    let recorded = &trial.states[..trial.inputs.len().min(trial.states.len())];
-    for (step, ends) in recorded.windows(2).enumerate() {
-        for (letter, vehicle, pose) in vehicles {
-            let within_step = StepLimits::of(vehicle, parameters.step_s);
-            within_step.check(letter, pose(&ends[0]), pose(&ends[1])).map_err(|invalid| {
-                let field = format!("trial {}, step {step}: {}", trial.number, invalid.field);
-                Invalid { field, ..invalid }
-            })?;
+/// [`Invalid`] for the first step that the human cannot have driven, or whose turn rate is not that of the
+/// headings.
+pub fn check_drive(
+    parameters: &SceneParameters,
+    states: &[JointState],
+    turn_rates: &[f64],
+) -> Result<(), Invalid> {
+    crate::invalid::length("states", turn_rates.len() + 1, states.len())?;
+    let within_step = StepLimits::of(parameters.human, parameters.step_s);
+    let most = parameters.human.turn_rate_radps.abs();
+    for (step, (ends, &held)) in states.windows(2).zip(turn_rates).enumerate() {
+        let [from, to] = [ends[0].human, ends[1].human];
+        within_step.check(from, to).map_err(|invalid| {
+            let field = format!("states[{}].human.{}", step + 1, invalid.field);
+            Invalid { field, ..invalid }
+        })?;
+        let turned = wrap_angle(to.psi - from.psi);
+        if wrap_angle(turned - held * parameters.step_s).abs() > 2.0 * ROUNDING {
+            let rate = turned / parameters.step_s;
+            let expected = format!("{rate:.4} rad/s, by which the human turns in this step");
+            return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
+        }
+        // Turn rates of more than half a turn in a step do not show in the headings.
+        if held.abs() > most * (1.0 + 1e-9) + 2.0 * ROUNDING / parameters.step_s {
+            let expected = format!("a turn rate of at most {most} rad/s to either side");
+            return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
         }
     }
     Ok(())
-}
-
-/// Excludes the participants of a recording who have a trial that fails [`check`], with the reason.
-pub fn exclude_impossible(recording: &mut Recording) {
-    let Recording { scene, participants, exclusions, .. } = recording;
-    participants.retain(|participant| {
-        let fault = participant.trials.iter().find_map(|trial| {
-            check(scene, trial).err().map(|what| Fault { line: trial.line, what })
-        });
-        exclusions.extend(fault.iter().map(|fault| Exclusion::of_fault(&participant.name, fault)));
-        fault.is_none()
-    });
 }
 
 /// What a vehicle can do in one step.
@@ -68,16 +71,16 @@ impl StepLimits {
         Self { way_m: vehicle.speed_mps.abs() * step_s, turn_rad }
     }
 
-    fn check(&self, letter: char, from: Pose, to: Pose) -> Result<(), Invalid> {
+    /// Accepts the poses before and after a step. A complaint names the wrong ones of x, y and psi.
+    fn check(&self, from: Pose, to: Pose) -> Result<(), Invalid> {
         let half = 0.5 * self.turn_rad;
         let moved = hypot(to.x - from.x, to.y - from.y);
         // The circle has the shortest chord of all ways of this length, up to a whole turn.
         let chord = if half < PI { self.way_m * sinc(half) } else { 0.0 };
         if moved < chord - DISTANCE_ROUNDING || moved > self.way_m + DISTANCE_ROUNDING {
             let ahead = format!("a position {:.4} m away from the step before", self.way_m);
-            return Err(Invalid::new(format!("{letter}x, {letter}y"), ahead, format!("{moved} m")));
+            return Err(Invalid::new("x, y", ahead, format!("{moved} m")));
         }
-        let heading = format!("{letter}psi");
         let turned = wrap_angle(to.psi - from.psi).abs();
         let turns = turned <= self.turn_rad + 2.0 * ROUNDING;
         // Of all ways, the circle leads farthest aside, if it is at most a sixth of a turn.
@@ -93,71 +96,13 @@ impl StepLimits {
             let wrong = if leads(from.psi) { to.psi } else { from.psi };
             let in_degrees = leads(from.psi.to_radians()) && leads(to.psi.to_radians());
             let hint = if in_degrees { ", which fits in degrees" } else { "" };
-            return Err(Invalid::new(heading, expected, format!("{wrong}{hint}")));
+            return Err(Invalid::new("psi", expected, format!("{wrong}{hint}")));
         }
         if !turns {
             let expected = format!("a turn of at most {:.4} rad in a step", self.turn_rad);
-            return Err(Invalid::new(heading, expected, format!("{turned:.4} rad")));
+            return Err(Invalid::new("psi", expected, format!("{turned:.4} rad")));
         }
         Ok(())
-    }
-}
-
-/// Whether the states follow from the inputs, to within the rounding of numbers to three decimals.
-#[must_use]
-pub fn replays(parameters: &SceneParameters, trial: &RecordedTrial) -> bool {
-    let Some(&start) = trial.states.first() else { return true };
-    let replay = verify(parameters, start, &trial.inputs, &trial.states);
-    let speed = parameters.human.speed_mps.abs().max(parameters.robot.speed_mps.abs());
-    let way_m = speed * parameters.step_s * trial.inputs.len() as f64;
-    // A heading that is off by its rounding leads aside all the way.
-    let position_m = DISTANCE_ROUNDING + ROUNDING * way_m;
-    replay.exact
-        || replay.max_position_error_m <= position_m
-            && replay.max_heading_error_rad <= 2.0 * ROUNDING
-}
-
-/// Checks that the headings turn as the inputs of the same rows say: not the other way, and not as those
-/// of the row before or after.
-///
-/// # Errors
-/// [`Invalid`] if other inputs explain the headings of all trials together far better.
-pub fn check_inputs<'a>(
-    parameters: &SceneParameters,
-    trials: impl IntoIterator<Item = &'a RecordedTrial>,
-) -> Result<(), Invalid> {
-    let most = parameters.human.turn_rate_radps * parameters.step_s;
-    let mut recorded = 0.0;
-    let mut others = [
-        (0.0, "the opposite of omega: give a positive omega for a left (counter-clockwise) turn"),
-        (0.0, "omega of the row before: give the input held in the step that begins at the state"),
-        (0.0, "omega of the row after: give the input held in the step that begins at the state"),
-    ];
-    for trial in trials {
-        let turn = |step: usize| trial.inputs.get(step).map(|input| most * f64::from(input.sign()));
-        // The last state is computed from the last input, and the first step has no row before.
-        for step in 1..trial.inputs.len().saturating_sub(1) {
-            let psi = |at: usize| trial.states.get(at).map(|state| state.human.psi);
-            let (Some(own), Some(from), Some(to)) = (turn(step), psi(step), psi(step + 1)) else {
-                continue;
-            };
-            let turned = wrap_angle(to - from);
-            let squared = |expected: f64| (turned - expected) * (turned - expected);
-            let [before, after] = [step - 1, step + 1].map(|at| turn(at).unwrap_or(own));
-            recorded += squared(own);
-            for (other, expected) in others.iter_mut().zip([-own, before, after]) {
-                other.0 += squared(expected);
-            }
-        }
-    }
-    // Keys that change within a step are explained equally badly by two rows, never by one of them
-    // so much better.
-    match others.iter().find(|(other, _)| *other < 0.25 * recorded && recorded > ROUNDING) {
-        Some((_, found)) => {
-            let expected = "inputs that turn the human as hpsi says (rad/s)";
-            Err(Invalid::new("omega", expected, format!("that hpsi follows {found}")))
-        }
-        None => Ok(()),
     }
 }
 
@@ -165,109 +110,57 @@ pub fn check_inputs<'a>(
 mod tests {
     use super::*;
     use crate::math::SeededRng;
-    use crate::trial::{Phase, simulate};
-    use crate::vehicle::TurnInput;
 
-    fn driven(rng: &mut SeededRng, parameters: &SceneParameters) -> RecordedTrial {
-        let mut pose = || {
-            let [x, y] = [(); 2].map(|()| rng.uniform(-20.0, 20.0));
-            Pose::new(x, y, rng.uniform(-4.0, 4.0))
-        };
-        let start = JointState { human: pose(), robot: pose() };
-        let mut inputs = vec![TurnInput::Straight; parameters.steps];
-        for step in 1..inputs.len() {
-            inputs[step] = match rng.below(4) {
-                0 => TurnInput::ALL[rng.below(3)],
-                _ => inputs[step - 1],
-            };
+    /// A human who turns at these rates, and a robot that jumps about.
+    fn driven(parameters: &SceneParameters, rates: &[f64]) -> Vec<JointState> {
+        let mut human = Pose::new(1.0, -2.0, 0.7);
+        let mut states = vec![JointState { human, robot: Pose::new(9.0, 0.0, 3.0) }];
+        for (step, &rate) in rates.iter().enumerate() {
+            let (speed_mps, step_s) = (parameters.human.speed_mps, parameters.step_s);
+            human = crate::vehicle::dubins::arc(human, speed_mps, rate, step_s);
+            states.push(JointState { human, robot: Pose::new(step as f64 * 5.0, 0.0, 1.0) });
         }
-        let states = simulate(parameters, start, &inputs);
-        RecordedTrial {
-            line: None,
-            number: 7,
-            phase: Phase::Task,
-            attempt: 1,
-            trial_id: None,
-            inputs,
-            states,
-            started_at_ms: None,
-            sampled_at_ms: None,
-            flags: Vec::new(),
-        }
-    }
-
-    fn all(parameters: &SceneParameters, trial: &RecordedTrial) -> Result<(), Invalid> {
-        check(parameters, trial)?;
-        check_inputs(parameters, [trial])
+        states
     }
 
     #[test]
-    fn what_the_vehicles_drove_is_possible_whatever_the_rounding() {
-        let mut rng = SeededRng::new(4);
-        for case in 0..300 {
+    fn a_drive_fits_the_parameters_it_was_driven_with() {
+        let mut rng = SeededRng::new(8);
+        for case in 0..200 {
             let mut parameters = SceneParameters::default();
-            parameters.human.speed_mps = [2.0, 0.2, 9.0][case % 3];
-            parameters.human.turn_rate_radps = [0.5, 1.5, 0.05][case / 3 % 3];
-            let mut trial = driven(&mut rng, &parameters);
-            assert!(replays(&parameters, &trial));
-            assert_eq!(all(&parameters, &trial), Ok(()), "{case}");
-            for state in &mut trial.states {
-                for pose in [&mut state.human, &mut state.robot] {
-                    let [x, y, psi] =
-                        <[f64; 3]>::from(*pose).map(|number| (number * 1e3).round() / 1e3);
-                    *pose = Pose::new(x, y, psi);
-                }
-            }
-            assert_eq!(all(&parameters, &trial), Ok(()), "{case} with three decimals");
-            assert!(replays(&parameters, &trial), "{case} with three decimals");
+            parameters.human.speed_mps = [2.0, 0.3, 8.0][case % 3];
+            parameters.human.turn_rate_radps = [0.5, 1.5, 12.0][case / 3 % 3];
+            let most = parameters.human.turn_rate_radps;
+            let rates: Vec<f64> = (0..30).map(|_| rng.uniform(-most, most)).collect();
+            let states = driven(&parameters, &rates);
+            assert_eq!(check_drive(&parameters, &states, &rates), Ok(()), "{case}");
         }
     }
 
     #[test]
-    fn keys_that_change_within_a_step_are_possible_but_do_not_replay() {
-        let mut rng = SeededRng::new(5);
+    fn a_drive_of_another_vehicle_is_named() {
         let parameters = SceneParameters::default();
-        let fine = SceneParameters { step_s: 0.05, steps: 200, ..parameters };
-        let (mut different, mut trials) = (0, Vec::new());
-        for _ in 0..50 {
-            let mut trial = driven(&mut rng, &fine);
-            trial.inputs = trial.inputs.chunks(4).map(|four| four[1]).collect();
-            trial.states = trial.states.into_iter().step_by(4).collect();
-            assert_eq!(check(&parameters, &trial), Ok(()));
-            different += usize::from(!replays(&parameters, &trial));
-            trials.push(trial);
-        }
-        assert!(different > 40, "{different}");
-        assert_eq!(check_inputs(&parameters, &trials), Ok(()));
-    }
-
-    #[test]
-    fn what_no_vehicle_drove_is_named() {
-        let parameters = SceneParameters::default();
-        let refused = |change: &dyn Fn(&mut RecordedTrial), field: &str, words: &str| {
-            let mut trial = driven(&mut SeededRng::new(6), &parameters);
-            change(&mut trial);
-            let error = all(&parameters, &trial).unwrap_err().to_string();
-            assert!(error.starts_with(field) && error.contains(words), "{error}");
-            assert!(!replays(&parameters, &trial));
+        let rates = [0.5, 0.0, -0.5, -0.5, 0.25];
+        let states = driven(&parameters, &rates);
+        let refused = |change: &dyn Fn(&mut SceneParameters), rates: &[f64]| {
+            let mut changed = parameters;
+            change(&mut changed);
+            check_drive(&changed, &states, rates).unwrap_err().to_string()
         };
-        refused(&|of| of.states[9].human.x += 0.02, "trial 7, step 8: hx, hy", "found 0.");
-        refused(&|of| of.states[9].robot.y += 5.0, "trial 7, step 8: rx, ry", "0.4000 m");
-        refused(&|of| of.states[9].robot.psi += 0.1, "trial 7, step 8: rpsi", "where the vehicle");
-        let degrees = |of: &mut RecordedTrial| {
-            for state in &mut of.states {
-                state.human.psi = state.human.psi.to_degrees();
-            }
-        };
-        refused(&degrees, "trial 7, step 0: hpsi", "which fits in degrees");
-        let opposite = |of: &mut RecordedTrial| {
-            let mirrored = |input: &TurnInput| {
-                TurnInput::ALL.into_iter().find(|of| of.sign() == -input.sign())
-            };
-            of.inputs = of.inputs.iter().filter_map(mirrored).collect();
-        };
-        refused(&opposite, "omega", "the opposite");
-        refused(&|of| of.inputs.rotate_left(1), "omega", "row before");
-        refused(&|of| of.inputs.rotate_right(1), "omega", "row after");
+        let slower = refused(&|of| of.human.speed_mps = 1.0, &rates);
+        assert!(
+            slower.starts_with("states[1].human.x, y: expected a position 0.2000 m"),
+            "{slower}"
+        );
+        let oftener = refused(&|of| of.step_s = 0.1, &rates);
+        assert!(oftener.starts_with("states[1].human.x, y"), "{oftener}");
+        let straighter = refused(&|of| of.human.turn_rate_radps = 0.3, &rates);
+        assert!(straighter.starts_with("states[1].human.psi"), "{straighter}");
+        let told = refused(&|_| (), &[0.5, 0.0, -0.5, 0.5, 0.25]);
+        assert!(told.starts_with("turn_rates[3]: expected -0.5000 rad/s"), "{told}");
+        let whole_turns = rates.map(|rate| rate + 10.0 * PI);
+        let whole_turns = refused(&|_| (), &whole_turns);
+        assert!(whole_turns.starts_with("turn_rates[0]: expected a turn rate of at most 0.5"));
+        assert_eq!(refused(&|_| (), &rates[1..]), "states: expected 5 entries, found 6 entries");
     }
 }

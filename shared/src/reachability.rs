@@ -14,6 +14,7 @@ mod sampled;
 mod contour;
 mod value_function;
 mod slice_curves;
+mod checksum;
 mod transport;
 mod solve;
 pub mod npz;

@@ -29,6 +29,7 @@ use crate::reach::polygon::signed_area;
 use crate::reach::{Outline, PolygonSettings, ReachableSet, Workspace};
 use crate::safety::SafetyLevels;
 use crate::scene::{JointState, SceneParameters};
+use core::ops::ControlFlow;
 
 /// A predictor as the learned function G of Algorithm 1.
 pub struct PredictedHuman<'a> {
@@ -204,7 +205,7 @@ impl NestedSet {
         }
     }
 
-    /// Replaces this set by `reachable`, the set of these bounds.
+    /// Replaces this set by `reachable`, the set of these bounds. Between two polygons it asks whether to go on.
     fn take(
         &mut self,
         epsilon: f64,
@@ -212,18 +213,22 @@ impl NestedSet {
         reachable: &ReachableSet,
         settings: &ShfrsSettings,
         workspace: &mut Workspace,
-    ) {
+        goes_on: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         self.epsilon = epsilon;
         self.bounds.clone_from(bounds);
+        goes_on()?;
         self.tube_outline =
             reachable.tube_polygon_into(settings.polygon, workspace, &mut self.tube);
         self.area_m2 = signed_area(&self.tube);
         self.steps.resize_with(if settings.by_step { reachable.steps() } else { 0 }, Vec::new);
-        let steps = self.steps.iter_mut().enumerate().map(|(i, polygon)| {
-            reachable.step_polygon_into(i + 1, settings.polygon, workspace, polygon)
-        });
         self.step_outlines.clear();
-        self.step_outlines.extend(steps);
+        for (i, polygon) in self.steps.iter_mut().enumerate() {
+            goes_on()?;
+            let outline = reachable.step_polygon_into(i + 1, settings.polygon, workspace, polygon);
+            self.step_outlines.push(outline);
+        }
+        ControlFlow::Continue(())
     }
 }
 
@@ -291,6 +296,38 @@ impl ShfrsPredictor {
         model: &impl ActionModel,
         settings: &ShfrsSettings,
     ) -> Result<&Shfrs, Invalid> {
+        let goes_on = &mut || ControlFlow::Continue(());
+        let _ = self.run(history, parameters, model, settings, goes_on)?;
+        Ok(&self.shfrs)
+    }
+
+    /// [`Self::predict`], which asks before each polygon whether to go on; none if it was told not to.
+    ///
+    /// # Errors
+    /// As for [`Self::predict`].
+    pub fn predict_while(
+        &mut self,
+        history: &[JointState],
+        parameters: &SceneParameters,
+        model: &impl ActionModel,
+        settings: &ShfrsSettings,
+        goes_on: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<Option<&Shfrs>, Invalid> {
+        if self.run(history, parameters, model, settings, goes_on)?.is_break() {
+            self.shfrs.sets.clear();
+            return Ok(None);
+        }
+        Ok(Some(&self.shfrs))
+    }
+
+    fn run(
+        &mut self,
+        history: &[JointState],
+        parameters: &SceneParameters,
+        model: &impl ActionModel,
+        settings: &ShfrsSettings,
+        goes_on: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>, Invalid> {
         let motion = Motion::from(parameters);
         let straight_on = |_: &[JointState]| 0.0;
         let found = self.algorithm.run(history, &motion, model, straight_on, &settings.bounds)?;
@@ -310,9 +347,12 @@ impl ShfrsPredictor {
             if j == sets.len() {
                 sets.push(NestedSet::empty(bounds.clone()));
             }
-            sets[j].take(epsilon, bounds, &self.reachable[j], settings, &mut self.workspace);
+            let (reachable, workspace) = (&self.reachable[j], &mut self.workspace);
+            if sets[j].take(epsilon, bounds, reachable, settings, workspace, goes_on).is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
         }
-        Ok(&self.shfrs)
+        Ok(ControlFlow::Continue(()))
     }
 }
 
@@ -372,6 +412,28 @@ mod tests {
             assert!(shfrs.sets.windows(2).all(|pair| pair[0].area_m2 <= pair[1].area_m2 + 1e-9));
         }
     }
+
+    #[test]
+    fn a_prediction_ends_when_it_is_told() {
+        let (parameters, safety, predictor) = setup([0.6, 0.3, 0.1]);
+        let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
+        let now = [JointState { human: Pose::new(1.0, 2.0, 0.5), robot: Pose::new(9.0, 2.0, 3.0) }];
+        let settings = ShfrsSettings::paper(3).unwrap().with_by_step(true);
+        let whole = predict(&now, &parameters, &human, &settings).unwrap();
+        // Five tubes, and five times ten polygons.
+        for (most, ends) in [(0, true), (1, true), (30, true), (54, true), (55, false)] {
+            let (mut online, mut asked) = (ShfrsPredictor::default(), 0);
+            let goes_on = &mut || {
+                asked += 1;
+                if asked > most { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
+            let found = online.predict_while(&now, &parameters, &human, &settings, goes_on);
+            assert_eq!(found.unwrap().is_none(), ends, "{most}");
+            assert_eq!(online.shfrs().sets.is_empty(), ends);
+            assert_eq!(online.predict(&now, &parameters, &human, &settings).unwrap(), &whole);
+        }
+    }
+
     /// One predictor for frames of different settings gives what a fresh one gives.
     #[test]
     fn nothing_is_left_from_the_frame_before() {

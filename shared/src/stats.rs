@@ -61,7 +61,30 @@ pub fn beta_cdf(x: f64, a: f64, b: f64) -> f64 {
 /// The x for which [`beta_cdf`] is `probability`, from 0 to 1.
 #[must_use]
 pub fn beta_quantile(probability: f64, a: f64, b: f64) -> f64 {
-    probability.clamp(0.0, 1.0).inv_inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
+    let probability = probability.clamp(0.0, 1.0);
+    if probability > 0.0 && probability < LEAST_OF_NEWTON {
+        return bisected(|x| beta_cdf(x, a, b) >= probability);
+    }
+    probability.inv_inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
+}
+
+/// Algorithm AS 109 computes with absolute errors of 10⁻³⁰: below this probability it loses digits, and at 10⁻²⁰⁰
+/// it does not end.
+const LEAST_OF_NEWTON: f64 = 1e-18;
+
+/// The largest number in [0, 1] below which a monotone predicate is false.
+fn bisected(holds: impl Fn(f64) -> bool) -> f64 {
+    // Numbers ≥ 0 are in the order of their bits, so halving these keeps the relative error small.
+    let (mut no, mut yes) = (0.0_f64.to_bits(), 1.0_f64.to_bits());
+    while yes - no > 1 {
+        let middle = u64::midpoint(no, yes);
+        if holds(f64::from_bits(middle)) {
+            yes = middle;
+        } else {
+            no = middle;
+        }
+    }
+    f64::from_bits(no)
 }
 
 /// P(X > x) of the standard normal distribution.
@@ -166,6 +189,28 @@ mod tests {
         }
         assert_eq!((beta_cdf(-0.1, 2.0, 3.0), beta_cdf(1.1, 2.0, 3.0)), (0.0, 1.0));
         assert_eq!((beta_quantile(0.0, 2.0, 3.0), beta_quantile(1.0, 2.0, 3.0)), (0.0, 1.0));
+    }
+
+    /// Down to the least probabilities there are, against I(x; a, 1) = xᵃ and I(x; 1, b) ≈ bx.
+    #[test]
+    fn quantiles_of_tiny_probabilities_have_their_closed_forms() {
+        for exponent in [-307, -299, -200, -100, -40, -19, -18, -17, -9] {
+            let probability = exp(f64::from(exponent) * core::f64::consts::LN_10);
+            for n in [1.0, 2.0, 30.0, 400.0, 5000.0] {
+                let root = exp(ln(probability) / n);
+                let found = beta_quantile(probability, n, 1.0);
+                assert!((found / root - 1.0).abs() < 1e-9, "{exponent} {n}: {found} {root}");
+                let found = beta_quantile(probability, 1.0, n);
+                let expected = probability / n;
+                assert!(
+                    (found / expected - 1.0).abs() < 1e-6,
+                    "{exponent} {n}: {found} {expected}"
+                );
+                let back = beta_cdf(beta_quantile(probability, n, 7.0), n, 7.0);
+                assert!((back / probability - 1.0).abs() < 1e-9, "{exponent} {n}: {back}");
+            }
+        }
+        assert!(beta_quantile(5e-324, 3.0, 3.0) < 1e-100);
     }
 
     /// The tail against its sum, and its ends.

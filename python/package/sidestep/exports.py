@@ -73,7 +73,13 @@ def _file(folder: Path, name: str) -> Path:
     manifest = folder / "manifest.json"
     if not manifest.is_file():
         raise ValueError(f"folder: expected a complete export with a manifest.json, found {folder}")
-    listed: dict[str, str] = {file["name"]: file["sha256"] for file in json.loads(manifest.read_text(encoding="utf-8"))["files"]}
+    try:
+        listed: dict[str, str] = {
+            file["name"]: file["sha256"] for file in json.loads(manifest.read_text(encoding="utf-8"))["files"]
+        }
+    except (KeyError, TypeError, ValueError) as error:
+        expected = "a manifest.json that lists files with their sha256"
+        raise ValueError(f"folder: expected {expected}, found another in {folder}: {error!r}") from error
     keyword = f"_description-{name.replace('_', '')}_data.csv"
     for file, expected in listed.items():
         if file in (f"{name}.csv", f"{name}.parquet") or file.endswith(keyword):
@@ -158,9 +164,19 @@ def nodes(path: str | PathLike[str]) -> Nodes:
     ValueError
         If the file is no such archive.
     """
+    refused = f"path: expected an archive of `sidestep solve`, found {path}"
     try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-            axes = (archive["axis0"], archive["axis1"], archive["axis2"])
-            return Nodes(archive["value"], axes, json.loads(bytes(archive["meta"])))
+        # Of a path, not of a number, which would be an open file of somebody else.
+        with Path(path).open("rb") as file:
+            archive = np.load(file, allow_pickle=False)
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise ValueError("one array, not an archive")
+            with archive:
+                axes = (archive["axis0"], archive["axis1"], archive["axis2"])
+                value, meta = archive["value"], json.loads(bytes(archive["meta"]))
     except (KeyError, EOFError, ValueError, BadZipFile) as error:
-        raise ValueError(f"path: expected an archive of `sidestep solve`, found {path}: {error}") from error
+        raise ValueError(f"{refused}: {error}") from error
+    if any(axis.ndim != 1 for axis in axes) or value.shape != tuple(len(axis) for axis in axes):
+        shapes = f"value of shape {value.shape} on axes of shapes {', '.join(str(axis.shape) for axis in axes)}"
+        raise ValueError(f"{refused}: {shapes}")
+    return Nodes(value, axes, meta)

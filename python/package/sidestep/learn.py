@@ -29,7 +29,8 @@ def from_sklearn(
         `probability=True`, or for two classes by a `CalibratedClassifierCV` with `method="sigmoid"` and
         `ensemble=False` around it. For other estimators, see `ActionModel`.
     features : list of str
-        The names of its columns, as in `FEATURES`.
+        The names of its columns, as in `FEATURES`, in their order. An estimator that was fitted on a data frame knows
+        them too; these must be the same.
     experiment : {1, 2}
         What the classes mean: 1 the direction of a turn (−1 right, 0 straight, 1 left), 2 whether the human avoids.
     actions : list of float, optional
@@ -50,11 +51,14 @@ def from_sklearn(
     ValueError
         If the estimator is not fitted, is of another kind, or does not fit the features.
     """
+    _same_names(estimator, features)
     outer, model = _parts(estimator)
     sigmoids = None
     if type(model).__name__ == "CalibratedClassifierCV":
         model, sigmoids = _calibrated(model)
     inner, model = _parts(model)
+    for part in (outer, inner, model):
+        _same_names(part, features)
     scaler = inner if outer is None else outer
     if inner is not None and outer is not None:
         raise ValueError("estimator: expected one StandardScaler, found two")
@@ -75,6 +79,8 @@ def from_sklearn(
         raise ValueError("estimator: expected a fitted one, found one that was not fitted")
     if scaler is not None and describe not in (_logistic, _svm):
         raise ValueError(f"estimator: expected a {kind} on features as they are, found one after a StandardScaler")
+    if callable(getattr(model, "kernel", None)):
+        raise ValueError(f"estimator: expected the kernel linear or rbf, found {model.kernel!r}")
     if model.n_features_in_ != len(features):
         raise ValueError(f"features: expected {model.n_features_in_} names, found {len(features)}")
     fields = _svm(model, scaler, sigmoids) if describe is _svm else describe(model, scaler)
@@ -88,6 +94,14 @@ def from_sklearn(
     if actions is not None:
         document["actions"] = [float(rate) for rate in actions]
     return Predictor.from_json(json.dumps(document))
+
+
+def _same_names(part: Any, features: Sequence[str]) -> None:
+    """Refuses features other than those of the data frame on which an estimator or a scaler was fitted."""
+    known = getattr(part, "feature_names_in_", None)
+    if known is not None and list(known) != list(features):
+        expected = f"{list(known)}, the columns that the estimator was fitted on"
+        raise ValueError(f"features: expected {expected}, found {list(features)}")
 
 
 def _parts(estimator: Any) -> tuple[Any, Any]:
@@ -243,6 +257,8 @@ class SidestepClassifier:
     _estimator_type = "classifier"
 
     def __init__(self, predictor: Predictor) -> None:
+        if not isinstance(predictor, Predictor):
+            raise TypeError(f"predictor: expected a Predictor, found {type(predictor).__name__}")
         self.predictor = predictor
         self.classes_: NDArray[np.int64] = np.array(predictor.classes, dtype=np.int64)
         self.n_features_in_ = len(predictor.features)

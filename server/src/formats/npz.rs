@@ -8,7 +8,7 @@ mod tests;
 use arrays::values;
 use meta::read_meta;
 use sidestep::invalid::{Invalid, positive};
-use sidestep::reachability::npz::{Layout, shape};
+use sidestep::reachability::npz::{Layout, check_axis, shape};
 use sidestep::reachability::{MEMORY_LIMIT_BYTES, Method, SampledValue, ValueFunction};
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -45,14 +45,7 @@ pub fn read(file: impl Read + Seek) -> Result<Stored, Invalid> {
     let layout = Layout::new(meta.nodes);
     for (axis, name) in layout.axes.iter().zip(["axis0", "axis1", "axis2"]) {
         let found: Vec<f64> = values(&mut archive, name, Some(&[axis.len()]))?;
-        let largest = axis.iter().fold(1.0, |m: f64, a| m.max(a.abs()));
-        for (i, (a, b)) in axis.iter().zip(&found).enumerate() {
-            let differs = (a - b).abs() > 1e-9 * largest;
-            if differs || !b.is_finite() {
-                let expected = format!("{a}, as meta.nodes says");
-                return Err(Invalid::new(format!("{name}[{i}]"), expected, b));
-            }
-        }
+        check_axis(name, axis, &found)?;
     }
     let value: Vec<f32> = values(&mut archive, "value", Some(&layout.shape))?;
     if let Some((position, bad)) = value.iter().enumerate().find(|(_, v)| !v.is_finite()) {

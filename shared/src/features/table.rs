@@ -107,7 +107,7 @@ pub static FEATURES: &[Feature] = &[
         "turned_1",
         "rad",
         "how far the human turned left in the step before; 0 before the first one",
-        |h| turned(h, 0, 1),
+        last_turn,
     ),
     of_motion(
         "turned_2",
@@ -122,7 +122,7 @@ pub static FEATURES: &[Feature] = &[
         "turned",
         "rad",
         "how far the human turned left since the beginning of the trial",
-        |h| turned(h, 0, h.len()),
+        |h| h.windows(2).fold(0.0, |sum, of| sum + turn(of[0], of[1])),
     ),
 ];
 
@@ -164,16 +164,22 @@ fn heading_difference(history: &[JointState]) -> f64 {
     wrap_angle(state.human.psi - state.robot.psi)
 }
 
+/// How far the human turned left in the step before, rad; 0 before the first one.
+pub(super) fn last_turn(history: &[JointState]) -> f64 {
+    turned(history, 0, 1)
+}
+
+/// How far the human turned left between two states, rad.
+fn turn(before: JointState, after: JointState) -> f64 {
+    wrap_angle(after.human.psi - before.human.psi)
+}
+
 /// How far the human turned left from `first` to `last` steps ago, rad. A vehicle turns by less than
 /// half a circle in one step, so the sum counts full circles.
 fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
     let recent = history.iter().rev().skip(first).take(last - first + 1);
-    let headings = recent.map(|state| state.human.psi);
-    headings
-        .clone()
-        .zip(headings.skip(1))
-        .map(|(after, before)| wrap_angle(after - before))
-        .fold(0.0, |sum, turn| sum + turn)
+    let pairs = recent.clone().zip(recent.skip(1));
+    pairs.fold(0.0, |sum, (&after, &before)| sum + turn(before, after))
 }
 
 /// The closest approach if both vehicles drive straight on.

@@ -25,8 +25,8 @@ const KINK: f64 = 1e-9;
 /// Held until the end, at most π/ω later, that costs less than 2·10⁻⁸ ρ.
 const ALIGNED: f64 = 5e-9;
 
-/// Below this, squares of ranges in turning radii lose digits.
-const LEAST_SQUARE: f64 = 1e-280;
+/// Squares of ranges in turning radii that lose no digits.
+const SQUARES: core::ops::RangeInclusive<f64> = 1e-280..=f64::MAX;
 
 /// The value function of two vehicles with the same speed and largest turn rate.
 ///
@@ -74,8 +74,7 @@ impl ExactValue {
     /// V at a relative state: the pursuer at (`x`, `y`) m in the evader's frame
     /// (x ahead, y to the left), its heading relative to the evader's `psi` rad
     /// counter-clockwise, any real. Metres; ≤ 0 means that the pursuer can force
-    /// a capture. The state must be finite; the value is +∞ where the square of the range
-    /// in turning radii overflows.
+    /// a capture. The state must be finite, and its range in turning radii at most 10³⁰⁸.
     #[must_use]
     pub fn value(&self, state: [f64; 3]) -> f64 {
         let view = Halfway::new(self.turning_radius_m, state);
@@ -126,7 +125,8 @@ impl ExactValue {
         }
         let (right, left) = (view.right_sheet(), view.left_sheet());
         let nearest = right.range.max(left.range);
-        if nearest >= view.range {
+        // Far away, squares overflow in both sheets, and neither is nearer by more than rounding.
+        if nearest >= view.range || !nearest.is_finite() {
             return self.at_its_smallest(&view, state[1]);
         }
         // The left sheet is the right one of the mirror image, which changes the
@@ -292,8 +292,8 @@ impl Halfway {
             sin_half,
             cos_half,
             // Correctly rounded operations, several times faster than hypot. Only where the square
-            // underflows, for vehicles that hardly turn, is hypot needed.
-            range: if square > LEAST_SQUARE { square.sqrt() } else { hypot(x, y) },
+            // underflows, for vehicles that hardly turn, or overflows is hypot needed.
+            range: if SQUARES.contains(&square) { square.sqrt() } else { hypot(x, y) },
         }
     }
 
@@ -392,6 +392,21 @@ fn slope([ahead, right]: [f64; 2], sin_half: f64, cos_half: f64) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::math::{SeededRng, TAU, acos};
+
+    #[test]
+    fn far_away_the_value_is_the_range() {
+        let mut rng = SeededRng::new(31);
+        for _ in 0..2000 {
+            let range = [1e150, 1e154, 1e155, 1e200, 1e300][rng.below(5)];
+            let (sin, cos) = sin_cos(rng.uniform(-PI, PI));
+            let state = [range * cos, range * sin, rng.uniform(-PI, PI)];
+            let found = paper().analyze(state);
+            assert!((found.value / range - 1.0).abs() < 1e-12, "{state:?}: {}", found.value);
+            assert_eq!(found.value, paper().value(state), "{state:?}");
+            let [dx, dy, dpsi] = found.gradient;
+            assert!((hypot(dx, dy) - 1.0).abs() < 1e-9 && dpsi.is_finite(), "{state:?}: {found:?}");
+        }
+    }
 
     fn paper() -> ExactValue {
         ExactValue::new(2.0, 0.5, 3.0).unwrap()

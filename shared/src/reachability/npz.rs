@@ -19,7 +19,7 @@ mod archive;
 mod reading;
 mod solution;
 
-pub use layout::{Layout, shape};
+pub use layout::{Layout, check_axis, shape};
 pub use meta::{FORMAT, Meta, meta};
 pub use solution::SOLUTION_FORMAT;
 

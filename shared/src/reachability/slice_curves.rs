@@ -81,7 +81,11 @@ impl ValueFunction {
                 drawn
             }
             Self::Sampled(sampled) => {
-                *curves = closed_curves(&SliceLattice::new(sampled, psi, level));
+                let lattice = SliceLattice::new(sampled, psi, level);
+                *curves = closed_curves(&lattice);
+                if curves.is_empty() {
+                    *curves = between_nodes(&lattice);
+                }
                 for curve in curves {
                     *curve = smoothed(curve, sampled, psi, level, settings);
                 }
@@ -210,6 +214,74 @@ impl Lattice for SliceLattice<'_> {
             }
         }
         point
+    }
+}
+
+/// The curves of a set without a node of the grid, around range zero, where V is least.
+fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
+    let is_in = |point| slice.excess_at(point) <= 0.0;
+    if slice.polar || !is_in([0.0; 2]) {
+        return Vec::new();
+    }
+    let spacings = slice.axes.iter().map(|axis| axis[1] - axis[0]);
+    let mut spacing_m = spacings.fold(0.0, f64::max) / SPOT_NODES as f64;
+    // A set so small that only a few of the nodes are in it is looked at again, from nearer.
+    for _ in 0..MOST_LOOKS {
+        let spot = Spot { slice, spacing_m };
+        let nodes = (0..SPOT_SIDE * SPOT_SIDE).map(|n| [n / SPOT_SIDE, n % SPOT_SIDE]);
+        if nodes.filter(|&node| spot.inside(node)).count() > SPOT_SIDE {
+            return closed_curves(&spot);
+        }
+        spacing_m *= 0.25;
+    }
+    Vec::new()
+}
+
+/// Nodes of a [`Spot`] from its middle to its edge, for each spacing of the grid.
+const SPOT_NODES: usize = 16;
+/// Nodes along each side: two spacings of the grid to either side, and a ring.
+const SPOT_SIDE: usize = 2 * (2 * SPOT_NODES + 1) + 1;
+/// How often it is looked nearer: down to a set of a millionth of a spacing.
+const MOST_LOOKS: usize = 10;
+
+/// A fine lattice around range zero, inside a ring of nodes that count as outside.
+struct Spot<'a> {
+    slice: &'a SliceLattice<'a>,
+    spacing_m: f64,
+}
+
+impl Spot<'_> {
+    fn point(&self, node: [usize; 2]) -> [f64; 2] {
+        node.map(|i| (i as f64 - (SPOT_SIDE / 2) as f64) * self.spacing_m)
+    }
+}
+
+impl Lattice for Spot<'_> {
+    fn size(&self) -> [usize; 2] {
+        [SPOT_SIDE; 2]
+    }
+
+    fn wraps(&self) -> bool {
+        false
+    }
+
+    fn inside(&self, node: [usize; 2]) -> bool {
+        let is_inner = node.iter().all(|i| (1..SPOT_SIDE - 1).contains(i));
+        is_inner && self.slice.excess_at(self.point(node)) <= 0.0
+    }
+
+    fn joins(&self, node: [usize; 2]) -> bool {
+        let middle = self.point(node).map(|corner| corner + 0.5 * self.spacing_m);
+        self.slice.excess_at(middle) <= 0.0
+    }
+
+    fn crossing(&self, inside: [usize; 2], outside: [usize; 2]) -> [f64; 2] {
+        let (mut a, mut b) = (self.point(inside), self.point(outside));
+        for _ in 0..30 {
+            let middle = [0, 1].map(|d| 0.5 * (a[d] + b[d]));
+            if self.slice.excess_at(middle) <= 0.0 { a = middle } else { b = middle }
+        }
+        a
     }
 }
 

@@ -145,7 +145,8 @@ pub struct Options {
     pub accuracy: Accuracy,
     /// Of the Cartesian method.
     pub grid: Option<CartesianGrid>,
-    /// Largest range of the polar method, m.
+    /// Largest range of the polar method, m; none for one that is chosen. Without a horizon, V depends on it if
+    /// the pursuer is faster. A larger one has as many nodes, farther apart.
     pub range_m: Option<f64>,
     /// Threads, where time steps are computed: with a finite horizon or the Cartesian method.
     pub threads: usize,
@@ -261,6 +262,11 @@ pub struct Solved {
 }
 
 /// Finds the value function of `game`.
+///
+/// The grid ends somewhere. If the pursuer is faster, it may win chases that lead beyond the end, which the
+/// solver counts as escapes: V there, and along the way there, is then too large by metres, although the state
+/// is `inside` and [`ValueFunction::unsettled_m`] is small. Solve again with twice the range
+/// ([`Options::with_range`]); where V changes, the smaller one was too small.
 ///
 /// # Example
 /// ```

@@ -1,15 +1,23 @@
 //! The bytes of a value function: few, and the same for the same function.
 //!
 //! The closed form is a line of JSON with its parameters. A sampled function is a
-//! line of JSON (with `"bytes"`, the number of bytes that follow) and then its deficits in
+//! line of JSON (with `"octets"`, the number of bytes that follow) and then its deficits in
 //! whole [`QUANTUM_M`]: the difference to the prediction from the neighbours towards the
-//! origin, as variable-length integers (7 bits a byte, low first, zigzag sign).
+//! origin, as variable-length integers (7 bits a byte, low first, zigzag sign). With `"float32": true` they
+//! follow as they are instead, four bytes each, the lowest first.
+//!
+//! `"crc32"` in the line is the checksum of all bytes as they are without this entry. It is no part of the
+//! function's address ([`ValueFunction::id`]), and older files have none.
 
+mod body;
+
+use super::checksum::checksum;
 use super::exact::ExactValue;
 use super::pursuit::PursuitGame;
 use super::sampled::{Nodes, SampledValue};
 use super::value_function::ValueFunction;
-use crate::invalid::{Invalid, positive};
+use crate::invalid::{Invalid, length, positive};
+use body::{floats, rounded, take_floats, take_rounded};
 use serde::{Deserialize, Serialize};
 #[cfg(feature = "study")]
 use sha2::{Digest, Sha256};
@@ -29,6 +37,8 @@ enum Header {
         speed_mps: f64,
         turn_rate_radps: f64,
         radius_m: f64,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crc32: Option<u32>,
     },
     Sampled {
         format: String,
@@ -43,112 +53,112 @@ enum Header {
         sheet: bool,
         #[serde(rename = "octets")]
         bytes: usize,
+        /// Whether the deficits and the sheet follow as they are.
+        #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+        float32: bool,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        crc32: Option<u32>,
     },
 }
 
-impl ValueFunction {
-    /// The bytes in which this function is stored and served.
-    #[must_use]
-    pub fn encode(&self) -> Vec<u8> {
-        let format = FORMAT.to_owned();
-        match self {
-            Self::Exact(exact) => line(&Header::Exact {
-                format,
-                speed_mps: exact.speed_mps(),
-                turn_rate_radps: exact.turn_rate_radps(),
-                radius_m: exact.radius_m(),
-            }),
-            Self::Sampled(sampled) => {
-                let quantum = QUANTUM_M * sampled.game().length_unit_m();
-                let steps: Vec<i64> =
-                    sampled.deficit().map(|w| (f64::from(w) / quantum).round() as i64).collect();
-                let mut body = Vec::with_capacity(steps.len() + steps.len() / 4);
-                let predicted = Predictor::new(sampled.nodes().shape());
-                for position in 0..steps.len() {
-                    put_signed(&mut body, steps[position] - predicted.at(&steps, position));
-                }
-                let mut sheet = false;
-                if let Some(values) = sampled.sheet() {
-                    sheet = true;
-                    let mirror = Mirror(sampled.nodes().shape());
-                    for (position, w) in values.enumerate() {
-                        let step = (f64::from(w) / quantum).round() as i64;
-                        put_signed(&mut body, step - steps[mirror.of(position)]);
-                    }
-                }
-                let horizon_s = sampled.horizon_s();
-                let mut bytes = line(&Header::Sampled {
-                    format,
-                    game: sampled.game(),
-                    nodes: sampled.nodes(),
-                    horizon_s: horizon_s.is_finite().then_some(horizon_s),
-                    unsettled_m: sampled.unsettled_m(),
-                    sheet,
-                    bytes: body.len(),
-                });
-                bytes.push(b'\n');
-                bytes.extend(body);
-                bytes
-            }
-        }
+impl Header {
+    fn crc32(&mut self) -> &mut Option<u32> {
+        let (Self::Exact { crc32, .. } | Self::Sampled { crc32, .. }) = self;
+        crc32
     }
 
-    /// The function that [`Self::encode`] wrote.
+    /// This header and what follows it.
+    fn with(&self, body: &[u8]) -> Vec<u8> {
+        // Finite numbers and strings always have a JSON form.
+        let mut bytes = serde_json::to_vec(self).unwrap_or_default();
+        if let Self::Sampled { .. } = self {
+            bytes.push(b'\n');
+            bytes.extend(body);
+        }
+        bytes
+    }
+}
+
+impl ValueFunction {
+    /// The bytes in which this function is stored and served. A solved one is rounded to [`QUANTUM_M`].
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        summed(self.parts(false))
+    }
+
+    /// The same, three to four times as many bytes, without rounding: [`Self::decode`] makes an equal function
+    /// of them.
+    #[must_use]
+    pub fn encode_unrounded(&self) -> Vec<u8> {
+        summed(self.parts(true))
+    }
+
+    /// A header without a checksum, and what follows it.
+    fn parts(&self, float32: bool) -> (Header, Vec<u8>) {
+        let format = FORMAT.to_owned();
+        let sampled = match self {
+            Self::Exact(exact) => {
+                let header = Header::Exact {
+                    format,
+                    speed_mps: exact.speed_mps(),
+                    turn_rate_radps: exact.turn_rate_radps(),
+                    radius_m: exact.radius_m(),
+                    crc32: None,
+                };
+                return (header, Vec::new());
+            }
+            Self::Sampled(sampled) => sampled,
+        };
+        let body = if float32 { floats(sampled) } else { rounded(sampled) };
+        let horizon_s = sampled.horizon_s();
+        let header = Header::Sampled {
+            format,
+            game: sampled.game(),
+            nodes: sampled.nodes(),
+            horizon_s: horizon_s.is_finite().then_some(horizon_s),
+            unsettled_m: sampled.unsettled_m(),
+            sheet: sampled.sheet().is_some(),
+            bytes: body.len(),
+            float32,
+            crc32: None,
+        };
+        (header, body)
+    }
+
+    /// The function that [`Self::encode`] or [`Self::encode_unrounded`] wrote.
     ///
     /// # Errors
-    /// [`Invalid`] if the bytes are no such function, truncated, or of another version.
+    /// [`Invalid`] if the bytes are no such function, truncated, damaged, or of another version.
     pub fn decode(bytes: &[u8]) -> Result<Self, Invalid> {
         let end = bytes.iter().position(|byte| *byte == b'\n').unwrap_or(bytes.len());
-        let header: Header = serde_json::from_slice(&bytes[..end])
+        let mut header: Header = serde_json::from_slice(&bytes[..end])
             .map_err(|e| Invalid::new("value function", FORMAT, e))?;
         let (Header::Exact { format, .. } | Header::Sampled { format, .. }) = &header;
         if format != FORMAT {
             return Err(Invalid::new("format", FORMAT, format));
         }
+        let rest = bytes.get(end + 1..).unwrap_or_default();
+        let expected = if let Header::Sampled { bytes, .. } = header { bytes } else { 0 };
+        length("value function bytes", expected, rest.len())?;
+        if let Some(stated) = header.crc32().take()
+            && stated != checksum(&header.with(rest))
+        {
+            let expected = format!("bytes with the checksum {stated}, which the first line names");
+            return Err(Invalid::new("value function", expected, "damaged ones"));
+        }
         match header {
             Header::Exact { speed_mps, turn_rate_radps, radius_m, .. } => {
                 ExactValue::new(speed_mps, turn_rate_radps, radius_m).map(Self::Exact)
             }
-            Header::Sampled {
-                game, nodes, horizon_s, unsettled_m, sheet, bytes: length, ..
-            } => {
+            Header::Sampled { game, nodes, horizon_s, unsettled_m, sheet, float32, .. } => {
                 unsettled_m.map(|moved| positive("unsettled_m", moved)).transpose()?;
                 nodes.check()?;
-                let mut rest = bytes.get(end + 1..).unwrap_or_default();
-                crate::invalid::length("value function bytes", length, rest.len())?;
-                // Every value takes at least a byte, so this bounds what is allocated.
-                if nodes.count() > rest.len() {
-                    let expected = format!("at least {} bytes of values", nodes.count());
-                    return Err(Invalid::new("value function", expected, rest.len()));
-                }
-                let predicted = Predictor::new(nodes.shape());
-                let mut steps: Vec<i64> = Vec::with_capacity(nodes.count());
-                for position in 0..nodes.count() {
-                    let step = predicted.at(&steps, position);
-                    steps.push(take_step(&mut rest, "value", position, step)?);
-                }
                 let quantum = QUANTUM_M * game.check()?.length_unit_m();
-                let metres = |step: &i64| (*step as f64 * quantum) as f32;
-                let deficit: Vec<f32> = steps.iter().map(metres).collect();
-                let mirror = Mirror(nodes.shape());
-                let sheet = if sheet {
-                    let count = mirror.count();
-                    if count > rest.len() {
-                        let expected = format!("at least {count} bytes of the sheet");
-                        return Err(Invalid::new("value function", expected, rest.len()));
-                    }
-                    let values = (0..count).map(|position| {
-                        let base = steps[mirror.of(position)];
-                        take_step(&mut rest, "sheet", position, base).map(|step| metres(&step))
-                    });
-                    Some(values.collect::<Result<Vec<f32>, _>>()?)
+                let (deficit, sheet) = if float32 {
+                    take_floats(rest, nodes, sheet, quantum)?
                 } else {
-                    None
+                    take_rounded(rest, nodes, sheet, quantum)?
                 };
-                if !rest.is_empty() {
-                    let found = format!("{} bytes more", rest.len());
-                    return Err(Invalid::new("value function", "its end", found));
-                }
                 let horizon_s = horizon_s.unwrap_or(f64::INFINITY);
                 let sampled =
                     SampledValue::new(game, nodes, horizon_s, &deficit, sheet.as_deref())?;
@@ -157,101 +167,20 @@ impl ValueFunction {
         }
     }
 
-    /// Content hash (SHA-256, hexadecimal) of the bytes: the function's address.
+    /// Content hash (SHA-256, hexadecimal) of the bytes but for their checksum: the function's address.
     #[cfg(feature = "study")]
     #[must_use]
     pub fn id(&self) -> String {
-        hex::encode(Sha256::digest(self.encode()))
+        let (header, body) = self.parts(false);
+        hex::encode(Sha256::digest(header.with(&body)))
     }
 }
 
-/// Where a sheet's entry, over a full turn of bearings, has its deficit.
-struct Mirror([usize; 3]);
-
-impl Mirror {
-    fn count(&self) -> usize {
-        self.0[0] * self.0[2] * self.0[2]
-    }
-
-    fn of(&self, position: usize) -> usize {
-        let [_, half, n] = self.0;
-        let [i, j, k] = [position / (n * n), position / n % n, position % n];
-        let (j, k) = if j < half { (j, k) } else { (n - j, (n - k) % n) };
-        (i * half + j) * n + k
-    }
-}
-
-fn line(header: &Header) -> Vec<u8> {
-    // Finite numbers and strings always have a JSON form.
-    serde_json::to_vec(header).unwrap_or_default()
-}
-
-/// The prediction of an entry from those before it: the corner of the parallelepiped.
-struct Predictor {
-    strides: [usize; 3],
-    shape: [usize; 3],
-}
-
-impl Predictor {
-    fn new(shape: [usize; 3]) -> Self {
-        Self { strides: [shape[1] * shape[2], shape[2], 1], shape }
-    }
-
-    fn at(&self, known: &[i64], position: usize) -> i64 {
-        let mut sum = 0_i64;
-        for corner in 1..8_usize {
-            let (mut back, mut exists) = (0, true);
-            for d in 0..3 {
-                if corner >> d & 1 == 1 {
-                    exists &= !(position / self.strides[d]).is_multiple_of(self.shape[d]);
-                    back += self.strides[d];
-                }
-            }
-            if exists {
-                let value = known[position - back];
-                sum += if corner.count_ones() % 2 == 1 { value } else { -value };
-            }
-        }
-        sum
-    }
-}
-
-fn put(bytes: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        bytes.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    bytes.push(value as u8);
-}
-
-fn put_signed(bytes: &mut Vec<u8>, value: i64) {
-    put(bytes, ((value << 1) ^ (value >> 63)) as u64);
-}
-
-/// `base` plus the next difference.
-fn take_step(bytes: &mut &[u8], what: &str, position: usize, base: i64) -> Result<i64, Invalid> {
-    let field = || format!("{what}[{position}]");
-    let folded = take(bytes).ok_or_else(|| Invalid::new(field(), "a whole number", "its end"))?;
-    let difference = (folded >> 1) as i64 ^ -((folded & 1) as i64);
-    let step = base.wrapping_add(difference);
-    // Far more than any deficit in metres.
-    if step.unsigned_abs() > 1 << 40 {
-        return Err(Invalid::new(field(), "a deficit", step));
-    }
-    Ok(step)
-}
-
-fn take(bytes: &mut &[u8]) -> Option<u64> {
-    let mut value = 0_u64;
-    for shift in (0..63).step_by(7) {
-        let (first, rest) = bytes.split_first()?;
-        *bytes = rest;
-        value |= u64::from(first & 0x7f) << shift;
-        if first & 0x80 == 0 {
-            return Some(value);
-        }
-    }
-    None
+/// All bytes, with their checksum.
+fn summed((mut header, body): (Header, Vec<u8>)) -> Vec<u8> {
+    let sum = checksum(&header.with(&body));
+    *header.crc32() = Some(sum);
+    header.with(&body)
 }
 
 #[cfg(test)]
@@ -286,6 +215,45 @@ mod tests {
         };
         for (a, b) in a.deficit().zip(b.deficit()) {
             assert!(f64::from((a - b).abs()) <= 0.5 * QUANTUM_M + 1e-5, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn unrounded_bytes_are_of_an_equal_function() {
+        let exact = ValueFunction::Exact(ExactValue::new(2.0, 0.3, 3.0).unwrap());
+        let ValueFunction::Sampled(function) = sampled() else { panic!("it is sampled") };
+        let restless = SampledValue::clone(&function).unsettled(Some(1.25e-3));
+        for function in [exact, sampled(), ValueFunction::Sampled(Arc::new(restless))] {
+            let bytes = function.encode_unrounded();
+            let again = ValueFunction::decode(&bytes).unwrap();
+            assert!(again == function && again.encode_unrounded() == bytes);
+            assert!(ValueFunction::decode(&bytes[..bytes.len() - 1]).is_err());
+        }
+    }
+
+    #[test]
+    fn damage_is_noticed() {
+        let exact = ValueFunction::Exact(ExactValue::new(2.0, 0.3, 3.0).unwrap());
+        for bytes in [exact.encode(), sampled().encode(), sampled().encode_unrounded()] {
+            for at in 0..bytes.len() {
+                for bit in [0x01, 0x40] {
+                    let mut damaged = bytes.clone();
+                    damaged[at] ^= bit;
+                    assert!(ValueFunction::decode(&damaged).is_err(), "byte {at}");
+                }
+            }
+            assert!(ValueFunction::decode(&[&bytes[..], b"\nx"].concat()).is_err());
+        }
+    }
+
+    /// Older files have no checksum, and their id is the hash of all their bytes.
+    #[test]
+    fn files_without_a_checksum_are_read() {
+        for function in [ValueFunction::Exact(ExactValue::new(2.0, 0.3, 3.0).unwrap()), sampled()] {
+            let (header, body) = function.parts(false);
+            let older = header.with(&body);
+            assert_eq!(hex::encode(Sha256::digest(&older)), function.id());
+            assert_eq!(ValueFunction::decode(&older).unwrap().id(), function.id());
         }
     }
 

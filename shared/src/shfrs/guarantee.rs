@@ -1,7 +1,8 @@
 //! What calibration guarantees about the sets of future trajectories.
 //!
 //! All guarantees are *marginal*: they hold over trajectories that are exchangeable with the
-//! calibration trajectories, not for each scene or each participant.
+//! calibration trajectories, not for each scene or each participant. And they hold for people who drive
+//! like the vehicle of the prediction: `Trajectory::check` tells whether recorded ones did.
 
 use super::scores::Scores;
 use crate::invalid::Invalid;

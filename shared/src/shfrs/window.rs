@@ -6,6 +6,7 @@
 
 use crate::invalid::{Invalid, length};
 use crate::math::SeededRng;
+use crate::motion;
 #[cfg(feature = "learn")]
 use crate::recording::{Fault, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
@@ -58,6 +59,15 @@ impl Trajectory {
     pub fn of(trial: &RecordedTrial, scene: &SceneParameters) -> Result<Self, Fault> {
         Self::driven(trial.states.clone(), &trial.inputs, scene)
             .map_err(|what| Fault { line: trial.line, what })
+    }
+
+    /// Accepts what the human's vehicle of `scene` can have driven, at these turn rates: what a calibration
+    /// guarantees holds for no other trajectories. The robot may have driven anyhow.
+    ///
+    /// # Errors
+    /// The errors of [`motion::check_drive`].
+    pub fn check(&self, scene: &SceneParameters) -> Result<(), Invalid> {
+        motion::check_drive(scene, &self.states, &self.turn_rates)
     }
 
     /// Number of steps, ≥ 1.

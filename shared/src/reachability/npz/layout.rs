@@ -1,5 +1,6 @@
 //! The nodes of a file, and the order of their values.
 
+use crate::invalid::{Invalid, length};
 use crate::reachability::{Nodes, PursuitGame};
 
 /// The nodes of a file, and the order of their values.
@@ -65,5 +66,23 @@ pub fn shape(nodes: &Nodes) -> [usize; 3] {
     match *nodes {
         Nodes::Polar { range_nodes, angle_nodes, .. } => [range_nodes, angle_nodes, angle_nodes],
         Nodes::Cartesian { .. } => nodes.shape(),
+    }
+}
+
+/// Accepts the numbers of an array that follow from `meta`: coordinates of nodes, or instants.
+///
+/// # Errors
+/// [`Invalid`] naming the first number that differs.
+pub fn check_axis(name: &str, expected: &[f64], found: &[f64]) -> Result<(), Invalid> {
+    length(name, expected.len(), found.len())?;
+    let largest = expected.iter().fold(1.0, |most: f64, number| most.max(number.abs()));
+    // NaN is close to nothing.
+    let close = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-9 * largest;
+    match expected.iter().zip(found).position(|pair| !close(pair)) {
+        None => Ok(()),
+        Some(i) => {
+            let said = format!("{}, as meta says", expected[i]);
+            Err(Invalid::new(format!("{name}[{i}]"), said, found[i]))
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! NumPy archives from bytes, as this library and `numpy.savez` write them: arrays that are not compressed.
 
 use crate::invalid::Invalid;
+use crate::reachability::checksum::checksum;
 
 /// The arrays of an archive.
 pub(super) struct Arrays<'a>(Vec<(String, Array<'a>)>);
@@ -26,12 +27,16 @@ impl<'a> Arrays<'a> {
     /// [`Invalid`] for bytes that are not such an archive.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, Invalid> {
         let no_archive = || Invalid::new("bytes", "a NumPy archive (.npz)", "other bytes");
-        // A comment of at most 2¹⁶ bytes may follow the last record.
+        // A comment of at most 2¹⁶ bytes may follow the last record, which says how long it is.
         let last = bytes.len().checked_sub(END).ok_or_else(no_archive)?;
         let end = (last.saturating_sub(1 << 16)..=last)
             .rev()
             .find(|&at| bytes[at..].starts_with(b"PK\x05\x06"))
             .ok_or_else(no_archive)?;
+        if number(bytes, end + 20, 2) != Some(last - end) {
+            let found = "bytes after its end, or too few";
+            return Err(Invalid::new("bytes", "a whole NumPy archive (.npz)", found));
+        }
         let count = number(bytes, end + 10, 2).ok_or_else(no_archive)?;
         let mut at = number(bytes, end + 16, 4).ok_or_else(no_archive)?;
         let mut arrays = Vec::new();
@@ -102,6 +107,10 @@ fn entry(bytes: &[u8], at: usize) -> Option<Result<(String, Array<'_>, usize), I
     let start = local + LOCAL + number(bytes, local + 26, 2)? + number(bytes, local + 28, 2)?;
     let content = bytes.get(start..start.checked_add(size)?)?;
     let name = name.strip_suffix(".npy").unwrap_or(&name).to_owned();
+    if number(bytes, at + 16, 4)? != checksum(content) as usize {
+        let expected = "bytes with the checksum that the archive names";
+        return Some(Err(Invalid::new(name, expected, "damaged ones")));
+    }
     let array = match array(content) {
         Some(array) => array,
         None => {

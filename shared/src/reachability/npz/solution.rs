@@ -5,6 +5,7 @@
 //! coordinates of the nodes) and `meta` (a JSON object as uint8).
 
 use super::archive::Archive;
+use super::layout::check_axis;
 use super::reading::Arrays;
 use crate::invalid::{Invalid, length};
 use crate::reachability::cartesian::{Direction, Kind, Solution};
@@ -113,7 +114,15 @@ impl<T: Real, const D: usize> Solution<T, D> {
             .collect();
         let values = slices.pop().unwrap_or_default();
         let Meta { direction, kind, steps, residual, .. } = meta;
-        Ok(Self { grid, values, earlier: slices, direction, kind, steps, horizon_s, residual })
+        let solution =
+            Self { grid, values, earlier: slices, direction, kind, steps, horizon_s, residual };
+        let stated = |name: &str| arrays.get(name)?.numbers(name);
+        check_axis("tau", &solution.march_times_s(), &stated("tau")?)?;
+        for (d, axis) in solution.grid.axes.iter().enumerate() {
+            let name = format!("axis{d}");
+            check_axis(&name, &axis.coordinates(), &stated(&name)?)?;
+        }
+        Ok(solution)
     }
 }
 

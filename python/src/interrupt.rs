@@ -1,0 +1,72 @@
+//! Ctrl-C during long work, while the interpreter is released.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use pyo3::prelude::*;
+
+/// How long work goes on between two looks at Python.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(100);
+
+/// Looks at Python now and then: whether the user pressed Ctrl-C, or a callable raised an exception.
+pub(crate) struct Watch {
+    looked: Instant,
+    raised: Option<PyErr>,
+}
+
+impl Watch {
+    pub(crate) fn new() -> Self {
+        Self { looked: Instant::now(), raised: None }
+    }
+
+    /// Whether to go on.
+    pub(crate) fn look(&mut self) -> ControlFlow<()> {
+        self.tell(|_| Ok(()))
+    }
+
+    /// Whether to go on, after `told` was told if it is time to look.
+    pub(crate) fn tell(
+        &mut self,
+        told: impl FnOnce(Python<'_>) -> PyResult<()>,
+    ) -> ControlFlow<()> {
+        if self.raised.is_none() {
+            if self.looked.elapsed() < BETWEEN_LOOKS {
+                return ControlFlow::Continue(());
+            }
+            let answer = Python::attach(|py| {
+                py.check_signals()?;
+                told(py)
+            });
+            self.raised = answer.err();
+            self.looked = Instant::now();
+        }
+        if self.raised.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Raises what was raised.
+    pub(crate) fn end(self) -> PyResult<()> {
+        self.raised.map_or(Ok(()), Err)
+    }
+}
+
+/// One result for each of `count` pieces of work, while the interpreter is released.
+pub(crate) fn each<T: Send>(
+    py: Python<'_>,
+    count: usize,
+    of: impl FnMut(usize) -> T + Send,
+) -> PyResult<Vec<T>> {
+    let mut watch = Watch::new();
+    let mut of = of;
+    let found = py.detach(|| {
+        let mut found = Vec::with_capacity(count);
+        for i in 0..count {
+            if watch.look().is_break() {
+                break;
+            }
+            found.push(of(i));
+        }
+        found
+    });
+    watch.end()?;
+    Ok(found)
+}

@@ -1,0 +1,62 @@
+//! Numbers from Python. Whole numbers of any size are accepted where they are too large for a machine's number:
+//! the largest one stands for them, and infinity among real numbers, so that whoever checks the argument names it.
+
+use pyo3::exceptions::{PyOverflowError, PyValueError};
+use pyo3::prelude::*;
+
+/// A real number.
+pub(crate) fn real(object: &Bound<'_, PyAny>) -> PyResult<f64> {
+    or_largest(object, [f64::NEG_INFINITY, f64::INFINITY])
+}
+
+/// A whole number.
+pub(crate) fn whole(object: &Bound<'_, PyAny>) -> PyResult<i64> {
+    or_largest(object, [i64::MIN, i64::MAX])
+}
+
+/// A real number or None.
+pub(crate) fn some_real(object: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    if object.is_none() { Ok(None) } else { real(object).map(Some) }
+}
+
+/// A whole number or None.
+pub(crate) fn some_whole(object: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
+    if object.is_none() { Ok(None) } else { whole(object).map(Some) }
+}
+
+/// A list of whole numbers.
+pub(crate) fn wholes(object: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
+    let entries: Vec<Bound<'_, PyAny>> = object.extract()?;
+    entries.iter().map(whole).collect()
+}
+
+/// A list of whole numbers or None.
+pub(crate) fn some_wholes(object: &Bound<'_, PyAny>) -> PyResult<Option<Vec<i64>>> {
+    if object.is_none() { Ok(None) } else { wholes(object).map(Some) }
+}
+
+/// The argument `seed`.
+pub(crate) fn seed(object: &Bound<'_, PyAny>) -> PyResult<u64> {
+    object.extract().map_err(|error: PyErr| {
+        if !error.is_instance_of::<PyOverflowError>(object.py()) {
+            return error;
+        }
+        let found = object.str().map(|digits| digits.to_string());
+        let found = found.unwrap_or_else(|_| "one of thousands of digits".to_owned());
+        let expected = "a whole number from 0 to 18446744073709551615";
+        PyValueError::new_err(format!("seed: expected {expected}, found {found}"))
+    })
+}
+
+/// A number, or the least or the largest one for a whole number that is beyond.
+fn or_largest<'py, T>(object: &Bound<'py, PyAny>, [least, largest]: [T; 2]) -> PyResult<T>
+where
+    T: for<'a> FromPyObject<'a, 'py, Error = PyErr>,
+{
+    object.extract().or_else(|error: PyErr| {
+        if !error.is_instance_of::<PyOverflowError>(object.py()) {
+            return Err(error);
+        }
+        Ok(if object.lt(0)? { least } else { largest })
+    })
+}
