@@ -156,11 +156,7 @@ impl ReachableSet {
         let py = states.py();
         let states = drive("states", self.0.steps(), states)?;
         let tolerance = tolerance(position_m, heading_rad)?;
-        let found: Vec<bool> = py.detach(|| {
-            let inside =
-                |(i, state): (usize, &Pose)| self.0.contains_state(i + 1, *state, tolerance);
-            states.iter().enumerate().map(inside).collect()
-        });
+        let found = py.detach(|| self.0.contains_states(&states, tolerance));
         Ok(found.into_pyarray(py))
     }
 

@@ -81,7 +81,7 @@ impl<'a> Budget<'a> {
     fn ask(&self) {
         let left = self.left.get();
         self.next_report.set(left.saturating_sub(BETWEEN_REPORTS));
-        let now = Progress { done: self.units - left, of: self.units };
+        let now = Progress { done: self.done(), of: self.units };
         if self.report.is_some_and(|report| report(now).is_break()) {
             self.cancelled.set(true);
             self.spent.set(true);
@@ -99,6 +99,11 @@ impl<'a> Budget<'a> {
     pub(super) fn give_back(&self, units: usize) {
         self.left.set(self.left.get() + units);
         self.spent.set(self.is_cancelled());
+    }
+
+    /// Units spent so far, not counting what is set aside.
+    pub(super) fn done(&self) -> usize {
+        self.units - self.left.get()
     }
 
     /// Whether more was to be spent than there was, or the caller has cancelled.

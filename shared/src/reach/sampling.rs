@@ -240,22 +240,6 @@ pub(super) fn space(points: &mut Vec<Complex<f64>>, from: usize) {
     }
 }
 
-/// The nearer vertex of the edge that comes nearest to `point`, if it comes nearer than
-/// `within`.
-pub(super) fn vertex_beside<'a>(
-    point: Complex<f64>,
-    curves: impl Iterator<Item = &'a [Complex<f64>]>,
-    within: f64,
-) -> Option<Complex<f64>> {
-    let edges = curves.flat_map(|curve| curve.windows(2).map(|edge| (edge[0], edge[1])));
-    let distances = edges.map(|(a, b)| {
-        let (distance, share) = to_segment(point, a, b);
-        (distance, if share < 0.5 { a } else { b })
-    });
-    let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0));
-    nearest.filter(|(distance, _)| *distance < within).map(|(_, vertex)| vertex)
-}
-
 /// Distance of a position from a segment, and where on it that is, from 0 to 1.
 pub(super) fn to_segment(
     position: Complex<f64>,
