@@ -7,12 +7,10 @@
 //! * The **rear** is reached by bang-bang paths, whose rate switches between the bounds
 //!   (`rear`; more than once, `multi_switch`).
 //! * The **tube**, the union over all instants, lies between the path at the lowest rates, the
-//!   final front, and the path at the highest rates. Where headings span more than π/2, the
-//!   ends of extremals that arrive at a right angle to their direction bound it as well.
+//!   final front, and the path at the highest rates.
 //!
-//! While all admissible headings lie within ±π/2 of a common direction (15 steps of 0.2 s at
-//! ±0.5 rad/s), front and rear are graphs over the line across that direction, and the rear is
-//! the lower `envelope` of its families. Beyond, the set is what the curves enclose (`outline`).
+//! That holds where [`is_of_extremals`] says so. Front and rear are then graphs over the line across the middle of the
+//! headings, and the rear is the lower `envelope` of its families.
 
 mod extremal;
 mod divergence;
@@ -128,8 +126,15 @@ impl Workspace {
     }
 }
 
-/// Whether the boundary of the set after `steps` steps, or that of the tube up to then, is known to consist of the curves
-/// that are drawn here.
+/// Whether the boundary of the set after `steps` steps, or that of the tube up to then, consists of the curves drawn here.
+///
+/// Of a set: if all headings are within less than a quarter turn of a common one, and no bounds just forbid to drive straight,
+/// where extremals diverge too fast. Beyond, some were missed.
+///
+/// Of a tube: where the time is free, boundary paths arrive at a right angle to their direction, and do not switch unless the way
+/// from the switch to the end is at a right angle to the heading at the end. It is not if all headings are within a
+/// quarter turn of each other; nor if straight driving is always admissible and they are within a quarter turn of the
+/// one at the start, since the headings along an outermost path are then between the first and the last.
 pub(super) fn is_of_extremals(paths: &Paths, (steps, tube): (usize, bool)) -> bool {
     let (low, high) = paths.heading_range(steps);
     let ahead = -FRAC_PI_2 <= low && high <= FRAC_PI_2 && paths.straight_always(steps);

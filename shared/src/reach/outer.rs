@@ -135,7 +135,8 @@ const MOST_CORNERS: usize = 1_500;
 const MOST_EXTREMES: usize = 24;
 
 /// What sweeping a corner takes, and comparing two edges in it, in units of a [`Budget`].
-const SWEEPING: usize = 8;
+const SWEEPING: usize = 4;
+const COMPARING: usize = 8;
 
 /// What drawing and loosening take for each vertex.
 const LOOSENING: usize = 6;
@@ -264,7 +265,7 @@ impl Outer {
                 }
                 budget.spend(SWEEPING * self.curve.corners.len());
                 let extremes = self.curve.sweep(angle);
-                budget.spend(SWEEPING * self.curve.compared);
+                budget.spend(COMPARING * self.curve.compared);
                 let corners = self.curve.corners.len();
                 if extremes > 2 * kept.0 + MOST_EXTREMES || corners > 2 * kept.1 + MOST_CORNERS {
                     self.simplify(arcs, (outliner, budget), scratch, boundary);

@@ -20,9 +20,10 @@ pub struct PolygonSettings {
 pub enum Outline {
     /// Along the boundary, also where that is not convex.
     Refined {
-        /// By how much the polygon was grown so that it surely contains the set, m; 0 unless it is
-        /// [conservative](PolygonSettings::conservative). More than the accuracy if that would have taken more than
-        /// [`PolygonSettings::most_pieces`].
+        /// By how much the polygon was grown so that it surely contains the set, m. More than the accuracy if that would
+        /// have taken more than [`PolygonSettings::most_pieces`]. If it is 0, the polygon follows the boundary to either
+        /// side within the accuracy. Unless it is [conservative](PolygonSettings::conservative), it is 0 where that takes no
+        /// more than [`PolygonSettings::most_work`] ([where that is](super#what-is-promised)).
         margin_m: f64,
     },
     /// Convex, and around the whole set with its holes and indentations, whatever the settings: following the boundary would
@@ -40,7 +41,7 @@ const MOST_WORK: usize = 4_000_000;
 
 impl PolygonSettings {
     /// `accuracy_m`: how far, m, the polygon's edges may lie from the true
-    /// boundary (the vertices lie on it); 10⁻⁶ to 1.
+    /// boundary, unless [`Outline`] tells that the polygon is around it; 10⁻⁶ to 1.
     /// `least_pieces`: edges that each of the boundary's curves gets at least,
     /// however short it is, so that small sets keep their shape; 1 to 1000.
     ///
@@ -108,7 +109,7 @@ impl PolygonSettings {
         self.conservative
     }
 
-    /// Largest distance, m, between the polygon's edges and the true boundary.
+    /// Largest distance, m, between the polygon's edges and the true boundary; see [`Self::new`].
     #[must_use]
     pub fn accuracy_m(&self) -> f64 {
         self.accuracy_m

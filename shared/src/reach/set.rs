@@ -36,7 +36,7 @@ const MOST_RAD: f64 = 1e4;
 const MOST_WIDENINGS: usize = 4;
 
 /// Most pieces of time for a boundary that is followed without extremals, if conservative polygons have fewer.
-const MOST_FINE_PIECES: usize = 2_000;
+const MOST_FINE_PIECES: usize = 10_000;
 
 /// Where that takes too much, the boundary is drawn this many times more coarsely.
 const COARSER: f64 = 16.0;
@@ -132,11 +132,11 @@ impl ReachableSet {
 
     /// The positions reachable after exactly `step` steps, as a polygon in the
     /// world frame, m, counter-clockwise, the first vertex not repeated. Its
-    /// vertices lie on the boundary, unless bounds forbid to drive straight by less than 0.01 rad/s; its edges follow it within
-    /// [`PolygonSettings::accuracy_m`]. It neither crosses nor touches itself: parts without width, as where bounds leave
+    /// edges follow the boundary within [`PolygonSettings::accuracy_m`], or go round it: [`Outline`] tells, and
+    /// the [module](super#what-is-promised) when. It neither crosses nor touches itself: parts without width, as where bounds leave
     /// no choice, are drawn a five-hundredth of the accuracy wide. A set that is a single position, as at
     /// step 0, has one vertex. For [conservative](PolygonSettings::conservative) polygons see
-    /// there, and for those that would take much work, [`Outline`].
+    /// there.
     ///
     /// From headings that span more than 2π on, the set may surround positions
     /// that cannot be reached in exactly that time; such holes are filled.
@@ -316,7 +316,7 @@ impl ReachableSet {
     }
 
     /// The same without extremals, by the construction of conservative polygons; where the margin is within the accuracy, it
-    /// is left out. That has half of the budget. What would take more is drawn more coarsely, with its margin.
+    /// is left out. What would take more than three quarters of the budget is drawn more coarsely, with its margin.
     fn follow_closely(
         &self,
         what: (usize, bool),
@@ -326,7 +326,7 @@ impl ReachableSet {
     ) -> f64 {
         let accuracy = settings.accuracy_m() / self.speed_mps;
         let pieces = MOST_FINE_PIECES.max(settings.most_pieces());
-        let rest = budget.set_aside();
+        let rest = budget.set_aside(4);
         let mut margin = self.enclose(what, accuracy, pieces, workspace, budget);
         let coarsely = budget.is_spent();
         budget.give_back(rest);

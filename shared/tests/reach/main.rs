@@ -16,6 +16,7 @@ mod closeness;
 mod cancel;
 mod membership;
 mod reference;
+mod scratch;
 
 use sidestep::bounds::InputBounds;
 use sidestep::math::SeededRng;
