@@ -54,7 +54,8 @@ impl ReachableSet {
     /// Parameters
     /// ----------
     /// accuracy_m : float
-    ///     How far edges may lie from the true boundary, m; 10⁻⁶ to 1.
+    ///     How far edges may lie from the true boundary, m; 10⁻⁶ to 1. Where that would take too much work, at large turns a
+    ///     step, over many steps or at high accuracy, the polygon is larger, and contains the set.
     /// conservative : bool
     ///     Whether the polygon goes around the set, as the library's documentation says of
     ///     `PolygonSettings::conservative`, instead of following its boundary to either side.
