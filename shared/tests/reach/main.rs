@@ -16,7 +16,6 @@ mod closeness;
 mod cancel;
 mod membership;
 mod reference;
-mod scratch;
 
 use sidestep::bounds::InputBounds;
 use sidestep::math::SeededRng;
