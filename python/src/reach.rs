@@ -56,7 +56,8 @@ impl ReachableSet {
     /// Parameters
     /// ----------
     /// accuracy_m : float
-    ///     How far edges may lie from the true boundary, m; 10⁻⁶ to 1.
+    ///     How far edges may lie from the true boundary, m; 10⁻⁶ to 1. Where that would take too much work, at large turns a
+    ///     step, over many steps or at high accuracy, the polygon is larger, and contains the set.
     /// conservative : bool
     ///     Whether the polygon goes around the set, as the library's documentation says of
     ///     `PolygonSettings::conservative`, instead of following its boundary to either side.
@@ -157,8 +158,8 @@ impl ReachableSet {
         let py = states.py();
         let states = drive("states", self.0.steps(), states)?;
         let tolerance = tolerance(position_m, heading_rad)?;
-        let inside = |i: usize| self.0.contains_state(i + 1, states[i], tolerance);
-        Ok(each(py, states.len(), inside)?.into_pyarray(py))
+        let found = py.detach(|| self.0.contains_states(&states, tolerance));
+        Ok(found.into_pyarray(py))
     }
 
     fn __repr__(&self) -> String {

@@ -20,10 +20,16 @@
 //! tolerance, for all bounds that are accepted. It can be true for others, if their being outside is not proven:
 //! [`ReachableSet::state_membership`] tells them apart.
 //!
-//! Other polygons follow the boundary within the accuracy. Where they consist of extremals, that rests on measurement
-//! (`shared/tests/reach/closeness.rs`): up to 10 steps at the paper's rates no position was found that one of them misses by more;
-//! over 50 steps of any bounds, one in sixty did, by up to 1.8 times the accuracy. Where bounds just forbid driving
-//! straight, extremals are not found reliably, and the polygon is made as conservative ones are: there it is proven.
+//! Other polygons follow the boundary within the accuracy, if their [margin](Outline::Refined) is 0:
+//! * The set after a step consists of extremals as long as all headings are within less than a quarter turn of a common one (15 steps
+//!   of 0.2 s at ±0.5 rad/s). That they are all rests on measurement (`shared/tests/reach/closeness.rs`), that the tube lies
+//!   between them on a proof; for it headings must be within a quarter turn of each other, or, where straight driving is always
+//!   admissible, of the one at the start.
+//! * Beyond, and where bounds just forbid driving straight, polygons are made as conservative ones are, without the margin. No
+//!   position is missed by more than the accuracy: that is proven. At sharp corners they can stick out by a few times the accuracy.
+//!
+//! Beyond, the work can be too much for the accuracy: at large turns a step, over many steps, or at high accuracy. Then the
+//! polygon is conservative without having been asked to be; its margin, which is above 0, or its being a convex hull tells so.
 //!
 //! # Cancelling
 //! What may take long has a twin that asks its caller from time to time whether to go on: [`ReachableSet::try_step_polygon_into`],

@@ -19,13 +19,14 @@ use sidestep::vehicle::Pose;
 /// "conservative": false}.
 /// "queries", "tolerance", "accuracy" and "conservative" are optional; the defaults are shown. A
 /// state counts as inside if it is at most the tolerance outside. Edges of polygons are at most the
-/// accuracy, m, off the true boundary, to either side; holes are filled. Bounds that forbid straight
-/// driving by less than 1e-4 rad/s are taken to allow it.
+/// accuracy, m, off the true boundary, to either side; holes are filled. Where that would take too much
+/// work, at large turns per step, over many steps or at high accuracy, polygons are larger, and contain
+/// the set. Bounds that forbid straight driving by less than 1e-4 rad/s are taken to allow it.
 ///
 /// Conservative polygons, areas and boxes are a little larger, so that they contain the whole
-/// set, under all bounds; at large turns per step or over many steps they can be larger than the
-/// accuracy says. Queries are about the exact set all the same. At more than 15 steps of 0.1 rad each
-/// (0.5 rad/s for 0.2 s), "full" can miss reachable states (docs/validation/shfrs.md).
+/// set, under all bounds; where they would take too much work they can be larger than the
+/// accuracy says. Queries are about the exact set all the same. "full" never misses a reachable state; at
+/// large turns per step it can be true for a state that is not reached, if no proof of that is found.
 ///
 /// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
 /// "heading": δ}, with each part optional: positions at most r m from "initial", or at most

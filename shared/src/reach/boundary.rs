@@ -7,12 +7,10 @@
 //! * The **rear** is reached by bang-bang paths, whose rate switches between the bounds
 //!   (`rear`; more than once, `multi_switch`).
 //! * The **tube**, the union over all instants, lies between the path at the lowest rates, the
-//!   final front, and the path at the highest rates. Where headings span more than π/2, the
-//!   ends of extremals that arrive at a right angle to their direction bound it as well.
+//!   final front, and the path at the highest rates.
 //!
-//! While all admissible headings lie within ±π/2 of a common direction (15 steps of 0.2 s at
-//! ±0.5 rad/s), front and rear are graphs over the line across that direction, and the rear is
-//! the lower `envelope` of its families. Beyond, the set is what the curves enclose (`outline`).
+//! That holds where [`is_of_extremals`] says so. Front and rear are then graphs over the line across the middle of the
+//! headings, and the rear is the lower `envelope` of its families.
 
 mod extremal;
 mod divergence;
@@ -26,11 +24,10 @@ use super::budget::Budget;
 use super::outer::Outer;
 use super::outline::{Outliner, thickness};
 use super::paths::{Path, Paths, unit};
-use super::sampling::{self, Curves, pieces, sample};
+use super::sampling::{self, Curves, pieces};
 use crate::math::PI;
 use core::f64::consts::FRAC_PI_2;
 use envelope::Envelope;
-use extremal::{Costate, PathTime};
 use nalgebra::Complex;
 use singular::Piece;
 
@@ -75,35 +72,30 @@ impl Workspace {
         if budget.is_spent() {
             return;
         }
-        if let Some(direction) = common_direction(paths, step) {
-            let (turned, back) = (unit(-direction), unit(direction));
-            let rises = |two: &[Complex<f64>]| ((two[1] - two[0]) * turned).im > LEAST_RISE;
-            let rises = boundary.windows(2).all(rises);
-            envelope.clear();
-            for curve in curves.iter() {
-                envelope.add(curve.iter().map(|point| point * turned));
-            }
-            // At their ends front and rear touch each other, and their chords may cross: there the rear is just
-            // behind the front.
-            let behind = thickness(tolerance);
-            envelope.add(boundary.iter().map(|point| point * turned - behind));
-            envelope.straighten();
-            let ends = [boundary[0], boundary[boundary.len() - 1]];
-            let rear = envelope.points().iter().rev().map(|point| point * back);
-            let front = boundary.len();
-            boundary.extend(rear.filter(|point| {
-                ends.iter().all(|end| (point - end).norm_sqr() > 0.25 * behind * behind)
-            }));
-            sampling::space(boundary, front);
-            if !rises {
-                // Where extremals nearly coincide, rounding has sent the front back a little.
-                outliner.tidy(boundary, budget);
-            }
-        } else {
-            outliner.add(boundary);
-            curves.iter().for_each(|curve| outliner.add(curve));
-            boundary.truncate(1);
-            outliner.outline(boundary, budget);
+        let (low, high) = paths.heading_range(step);
+        let direction = 0.5 * (low + high);
+        let (turned, back) = (unit(-direction), unit(direction));
+        let rises = |two: &[Complex<f64>]| ((two[1] - two[0]) * turned).im > LEAST_RISE;
+        let rises = boundary.windows(2).all(rises);
+        envelope.clear();
+        for curve in curves.iter() {
+            envelope.add(curve.iter().map(|point| point * turned));
+        }
+        // At their ends front and rear touch each other, and their chords may cross: there the rear is just
+        // behind the front.
+        let behind = thickness(tolerance);
+        envelope.add(boundary.iter().map(|point| point * turned - behind));
+        envelope.straighten();
+        let ends = [boundary[0], boundary[boundary.len() - 1]];
+        let rear = envelope.points().iter().rev().map(|point| point * back);
+        let front = boundary.len();
+        boundary.extend(rear.filter(|point| {
+            ends.iter().all(|end| (point - end).norm_sqr() > 0.25 * behind * behind)
+        }));
+        sampling::space(boundary, front);
+        if !rises {
+            // Where extremals nearly coincide, rounding has sent the front back a little.
+            outliner.tidy(boundary, budget);
         }
     }
 
@@ -115,7 +107,7 @@ impl Workspace {
         tolerance: f64,
         budget: &Budget<'_>,
     ) {
-        let Self { boundary, curve, curves, family, outliner, .. } = self;
+        let Self { boundary, curve, family, outliner, .. } = self;
         let steps = paths.steps();
         boundary.clear();
         outliner.clear();
@@ -125,35 +117,29 @@ impl Workspace {
         outermost(&paths.high, steps, least, tolerance, curve);
         boundary.extend(curve.iter().rev());
         boundary.dedup();
-        let common = common_direction(paths, steps).is_some();
-        let opens = paths.lo[0] < paths.hi[0];
-        if common && opens && paths.straight_always(steps) {
+        if paths.lo[0] < paths.hi[0] && paths.straight_always(steps) {
             return;
         }
         outliner.add(boundary);
-        curves.clear();
-        if !common {
-            rear::candidates(paths, steps, (least, tolerance), curves, budget);
-            curves.iter().for_each(|curve| outliner.add(curve));
-        }
-        let (low, high) = paths.heading_range(steps);
-        if high - low > FRAC_PI_2 {
-            // Turning so far, one can get farther sideways than along the two
-            // outermost paths.
-            for phi in [-FRAC_PI_2, FRAC_PI_2] {
-                curve.clear();
-                sideways(paths, phi, (least, tolerance), curve, budget);
-                // The last of these is an end of the set after the last step as well. There
-                // it must not stop short of the chords, or what it encloses is lost.
-                let ends = core::iter::once(boundary.as_slice()).chain(curves.iter());
-                let end = curve[curve.len() - 1];
-                curve.extend(sampling::vertex_beside(end, ends, 2.0 * tolerance));
-                outliner.add(curve);
-            }
-        }
         boundary.truncate(1);
         outliner.outline(boundary, budget);
     }
+}
+
+/// Whether the boundary of the set after `steps` steps, or that of the tube up to then, consists of the curves drawn here.
+///
+/// Of a set: if all headings are within less than a quarter turn of a common one, and no bounds just forbid to drive straight,
+/// where extremals diverge too fast. Beyond, some were missed.
+///
+/// Of a tube: where the time is free, boundary paths arrive at a right angle to their direction, and do not switch unless the way
+/// from the switch to the end is at a right angle to the heading at the end. It is not if all headings are within a
+/// quarter turn of each other; nor if straight driving is always admissible and they are within a quarter turn of the
+/// one at the start, since the headings along an outermost path are then between the first and the last.
+pub(super) fn is_of_extremals(paths: &Paths, (steps, tube): (usize, bool)) -> bool {
+    let (low, high) = paths.heading_range(steps);
+    let ahead = -FRAC_PI_2 <= low && high <= FRAC_PI_2 && paths.straight_always(steps);
+    let spans = if tube && !ahead { FRAC_PI_2 } else { PI - 1e-6 };
+    high - low < spans && !paths.graze_straight(steps)
 }
 
 /// By how much each edge of a front rises, s, across the common direction, if no rounding interferes.
@@ -161,13 +147,6 @@ const LEAST_RISE: f64 = 1e-12;
 
 /// About what tracing an extremal through a step takes, in units of a [`Budget`].
 const TRACING: usize = 4;
-
-/// The middle of all admissible headings of the first `steps` steps, rad in the human's frame,
-/// if none of them is π/2 or more away from it.
-fn common_direction(paths: &Paths, steps: usize) -> Option<f64> {
-    let (low, high) = paths.heading_range(steps);
-    (high - low < PI - 1e-6).then_some(0.5 * (low + high))
-}
 
 /// Appends one of the two outermost paths, from the start on.
 fn outermost(
@@ -191,26 +170,4 @@ fn outermost(
         }
     }
     points.push(path.point(steps));
-}
-
-/// Appends, at every instant, the end of the extremal that arrives at a right angle to
-/// its direction, φ = ±π/2: where the time is free, the boundary consists of these.
-fn sideways(
-    paths: &Paths,
-    phi: f64,
-    (least_pieces, tolerance): (usize, f64),
-    points: &mut Vec<Complex<f64>>,
-    budget: &Budget<'_>,
-) {
-    let each = least_pieces.div_ceil(paths.steps());
-    points.push(Complex::new(0.0, 0.0));
-    for step in 0..paths.steps() {
-        let curve = |seconds: f64| {
-            let start = Costate::end(phi).to_start(paths, PathTime { step, seconds });
-            budget.spend(start.work);
-            start.sample()
-        };
-        sample(&curve, (0.0, paths.step_s), each, tolerance, &|_, _, _| {}, (points, budget));
-    }
-    sampling::space(points, 0);
 }

@@ -30,6 +30,7 @@ type Report<'a> = RefCell<&'a mut dyn FnMut(Progress) -> ControlFlow<()>>;
 pub(super) struct Budget<'a> {
     units: usize,
     left: Cell<usize>,
+    aside: Cell<usize>,
     spent: Cell<bool>,
     /// What is left when the caller is asked next.
     next_report: Cell<usize>,
@@ -43,6 +44,7 @@ impl<'a> Budget<'a> {
         Self {
             units,
             left: Cell::new(units),
+            aside: Cell::new(0),
             spent: Cell::new(false),
             next_report: Cell::new(0),
             report: None,
@@ -81,24 +83,33 @@ impl<'a> Budget<'a> {
     fn ask(&self) {
         let left = self.left.get();
         self.next_report.set(left.saturating_sub(BETWEEN_REPORTS));
-        let now = Progress { done: self.units - left, of: self.units };
+        let now = Progress { done: self.done(), of: self.units };
         if self.report.is_some_and(|report| report(now).is_break()) {
             self.cancelled.set(true);
             self.spent.set(true);
         }
     }
 
-    /// Sets half of what is left aside, until it is given back.
-    pub(super) fn set_aside(&self) -> usize {
-        let half = self.left.get() / 2;
-        self.left.set(self.left.get() - half);
-        half
+    /// Sets one of `parts` of what is left aside, until it is given back.
+    pub(super) fn set_aside(&self, parts: usize) -> usize {
+        let units = self.left.get() / parts;
+        self.left.set(self.left.get() - units);
+        self.next_report.set(self.next_report.get().saturating_sub(units));
+        self.aside.set(self.aside.get() + units);
+        units
     }
 
     /// Gives back what was set aside; what has been spent since stays spent.
     pub(super) fn give_back(&self, units: usize) {
         self.left.set(self.left.get() + units);
+        self.next_report.set(self.next_report.get() + units);
+        self.aside.set(self.aside.get() - units);
         self.spent.set(self.is_cancelled());
+    }
+
+    /// Units spent so far.
+    pub(super) fn done(&self) -> usize {
+        self.units - self.left.get() - self.aside.get()
     }
 
     /// Whether more was to be spent than there was, or the caller has cancelled.

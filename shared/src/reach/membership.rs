@@ -205,12 +205,43 @@ impl ReachableSet {
         best
     }
 
+    /// Is each of the states after steps 1, 2 … (world frame) reached after its step? As [`Self::contains_state`] for each, but
+    /// together they take no more work than one may: what is not decided within its share counts as inside.
+    ///
+    /// # Panics
+    /// If there are more states than [`Self::steps`].
+    #[must_use]
+    pub fn contains_states(&self, states: &[Pose], tolerance: Tolerance) -> Vec<bool> {
+        let found = self.decide_all(0..states.len(), states, tolerance, MOST_TRIALS);
+        found.map(|membership| membership != Membership::Outside).collect()
+    }
+
+    /// Decides about the states at these places of a trajectory, one after the other. Each has an equal share of the work that is
+    /// left, so that all together take no more than one state may.
+    fn decide_all<'a>(
+        &'a self,
+        places: impl ExactSizeIterator<Item = usize> + 'a,
+        states: &'a [Pose],
+        tolerance: Tolerance,
+        trials: usize,
+    ) -> impl Iterator<Item = Membership> + 'a {
+        let (mut left, mut undecided) = (MOST_WORK, places.len());
+        places.map(move |place| {
+            let budget = Budget::new(left / undecided);
+            let found = self.decide(place + 1, states[place], tolerance, trials, &budget);
+            left -= budget.done();
+            undecided -= 1;
+            found
+        })
+    }
+
     /// Is a recorded trajectory inside at every step? `states` are those after
     /// each step (world frame), from the first on; `inputs`, if known, are
     /// the turn rates held in each step, rad/s. As long as they satisfy the
     /// bounds, the states are reachable by definition; from the first step on in
     /// which they do not, each state must be [inside](Membership::Inside) with `tolerance`. What is open
-    /// does not count, so that shares of contained trajectories are never too large.
+    /// does not count, so that shares of contained trajectories are never too large. The work on all states together is
+    /// bounded as that on one is.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`], or fewer inputs than states.
@@ -232,9 +263,8 @@ impl ReachableSet {
                 .count()
         });
         // Later states usually need the widest bounds, so that one test of the last is often enough.
-        (known..states.len())
-            .rev()
-            .all(|i| self.state_membership(i + 1, states[i], tolerance, 0) == Membership::Inside)
+        self.decide_all((known..states.len()).rev(), states, tolerance, 0)
+            .all(|membership| membership == Membership::Inside)
     }
 
     /// From the world frame, metres, to the human's, seconds of travel.

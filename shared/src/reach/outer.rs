@@ -134,8 +134,9 @@ const MOST_CORNERS: usize = 1_500;
 /// A curve with more extremes of the distance from the vehicle is replaced by its outline.
 const MOST_EXTREMES: usize = 24;
 
-/// What sweeping a corner takes, and comparing two edges in it, in units of a [`Budget`].
-const SWEEPING: usize = 8;
+/// What sweeping a corner takes, besides one for moving it, and comparing two edges in it, in units of a [`Budget`].
+const SWEEPING: usize = 3;
+const COMPARING: usize = 8;
 
 /// What drawing and loosening take for each vertex.
 const LOOSENING: usize = 6;
@@ -188,6 +189,9 @@ impl Outer {
         budget: &Budget<'_>,
     ) -> f64 {
         let error = self.surround(paths, request, (outliner, budget), scratch, boundary);
+        if budget.is_spent() {
+            return error;
+        }
         polyline(&self.curve.corners, OF_ARCS * request.accuracy, boundary);
         budget.spend(LOOSENING * boundary.len());
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
@@ -258,13 +262,17 @@ impl Outer {
                 if request.tube {
                     outside = outside.max(piece.add_passed(spread, corners));
                 }
+                budget.spend(self.curve.corners.len());
+                if budget.is_spent() {
+                    return f64::INFINITY;
+                }
                 if angle < LEAST_ANGLE {
                     error += angle * farthest;
                     continue;
                 }
                 budget.spend(SWEEPING * self.curve.corners.len());
                 let extremes = self.curve.sweep(angle);
-                budget.spend(SWEEPING * self.curve.compared);
+                budget.spend(COMPARING * self.curve.compared);
                 let corners = self.curve.corners.len();
                 if extremes > 2 * kept.0 + MOST_EXTREMES || corners > 2 * kept.1 + MOST_CORNERS {
                     self.simplify(arcs, (outliner, budget), scratch, boundary);
@@ -296,6 +304,10 @@ impl Outer {
         budget.spend(LOOSENING * boundary.len());
         loosen(boundary, scratch, tolerance);
         outliner.tidy(boundary, budget);
+        budget.spend(LOOSENING * boundary.len());
+        if budget.is_spent() {
+            return;
+        }
         coarsen(boundary, scratch, tolerance);
         let corners = boundary.iter().map(|&point| Corner { point, edge: Edge::Line });
         self.curve.corners.clear();

@@ -144,11 +144,11 @@ impl Outliner {
         self.in_strips.clear();
         for (i, &edge) in self.edges.iter().enumerate() {
             let (first, last) = strips(edge);
+            budget.spend(SORTING * (last - first + 1) as usize);
+            if budget.is_spent() {
+                return;
+            }
             self.in_strips.extend((first..=last).map(|strip| (strip, i, first)));
-        }
-        budget.spend(SORTING * self.in_strips.len());
-        if budget.is_spent() {
-            return;
         }
         self.in_strips.sort_unstable();
         for strip in self.in_strips.chunk_by(|a, b| a.0 == b.0) {

@@ -20,9 +20,10 @@ pub struct PolygonSettings {
 pub enum Outline {
     /// Along the boundary, also where that is not convex.
     Refined {
-        /// By how much the polygon was grown so that it surely contains the set, m; 0 unless it is
-        /// [conservative](PolygonSettings::conservative). More than the accuracy if that would have taken more than
-        /// [`PolygonSettings::most_pieces`].
+        /// By how much the polygon was grown so that it surely contains the set, m. More than the accuracy if that would
+        /// have taken more than [`PolygonSettings::most_pieces`]. If it is 0, the polygon follows the boundary to either
+        /// side within the accuracy. Unless it is [conservative](PolygonSettings::conservative), it is 0 where that takes no
+        /// more than [`PolygonSettings::most_work`] ([where that is](super#what-is-promised)).
         margin_m: f64,
     },
     /// Convex, and around the whole set with its holes and indentations, whatever the settings: following the boundary would
@@ -40,7 +41,7 @@ const MOST_WORK: usize = 4_000_000;
 
 impl PolygonSettings {
     /// `accuracy_m`: how far, m, the polygon's edges may lie from the true
-    /// boundary (the vertices lie on it); 10⁻⁶ to 1.
+    /// boundary, unless [`Outline`] tells that the polygon is around it; 10⁻⁶ to 1.
     /// `least_pieces`: edges that each of the boundary's curves gets at least,
     /// however short it is, so that small sets keep their shape; 1 to 1000.
     ///
@@ -108,7 +109,7 @@ impl PolygonSettings {
         self.conservative
     }
 
-    /// Largest distance, m, between the polygon's edges and the true boundary.
+    /// Largest distance, m, between the polygon's edges and the true boundary; see [`Self::new`].
     #[must_use]
     pub fn accuracy_m(&self) -> f64 {
         self.accuracy_m
@@ -238,22 +239,6 @@ pub(super) fn space(points: &mut Vec<Complex<f64>>, from: usize) {
     if same(last, points[kept]) {
         points[kept] = last;
     }
-}
-
-/// The nearer vertex of the edge that comes nearest to `point`, if it comes nearer than
-/// `within`.
-pub(super) fn vertex_beside<'a>(
-    point: Complex<f64>,
-    curves: impl Iterator<Item = &'a [Complex<f64>]>,
-    within: f64,
-) -> Option<Complex<f64>> {
-    let edges = curves.flat_map(|curve| curve.windows(2).map(|edge| (edge[0], edge[1])));
-    let distances = edges.map(|(a, b)| {
-        let (distance, share) = to_segment(point, a, b);
-        (distance, if share < 0.5 { a } else { b })
-    });
-    let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0));
-    nearest.filter(|(distance, _)| *distance < within).map(|(_, vertex)| vertex)
 }
 
 /// Distance of a position from a segment, and where on it that is, from 0 to 1.

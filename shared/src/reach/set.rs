@@ -1,6 +1,6 @@
 //! The set from a start, and the polygons around it.
 
-use super::boundary::Workspace;
+use super::boundary::{self, Workspace};
 use super::budget::{Budget, Cancelled, Progress};
 use super::hull;
 use super::minkowski::{self, Brush};
@@ -35,8 +35,11 @@ const MOST_RAD: f64 = 1e4;
 /// A boundary is widened at most this often. Once was always enough.
 const MOST_WIDENINGS: usize = 4;
 
-/// The largest number of pieces of time for a boundary that is followed without extremals.
-const MOST_PIECES: usize = 10_000;
+/// Most pieces of time for a boundary that is followed without extremals, if conservative polygons have fewer.
+const MOST_FINE_PIECES: usize = 10_000;
+
+/// Where that takes too much, the boundary is drawn this many times more coarsely.
+const COARSER: f64 = 16.0;
 
 /// Longest step, m.
 const MOST_STEP_M: f64 = 100.0;
@@ -129,11 +132,11 @@ impl ReachableSet {
 
     /// The positions reachable after exactly `step` steps, as a polygon in the
     /// world frame, m, counter-clockwise, the first vertex not repeated. Its
-    /// vertices lie on the boundary, unless bounds forbid to drive straight by less than 0.01 rad/s; its edges follow it within
-    /// [`PolygonSettings::accuracy_m`]. It neither crosses nor touches itself: parts without width, as where bounds leave
+    /// edges follow the boundary within [`PolygonSettings::accuracy_m`], or go round it: [`Outline`] tells, and
+    /// the [module](super#what-is-promised) when. It neither crosses nor touches itself: parts without width, as where bounds leave
     /// no choice, are drawn a five-hundredth of the accuracy wide. A set that is a single position, as at
     /// step 0, has one vertex. For [conservative](PolygonSettings::conservative) polygons see
-    /// there, and for those that would take much work, [`Outline`].
+    /// there.
     ///
     /// From headings that span more than 2π on, the set may surround positions
     /// that cannot be reached in exactly that time; such holes are filled.
@@ -234,12 +237,12 @@ impl ReachableSet {
     ) -> Outline {
         // Whatever the set, it takes some.
         budget.spend(1);
-        let margin_m = if settings.is_conservative() {
-            self.speed_mps * self.surround((steps, tube), settings, workspace, budget)
+        let margin = if settings.is_conservative() {
+            self.surround((steps, tube), settings, workspace, budget)
         } else {
-            self.follow((steps, tube), settings, workspace, budget);
-            0.0
+            self.follow((steps, tube), settings, workspace, budget)
         };
+        let margin_m = self.speed_mps * margin;
         self.widen(settings, workspace, budget);
         if budget.is_cancelled() {
             return Outline::ConvexHull;
@@ -283,18 +286,20 @@ impl ReachableSet {
         }
     }
 
-    /// Replaces the boundary in the workspace by one that follows that of the set to either side.
+    /// Replaces the boundary in the workspace by one that follows that of the set to either side, and returns 0; or, where
+    /// that takes too much, by one around the set, and returns the margin by which it was grown, s of travel.
     fn follow(
         &self,
         (steps, tube): (usize, bool),
         settings: PolygonSettings,
         workspace: &mut Workspace,
         budget: &Budget<'_>,
-    ) {
+    ) -> f64 {
+        if !boundary::is_of_extremals(&self.paths, (steps, tube)) {
+            return self.follow_closely((steps, tube), settings, workspace, budget);
+        }
         let (least, tolerance) = (settings.least_pieces(), self.tolerance(settings));
-        if self.paths.graze_straight(steps) {
-            self.follow_closely((steps, tube), tolerance, workspace, budget);
-        } else if tube {
+        if tube {
             workspace.draw_tube(&self.paths, least, tolerance, budget);
         } else {
             workspace.draw_step(&self.paths, steps, least, tolerance, budget);
@@ -307,31 +312,31 @@ impl ReachableSet {
             let tolerance = 0.25 * settings.accuracy_m() / self.speed_mps;
             self.brush(0.0, false).sweep(tolerance, workspace, budget);
         }
+        0.0
     }
 
-    /// The same from the start pose itself without a search for extremals, by the construction of conservative polygons: no
-    /// position is missed by more than the tolerance. A boundary for which that is not known takes all of the budget.
+    /// The same without extremals, by the construction of conservative polygons; where the margin is within the accuracy, it
+    /// is left out. What would take more than three quarters of the budget is drawn more coarsely, with its margin.
     fn follow_closely(
         &self,
-        (steps, tube): (usize, bool),
-        tolerance: f64,
+        what: (usize, bool),
+        settings: PolygonSettings,
         workspace: &mut Workspace,
         budget: &Budget<'_>,
-    ) {
-        let request = Request {
-            steps,
-            tube,
-            accuracy: tolerance,
-            most_pieces: MOST_PIECES,
-            heading: 0.0,
-            body_point: Complex::new(0.0, 0.0),
-        };
-        let Workspace { boundary, curve, outliner, outer, .. } = workspace;
-        let missed = outer.draw(&self.paths, request, outliner, curve, boundary, budget);
-        if missed > tolerance {
-            budget.spend(usize::MAX);
+    ) -> f64 {
+        let accuracy = settings.accuracy_m() / self.speed_mps;
+        let pieces = MOST_FINE_PIECES.max(settings.most_pieces());
+        let rest = budget.set_aside(4);
+        let mut margin = self.enclose(what, accuracy, pieces, workspace, budget);
+        let coarsely = budget.is_spent();
+        budget.give_back(rest);
+        if coarsely {
+            let (accuracy, pieces) = (COARSER * accuracy, settings.most_pieces());
+            margin = self.enclose(what, accuracy, pieces, workspace, budget);
         }
-        outliner.tidy(boundary, budget);
+        let grown = if coarsely || margin > accuracy { margin } else { 0.0 };
+        self.brush(grown, grown > 0.0).sweep(0.125 * accuracy, workspace, budget);
+        grown
     }
 
     /// The uncertain position, with a disc around it grown by `margin`, s.
@@ -348,25 +353,34 @@ impl ReachableSet {
     /// travel.
     fn surround(
         &self,
-        (steps, tube): (usize, bool),
+        what: (usize, bool),
         settings: PolygonSettings,
         workspace: &mut Workspace,
         budget: &Budget<'_>,
     ) -> f64 {
         let accuracy = settings.accuracy_m() / self.speed_mps;
-        let request = Request {
-            steps,
-            tube,
-            accuracy,
-            most_pieces: settings.most_pieces(),
-            heading: self.start_set.heading_rad,
-            body_point: Complex::new(0.0, 0.0),
-        };
-        let Workspace { boundary, curve, outliner, outer, .. } = &mut *workspace;
-        let margin = outer.draw(&self.paths, request, outliner, curve, boundary, budget);
-        outliner.tidy(boundary, budget);
+        let margin = self.enclose(what, accuracy, settings.most_pieces(), workspace, budget);
         self.brush(margin, true).sweep(0.125 * accuracy, workspace, budget);
         margin
+    }
+
+    /// Replaces the boundary in the workspace by one from the start position itself, with any of its headings, that misses
+    /// no position by more than the distance returned, s of travel.
+    fn enclose(
+        &self,
+        (steps, tube): (usize, bool),
+        accuracy: f64,
+        most_pieces: usize,
+        workspace: &mut Workspace,
+        budget: &Budget<'_>,
+    ) -> f64 {
+        let heading = self.start_set.heading_rad;
+        let body_point = Complex::new(0.0, 0.0);
+        let request = Request { steps, tube, accuracy, most_pieces, heading, body_point };
+        let Workspace { boundary, curve, outliner, outer, .. } = workspace;
+        let missed = outer.draw(&self.paths, request, outliner, curve, boundary, budget);
+        outliner.tidy(boundary, budget);
+        missed
     }
 
     /// Replaces the boundary in the workspace by a convex one around the set.

@@ -83,7 +83,7 @@ fn no_drive_leaves_a_conservative_polygon() {
 #[test]
 fn a_conservative_polygon_exceeds_little() {
     let mut rng = SeededRng::new(42);
-    let fine = PolygonSettings::new(1e-5, 4).expect("settings").with_most_work(usize::MAX);
+    let fine = PolygonSettings::new(1e-6, 4).expect("settings").with_most_work(usize::MAX);
     let (mut largest, mut farthest) = (0.0_f64, 0.0_f64);
     for _ in 0..60 {
         let (lo, hi) = any_bounds(1 + rng.below(15), &mut rng);
@@ -103,8 +103,8 @@ fn a_conservative_polygon_exceeds_little() {
             for &vertex in &surely {
                 let margin = -signed_distance(&exact, vertex);
                 farthest = farthest.max(-margin);
-                // The fine one lies to either side of the boundary.
-                assert!(margin <= fine.accuracy_m(), "{margin}");
+                // The fine one lies to either side of the boundary, and sticks out at sharp corners.
+                assert!(margin <= 10.0 * fine.accuracy_m(), "{margin}");
             }
         }
     }

@@ -68,6 +68,16 @@ impl Case {
         ReachableSet::new(self.start, &bounds, self.speed_mps, self.step_s).unwrap()
     }
 
+    /// Whether all admissible headings are within a quarter turn of each other.
+    fn turns_little(&self) -> bool {
+        let (mut low, mut high, mut range) = (0.0, 0.0, (0.0_f64, 0.0_f64));
+        for (lo, hi) in &self.bounds {
+            (low, high) = (low + lo * self.step_s, high + hi * self.step_s);
+            range = (range.0.min(low), range.1.max(high));
+        }
+        range.1 - range.0 < 0.5 * PI
+    }
+
     /// How far in direction `phi`, rad in the world frame, from the start's middle, at the end and at any instant: the
     /// integral of the largest admissible speed in that direction, by many small steps.
     fn support(&self, phi: f64) -> (f64, f64) {
@@ -177,6 +187,7 @@ fn a_drive_touches_the_hull_in_every_direction() {
 fn a_hull_contains_what_follows_the_boundary() {
     let mut rng = SeededRng::new(63);
     let hull = settings().with_most_work(0);
+    let (mut workspace, mut polygon, mut compared) = (Workspace::default(), Vec::new(), [0; 2]);
     for class in 0..CLASSES.len() {
         for _ in 0..10 {
             let mut case = Case::any(class, &mut rng);
@@ -189,18 +200,33 @@ fn a_hull_contains_what_follows_the_boundary() {
             }
             let set = case.set();
             let step = set.steps().div_ceil(2);
-            for (fine, around) in [
-                (set.tube_polygon(settings()), set.tube_polygon(hull)),
-                (set.step_polygon(step, settings()), set.step_polygon(step, hull)),
-            ] {
-                for vertex in fine {
-                    let outside = signed_distance(&around, vertex);
-                    // What has no width is drawn a five-hundredth of the accuracy wide.
-                    assert!(outside <= GROWN_M, "{outside} m outside: {:?}", case.bounds);
-                }
+            for tube in [true, false] {
+                let mut draw = |settings| {
+                    let outline = if tube {
+                        set.tube_polygon_into(settings, &mut workspace, &mut polygon)
+                    } else {
+                        set.step_polygon_into(step, settings, &mut workspace, &mut polygon)
+                    };
+                    (outline, polygon.clone())
+                };
+                let (around, (outline, fine)) = (draw(hull).1, draw(settings()));
+                let Outline::Refined { margin_m } = outline else { continue };
+                // What has no width is drawn a five-hundredth of the accuracy wide. Other polygons than those of extremals
+                // stick out where they are sharp, and the more the more coarsely they are drawn.
+                let beyond = match margin_m {
+                    _ if case.turns_little() => GROWN_M,
+                    0.0 => 5e-3,
+                    _ => margin_m + 1e-2,
+                };
+                let outside = fine.iter().map(|vertex| signed_distance(&around, *vertex));
+                let most = outside.fold(f64::NEG_INFINITY, f64::max);
+                assert!(most <= beyond, "{most} m outside: {:?}", case.bounds);
+                compared[usize::from(case.turns_little())] += 1;
             }
         }
     }
+    println!("{compared:?} compared");
+    assert!(compared.iter().all(|count| *count >= 20));
 }
 
 #[test]

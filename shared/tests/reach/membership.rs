@@ -1,7 +1,8 @@
 //! Membership of full states (position and heading).
 use super::{RATE_RADPS, SPEED_MPS, STEP_S, origin, random_drive, random_pose, set};
+use sidestep::bounds::InputBounds;
 use sidestep::math::{SeededRng, hypot, sin_cos};
-use sidestep::reach::{Membership, PositionUncertainty, StartSet, Tolerance};
+use sidestep::reach::{Membership, PositionUncertainty, ReachableSet, StartSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
 /// Bounds of one of the kinds that matter.
@@ -284,5 +285,41 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
             assert!(outside > 0);
             println!("{position:?} {heading}: {outside} outside, {open} of them without proof");
         }
+    }
+}
+
+/// 96 steps at up to half a turn each: together the states take as much work as one may, and none of a drive is missed. A state that
+/// is out of reach, or turned too far at the paper's rates, is found.
+#[test]
+fn the_states_of_a_drive_are_decided_together() {
+    let mut rng = SeededRng::new(19);
+    let tolerance = Tolerance::default();
+    for _ in 0..4 {
+        let bounds = (0..96).map(|_| {
+            let (a, b) = (rng.uniform(-3.1, 3.1), rng.uniform(-3.1, 3.1));
+            (a.min(b), a.max(b))
+        });
+        let (lo, hi): (Vec<_>, Vec<_>) = bounds.unzip();
+        let all = InputBounds::new(lo.clone(), hi.clone(), (-3.1, 3.1)).unwrap();
+        let set = ReachableSet::new(origin(), &all, SPEED_MPS, 1.0).unwrap();
+        let drive = lo.iter().zip(&hi).scan(origin(), |pose, (lo, hi)| {
+            *pose = dubins::arc(*pose, SPEED_MPS, rng.uniform(*lo, *hi), 1.0);
+            Some(*pose)
+        });
+        let mut drive: Vec<_> = drive.collect();
+        assert_eq!(set.contains_states(&drive, tolerance), [true; 96]);
+        drive[40].x += 1e3;
+        assert!(!set.contains_states(&drive, tolerance)[40]);
+    }
+    for _ in 0..20 {
+        let (lo, hi) = random_bounds(15, 4, &mut rng);
+        let (start, set) = (origin(), set(origin(), &lo, &hi));
+        let mut states = random_states(start, &lo, &hi, &mut rng);
+        states[7].psi = hi[..8].iter().sum::<f64>() * STEP_S + 0.01;
+        let each = states.iter().enumerate();
+        let each: Vec<_> = each.map(|(i, it)| set.contains_state(i + 1, *it, tolerance)).collect();
+        let found = set.contains_states(&states, tolerance);
+        assert_eq!(found, each);
+        assert_eq!(found.iter().filter(|it| !**it).count(), 1);
     }
 }

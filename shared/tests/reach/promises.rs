@@ -1,12 +1,13 @@
 //! Promises against drives that try to break them, at turns of up to half a turn a step and over up to 100 steps:
-//! conservative polygons and convex hulls contain every drive, and membership every state that a drive leads to.
+//! conservative polygons and convex hulls contain every drive, others miss none by more than their accuracy, and membership
+//! has every state that a drive leads to. Drives change their rates also within steps.
 
 use super::{any_drive, origin};
 use core::cell::RefCell;
 use sidestep::bounds::InputBounds;
 use sidestep::math::{PI, SeededRng, exp, hypot};
 use sidestep::reach::polygon::{bounding_box, signed_distance};
-use sidestep::reach::{Membership, PolygonSettings, ReachableSet, Tolerance};
+use sidestep::reach::{Membership, Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
 use sidestep::vehicle::{Pose, dubins};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -35,7 +36,7 @@ const CLASSES: [Class; 6] = [
 ];
 
 /// Parts of a step in which a drive has one turn rate.
-const PARTS: usize = 2;
+const PARTS: usize = 4;
 
 /// Drives of each set, half of them random, half changes to the one that got farthest out; and how many of them end in
 /// states that membership is asked about.
@@ -48,6 +49,8 @@ struct Effort {
 /// A polygon, and how far inside it the middles of some square cells are, m, as far as that was needed.
 struct Region {
     polygon: Vec<[f64; 2]>,
+    /// How far outside a drive may be, m.
+    allowed_m: f64,
     corner: [f64; 2],
     side_m: f64,
     inside_m: RefCell<Vec<f64>>,
@@ -57,14 +60,14 @@ struct Region {
 const CELLS: usize = 48;
 
 impl Region {
-    fn new(polygon: Vec<[f64; 2]>) -> Self {
+    fn new(polygon: Vec<[f64; 2]>, allowed_m: f64) -> Self {
         let [x0, y0, x1, y1] = bounding_box(&polygon).expect("a vertex");
         let side_m = ((x1 - x0).max(y1 - y0) / CELLS as f64).max(1e-9);
         let inside_m = RefCell::new(vec![f64::NAN; CELLS * CELLS]);
-        Self { polygon, corner: [x0, y0], side_m, inside_m }
+        Self { polygon, allowed_m, corner: [x0, y0], side_m, inside_m }
     }
 
-    /// How far inside a position is, m; if that is more than `least`, any number above it.
+    /// How far inside a position is, m, beyond what is allowed; if that is more than `least`, any number above it.
     fn margin(&self, position: [f64; 2], least: f64) -> f64 {
         let cell = [0, 1].map(|i| ((position[i] - self.corner[i]) / self.side_m).floor());
         if cell.iter().all(|place| (0.0..CELLS as f64).contains(place)) {
@@ -72,14 +75,14 @@ impl Region {
             let mut known = self.inside_m.borrow_mut();
             let inside_m = &mut known[cell[0] as usize * CELLS + cell[1] as usize];
             if inside_m.is_nan() {
-                *inside_m = -signed_distance(&self.polygon, middle);
+                *inside_m = self.allowed_m - signed_distance(&self.polygon, middle);
             }
             let at_least = *inside_m - hypot(position[0] - middle[0], position[1] - middle[1]);
             if at_least > least {
                 return at_least;
             }
         }
-        -signed_distance(&self.polygon, position)
+        self.allowed_m - signed_distance(&self.polygon, position)
     }
 }
 
@@ -90,6 +93,7 @@ struct Subject {
     set: ReachableSet,
     /// Tube and last step.
     surely: [Region; 2],
+    exact: [Region; 2],
     hulls: [Region; 2],
 }
 
@@ -97,27 +101,44 @@ impl Subject {
     fn any(class: &'static Class, rng: &mut SeededRng) -> Self {
         let most = class.most;
         let straight = rng.below(3) == 0;
-        let bounds = (0..=rng.below(class.steps)).map(|_| {
+        // Drawn anew in each step, or a long stretch and then another.
+        let (count, stretches) = (1 + rng.below(class.steps), rng.below(2) == 0);
+        let change = rng.below(count);
+        let mut held = (0.0, 0.0);
+        let bounds = (0..count).map(|step| {
+            if stretches && step > 0 && step != change {
+                return held;
+            }
             let (a, b) = (rng.uniform(-most, most), rng.uniform(-most, most));
-            match rng.below(5) {
+            held = match rng.below(6) {
                 _ if straight => (-a.abs(), b.abs()),
                 0 => (a, a),
                 1 => (-most, most),
+                2 => (a, (a + 0.2 * b.abs()).min(most)),
                 _ => (a.min(b), a.max(b)),
-            }
+            };
+            held
         });
         let (lo, hi): (Vec<_>, Vec<_>) = bounds.unzip();
         let bounds = InputBounds::new(lo.clone(), hi.clone(), (-most, most)).unwrap();
         let set = ReachableSet::new(origin(), &bounds, class.speed_mps, class.step_s).unwrap();
         // From 1 mm to 5 cm.
         let settings = PolygonSettings::new(1e-3 * exp(rng.uniform(0.0, 4.0)), 2).unwrap();
-        let both = |settings| {
-            let last = set.step_polygon(lo.len(), settings);
-            [set.tube_polygon(settings), last].map(Region::new)
+        let mut workspace = Workspace::default();
+        let mut region = |settings, tube| {
+            let mut polygon = Vec::new();
+            let outline = if tube {
+                set.tube_polygon_into(settings, &mut workspace, &mut polygon)
+            } else {
+                set.step_polygon_into(count, settings, &mut workspace, &mut polygon)
+            };
+            let follows = outline == Outline::Refined { margin_m: 0.0 };
+            Region::new(polygon, if follows { settings.accuracy_m() } else { 0.0 })
         };
+        let mut both = |settings| [true, false].map(|tube| region(settings, tube));
         let surely = both(settings.conservative().with_most_work(1_000_000));
-        let hulls = both(settings.with_most_work(0));
-        Self { class, lo, hi, set, surely, hulls }
+        let (exact, hulls) = (both(settings), both(settings.with_most_work(0)));
+        Self { class, lo, hi, set, surely, exact, hulls }
     }
 
     /// The poses after each part.
@@ -137,12 +158,12 @@ impl Subject {
         for (part, pose) in self.poses(shares).enumerate() {
             end = pose;
             if part >= from {
-                for [tube, _] in [&self.surely, &self.hulls] {
+                for [tube, _] in [&self.surely, &self.exact, &self.hulls] {
                     least = least.min(tube.margin(pose.position(), least));
                 }
             }
         }
-        for [_, last] in [&self.surely, &self.hulls] {
+        for [_, last] in [&self.surely, &self.exact, &self.hulls] {
             least = least.min(last.margin(end.position(), least));
         }
         (least, end)

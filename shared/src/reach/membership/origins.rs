@@ -106,7 +106,7 @@ impl<'a> Origins<'a> {
             return Membership::Outside;
         }
         // Half of the work is for proofs.
-        let rest = self.budget.set_aside();
+        let rest = self.budget.set_aside(2);
         let found = self.cells(half).any(|(cell, heading)| self.any_of(cell, heading));
         self.budget.give_back(rest);
         if found {
