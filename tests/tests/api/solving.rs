@@ -207,7 +207,7 @@ async fn states_that_are_none() {
 async fn games_and_grids_that_are_none() {
     let folder = Folder::default();
     let out = folder.name("v.npz");
-    let table: [(&[&str], &[&str]); 31] = [
+    let table: [(&[&str], &[&str]); 30] = [
         (&["--evader-speed", "0"], &["--evader-speed", "> 0", "found 0"]),
         (&["--evader-speed", "-2"], &["--evader-speed", "found -2"]),
         (&["--evader-turn-rate", "nan"], &["--evader-turn-rate", "NaN"]),
