@@ -448,7 +448,7 @@ fn polar_settings(
     let (range_nodes, angle_nodes) = match options.accuracy {
         Accuracy::Draft => (33, 96),
         Accuracy::Standard => (65, 160),
-        Accuracy::Fine => (129, 320),
+        Accuracy::Fine => (129, 352),
     };
     let nodes = polar::Settings { range_nodes, angle_nodes, ..settings };
     if options.range_m.is_some() {
