@@ -132,14 +132,12 @@ impl Workspace {
 /// where extremals diverge too fast. Beyond, some were missed.
 ///
 /// Of a tube: where the time is free, boundary paths arrive at a right angle to their direction, and do not switch unless the way
-/// from the switch to the end is at a right angle to the heading at the end. It is not if all headings are within a
-/// quarter turn of each other; nor if straight driving is always admissible and they are within a quarter turn of the
-/// one at the start, since the headings along an outermost path are then between the first and the last.
+/// from the switch to the end is at a right angle to the heading at the end. From their last switch on they turn as an
+/// outermost path does. So it is not if the headings along each outermost path are within a quarter turn of each other.
 pub(super) fn is_of_extremals(paths: &Paths, (steps, tube): (usize, bool)) -> bool {
     let (low, high) = paths.heading_range(steps);
-    let ahead = -FRAC_PI_2 <= low && high <= FRAC_PI_2 && paths.straight_always(steps);
-    let spans = if tube && !ahead { FRAC_PI_2 } else { PI - 1e-6 };
-    high - low < spans && !paths.graze_straight(steps)
+    let switches = tube && paths.swing(steps) > FRAC_PI_2;
+    high - low < PI - 1e-6 && !switches && !paths.graze_straight(steps)
 }
 
 /// By how much each edge of a front rises, s, across the common direction, if no rounding interferes.

@@ -230,6 +230,18 @@ impl Paths {
         })
     }
 
+    /// By how much the headings along one of the two outermost paths differ in the first `steps` steps, at most, rad.
+    pub(super) fn swing(&self, steps: usize) -> f64 {
+        let of = |path: &Path| {
+            let headings = (0..=steps).map(|step| path.heading(step));
+            let (low, high) = headings.fold((0.0, 0.0), |(low, high): (f64, f64), heading| {
+                (low.min(heading), high.max(heading))
+            });
+            high - low
+        };
+        of(&self.low).max(of(&self.high))
+    }
+
     /// Lowest and highest heading, rad, that occurs in the first `steps` steps.
     pub(super) fn heading_range(&self, steps: usize) -> (f64, f64) {
         (0..=steps).fold((0.0, 0.0), |(low, high): (f64, f64), step| {
