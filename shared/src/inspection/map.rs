@@ -2,8 +2,8 @@
 
 use super::scale::{DARK, LIGHT, Scale};
 use crate::chart::{
-    Align, Area, Axis, Cells, Chart, Drawing, Frame, Layer, Note, Pen, Point, Sign, colours, disc,
-    fixed,
+    Align, Area, Axis, Cells, Chart, Drawing, Frame, Ink, Layer, Note, Pen, Point, Sign, colours,
+    disc, fixed,
 };
 use crate::math::{TAU, hypot};
 use crate::picture::Window;
@@ -81,10 +81,7 @@ impl Map {
             flatness_m: 0.25 / metre_px,
             spacing_m: (4.0 / metre_px).max(0.05 * radius_m),
         };
-        let [x, y] = [0, 1].map(|d| [window.low[d], window.high[d]]);
-        let all = vec![[x[0], y[0], x[1], y[1]]];
-        let last = scale.levels.len();
-        map.chart.add(Cells { ink: scale.tone(last).into(), boxes: all });
+        map.ground(function, window, scale.tone(scale.levels.len()).into());
         // A level that no state can have is drawn as nothing.
         let of_level = |level| function.level_curves(psi, level, settings).unwrap_or_default();
         let curves: Vec<(f64, Vec<Vec<Point>>)> =
@@ -109,6 +106,21 @@ impl Map {
         map.outline(disc([0.0; 2], radius_m), Pen::new(LIGHT, 1.2).dashed(5.0, 4.0));
         map.label(&curves, scale);
         map.finish("V", scale)
+    }
+
+    /// The colour of the highest values, wherever the function has nodes.
+    fn ground(&mut self, function: &ValueFunction, window: Window, ink: Ink) {
+        let [x, y] = [0, 1].map(|d| [window.low[d], window.high[d]]);
+        let corner_m = hypot(x[0].abs().max(x[1].abs()), y[0].abs().max(y[1].abs()));
+        if let ValueFunction::Sampled(samples) = function
+            && let Nodes::Polar { range_m, .. } = samples.nodes()
+            && range_m < corner_m
+        {
+            let points = disc([0.0; 2], range_m);
+            self.chart.add(Area { name: String::new(), points, fill: Some(ink), edge: None });
+        } else {
+            self.chart.add(Cells { ink, boxes: vec![[x[0], y[0], x[1], y[1]]] });
+        }
     }
 
     /// A quantity in m on a grid over `window`, row by row from the bottom, in a picture of this width, px.
