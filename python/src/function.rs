@@ -196,7 +196,7 @@ impl ValueFunction {
     /// Values on the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m). So what is read
     /// again is not `==` to what was solved, but to itself, however often. `pickle` and `copy` do not round.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
-        py.detach(|| write(&path, &self.0.encode()))
+        py.detach(|| write(&path, &self.0.encode_with_checksum()))
     }
 
     /// Reads a function that `save` wrote.

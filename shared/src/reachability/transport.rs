@@ -6,7 +6,7 @@
 //! origin, as variable-length integers (7 bits a byte, low first, zigzag sign). With `"float32": true` they
 //! follow as they are instead, four bytes each, the lowest first.
 //!
-//! `"crc32"` in the line is the checksum of all bytes as they are without this entry. It is no part of the
+//! `"crc32"` in the line of a file is the checksum of all bytes as they are without this entry. It is no part of the
 //! function's address ([`ValueFunction::id`]), and older files have none.
 
 mod body;
@@ -83,6 +83,13 @@ impl ValueFunction {
     /// The bytes in which this function is stored and served. A solved one is rounded to [`QUANTUM_M`].
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
+        let (header, body) = self.parts(false);
+        header.with(&body)
+    }
+
+    /// The same with a checksum, for a file, which nothing else protects.
+    #[must_use]
+    pub fn encode_with_checksum(&self) -> Vec<u8> {
         summed(self.parts(false))
     }
 
@@ -171,8 +178,7 @@ impl ValueFunction {
     #[cfg(feature = "study")]
     #[must_use]
     pub fn id(&self) -> String {
-        let (header, body) = self.parts(false);
-        hex::encode(Sha256::digest(header.with(&body)))
+        hex::encode(Sha256::digest(self.encode()))
     }
 }
 
@@ -234,7 +240,8 @@ mod tests {
     #[test]
     fn damage_is_noticed() {
         let exact = ValueFunction::Exact(ExactValue::new(2.0, 0.3, 3.0).unwrap());
-        for bytes in [exact.encode(), sampled().encode(), sampled().encode_unrounded()] {
+        let summed = [exact.encode_with_checksum(), sampled().encode_with_checksum()];
+        for bytes in summed.into_iter().chain([sampled().encode_unrounded()]) {
             for at in 0..bytes.len() {
                 for bit in [0x01, 0x40] {
                     let mut damaged = bytes.clone();
