@@ -162,7 +162,7 @@ impl ShfrsSettings {
     }
 }
 
-/// The paper's settings for a model of so many actions and the human of these parameters.
+/// The paper's settings for a model with this number of actions and the human of these parameters.
 pub(crate) fn usual(
     actions: usize,
     parameters: &scene::SceneParameters,

@@ -34,7 +34,7 @@ pub fn check(parameters: &SceneParameters, trial: &RecordedTrial) -> Result<(), 
     Ok(())
 }
 
-/// Excludes the participants of a recording who have a trial that fails [`check`], with the reason.
+/// Excludes every participant of a recording with a trial that fails [`check`], and keeps the reason.
 pub fn exclude_impossible(recording: &mut Recording) {
     let Recording { scene, participants, exclusions, .. } = recording;
     participants.retain(|participant| {

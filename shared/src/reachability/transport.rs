@@ -1,7 +1,7 @@
 //! The bytes of a value function: few, and the same for the same function.
 //!
 //! The closed form is a line of JSON with its parameters. A sampled function is a
-//! line of JSON (with `"octets"`, the number of bytes that follow) and then its deficits in
+//! line of JSON, whose `"octets"` is the number of bytes that follow, and then its deficits in
 //! whole [`QUANTUM_M`]: the difference to the prediction from the neighbours towards the
 //! origin, as variable-length integers (7 bits a byte, low first, zigzag sign). With `"float32": true` they
 //! follow as they are instead, four bytes each, the lowest first.
