@@ -45,8 +45,10 @@ pub(super) struct Outliner {
     edges: Vec<Edge>,
     /// Edges that are to be cut, and where.
     cuts: Vec<(usize, Node)>,
-    /// Which strips of the plane which edges are in, and the first strip of each edge.
-    in_strips: Vec<(i64, usize, i64)>,
+    /// The edges in each strip of the plane, strip after strip, with the first strip of each edge.
+    in_strips: Vec<(usize, usize)>,
+    /// Where each strip's edges begin there.
+    begins: Vec<usize>,
     /// Every edge in both directions, in order of its first node and, there, of its
     /// direction counter-clockwise.
     darts: Vec<Dart>,
@@ -133,29 +135,53 @@ impl Outliner {
     /// in order of their smallest x.
     fn find_cuts(&mut self, budget: &Budget<'_>) {
         self.cuts.clear();
-        let n = self.edges.len();
-        let rise: i64 = self.edges.iter().map(|(a, b)| (b[1] - a[1]).abs()).sum();
-        let height = (2 * rise / n.max(1) as i64).max(LEAST_STRIP);
+        let n = self.edges.len().max(1) as i64;
+        let heights = |(a, b): &Edge| [a[1].min(b[1]), a[1].max(b[1])];
+        let (mut rise, mut bottom, mut top) = (0, i64::MAX, i64::MIN);
+        for [low, high] in self.edges.iter().map(heights) {
+            (rise, bottom, top) = (rise + high - low, bottom.min(low), top.max(high));
+        }
+        // No more strips than some for each edge, also if the curves do not hang together.
+        let height = (2 * rise / n).max(top.saturating_sub(bottom) / (4 * n)).max(LEAST_STRIP);
+        let lowest = bottom.saturating_sub(1).div_euclid(height);
         // A spacing more at both sides, for what touches.
-        let strips = |(a, b): Edge| {
-            let strip = |y: i64| y.div_euclid(height);
-            (strip(a[1].min(b[1]) - 1), strip(a[1].max(b[1]) + 1))
+        let strips = |edge: &Edge| {
+            let strip = |y: i64| (y.div_euclid(height) - lowest) as usize;
+            let [low, high] = heights(edge);
+            (strip(low - 1), strip(high + 1))
         };
-        self.in_strips.clear();
-        for (i, &edge) in self.edges.iter().enumerate() {
+        // Sorted by counting: how many edges each strip has, two places on; their sums, which are where it begins, one place
+        // on; and once they are filled in, in its place.
+        self.begins.clear();
+        for edge in &self.edges {
             let (first, last) = strips(edge);
-            budget.spend(SORTING * (last - first + 1) as usize);
+            budget.spend(SORTING * (last - first + 1));
             if budget.is_spent() {
                 return;
             }
-            self.in_strips.extend((first..=last).map(|strip| (strip, i, first)));
+            self.begins.resize(self.begins.len().max(last + 3), 0);
+            self.begins[first + 2..=last + 2].iter_mut().for_each(|count| *count += 1);
         }
-        self.in_strips.sort_unstable();
-        for strip in self.in_strips.chunk_by(|a, b| a.0 == b.0) {
-            for (place, &(number, i, first)) in strip.iter().enumerate() {
+        let mut before = 0;
+        for begin in &mut self.begins {
+            before += *begin;
+            *begin = before;
+        }
+        self.in_strips.clear();
+        self.in_strips.resize(before, (0, 0));
+        for (i, edge) in self.edges.iter().enumerate() {
+            let (first, last) = strips(edge);
+            for next in &mut self.begins[first + 1..=last + 1] {
+                self.in_strips[*next] = (i, first);
+                *next += 1;
+            }
+        }
+        for (number, ends) in self.begins.windows(2).enumerate() {
+            let strip = &self.in_strips[ends[0]..ends[1]];
+            for (place, &(i, first)) in strip.iter().enumerate() {
                 let e = self.edges[i];
                 let mut compared = 0;
-                for &(_, j, other) in &strip[place + 1..] {
+                for &(j, other) in &strip[place + 1..] {
                     let f = self.edges[j];
                     if f.0[0] > e.1[0] + 1 {
                         break;
@@ -182,7 +208,8 @@ impl Outliner {
             let (along, to) = (difference(b, a), difference(node, a));
             along.re * to.re + along.im * to.im
         };
-        self.cuts.sort_unstable_by(|m, n| m.0.cmp(&n.0).then(share(m).total_cmp(&share(n))));
+        self.cuts
+            .sort_unstable_by(|m, n| m.0.cmp(&n.0).then_with(|| share(m).total_cmp(&share(n))));
         for cuts in self.cuts.chunk_by(|m, n| m.0 == n.0) {
             let (mut last, end) = self.edges[cuts[0].0];
             for &(_, node) in cuts {
@@ -234,6 +261,9 @@ fn compare((i, e): (usize, Edge), (j, f): (usize, Edge), cuts: &mut Vec<(usize, 
     if bottom > high + 1 || top < low - 1 {
         return;
     }
+    if apart(e, f) || apart(f, e) {
+        return;
+    }
     let before = cuts.len();
     let touching = |e: Edge, f: Edge| [f.0, f.1].into_iter().filter(move |&n| on(n, e));
     cuts.extend(touching(e, f).map(|node| (i, node)));
@@ -245,6 +275,14 @@ fn compare((i, e): (usize, Edge), (j, f): (usize, Edge), cuts: &mut Vec<(usize, 
         cuts.extend(inside(e).then_some((i, node)));
         cuts.extend(inside(f).then_some((j, node)));
     }
+}
+
+/// Whether the other edge is clearly on one side of the line through an edge, as most are that are compared.
+fn apart(e: Edge, other: Edge) -> bool {
+    let along = difference(e.1, e.0);
+    let [a, b] = [other.0, other.1].map(|node| cross(along, difference(node, e.0)));
+    let clear = 4.0 * ON_EDGE * ON_EDGE * along.norm_sqr();
+    (a > 0.0) == (b > 0.0) && a * a > clear && b * b > clear
 }
 
 /// Compares two darts from the same node by their direction, in (−π, π].
@@ -282,9 +320,9 @@ fn on(node: Node, (a, b): Edge) -> bool {
     }
     let (along, to) = (difference(b, a), difference(node, a));
     let length2 = along.norm_sqr();
-    let share = (along.re * to.re + along.im * to.im) / length2;
+    let share = along.re * to.re + along.im * to.im;
     let off = cross(along, to);
-    share > 0.0 && share < 1.0 && off * off < ON_EDGE * ON_EDGE * length2
+    share > 0.0 && share < length2 && off * off < ON_EDGE * ON_EDGE * length2
 }
 
 /// The node nearest to where two edges cross, if they do.

@@ -295,7 +295,7 @@ impl ReachableSet {
         workspace: &mut Workspace,
         budget: &Budget<'_>,
     ) -> f64 {
-        if !boundary::is_of_extremals(&self.paths, (steps, tube)) {
+        if !boundary::is_of_extremals(&self.paths, steps) {
             return self.follow_closely((steps, tube), settings, workspace, budget);
         }
         let (least, tolerance) = (settings.least_pieces(), self.tolerance(settings));

@@ -109,8 +109,8 @@ fn misses(case: &Case, settings: PolygonSettings) -> [(f64, f64); 2] {
     })
 }
 
-/// Drives that polygons which are not conservative missed at large turns a step, by 0.45 m, 33 mm and 46 mm; the first changes its
-/// rate within steps.
+/// Drives that polygons which are not conservative missed at large turns a step, by 0.45 m, 33 mm, 46 mm and 40 mm; the first and the
+/// last change their rates within steps.
 #[test]
 fn no_polygon_misses_a_drive_at_large_turns_per_step() {
     let within = Case {
@@ -130,7 +130,19 @@ fn no_polygon_misses_a_drive_at_large_turns_per_step() {
         hi: &[7.5, 9.1, 9.3, 4.3],
         inputs: &[7.5, 8.7, 9.3, 4.3],
     };
-    for case in [THREE, SIX, NINE, FIVE, SEVEN, within, few] {
+    let swinging = Case {
+        speed_mps: 2.0,
+        step_s: 0.2,
+        lo: &[-1.2473, 2.403, 0.38, -1.2438, 2.1704, -2.4393, 0.9668, -2.8286, -3.0, -0.218],
+        hi: &[0.2754, 2.403, 1.4513, 2.5319, 2.3877, -1.5164, 1.1479, -1.6498, 3.0, 0.1104],
+        inputs: &[
+            -1.2473, -1.2473, -1.0993, -1.0993, 2.403, 2.403, 2.403, 2.403, 1.4513, 1.4513, 1.4513,
+            1.4513, 2.5319, 2.5319, -1.2438, -0.6736, 2.2032, 2.3877, 2.3877, 2.1704, -2.4393,
+            -2.4393, -2.4393, -2.4393, 0.9668, 0.9668, 0.9668, 0.9668, -2.8286, -2.8286, -2.8286,
+            -2.8286, -3.0, -3.0, -3.0, -3.0, -0.218, -0.218, -0.218, -0.218,
+        ],
+    };
+    for case in [THREE, SIX, NINE, FIVE, SEVEN, within, few, swinging] {
         for accuracy_m in [1e-4, 1e-3, 1e-2] {
             for (allowed, outside) in misses(&case, PolygonSettings::new(accuracy_m, 8).unwrap()) {
                 assert!(outside <= allowed, "{outside} m, {accuracy_m} m, lo {:?}", case.lo);

@@ -9,6 +9,7 @@ mod properties;
 mod hard;
 mod known_failures;
 mod growth;
+mod classes;
 mod promises;
 mod hull;
 mod simple;

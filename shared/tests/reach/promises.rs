@@ -2,38 +2,15 @@
 //! conservative polygons and convex hulls contain every drive, others miss none by more than their accuracy, and membership
 //! has every state that a drive leads to. Drives change their rates also within steps.
 
+use super::classes::{CLASSES, Class};
 use super::{any_drive, origin};
 use core::cell::RefCell;
-use sidestep::bounds::InputBounds;
-use sidestep::math::{PI, SeededRng, exp, hypot};
+use sidestep::math::{SeededRng, exp, hypot};
 use sidestep::reach::polygon::{bounding_box, signed_distance};
 use sidestep::reach::{Membership, Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
 use sidestep::vehicle::{Pose, dubins};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Bounds are drawn for up to `steps` steps and turn rates of up to `most` rad/s to both sides.
-struct Class {
-    speed_mps: f64,
-    step_s: f64,
-    most: f64,
-    steps: usize,
-    /// Bounds in the small search.
-    sets: usize,
-}
-
-const fn class(speed_mps: f64, step_s: f64, most: f64, steps: usize, sets: usize) -> Class {
-    Class { speed_mps, step_s, most, steps, sets }
-}
-
-const CLASSES: [Class; 6] = [
-    class(2.0, 0.2, 0.5, 15, 30),
-    class(10.0, 0.5, 3.0, 12, 20),
-    class(2.0, 0.2, 3.0, 25, 20),
-    class(1.5, 0.1, 6.0, 50, 10),
-    class(2.0, 0.2, 0.5, 100, 10),
-    class(2.0, 1.0, PI, 100, 3),
-];
 
 /// Parts of a step in which a drive has one turn rate.
 const PARTS: usize = 4;
@@ -99,28 +76,8 @@ struct Subject {
 
 impl Subject {
     fn any(class: &'static Class, rng: &mut SeededRng) -> Self {
-        let most = class.most;
-        let straight = rng.below(3) == 0;
-        // Drawn anew in each step, or a long stretch and then another.
-        let (count, stretches) = (1 + rng.below(class.steps), rng.below(2) == 0);
-        let change = rng.below(count);
-        let mut held = (0.0, 0.0);
-        let bounds = (0..count).map(|step| {
-            if stretches && step > 0 && step != change {
-                return held;
-            }
-            let (a, b) = (rng.uniform(-most, most), rng.uniform(-most, most));
-            held = match rng.below(6) {
-                _ if straight => (-a.abs(), b.abs()),
-                0 => (a, a),
-                1 => (-most, most),
-                2 => (a, (a + 0.2 * b.abs()).min(most)),
-                _ => (a.min(b), a.max(b)),
-            };
-            held
-        });
-        let (lo, hi): (Vec<_>, Vec<_>) = bounds.unzip();
-        let bounds = InputBounds::new(lo.clone(), hi.clone(), (-most, most)).unwrap();
+        let bounds = class.bounds(rng);
+        let (count, lo, hi) = (bounds.steps(), bounds.lo().to_vec(), bounds.hi().to_vec());
         let set = ReachableSet::new(origin(), &bounds, class.speed_mps, class.step_s).unwrap();
         // From 1 mm to 5 cm.
         let settings = PolygonSettings::new(1e-3 * exp(rng.uniform(0.0, 4.0)), 2).unwrap();
@@ -169,8 +126,8 @@ impl Subject {
         (least, end)
     }
 
-    /// The least margin that was found, and whether a state was missed.
-    fn search(&self, effort: Effort, rng: &mut SeededRng) -> (f64, bool) {
+    /// The least margin that was found, by which shares of the bounds, and whether a state was missed.
+    fn search(&self, effort: Effort, rng: &mut SeededRng) -> (f64, Vec<f64>, bool) {
         let parts = PARTS * self.lo.len();
         // The start is at the edge of each tube: later positions are looked at without it.
         let from = rng.below(parts);
@@ -197,7 +154,7 @@ impl Subject {
         let missed = open.filter(|_| rng.below(4) == 0).is_some_and(|state| {
             !self.set.contains_state(self.lo.len(), state, Tolerance::default())
         });
-        (least, missed)
+        (least, best, missed)
     }
 }
 
@@ -210,11 +167,11 @@ struct Found {
 }
 
 /// Searches for drives that break a promise, on two threads; `sets` bounds of each class.
-fn search(sets: impl Fn(&Class) -> usize, effort: Effort, seed: u64) {
+fn search(sets: [usize; 6], effort: Effort, seed: u64) {
     let mut broken = 0;
-    for (i, class) in CLASSES.iter().enumerate() {
+    let chosen = CLASSES.iter().zip(sets).enumerate().filter(|(_, (_, count))| *count > 0);
+    for (i, (class, count)) in chosen {
         let (next, all) = (AtomicUsize::new(0), Mutex::new(Found::default()));
-        let count = sets(class);
         let worker = || loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
             if place >= count {
@@ -222,9 +179,12 @@ fn search(sets: impl Fn(&Class) -> usize, effort: Effort, seed: u64) {
             }
             let mut rng = SeededRng::new(seed + (1_000_000 * i + place) as u64);
             let subject = Subject::any(class, &mut rng);
-            let (least, missed) = subject.search(effort, &mut rng);
+            let (least, drive, missed) = subject.search(effort, &mut rng);
             if least < 0.0 || missed {
-                println!("{least} m, missed {missed}, lo {:?} hi {:?}", subject.lo, subject.hi);
+                println!(
+                    "{least} m by {drive:?}, missed {missed}, bounds {:?} {:?}",
+                    subject.lo, subject.hi
+                );
             }
             let mut all = all.lock().unwrap();
             all.sets += 1;
@@ -246,14 +206,17 @@ fn search(sets: impl Fn(&Class) -> usize, effort: Effort, seed: u64) {
 
 #[test]
 fn no_drive_that_tries_breaks_a_promise() {
-    search(|class| class.sets, Effort { drives: 120, states: 30 }, 77);
+    search([30, 20, 20, 10, 10, 3], Effort { drives: 120, states: 30 }, 77);
 }
 
-/// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with `SETS=1000` for a shorter one.
+/// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with `SETS=1000` for a shorter one
+/// and `CLASS=4` for a part of it.
 #[test]
 #[ignore = "a search of its own, of about an hour"]
 fn a_search_of_full_size() {
-    let sets = std::env::var("SETS").map_or(100_000, |sets| sets.parse().expect("a number"));
-    let seed = std::env::var("SEED").map_or(1, |seed| seed.parse().expect("a number"));
-    search(|_| sets / CLASSES.len(), Effort { drives: 1000, states: 50 }, seed);
+    let of = |name| std::env::var(name).ok().map(|number| number.parse().expect("a number"));
+    let sets = of("SETS").unwrap_or(100_000) / CLASSES.len();
+    let each =
+        core::array::from_fn(|i| if of("CLASS").is_none_or(|class| class == i) { sets } else { 0 });
+    search(each, Effort { drives: 1000, states: 50 }, of("SEED").unwrap_or(1) as u64);
 }

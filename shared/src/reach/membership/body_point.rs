@@ -76,7 +76,7 @@ impl Prover {
         trials: &mut usize,
         budget: &Budget<'_>,
     ) -> bool {
-        if *trials == 0 {
+        if *trials == 0 || budget.is_spent() {
             return false;
         }
         let seconds = steps as f64 * paths.step_s;

@@ -188,7 +188,7 @@ impl Arc for MixedFront<'_> {
     }
 
     fn work(&self) -> usize {
-        8 * self.parts.count
+        16 * self.parts.count
     }
 
     fn place(knot: Knot) -> (f64, Complex<f64>) {

@@ -135,6 +135,9 @@ impl<'a> Slice<'a> {
         let depth = enough + self.most_gain();
         let reach = if self.needs_more_switches() { reach.max(depth) } else { reach };
         let mut windows = [None; 2];
+        if self.budget.is_spent() {
+            return f64::INFINITY;
+        }
         for (i, curve) in self.curves().enumerate() {
             let search = self.search(curve, position, enough, reach);
             if search.found() {
