@@ -30,6 +30,7 @@ pub(crate) struct Options {
 /// Every benchmark: its name, and what is compared with what.
 const BENCHES: &[(&str, &str)] = &[
     ("reachability", "batch against one state at a time, two threads against one"),
+    ("reach", "the slowest polygons and questions of membership, in six classes of hard bounds"),
     ("scenes", "drawing a participant's scenes, against the plain rules"),
     ("shfrs", "predicted sets as WebAssembly in Chromium and on this machine, against targets"),
     ("playback", "frames of a replay as WebAssembly in Chromium and on this machine, by layers"),
@@ -128,7 +129,7 @@ mod tests {
     #[test]
     fn a_name_chooses_and_no_name_means_all() {
         assert_eq!(choose(None).len(), BENCHES.len());
-        assert_eq!(choose(Some("eatures")), [BENCHES[6]]);
+        assert_eq!(choose(Some("eatures")), [BENCHES[7]]);
         assert!(choose(Some("walk")).is_empty());
     }
 

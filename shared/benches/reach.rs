@@ -1,0 +1,141 @@
+//! The slowest sets that are accepted, with the default settings: polygons and membership under random bounds of
+//! six classes, up to half a turn a step and 100 steps, half of them from uncertain starts. `cargo xtask bench reach`.
+//!
+//! What takes longer than anything before is timed twice more, and the fastest counts: other work on the machine
+//! disturbs that least. `-- --sets 1000 --seed 7` draws others; `-- --sets 1` with the seed that is printed draws the
+//! slowest one again.
+
+#![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
+
+#[path = "../tests/reach/classes.rs"]
+mod classes;
+#[path = "../tests/reach/starts.rs"]
+mod starts;
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use classes::{CLASSES, Class};
+use sidestep::bounds::InputBounds;
+use sidestep::math::{PI, SeededRng, exp};
+use sidestep::reach::{Outline, Workspace};
+use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet, Tolerance};
+use sidestep::vehicle::{Pose, dubins};
+use starts::pose_at;
+
+/// What anything may take, ms.
+const BUDGET_MS: f64 = 100.0;
+/// What is timed.
+const WORK: [&str; 6] = [
+    "step polygon",
+    "tube polygon",
+    "conservative step polygon",
+    "conservative tube polygon",
+    "membership of a state",
+    "membership of a drive",
+];
+
+fn main() {
+    let (sets, seed) = (option("--sets").unwrap_or(200), option("--seed").unwrap_or(1));
+    println!("the slowest of {sets} bounds in each class, ms (budget {BUDGET_MS}):");
+    println!("{:28} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7}", "class", 0, 1, 2, 3, 4, 5);
+    let slowest = CLASSES.each_ref().map(|class| slowest_of(class, sets, seed));
+    for (i, name) in WORK.iter().enumerate() {
+        let row: String = slowest.iter().map(|works| format!(" {:7.2}", works[i].ms)).collect();
+        println!("{name:28}{row}");
+    }
+    let all = slowest.iter().enumerate().flat_map(|(class, works)| works.map(|work| (class, work)));
+    let (class, Slowest { ms, seed }) =
+        all.max_by(|a, b| a.1.ms.total_cmp(&b.1.ms)).expect("six classes");
+    println!(
+        "slowest: {ms:.1} ms, {:.2} of the budget, class {class}, seed {seed}",
+        ms / BUDGET_MS
+    );
+}
+
+/// The longest that one kind of work took, and the seed of the set.
+#[derive(Clone, Copy, Default)]
+struct Slowest {
+    ms: f64,
+    seed: u64,
+}
+
+impl Slowest {
+    /// Raises it to what `work` takes on the set of that seed.
+    fn time<T>(&mut self, seed: u64, mut work: impl FnMut() -> T) {
+        let mut fastest_ms = f64::INFINITY;
+        for _ in 0..3 {
+            let start = Instant::now();
+            black_box(work());
+            fastest_ms = fastest_ms.min(1e3 * start.elapsed().as_secs_f64());
+            if fastest_ms <= self.ms {
+                return;
+            }
+        }
+        *self = Self { ms: fastest_ms, seed };
+    }
+}
+
+/// The number after an option of that name.
+fn option(name: &str) -> Option<u64> {
+    std::env::args().skip_while(|word| word != name).nth(1)?.parse().ok()
+}
+
+/// The longest that each kind of work took, on sets of this seed and those after it.
+fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 6] {
+    let mut workspace = Workspace::default();
+    let mut slowest = [Slowest::default(); 6];
+    for seed in seed..seed + sets {
+        let mut rng = SeededRng::new(seed);
+        let bounds = class.bounds(&mut rng);
+        let start = start(&mut rng);
+        let set = ReachableSet::new(start, &bounds, class.speed_mps, class.step_s);
+        let set = set.expect("a start, bounds and a vehicle that are accepted");
+        let steps = set.steps();
+        // Most questions are asked at one accuracy; some at any from 1 mm to 5 cm.
+        let accuracy_m = 1e-3 * if rng.below(3) == 0 { exp(rng.uniform(0.0, 4.0)) } else { 5.0 };
+        let settings = PolygonSettings::new(accuracy_m, 2).expect("an accuracy");
+        let shares = [0; 3].map(|_| rng.uniform(-1.0, 1.0));
+        let drive = drive(class, &bounds, pose_at(&start, shares), &mut rng);
+        let last = drive[steps - 1];
+        let mut polygon = Vec::new();
+        let mut step = |settings| -> Outline {
+            set.step_polygon_into(steps, settings, &mut workspace, &mut polygon)
+        };
+        slowest[0].time(seed, || step(settings));
+        slowest[2].time(seed, || step(settings.conservative()));
+        let mut tube =
+            |settings| -> Outline { set.tube_polygon_into(settings, &mut workspace, &mut polygon) };
+        slowest[1].time(seed, || tube(settings));
+        slowest[3].time(seed, || tube(settings.conservative()));
+        slowest[4].time(seed, || set.contains_state(steps, last, Tolerance::default()));
+        slowest[5].time(seed, || set.contains_states(&drive, Tolerance::default()));
+    }
+    slowest
+}
+
+/// A pose; every other time, one whose position and heading are uncertain.
+fn start(rng: &mut SeededRng) -> StartSet {
+    let pose = Pose::new(1.0, -2.0, rng.uniform(-PI, PI));
+    let position = match rng.below(4) {
+        0 => PositionUncertainty::Disc { radius_m: rng.unit() },
+        1 => PositionUncertainty::Box { along_m: rng.unit(), across_m: rng.unit() },
+        _ => return pose.into(),
+    };
+    let heading_rad = [0.0, PI * rng.unit()][rng.below(2)];
+    StartSet::new(pose, position, heading_rad).expect("a start")
+}
+
+/// The poses after each step of a drive whose rates are at or between the bounds, or a little beyond one of them, so that
+/// membership has something to prove.
+fn drive(class: &Class, bounds: &InputBounds, from: Pose, rng: &mut SeededRng) -> Vec<Pose> {
+    let beyond = [0.0, 0.02][rng.below(2)];
+    let mut pose = from;
+    let drive = bounds.lo().iter().zip(bounds.hi()).map(|(lo, hi)| {
+        let share = [0.0, 1.0, rng.unit()][rng.below(3)];
+        let rate = lo + (hi - lo) * share + beyond * class.most * (2.0 * rng.unit() - 1.0);
+        pose = dubins::arc(pose, class.speed_mps, rate, class.step_s);
+        pose
+    });
+    drive.collect()
+}
