@@ -321,6 +321,22 @@ fn a_long_horizon_gives_the_closed_form() {
     assert!(worst <= 0.08, "{worst}");
 }
 
+/// V is at least −R, also between the nodes of a grid, and far away it is the distance of the danger zone.
+#[test]
+fn values_are_no_less_than_a_collision_at_the_same_place_and_finite_far_away() {
+    let options = Options::default().with_horizon(6.0).with_accuracy(Accuracy::Draft);
+    let ours = solved(unequal(), &options);
+    let radius_m = unequal().radius_m;
+    let values = states(3, 200_000, 8.0).into_iter().map(|state| ours.function.value(state));
+    let least = values.fold(f64::INFINITY, f64::min);
+    assert!(-radius_m <= least && least < -0.99 * radius_m, "{least}");
+    for far_m in [1e6, 1e155, 1e300] {
+        let state = ours.function.state([-far_m, far_m, 1.0]);
+        assert_eq!(state.value, hypot(far_m, far_m) - radius_m);
+        assert!(!state.inside && state.gradient.iter().all(|slope| slope.is_finite()), "{state:?}");
+    }
+}
+
 #[test]
 fn threads_change_no_bit_of_a_finite_horizon() {
     let options = Options::default().with_horizon(2.0).with_accuracy(Accuracy::Draft);

@@ -15,7 +15,7 @@ use super::polar;
 use super::pursuit::PursuitGame;
 use super::table::Table;
 use crate::invalid::Invalid;
-use crate::math::{TAU, sin_cos, wrap_positive};
+use crate::math::{TAU, hypot, sin_cos, wrap_positive};
 use crate::real::Real;
 use finders::{BearingFinder, RangeFinder};
 use sheet::Sheet;
@@ -299,7 +299,7 @@ impl SampledValue {
     /// frame.
     #[must_use]
     pub fn state(&self, [x, y, psi]: [f64; 3]) -> SampledState {
-        let range = (x * x + y * y).sqrt();
+        let range = hypot(x, y);
         let (index, share, inside, scale) = match self.nodes {
             Nodes::Polar { angle_nodes, .. } => {
                 let per_angle = angle_nodes as f64 / TAU;
@@ -327,7 +327,11 @@ impl SampledValue {
         };
         let (deficit, slope) = self.deficit_at(index, share);
         let [w0, w1, w2]: [f64; 3] = core::array::from_fn(|d| slope[d] * scale[d]);
-        let value = range - self.game.radius_m + deficit;
+        // Between nodes the interpolated deficit may exceed the range, by what a chord of the range axis does.
+        let radius_m = self.game.radius_m;
+        let value = range - radius_m + deficit;
+        // Between nodes an interpolated deficit may exceed the range. NaN stays what it is.
+        let value = if value < -radius_m { -radius_m } else { value };
         // Unit vector of the line of sight; straight ahead at range zero.
         let (cos, sin) = if range > 0.0 { (x / range, y / range) } else { (1.0, 0.0) };
         let gradient = match self.nodes {
