@@ -1,11 +1,14 @@
 //! Finite horizons in polar coordinates: against the closed form where it holds, finer grids, and solutions
 //! on rectangular grids.
 
+use core::ops::ControlFlow;
 use std::error::Error;
 
 use serde::Serialize;
 use serde_json::{Value, json};
-use sidestep::reachability::{Accuracy, CartesianGrid, Nodes, Options, PursuitGame, Solved};
+use sidestep::reachability::{
+    Accuracy, CartesianGrid, Nodes, Options, PursuitGame, SampledValue, Solved, polar,
+};
 use sidestep::vehicle::VehicleModel;
 
 use crate::errors::{Errors, numbers, random_states};
@@ -33,20 +36,56 @@ struct Check {
     errors: Errors,
 }
 
+/// Nodes of range and angle of the reference of [`FASTER`], and of a coarser solution that tells how exact it is.
+const REFERENCE: [[usize; 2]; 2] = [[257, 704], [193, 528]];
+/// States of the reference.
+const REFERENCE_STATES: usize = 2000;
+
+/// Prints the reference of [`FASTER`]: states near {V = 0}, V on the finest grid, and how far a coarser one is from it, m.
+pub(crate) fn reference() -> Result<(), Box<dyn Error>> {
+    let fine = Options::default().with_horizon(HORIZON_S).with_accuracy(Accuracy::Fine);
+    let Nodes::Polar { range_m, .. } = solved(FASTER, &fine)?.samples.nodes() else {
+        unreachable!("the polar solver leaves polar nodes");
+    };
+    let on = |[range_nodes, angle_nodes]: [usize; 2]| {
+        let settings = polar::Settings::default().with_horizon(HORIZON_S).with_range(range_m);
+        let settings = settings.with_range_nodes(range_nodes).with_angle_nodes(angle_nodes);
+        let solution = polar::solve::<f32>(&FASTER, &settings, &mut |_| ControlFlow::Continue(()))?;
+        Ok::<_, Box<dyn Error>>(SampledValue::from_polar(FASTER, &solution)?)
+    };
+    let [coarser, finest] = [on(REFERENCE[1])?, on(REFERENCE[0])?];
+    println!("x,y,psi,value,error_estimate");
+    let states = random_states(3, STATES, 25.0);
+    let known = states.into_iter().map(|state| (state, finest.state(state).value));
+    let near = known.filter(|(state, value)| counts(&FASTER, *state, *value));
+    for (state, value) in near.take(REFERENCE_STATES) {
+        let [x, y, psi] = state;
+        let off = (coarser.state(state).value - value).abs();
+        println!("{x:.9},{y:.9},{psi:.9},{value:.6},{off:.6}");
+    }
+    Ok(())
+}
+
 /// Measures finite horizons.
 pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
     // So long that the value is the converged one.
     let horizon_s = 3.2;
-    let known = solutions(MITCHELL, horizon_s)?;
     let exact = MITCHELL.exact()?;
-    let mut checks = against(MITCHELL, "mitchell", &known, |state| exact.value(state));
-    let faster = solutions(FASTER, HORIZON_S)?;
-    let [coarser @ .., fine] = &faster[..] else { unreachable!("three accuracies") };
-    checks.extend(against(FASTER, "faster", coarser, |state| fine.function.value(state)));
+    let states = random_states(3, STATES, 25.0).into_iter();
+    let values: States = states
+        .map(|state| (state, exact.value(state)))
+        .filter(|(state, value)| counts(&MITCHELL, *state, *value))
+        .collect();
+    let mut checks = compared("mitchell", &solutions(MITCHELL, horizon_s)?, &values);
+    let reference = numbers(include_str!("../../tests/data/states_faster.csv"))?;
+    let known: States = reference.iter().map(|row| ([row[0], row[1], row[2]], row[3])).collect();
+    checks.extend(compared("faster", &solutions(FASTER, HORIZON_S)?, &known));
     Ok(json!({
         "mitchell_s": horizon_s,
         "faster": FASTER,
         "faster_s": HORIZON_S,
+        "reference": REFERENCE,
+        "reference_errors": Errors::of(reference.iter().map(|row| row[4]).collect()),
         "checks": checks,
         "apart": apart()?,
     }))
@@ -57,18 +96,10 @@ fn solutions(game: PursuitGame, horizon_s: f64) -> Result<Vec<Solved>, Box<dyn E
     ACCURACIES.iter().map(|(_, accuracy)| solved(game, &of(*accuracy))).collect()
 }
 
-fn against(
-    game: PursuitGame,
-    name: &'static str,
-    solutions: &[Solved],
-    truth: impl Fn([f64; 3]) -> f64,
-) -> Vec<Check> {
-    let states = random_states(3, STATES, 25.0);
-    let known: Vec<([f64; 3], f64)> = states
-        .into_iter()
-        .map(|state| (state, truth(state)))
-        .filter(|(state, value)| counts(&game, *state, *value))
-        .collect();
+/// States and their values.
+type States = Vec<([f64; 3], f64)>;
+
+fn compared(game: &'static str, solutions: &[Solved], known: &States) -> Vec<Check> {
     let of = |((accuracy, _), solved): ((&'static str, Accuracy), &Solved)| {
         let Nodes::Polar { range_m, range_nodes, angle_nodes, .. } = solved.samples.nodes() else {
             unreachable!("the polar solver leaves polar nodes");
@@ -76,7 +107,7 @@ fn against(
         let errors =
             known.iter().map(|(state, value)| (solved.function.value(*state) - value).abs());
         Check {
-            game: name,
+            game,
             accuracy,
             nodes: [range_nodes, angle_nodes],
             range_m,

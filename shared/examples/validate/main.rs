@@ -1,6 +1,8 @@
 //! How accurate the value functions of this library are; one JSON object of numbers and pictures.
 //! `cargo xtask validate` makes `docs/validation/reachability.md` of it.
 //!
+//! With the argument `reference` it prints `shared/tests/data/states_faster.csv` instead, which takes an hour.
+//!
 //! Nothing here is timed, and random states come from fixed seeds, so that the answer is
 //! the same every time. Lengths are in metres where no unit is named.
 
@@ -61,6 +63,9 @@ const KNOWN: [Known; 2] = [
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
+    if std::env::args().any(|argument| argument == "reference") {
+        return finite::reference();
+    }
     let step = |name: &str| eprintln!("    {name}");
     step("closed form");
     let closed_form = KNOWN.iter().map(closed_form::check).collect::<Result<Vec<_>, _>>()?;
