@@ -24,7 +24,7 @@ use crate::vehicles::SceneParameters;
 /// epsilon : array of float64, shape (m,)
 ///     By how much each set widens the bounds, rad/s, rising from ≥ 0.
 /// k : list of int, optional
-///     How many of the likeliest actions count at each coming step.
+///     How many of the likeliest actions count at each coming step; all that are as likely as the last of them count too.
 /// tau, steps : float and int, optional
 ///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
 /// rollout : {"base", "paper"}

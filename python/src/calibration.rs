@@ -232,11 +232,11 @@ fn enough(
 /// model : Predictor or ActionModel
 ///     How likely each action of the human is.
 /// settings : ShfrsSettings
-///     Which actions count, over how many steps. Its ε do not matter, and roll-outs are `base`.
+///     Which actions count, over how many steps. Its ε and kind of roll-out do not matter: roll-outs are `base`.
 /// p : float
 ///     Probability in (0, 1) that a trajectory stays inside.
 /// delta : float or None
-///     How often the calibration may fail, in (0, 1); `None` guarantees p on average over calibrations.
+///     How often the calibration may fail, in (0, 1), by default 0.05; `None` guarantees p on average over calibrations.
 /// windows : {"random_one", "avoidance_onset"}
 ///     Which part of each trajectory counts: T steps from a random step, or from the first turn.
 /// seed : int

@@ -20,7 +20,7 @@ use crate::arrays::{Array, points};
 use crate::error::Error;
 use crate::files::{read, write};
 use crate::interrupt::Watch;
-use crate::scalars::{real, some_real, some_whole};
+use crate::scalars::{horizon, real, some_real, some_whole};
 use crate::value::{States, checked, state_of, value_of};
 use crate::vehicles::{PursuitGame, SceneParameters};
 
@@ -71,8 +71,9 @@ impl ValueFunction {
     /// turns : array of float64, shape (…, 2)
     ///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive.
     /// inside : array of bool, shape (…,)
-    ///     Whether the state is inside the solved grid, `domain`. Outside, V is the range less the radius, plus the
-    ///     deficit at the nearest point of the grid's boundary. Inside, V is that of the grid: for a faster pursuer a
+    ///     Whether the state is inside the solved grid, `domain`. Outside, V is a guess, the range less the radius, plus
+    ///     the deficit at the nearest point of the grid's boundary, and may be metres too large: solve with a larger
+    ///     `range_m`. Inside, V is that of the grid: for a faster pursuer a
     ///     larger one may tell otherwise, as `solve` says.
     #[pyo3(signature = (states, *, threads=None))]
     fn state<'py>(
@@ -114,7 +115,8 @@ impl ValueFunction {
     /// level : float
     ///     m, above −R: at or below it the set is at most the point where both vehicles are.
     /// flatness_m : float
-    ///     Closed form: largest distance between the curve and an edge, m; at least 10⁻⁶ R.
+    ///     Closed form: largest distance between the curve and an edge, m; at least 10⁻⁶ R. Of a curve hundreds of radii long it
+    ///     may be more, since there are at most some thousand points.
     /// spacing_m : float
     ///     Solved grid: largest distance between neighbouring points, m; at least 10⁻³ R.
     ///
@@ -257,7 +259,10 @@ impl ValueFunction {
 
 /// Finds the value function of a game. Ctrl-C ends it.
 ///
-/// The grid ends somewhere. If the pursuer is faster, it may win chases that lead beyond the end, which the solver
+/// The grid ends somewhere. For a finite horizon it just holds the states where V is at most half the radius, and V outside is
+/// a guess that may be metres too large (`ValueFunction.state`); with a `range_m` it goes that far.
+///
+/// Without a horizon, a faster pursuer may win chases that lead beyond the end, which the solver
 /// counts as escapes: V there, and along the way there, is then too large by metres, although `inside` is true and
 /// `unsettled_m` is small. Solve again with twice the `range_m`; where V changes, the smaller one was too small.
 ///
@@ -265,7 +270,7 @@ impl ValueFunction {
 /// ----------
 /// game : PursuitGame
 /// horizon_s : float
-///     Seconds of the game, > 0; infinite for the converged value.
+///     Seconds of the game, > 0; infinite for the converged value, which is the default.
 /// method : {"exact", "polar", "cartesian"}, optional
 ///     The best one by default: the closed form for identical vehicles and an infinite horizon, else polar
 ///     coordinates.
@@ -290,7 +295,7 @@ impl ValueFunction {
 pub(crate) fn solve(
     py: Python<'_>,
     game: &PursuitGame,
-    #[pyo3(from_py_with = real)] horizon_s: f64,
+    #[pyo3(from_py_with = horizon)] horizon_s: f64,
     method: Option<&str>,
     accuracy: &str,
     #[pyo3(from_py_with = some_real)] range_m: Option<f64>,

@@ -18,7 +18,7 @@ use crate::scalars::wholes;
 ///     How many nodes each axis has: from `lo` to `hi`, both included. On a periodic axis `hi` is the same place as
 ///     `lo` and no node. Neighbours are at least a thousand roundings of their coordinates apart.
 /// periodic : list of int
-///     Which axes close on themselves, from 0, such as headings.
+///     Which axes close on themselves, from 0, such as headings; none by default.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Grid {
@@ -105,7 +105,7 @@ impl Grid {
     #[getter]
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let coordinates: Vec<Vec<f64>> = self.axes.iter().map(Axis::coordinates).collect();
-        let mut states = Vec::with_capacity(self.len() * self.axes.len());
+        let mut states = memory("states", self.len() * self.axes.len()).map_err(PyErr::from)?;
         for mut position in 0..self.len() {
             let place = states.len();
             for along in coordinates.iter().rev() {
@@ -196,11 +196,23 @@ impl Grid {
         if shape == whole {
             Ok(values)
         } else if !tail.is_empty() && shape == tail {
-            Ok(values.repeat(grid.len()))
+            let mut all = memory(field, values.len() * grid.len())?;
+            (0..grid.len()).for_each(|_| all.extend_from_slice(&values));
+            Ok(all)
         } else {
             Err(wrong_shape(field, &expected, &shape))
         }
     }
+}
+
+/// Room for so many numbers of an argument.
+fn memory(field: &str, count: usize) -> Result<Vec<f64>, Error> {
+    let mut numbers = Vec::new();
+    let room = numbers.try_reserve_exact(count);
+    let bytes = count * size_of::<f64>();
+    let expected = "a grid whose numbers have room in memory";
+    room.map_err(|_| Invalid::new(field, expected, format!("{bytes} bytes")))?;
+    Ok(numbers)
 }
 
 /// Refuses an axis whose nodes lie so close that rounding moves them by more than a thousandth of their distance.

@@ -12,6 +12,7 @@ use sidestep::vehicle::{Pose, dubins};
 
 use crate::arrays::{Array, Numbers, numbers, place, pose, poses, rows, shaped, wrong_shape};
 use crate::error::Error;
+use crate::scalars::real;
 
 /// A plan, as methods take it.
 pub(crate) struct Asked<'a, 'py> {
@@ -120,7 +121,8 @@ pub(crate) fn proved<'py>(py: Python<'py>, found: &Clearances) -> PyResult<Array
 /// turn_rates : array of float64, shape (…, T), T ≥ 1
 ///     Turn rate in each step, rad/s, left positive; at most half a turn a step.
 /// step_s : float
-///     Length of a step > 0, s, as in the parameters of the prediction.
+///     Length of a step > 0, s, as in the parameters of the prediction: the poses do not tell, so another length is not
+///     noticed, and clearances are then those of another plan.
 ///
 /// Returns
 /// -------
@@ -132,7 +134,7 @@ pub(crate) fn drive_all<'py>(
     start: &Bound<'py, PyAny>,
     speed_mps: &Bound<'py, PyAny>,
     turn_rates: &Bound<'py, PyAny>,
-    step_s: f64,
+    #[pyo3(from_py_with = real)] step_s: f64,
 ) -> Result<Array<'py>, Error> {
     let py = start.py();
     let start = pose("start", start)?;
@@ -185,7 +187,7 @@ pub(crate) fn drive_all<'py>(
 #[pyo3(signature = (clearances, margin_m=0.0))]
 pub(crate) fn largest_clear(
     clearances: &Bound<'_, PyAny>,
-    margin_m: f64,
+    #[pyo3(from_py_with = real)] margin_m: f64,
 ) -> Result<Option<usize>, Error> {
     let Numbers { shape, values } = numbers("clearances", "(m, T)", clearances)?;
     let steps = match shape[..] {

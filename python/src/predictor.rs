@@ -14,6 +14,7 @@ use crate::error::Error;
 use crate::files::{read, write};
 use crate::function::{SafetyLevels, levels};
 use crate::interrupt::each;
+use crate::scalars::wholes;
 use crate::vehicles::SceneParameters;
 
 /// A trained model with its features: a probability for each class.
@@ -74,7 +75,7 @@ impl Predictor {
     #[staticmethod]
     #[pyo3(signature = (classes, probabilities, *, actions=None))]
     fn constant(
-        classes: Vec<i64>,
+        #[pyo3(from_py_with = wholes)] classes: Vec<i64>,
         probabilities: &Bound<'_, PyAny>,
         actions: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
@@ -145,7 +146,7 @@ impl Predictor {
     fn proba<'py>(&self, rows: &Bound<'py, PyAny>) -> Result<Array<'py>, Error> {
         let py = rows.py();
         let (width, classes) = (self.predictor.features().len(), self.predictor.classes().len());
-        let (n, rows) = matrix("rows", width, rows)?;
+        let (n, rows) = feature_rows(width, rows)?;
         let mut found = vec![0.0; n * classes];
         let mut out = found.chunks_exact_mut(classes);
         each(py, n, |i| {
@@ -170,7 +171,7 @@ impl Predictor {
     fn predict<'py>(&self, rows: &Bound<'py, PyAny>) -> Result<Bound<'py, PyArray1<i64>>, Error> {
         let py = rows.py();
         let width = self.predictor.features().len();
-        let (n, rows) = matrix("rows", width, rows)?;
+        let (n, rows) = feature_rows(width, rows)?;
         let class = |i: usize| i64::from(self.predictor.class(&rows[i * width..(i + 1) * width]));
         Ok(each(py, n, class)?.into_pyarray(py))
     }
@@ -244,3 +245,17 @@ pub(crate) fn features<'py>(
 pub(crate) fn feature_table() -> Vec<(&'static str, &'static str, &'static str)> {
     FEATURES.iter().map(|feature| (feature.name, feature.unit, feature.meaning)).collect()
 }
+
+/// Rows of features that a model has finite scores for.
+fn feature_rows(width: usize, rows: &Bound<'_, PyAny>) -> Result<(usize, Vec<f64>), Error> {
+    let (n, rows) = matrix("rows", width, rows)?;
+    if let Some(place) = rows.iter().position(|value| value.abs() > MOST_FEATURE) {
+        let expected = format!("a number from -{MOST_FEATURE:e} to {MOST_FEATURE:e}");
+        let field = format!("rows[{}, {}]", place / width, place % width);
+        return Err(Invalid::new(field, expected, format!("{:e}", rows[place])).into());
+    }
+    Ok((n, rows))
+}
+
+/// Features are no larger: scores of larger ones could overflow.
+const MOST_FEATURE: f64 = 1e100;

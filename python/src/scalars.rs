@@ -9,6 +9,19 @@ pub(crate) fn real(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     or_largest(object, [f64::NEG_INFINITY, f64::INFINITY])
 }
 
+/// The argument `horizon_s`, which may be infinite: a whole number that is too large is not.
+pub(crate) fn horizon(object: &Bound<'_, PyAny>) -> PyResult<f64> {
+    let horizon_s = real(object)?;
+    if horizon_s.is_infinite() && object.is_instance_of::<pyo3::types::PyInt>() {
+        let expected = "a number > 0, or inf";
+        let found = "a whole number beyond 10³⁰⁸";
+        return Err(PyValueError::new_err(format!(
+            "horizon_s: expected {expected}, found {found}"
+        )));
+    }
+    Ok(horizon_s)
+}
+
 /// A whole number.
 pub(crate) fn whole(object: &Bound<'_, PyAny>) -> PyResult<i64> {
     or_largest(object, [i64::MIN, i64::MAX])

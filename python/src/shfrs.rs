@@ -34,7 +34,7 @@ use crate::vehicles::SceneParameters;
 ///     By how much each set widens the bounds, rad/s, rising from ≥ 0. A last one of twice the human's turn rate
 ///     admits everything.
 /// k : list of int, optional
-///     How many of the likeliest actions count at each coming step.
+///     How many of the likeliest actions count at each coming step; all that are as likely as the last of them count too.
 /// tau, steps : float and int, optional
 ///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
 /// rollout : {"base", "paper"}
@@ -91,7 +91,11 @@ impl ShfrsSettings {
     /// ShfrsSettings
     #[staticmethod]
     #[pyo3(signature = (figure="left", *, turn_rate_radps=0.5, by_step=false))]
-    fn paper(figure: &str, turn_rate_radps: f64, by_step: bool) -> Result<Self, Error> {
+    fn paper(
+        figure: &str,
+        #[pyo3(from_py_with = real)] turn_rate_radps: f64,
+        by_step: bool,
+    ) -> Result<Self, Error> {
         let turn_rate_radps = positive("turn_rate_radps", turn_rate_radps)?;
         let preset =
             PRESETS.iter().find(|preset| preset.name.ends_with(figure) && !figure.is_empty());

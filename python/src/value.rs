@@ -110,9 +110,15 @@ pub(crate) fn relative_state<'py>(
         return Err(wrong_shape("pursuer", &expected, &[&pursuer.shape[..], &[3]].concat()));
     }
     let pairs = evader.rows().iter().zip(pursuer.rows());
-    let seen =
-        pairs.flat_map(|(&evader, &pursuer)| dubins::relative_state(evader.into(), pursuer.into()));
-    Ok(shaped(py, seen.collect(), &shape)?)
+    let seen: Vec<f64> = pairs
+        .flat_map(|(&evader, &pursuer)| dubins::relative_state(evader.into(), pursuer.into()))
+        .collect();
+    if let Some(place) = seen.iter().position(|number| !number.is_finite()) {
+        let expected = "a pose less than 10³⁰⁸ m from the evader's";
+        let found = format!("{:?}", pursuer.rows()[place / 3]);
+        return Err(Invalid::new(format!("pursuer[{}]", place / 3), expected, found).into());
+    }
+    Ok(shaped(py, seen, &shape)?)
 }
 
 fn closed_form(game: &PursuitGame) -> Result<ValueFunction, Error> {

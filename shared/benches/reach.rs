@@ -26,13 +26,14 @@ use starts::pose_at;
 /// What anything may take, ms.
 const BUDGET_MS: f64 = 100.0;
 /// What is timed.
-const WORK: [&str; 6] = [
+const WORK: [&str; 7] = [
     "step polygon",
     "tube polygon",
     "conservative step polygon",
     "conservative tube polygon",
     "membership of a state",
     "membership of a drive",
+    "margins of a state",
 ];
 
 fn main() {
@@ -82,9 +83,9 @@ fn option(name: &str) -> Option<u64> {
 }
 
 /// The longest that each kind of work took, on sets of this seed and those after it.
-fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 6] {
+fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
     let mut workspace = Workspace::default();
-    let mut slowest = [Slowest::default(); 6];
+    let mut slowest = [Slowest::default(); 7];
     for seed in seed..seed + sets {
         let mut rng = SeededRng::new(seed);
         let bounds = class.bounds(&mut rng);
@@ -109,6 +110,7 @@ fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 6] {
         slowest[1].time(seed, || tube(settings));
         slowest[3].time(seed, || tube(settings.conservative()));
         slowest[4].time(seed, || set.contains_state(steps, last, Tolerance::default()));
+        slowest[6].time(seed, || set.state_margins(steps, last));
         slowest[5].time(seed, || set.contains_states(&drive, Tolerance::default()));
     }
     slowest

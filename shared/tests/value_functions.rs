@@ -321,20 +321,34 @@ fn a_long_horizon_gives_the_closed_form() {
     assert!(worst <= 0.08, "{worst}");
 }
 
-/// V is at least −R, also between the nodes of a grid, and far away it is the distance of the danger zone.
+/// −R ≤ V ≤ r − R, also between the nodes of a grid and on kinks, and far away V is the distance of the danger zone.
 #[test]
-fn values_are_no_less_than_a_collision_at_the_same_place_and_finite_far_away() {
-    let options = Options::default().with_horizon(6.0).with_accuracy(Accuracy::Draft);
-    let ours = solved(unequal(), &options);
+fn values_are_from_minus_the_radius_to_the_distance_of_the_danger_zone() {
+    let options = Options::default().with_accuracy(Accuracy::Draft);
+    let ours = solved(unequal(), &options.with_horizon(6.0));
+    let kinked = solved(game([1.0, 3.0], [5.0, 0.1], 1.0), &options);
     let radius_m = unequal().radius_m;
-    let values = states(3, 200_000, 8.0).into_iter().map(|state| ours.function.value(state));
-    let least = values.fold(f64::INFINITY, f64::min);
+    let mut least = f64::INFINITY;
+    for state in states(3, 200_000, 8.0) {
+        let range_m = hypot(state[0], state[1]);
+        let value = ours.function.value(state);
+        assert!(value <= range_m - radius_m, "{state:?}: {value}");
+        assert!(kinked.function.value(state) <= range_m - 1.0, "{state:?}");
+        least = least.min(value);
+    }
     assert!(-radius_m <= least && least < -0.99 * radius_m, "{least}");
     for far_m in [1e6, 1e155, 1e300] {
         let state = ours.function.state([-far_m, far_m, 1.0]);
         assert_eq!(state.value, hypot(far_m, far_m) - radius_m);
         assert!(!state.inside && state.gradient.iter().all(|slope| slope.is_finite()), "{state:?}");
     }
+}
+
+#[test]
+fn a_horizon_that_no_solve_gets_to_the_end_of_is_refused() {
+    let complaint = refused(unequal(), &Options::default().with_horizon(1e300));
+    assert!(complaint.starts_with("horizon_s: expected at most "), "{complaint}");
+    assert!(complaint.ends_with(" s, 1e8 time steps of this grid, found 1e300"), "{complaint}");
 }
 
 #[test]

@@ -173,8 +173,9 @@ impl ReachableSet {
     }
 
     /// How far inside the states reached after exactly `step` steps `state`
-    /// (world frame) is. Not a number for a state that is not finite, or has a heading beyond 10⁶ rad. If
-    /// the start is a set, only from the pose in its middle.
+    /// (world frame) is. If the start is a set, only from the pose in its middle. Not a number for a state that is not finite,
+    /// or has a heading beyond 10⁶ rad, and where finding out takes more than four million units of work (see
+    /// [`Self::state_membership`]), as some states after tens of steps of half a turn do.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -183,16 +184,20 @@ impl ReachableSet {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
         let position = self.local(state);
         let (low, high) = self.end_headings(step);
-        let mut best =
+        let unknown =
             StateMargins { heading_rad: f64::NAN, position_m: f64::NAN, nearest: Side::Front };
+        let mut best = unknown;
         if !(position.norm_sqr().is_finite() && state.psi.abs() <= MOST_RAD) {
             return best;
         }
         let rank = |margins: &StateMargins| (margins.heading_rad.min(0.0), margins.position_m);
-        let budget = Budget::new(usize::MAX);
+        let budget = Budget::new(MOST_WORK);
         for heading in self.branches(step, state, TAU) {
             let slice = Slice::new(&self.paths, step, heading.clamp(low, high), &budget);
             let (margin, curve) = slice.margin(position);
+            if budget.is_spent() {
+                return unknown;
+            }
             let margins = StateMargins {
                 heading_rad: (heading - low).min(high - heading),
                 position_m: margin * self.speed_mps,

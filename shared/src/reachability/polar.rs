@@ -302,6 +302,9 @@ pub fn solve<T: Real>(
     }
 }
 
+/// Time steps that no solve gets to the end of.
+const MOST_STEPS: f64 = 1e8;
+
 /// Solves for the value of a finite horizon.
 fn timed<T: Real>(
     game: &PursuitGame,
@@ -313,6 +316,12 @@ fn timed<T: Real>(
     let Settings { range_m, range_nodes, angle_nodes, .. } = *settings;
     let Scale { unit, rate } = scale;
     let mut level = Level::new(small, range_m / unit, range_nodes, angle_nodes, Evader::Free);
+    let planned = level.steps_of(settings.horizon_s * rate);
+    if planned > MOST_STEPS {
+        let longest_s = settings.horizon_s / planned * MOST_STEPS;
+        let expected = format!("at most {longest_s:.3e} s, {MOST_STEPS:e} time steps of this grid");
+        return Err(Invalid::new("horizon_s", expected, settings.horizon_s).into());
+    }
     let workers = Workers::new(settings.threads.min(range_nodes - 1));
     let mut report =
         |change: f64, done: f64| progress(Progress { done, residual: change * unit * rate });

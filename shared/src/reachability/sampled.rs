@@ -329,8 +329,9 @@ impl SampledValue {
         let [w0, w1, w2]: [f64; 3] = core::array::from_fn(|d| slope[d] * scale[d]);
         // Between nodes the interpolated deficit may exceed the range, by what a chord of the range axis does.
         let radius_m = self.game.radius_m;
-        let value = range - radius_m + deficit;
-        // Between nodes an interpolated deficit may exceed the range. NaN stays what it is.
+        // Between nodes an interpolated deficit may exceed the range, and on a kink, where one side is continued, it may be
+        // positive. NaN stays what it is.
+        let value = range - radius_m + if deficit > 0.0 { 0.0 } else { deficit };
         let value = if value < -radius_m { -radius_m } else { value };
         // Unit vector of the line of sight; straight ahead at range zero.
         let (cos, sin) = if range > 0.0 { (x / range, y / range) } else { (1.0, 0.0) };

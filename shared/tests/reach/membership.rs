@@ -1,7 +1,8 @@
 //! Membership of full states (position and heading).
+use super::classes::CLASSES;
 use super::{RATE_RADPS, SPEED_MPS, STEP_S, origin, random_drive, random_pose, set};
 use sidestep::bounds::InputBounds;
-use sidestep::math::{SeededRng, hypot, sin_cos};
+use sidestep::math::{PI, SeededRng, hypot, sin_cos};
 use sidestep::reach::{Membership, PositionUncertainty, ReachableSet, StartSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
@@ -321,5 +322,42 @@ fn the_states_of_a_drive_are_decided_together() {
         let found = set.contains_states(&states, tolerance);
         assert_eq!(found, each);
         assert_eq!(found.iter().filter(|it| !**it).count(), 1);
+    }
+}
+
+/// After tens of steps of up to half a turn each some margins take too much work, and are not numbers. The headings of all others
+/// are admissible.
+#[test]
+fn margins_are_not_numbers_where_they_take_too_much_work() {
+    let class = &CLASSES[5];
+    let mut unknown = 0;
+    for seed in 0..60 {
+        let mut rng = SeededRng::new(seed);
+        let bounds = class.bounds(&mut rng);
+        let set = ReachableSet::new(origin(), &bounds, class.speed_mps, class.step_s).unwrap();
+        let end = bounds.lo().iter().zip(bounds.hi()).fold(origin(), |pose, (lo, hi)| {
+            dubins::arc(pose, class.speed_mps, rng.uniform(*lo, *hi), class.step_s)
+        });
+        let found = set.state_margins(set.steps(), end);
+        assert_eq!(found.position_m.is_nan(), found.heading_rad.is_nan());
+        assert!(found.position_m.is_nan() || found.heading_rad >= -1e-9, "seed {seed}: {found:?}");
+        unknown += usize::from(found.position_m.is_nan());
+    }
+    println!("{unknown} of 60 took too much work");
+    assert!((1..60).contains(&unknown), "{unknown}");
+}
+
+/// Half a turn to either side are all headings: a larger tolerance asks for nothing more.
+#[test]
+fn a_tolerance_of_any_heading_is_half_a_turn() {
+    let (lo, hi) = ([-0.5; 5], [0.5; 5]);
+    let set = set(origin(), &lo, &hi);
+    for (place, state) in [(1.5, 0.0), (5.0, 2.0), (1.199, 40.0)].into_iter().enumerate() {
+        let state = Pose::new(state.0, 0.0, state.1);
+        let found = [PI, 1e12, 1e300].map(|heading_rad| {
+            let tolerance = Tolerance { heading_rad, ..Tolerance::default() };
+            set.contains_state(3, state, tolerance)
+        });
+        assert_eq!(found, [place == 2; 3], "{state:?}");
     }
 }

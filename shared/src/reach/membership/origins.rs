@@ -12,7 +12,7 @@ use super::super::set::ReachableSet;
 use super::body_point::{Claim, Prover};
 use super::slice::Slice;
 use super::{Membership, Tolerance};
-use crate::math::{TAU, hypot};
+use crate::math::{PI, TAU, hypot};
 use crate::vehicle::Pose;
 use nalgebra::Complex;
 
@@ -91,7 +91,8 @@ impl<'a> Origins<'a> {
             position: set.local(state),
             heading: state.psi - set.start.psi,
             near: (tolerance.position_m + set.start_set.extents().0) / set.speed_mps,
-            turn: tolerance.heading_rad,
+            // Half a turn to either side are all headings.
+            turn: tolerance.heading_rad.min(PI),
             budget,
         }
     }

@@ -58,13 +58,23 @@ impl<T: Real> Level<T> {
         }
     }
 
+    /// How many steps a horizon takes.
+    pub(super) fn steps_of(&self, horizon_s: f64) -> f64 {
+        (horizon_s * self.fastest_outside() / CFL).ceil().max(1.0)
+    }
+
+    /// The most cells that information passes in a second where ranges take one part of a step.
+    fn fastest_outside(&self) -> f64 {
+        let inner = INNER * self.game.radius_m;
+        let outer = (1..self.range.nodes).filter(|i| self.ranges[*i] >= inner);
+        outer.map(|i| self.fastest(i)).fold(0.0, f64::max)
+    }
+
     fn steps(&self, horizon_s: f64) -> Steps<T> {
         let speeds: Vec<f64> = (1..self.range.nodes).map(|i| self.fastest(i)).collect();
-        let inner = INNER * self.game.radius_m;
-        let outer = speeds.iter().zip(&self.ranges[1..]).filter(|(_, range_m)| **range_m >= inner);
-        let fastest = outer.map(|(speed, _)| *speed).fold(0.0, f64::max);
         let slowest = speeds.iter().copied().fold(f64::INFINITY, f64::min);
-        let count = (horizon_s * fastest / CFL).ceil().max(1.0);
+        let count = self.steps_of(horizon_s);
+        let fastest = self.fastest_outside();
         let parts = speeds.iter().map(|speed| (speed / fastest).ceil() as usize);
         Steps {
             count: count as usize,
