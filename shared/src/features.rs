@@ -111,7 +111,7 @@ impl FeatureSet {
     }
 
     /// The safety levels that these features need: those of `parameters` if one of them depends on the game.
-    /// Otherwise two alike vehicles do as well as any, since nobody asks, and nothing is solved.
+    /// Otherwise those of two identical vehicles, which no feature reads, and nothing is solved.
     ///
     /// # Errors
     /// The errors of [`SafetyLevels::solve`].

@@ -23,7 +23,7 @@ const ROUNDING: f64 = 5e-4 + 1e-6;
 const DISTANCE_ROUNDING: f64 = 2.0 * core::f64::consts::SQRT_2 * ROUNDING;
 
 /// Checks that the human of a drive moved as the human's vehicle of `parameters` can, and turned in step i by
-/// `turn_rates[i]`, rad/s. `states` are one more than turn rates. The robot may have driven anyhow.
+/// `turn_rates[i]`, rad/s. `states` are one more than turn rates. The robot may have driven in any way.
 ///
 /// # Errors
 /// [`Invalid`] for the first step that the human cannot have driven, or whose turn rate is not that of the

@@ -14,6 +14,20 @@ use serde_json::Value;
 
 /// A predictor's file form, `predictor.json`; docs/predictor.md describes it for users. A
 /// logistic model that was trained elsewhere can be written so and used everywhere.
+///
+/// # Example
+/// ```
+/// use sidestep::features::FeatureSet;
+/// use sidestep::predict::{Predictor, PredictorFile};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.2, 0.6, 0.2])?;
+/// let text = serde_json::to_string(&PredictorFile::from(&model))?; // the content of a predictor.json
+/// let file: PredictorFile = serde_json::from_str(&text)?;
+/// assert_eq!(Predictor::try_from(file)?, model);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PredictorFile {
     /// What the classes mean, where the file says so: 1 the direction of a turn, 2 whether the

@@ -146,7 +146,8 @@ pub struct Options {
     /// Of the Cartesian method.
     pub grid: Option<CartesianGrid>,
     /// Largest range of the polar method, m; none for one that is chosen. Without a horizon, V depends on it if
-    /// the pursuer is faster. A larger one has as many nodes, farther apart.
+    /// the pursuer is faster. With one, the range that is chosen just holds the states where V is at most half the radius, and V
+    /// beyond is a guess that may be metres too large. A larger one has as many nodes, farther apart.
     pub range_m: Option<f64>,
     /// Threads, where time steps are computed: with a finite horizon or the Cartesian method.
     pub threads: usize,

@@ -153,8 +153,8 @@ impl Guarantee {
                  {scope}."
             ),
             Self::Pac { delta } | Self::FixedSequence { delta, .. } => format!(
-                "With confidence {} in the calibration with {calibration} trajectories, at \
-                 least a share {p} of trajectories stays inside: a marginal guarantee over \
+                "With confidence {} in the calibration with {calibration} trajectories, a \
+                 share of at least {p} of trajectories stays inside: a marginal guarantee over \
                  {scope}.",
                 1.0 - delta
             ),

@@ -62,7 +62,7 @@ impl Trajectory {
     }
 
     /// Accepts what the human's vehicle of `scene` can have driven, at these turn rates: what a calibration
-    /// guarantees holds for no other trajectories. The robot may have driven anyhow.
+    /// guarantees holds for no other trajectories. The robot may have driven in any way.
     ///
     /// # Errors
     /// The errors of [`motion::check_drive`].
