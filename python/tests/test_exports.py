@@ -85,6 +85,66 @@ def test_what_is_not_whole_is_refused(tmp_path):
         exports.table(tmp_path, "steps")
 
 
+def whole(folder, **files):
+    """A folder of these files, by name without point, with a manifest of them."""
+    listed = []
+    for name, content in files.items():
+        file = name.replace("_", ".")
+        (folder / file).write_bytes(content)
+        listed.append({"name": file, "sha256": hashlib.sha256(content).hexdigest()})
+    (folder / "manifest.json").write_text(json.dumps({"files": listed}))
+    return folder
+
+
+def test_files_that_cannot_be_read_are_refused_by_name(tmp_path):
+    whole(tmp_path, steps_csv=b"", trials_parquet=b"PAR1 and no more PAR1")
+    for library in ("pandas", "polars"):
+        with pytest.raises(ValueError, match=r"steps\.csv: expected a table as CSV, found what"):
+            exports.table(tmp_path, "steps", library)
+        with pytest.raises(ValueError, match=r"trials\.parquet: expected a table as Parquet, found what"):
+            exports.table(tmp_path, "trials", library)
+    (tmp_path / "steps.csv").unlink()
+    with pytest.raises(ValueError, match=r"folder: expected steps\.csv, which .*manifest\.json lists, found no such"):
+        exports.table(tmp_path, "steps")
+    with pytest.raises(TypeError, match="name: expected the name of a table, found None"):
+        exports.table(tmp_path, None)
+    for text in ('{"files": [{"name": 3, "sha256": "0"}]}', "[" * 100_000):
+        (tmp_path / "manifest.json").write_text(text)
+        with pytest.raises(ValueError, match=r"folder: expected a manifest\.json that lists files with their sha256"):
+            exports.table(tmp_path, "steps")
+
+
+def test_tables_that_do_not_fit_each_other_are_refused(tmp_path):
+    poses = {pose: [0.0, 1.0] for pose in ("hx", "hy", "hpsi", "rx", "ry", "rpsi")}
+    ends = {f"end_{pose}": column for pose, column in poses.items()}
+    trials = {"participant": [1, 1], "trial": [0, 1], "trial_id": ["a", "b"], "phase": ["task", "practice"], **ends}
+    steps = {"trial_id": ["b", "a"], "step": [0, 0], "omega": [0.1, 0.2], **poses}
+
+    def written(trials, steps):
+        tables = {"trials_csv": trials, "steps_csv": steps}
+        texts = {name: pandas.DataFrame(of).to_csv(index=False).encode() for name, of in tables.items()}
+        return whole(tmp_path, **texts)
+
+    def without(table, column):
+        return {name: values for name, values in table.items() if name != column}
+
+    (drive,) = exports.trajectories(written(trials, steps))
+    assert (drive.participant, drive.trial, drive.trajectory.turn_rates.tolist()) == (1, 0, [0.2])
+    assert len(exports.trajectories(tmp_path, phase=None)) == 2
+    assert exports.trajectories(tmp_path, phase="familiarisation") == []
+    for phase in ("nonsense", 3):
+        with pytest.raises(ValueError, match="phase: expected one of familiarisation, practice, task, or None"):
+            exports.trajectories(tmp_path, phase=phase)
+    for column in ("phase", "trial_id", "end_rx"):
+        with pytest.raises(ValueError, match=rf"trials: expected a column {column}, found \['participant'"):
+            exports.trajectories(written(without(trials, column), steps))
+    for column in ("omega", "trial_id", "rx"):
+        with pytest.raises(ValueError, match=rf"steps: expected a column {column}, found \["):
+            exports.trajectories(written(trials, without(steps, column)))
+    with pytest.raises(ValueError, match="steps: expected steps of the trial a, found none"):
+        exports.trajectories(written(trials, {**steps, "trial_id": ["b", "b"]}))
+
+
 def test_nodes_of_a_solved_grid(program, unequal, tmp_path, rng):
     path = tmp_path / "function.npz"
     pairs = {"evader": unequal.evader, "pursuer": unequal.pursuer}
@@ -105,6 +165,33 @@ def test_nodes_of_a_solved_grid(program, unequal, tmp_path, rng):
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(ValueError, match="path: expected an archive of `sidestep solve`"):
         exports.nodes(path)
+
+
+def test_damaged_archives_are_refused_by_name(tmp_path, rng):
+    path = tmp_path / "damaged.npz"
+    axes = {f"axis{i}": np.linspace(0, 1, n) for i, n in enumerate((3, 4, 5))}
+    meta = np.frombuffer(b'{"method": "polar"}', dtype=np.uint8)
+    np.savez_compressed(path, **axes, value=np.ones((3, 4, 5), np.float32), meta=meta)
+    assert exports.nodes(path).meta == {"method": "polar"}
+    sound, refused = path.read_bytes(), 0
+    for _ in range(500):
+        damaged = bytearray(sound)
+        damaged[rng.integers(len(sound))] ^= int(rng.integers(1, 256))
+        path.write_bytes(damaged)
+        try:
+            found = exports.nodes(path)
+        except ValueError as error:
+            assert str(error).startswith(f"path: expected an archive of `sidestep solve`, found {path}")
+            refused += 1
+        else:
+            # A byte that says nothing of the arrays, such as a time.
+            assert found.value.shape == (3, 4, 5)
+    assert refused > 250
+    np.savez(path, **axes, value=np.ones((3, 4, 5), np.float32), meta=np.frombuffer(b"[1]", dtype=np.uint8))
+    with pytest.raises(ValueError, match="path: expected an archive of `sidestep solve`.*meta that is no object"):
+        exports.nodes(path)
+    with pytest.raises(FileNotFoundError, match="absent"):
+        exports.nodes(tmp_path / "absent.npz")
 
 
 def test_what_is_no_archive_is_refused(tmp_path):

@@ -9,8 +9,7 @@ import hashlib
 import json
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
-from zipfile import BadZipFile
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Drive", "Nodes", "nodes", "table", "trajectories"]
 
+_PHASES = ("familiarisation", "practice", "task")
 _POSES = ["hx", "hy", "hpsi", "rx", "ry", "rpsi"]
 
 
@@ -48,12 +48,29 @@ def table(folder: str | PathLike[str], name: str, library: str = "pandas") -> An
 
     Raises
     ------
+    TypeError
+        If the name is no text.
     ValueError
-        If the export is not complete, has other content than its manifest says, or no such table.
+        If the export is not complete, has other content than its manifest says, or no such table, or if its file
+        cannot be read.
     """
     if library not in ("pandas", "polars"):
         raise ValueError(f"library: expected pandas or polars, found {library}")
+    if not isinstance(name, str):
+        raise TypeError(f"name: expected the name of a table, found {name!r}")
     path = _file(Path(folder), name)
+    try:
+        return _read(path, library)
+    except (ImportError, MemoryError):
+        raise
+    except Exception as error:
+        # Each library has exceptions of its own for a damaged file, and none of them names it.
+        kind = "Parquet" if path.suffix == ".parquet" else "CSV"
+        raise ValueError(f"{path.name}: expected a table as {kind}, found what {library} refuses: {error}") from error
+
+
+def _read(path: Path, library: str) -> Any:
+    """The data frame in a file."""
     if library == "pandas":
         import pandas
 
@@ -77,13 +94,17 @@ def _file(folder: Path, name: str) -> Path:
         listed: dict[str, str] = {
             file["name"]: file["sha256"] for file in json.loads(manifest.read_text(encoding="utf-8"))["files"]
         }
-    except (KeyError, TypeError, ValueError) as error:
+        if not all(isinstance(file, str) for file in listed):
+            raise TypeError("a name that is no text")
+    except (KeyError, RecursionError, TypeError, ValueError) as error:
         expected = "a manifest.json that lists files with their sha256"
         raise ValueError(f"folder: expected {expected}, found another in {folder}: {error!r}") from error
     keyword = f"_description-{name.replace('_', '')}_data.csv"
     for file, expected in listed.items():
         if file in (f"{name}.csv", f"{name}.parquet") or file.endswith(keyword):
             path = folder / file
+            if not path.is_file():
+                raise ValueError(f"folder: expected {file}, which {manifest} lists, found no such file")
             with path.open("rb") as content:
                 found = hashlib.file_digest(content, "sha256").hexdigest()
             if found != expected:
@@ -117,25 +138,44 @@ def trajectories(folder: str | PathLike[str], *, phase: str | None = "task") -> 
     ----------
     folder : path
         As for `table`.
-    phase : str or None
+    phase : {"task", "practice", "familiarisation"} or None
         The part of the study; `None` for all.
 
     Returns
     -------
     list of Drive
+
+    Raises
+    ------
+    ValueError
+        As for `table`, and if there is no such phase, a table lacks a column, or a trial has no steps.
     """
+    if phase is not None and phase not in _PHASES:
+        raise ValueError(f"phase: expected one of {', '.join(_PHASES)}, or None for all, found {phase!r}")
     trials, steps = table(folder, "trials"), table(folder, "steps")
+    _has("trials", trials, ["participant", "trial", "trial_id", *(f"end_{pose}" for pose in _POSES)])
+    _has("steps", steps, ["trial_id", "step", "omega", *_POSES])
     if phase is not None:
+        _has("trials", trials, ["phase"])
         trials = trials[trials["phase"] == phase]
     by_trial = dict(list(steps.groupby("trial_id", sort=False)))
     ends = trials[[f"end_{pose}" for pose in _POSES]].to_numpy(dtype=float)
     drives = []
     for end, (_, trial) in zip(ends, trials.iterrows(), strict=True):
+        if trial["trial_id"] not in by_trial:
+            raise ValueError(f"steps: expected steps of the trial {trial['trial_id']}, found none")
         driven = by_trial[trial["trial_id"]].sort_values("step")
         poses = np.vstack([driven[_POSES].to_numpy(dtype=float), end]).reshape(-1, 2, 3)
         trajectory = Trajectory(poses, driven["omega"].to_numpy(dtype=float))
         drives.append(Drive(int(trial["participant"]), int(trial["trial"]), trajectory))
     return drives
+
+
+def _has(name: str, frame: pandas.DataFrame, columns: list[str]) -> None:
+    """Refuses a table without one of these columns."""
+    for column in columns:
+        if column not in frame.columns:
+            raise ValueError(f"{name}: expected a column {column}, found {list(frame.columns)}")
 
 
 class Nodes(NamedTuple):
@@ -165,18 +205,27 @@ def nodes(path: str | PathLike[str]) -> Nodes:
         If the file is no such archive.
     """
     refused = f"path: expected an archive of `sidestep solve`, found {path}"
-    try:
-        # Of a path, not of a number, which would be an open file of somebody else.
-        with Path(path).open("rb") as file:
-            archive = np.load(file, allow_pickle=False)
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise ValueError("one array, not an archive")
-            with archive:
-                axes = (archive["axis0"], archive["axis1"], archive["axis2"])
-                value, meta = archive["value"], json.loads(bytes(archive["meta"]))
-    except (KeyError, EOFError, ValueError, BadZipFile) as error:
-        raise ValueError(f"{refused}: {error}") from error
+    # Of a path, not of a number, which would be an open file of somebody else.
+    with Path(path).open("rb") as file:
+        try:
+            value, axes, meta = _arrays(file)
+        except Exception as error:
+            # Whatever NumPy, zipfile or zlib make of a damaged file.
+            raise ValueError(f"{refused}: {error!r}") from error
     if any(axis.ndim != 1 for axis in axes) or value.shape != tuple(len(axis) for axis in axes):
         shapes = f"value of shape {value.shape} on axes of shapes {', '.join(str(axis.shape) for axis in axes)}"
         raise ValueError(f"{refused}: {shapes}")
     return Nodes(value, axes, meta)
+
+
+def _arrays(file: BinaryIO) -> Nodes:
+    """What an archive says, whatever the shapes."""
+    archive = np.load(file, allow_pickle=False)
+    if not isinstance(archive, np.lib.npyio.NpzFile):
+        raise ValueError("one array, not an archive")
+    with archive:
+        axes = (archive["axis0"], archive["axis1"], archive["axis2"])
+        meta = json.loads(bytes(archive["meta"]))
+        if not isinstance(meta, dict):
+            raise ValueError("meta that is no object")
+        return Nodes(archive["value"], axes, meta)

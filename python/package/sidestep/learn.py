@@ -39,18 +39,24 @@ def from_sklearn(
     Returns
     -------
     Predictor
-        With the probabilities of `predict_proba`, but for rounding. For a support vector machine with more than two
-        classes, libsvm finds them by an iteration that ends when its equations miss by 0.005 divided by the number of
-        classes; here they are solved. They keep at least 10⁻⁷ from 0 and 1, and `predict` counts the votes of the
-        pairs, as `SVC.predict` does. Those of a decision tree are (m + 1)/(Σ m + K)
-        for leaves with m training rows of each of K classes, which is never 0; scikit-learn has m/Σ m. Trees of
-        scikit-learn round features to float32 before they compare them with a threshold, which this does not.
+        With the probabilities of `predict_proba`, but for rounding. Those of a support vector machine with
+        `probability=True` differ: the libsvm in scikit-learn finds them by an iteration that ends when its equations
+        miss by 0.005 divided by the number of classes; here they are solved. With two classes, where they are the
+        sigmoid itself, that is a difference of less than 0.005. They keep at least 10⁻⁷ from 0 and 1, and `predict`
+        counts the votes of the pairs, as `SVC.predict` does. `CalibratedClassifierCV.predict` takes the likeliest
+        class instead, which is the other one in about 1 % of rows: where the sigmoid's 0.5 is not at a decision of 0.
+        Those of a decision tree are (m + 1)/(Σ m + K) for leaves with m training rows of each of K classes, which is
+        never 0; scikit-learn has m/Σ m. Trees of scikit-learn round features to float32 before they compare them with
+        a threshold, which this does not.
 
     Raises
     ------
+    TypeError
+        If the features are no list of names, or `experiment` is no whole number.
     ValueError
         If the estimator is not fitted, is of another kind, or does not fit the features.
     """
+    features = _names(features)
     _same_names(estimator, features)
     outer, model = _parts(estimator)
     sigmoids = None
@@ -72,10 +78,10 @@ def from_sklearn(
     }.get(kind)
     if describe is None:
         known = "a LogisticRegression, SVC, NuSVC, DecisionTreeClassifier or GradientBoostingClassifier"
-        raise ValueError(f"estimator: expected {known}, found {kind}")
+        raise ValueError(f"estimator: expected {known}, found {kind}; for others, see ActionModel")
     if sigmoids is not None and describe is not _svm:
         raise ValueError(f"estimator: expected a support vector machine in a CalibratedClassifierCV, found {kind}")
-    if not hasattr(model, "classes_"):
+    if not hasattr(model, "classes_") or (scaler is not None and not hasattr(scaler, "scale_")):
         raise ValueError("estimator: expected a fitted one, found one that was not fitted")
     if scaler is not None and describe not in (_logistic, _svm):
         raise ValueError(f"estimator: expected a {kind} on features as they are, found one after a StandardScaler")
@@ -86,14 +92,45 @@ def from_sklearn(
     fields = _svm(model, scaler, sigmoids) if describe is _svm else describe(model, scaler)
     document: dict[str, Any] = {
         "format": "sidestep-predictor/1",
-        "experiment": experiment,
-        "features": list(features),
+        "experiment": _experiment(experiment),
+        "features": features,
         "classes": [_whole(label) for label in model.classes_],
         **fields,
     }
     if actions is not None:
-        document["actions"] = [float(rate) for rate in actions]
-    return Predictor.from_json(json.dumps(document))
+        document["actions"] = _rates(actions, document["classes"])
+    try:
+        text = json.dumps(document, allow_nan=False)
+    except ValueError as error:
+        raise ValueError("estimator: expected finite numbers, found NaN or an infinity") from error
+    return Predictor.from_json(text)
+
+
+def _names(features: Any) -> list[str]:
+    """The names of features as a list."""
+    # The letters of a text are no names, and a set has no order.
+    if isinstance(features, (str, set, frozenset)) or not hasattr(features, "__iter__"):
+        raise TypeError(f"features: expected a list of names, found {type(features).__name__}")
+    names = list(features)
+    for i, name in enumerate(names):
+        if not isinstance(name, str):
+            raise TypeError(f"features[{i}]: expected a name, found {name!r}")
+    return names
+
+
+def _experiment(number: Any) -> int:
+    """What the classes mean, 1 or 2, whatever type of whole number it was."""
+    if isinstance(number, bool) or not isinstance(number, (int, np.integer)):
+        raise TypeError(f"experiment: expected 1 or 2, found {number!r}")
+    if number not in (1, 2):
+        raise ValueError(f"experiment: expected 1 or 2, found {number!r}")
+    return int(number)
+
+
+def _rates(actions: Any, classes: list[int]) -> list[float] | None:
+    """The turn rate of each class, rad/s, as the library accepts them."""
+    even = np.full(len(classes), 1 / len(classes))
+    return Predictor.constant(classes, even, actions=actions).actions
 
 
 def _same_names(part: Any, features: Sequence[str]) -> None:
@@ -126,12 +163,10 @@ def _whole(label: Any) -> int:
 
 def _standardised(scaler: Any, width: int) -> dict[str, Any]:
     """What a scaler takes off each feature and divides it by."""
-    mean = getattr(scaler, "mean_", None)
-    scale = getattr(scaler, "scale_", None)
-    return {
-        "mean": (np.zeros(width) if mean is None else mean).tolist(),
-        "scale": (np.ones(width) if scale is None else scale).tolist(),
-    }
+    # Without `with_mean` it still knows a mean, which it does not take off.
+    mean = scaler.mean_ if scaler is not None and scaler.with_mean else np.zeros(width)
+    scale = scaler.scale_ if scaler is not None and scaler.with_std else np.ones(width)
+    return {"mean": mean.tolist(), "scale": scale.tolist()}
 
 
 def _calibrated(model: Any) -> tuple[Any, list[list[float]]]:
@@ -192,6 +227,9 @@ def _svm(model: Any, scaler: Any, sigmoids: list[list[float]] | None = None) -> 
 
 def _logistic(model: Any, scaler: Any) -> dict[str, Any]:
     coefficients, intercepts = model.coef_, np.atleast_1d(model.intercept_)
+    if hasattr(coefficients, "toarray"):
+        # After `sparsify`.
+        coefficients = coefficients.toarray()
     if len(intercepts) == 1 and len(model.classes_) == 2:
         # scikit-learn has one row then, the log-odds of the second class.
         coefficients = np.vstack([np.zeros_like(coefficients), coefficients])
@@ -217,9 +255,13 @@ def _questions(tree: Any) -> dict[str, list[Any]]:
 
 def _tree(model: Any, _scaler: Any) -> dict[str, Any]:
     tree = model.tree_
+    if model.n_outputs_ != 1:
+        raise ValueError(f"estimator: expected a tree with one output, found one with {model.n_outputs_}")
     counts = tree.value[:, 0, :] * tree.weighted_n_node_samples[:, None]
     whole = np.rint(counts)
-    if np.abs(counts - whole).max() > 1e-6:
+    # Whole weights, too, leave whole counts, but not as many as there were rows.
+    weighted = model.class_weight is not None or np.any(tree.n_node_samples != tree.weighted_n_node_samples)
+    if weighted or np.abs(counts - whole).max() > 1e-6:
         raise ValueError("estimator: expected a tree fitted without weights, found one with weights")
     return {"kind": "tree", "tree": {**_questions(tree), "counts": whole.astype(int).tolist()}}
 
