@@ -74,7 +74,9 @@ impl OnlinePredictor {
         Ok(Self { model: model.unbind(), settings, parameters, online: Mutex::new(online) })
     }
 
-    /// Appends the state one step after the last one.
+    /// Appends the state one step, `step_s` of the parameters, after the last one. Where one was missed, call `reset` and begin
+    /// anew. Sets are of a human who moves at the speed of the parameters, whatever the states say: for one who stands still or
+    /// walks faster they prove nothing.
     ///
     /// Parameters
     /// ----------

@@ -18,15 +18,14 @@
 //! use sidestep::features::FeatureSet;
 //! use sidestep::planner::{Footprint, OnlinePredictor, Plan, PlanLimits};
 //! use sidestep::predict::Predictor;
-//! use sidestep::safety::SafetyLevels;
 //! use sidestep::scene::{JointState, SceneParameters};
 //! use sidestep::vehicle::Pose;
 //! use std::ops::ControlFlow;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let parameters = SceneParameters::default(); // 2 m/s, ±0.5 rad/s, steps of 0.2 s
-//! let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
 //! let predictor = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.1, 0.8, 0.1])?;
+//! let safety = predictor.features().safety(&parameters, &mut |_| ControlFlow::Continue(()))?;
 //! // Three sets: straight on, turns of up to 0.2 rad/s, and every turn, over ten steps.
 //! let choice = ActionChoice::TopK(vec![1; 10]);
 //! let settings = BoundsSettings::new(vec![0.0, 0.2, 1.0], choice, Rollout::Base, 3)?;

@@ -142,8 +142,10 @@ impl OnlinePredictor {
         self.predicted = false;
     }
 
-    /// Appends the state one step after the last one. If the human moved or turned more than twice as
-    /// much as the vehicle can in a step, the states before are forgotten.
+    /// Appends the state one step, `step_s` of the parameters, after the last one. If the human moved or turned more than twice as
+    /// much as the vehicle can in a step, the states before are forgotten. Where a state was missed, call [`Self::reset`] and
+    /// begin anew. Sets are of a human who moves at the speed of the parameters, whatever the states say: for one who stands
+    /// still or walks faster they prove nothing.
     ///
     /// # Errors
     /// [`Invalid`] if a coordinate is not finite or beyond [`Pose::MOST`](crate::vehicle::Pose::MOST); the history is then
