@@ -132,7 +132,7 @@ impl SampledValue {
         Ok(Self { game, nodes, horizon_s, unsettled_m: None, table, sheet, finder, bearings })
     }
 
-    /// A function, sampled on nodes.
+    /// A function, sampled on nodes. As a value it is at most r − R: what is above is stored, and [`Self::state`] answers r − R.
     ///
     /// # Errors
     /// As [`SampledValue::new`].

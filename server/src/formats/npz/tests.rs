@@ -21,7 +21,7 @@ fn polar() -> SampledValue {
     let nodes = Nodes::Polar { knee_m: 3.0, range_m: 40.0, range_nodes: 17, angle_nodes: 12 };
     SampledValue::sampled(game(0.75), nodes, |[x, y, psi]| {
         let asymmetric = 0.3 * (psi + 0.4).sin() * y;
-        x.hypot(y) - 3.0 - (asymmetric.abs() + 0.1 * psi.cos()) * x.hypot(y) / 40.0
+        x.hypot(y) - 3.0 - (asymmetric.abs() + 0.1 + 0.1 * psi.cos()) * x.hypot(y) / 40.0
     })
     .unwrap()
 }
