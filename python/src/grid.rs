@@ -205,12 +205,12 @@ impl Grid {
     }
 }
 
-/// Room for so many numbers of an argument.
+/// Reserves memory for `count` numbers of the argument `field`.
 fn memory(field: &str, count: usize) -> Result<Vec<f64>, Error> {
     let mut numbers = Vec::new();
     let room = numbers.try_reserve_exact(count);
     let bytes = count * size_of::<f64>();
-    let expected = "a grid whose numbers have room in memory";
+    let expected = "a grid that fits in memory";
     room.map_err(|_| Invalid::new(field, expected, format!("{bytes} bytes")))?;
     Ok(numbers)
 }
