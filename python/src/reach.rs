@@ -1,10 +1,11 @@
 //! Reachable sets under bounds on the turn rate.
 
-use numpy::{IntoPyArray, PyArray1, PyArray2};
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use sidestep::bounds::InputBounds;
 use sidestep::invalid::Invalid;
-use sidestep::reach::{self, PolygonSettings, Tolerance};
+use sidestep::reach::{self, Outline, PolygonSettings, Tolerance, Workspace};
 use sidestep::vehicle::Pose;
 
 use crate::arrays::{count, list, numbers, points, pose, poses, wrong_shape};
@@ -27,8 +28,6 @@ use crate::scalars::{real, whole};
 ///     Length of a step > 0, s; the paper's by default.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ReachableSet(pub(crate) reach::ReachableSet);
-
-type Polygon<'py> = Bound<'py, PyArray2<f64>>;
 
 #[pymethods]
 impl ReachableSet {
@@ -61,22 +60,29 @@ impl ReachableSet {
     /// conservative : bool
     ///     Whether the polygon goes around the set, as the library's documentation says of
     ///     `PolygonSettings::conservative`, instead of following its boundary to either side.
+    /// return_margin : bool
+    ///     Whether to return too by how much the polygon was grown so that it contains the set.
     ///
     /// Returns
     /// -------
-    /// array of float64, shape (n, 2)
+    /// polygon : array of float64, shape (n, 2)
     ///     Vertices (x, y), world frame, m, counter-clockwise, the first not repeated. If the bounds leave no choice,
     ///     a strip along the path, a five-hundredth of the accuracy wide.
-    #[pyo3(signature = (*, accuracy_m=1e-3, conservative=false))]
+    /// margin_m : float
+    ///     Only with `return_margin`, m. 0 if the polygon follows the boundary to either side; infinity if it is a convex
+    ///     polygon around the set, because its boundary would have taken too much work.
+    #[pyo3(signature = (*, accuracy_m=1e-3, conservative=false, return_margin=false))]
     fn tube<'py>(
         &self,
         py: Python<'py>,
         #[pyo3(from_py_with = real)] accuracy_m: f64,
         conservative: bool,
-    ) -> Result<Polygon<'py>, Error> {
+        return_margin: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let settings = drawn(accuracy_m, conservative)?;
-        let polygon = py.detach(|| self.0.tube_polygon(settings));
-        Ok(points(py, &polygon)?)
+        let draw =
+            |work: &mut Workspace, into: &mut _| self.0.tube_polygon_into(settings, work, into);
+        polygon(py, return_margin, draw)
     }
 
     /// The positions reachable after exactly `step` steps, as a polygon.
@@ -87,24 +93,29 @@ impl ReachableSet {
     ///     0 to T.
     /// accuracy_m : float
     ///     As for `tube`.
-    /// conservative : bool
+    /// conservative, return_margin : bool
     ///     As for `tube`.
     ///
     /// Returns
     /// -------
-    /// array of float64, shape (n, 2)
+    /// polygon : array of float64, shape (n, 2)
     ///     As for `tube`; one vertex if only one position can be reached.
-    #[pyo3(signature = (step, *, accuracy_m=1e-3, conservative=false))]
+    /// margin_m : float
+    ///     As for `tube`.
+    #[pyo3(signature = (step, *, accuracy_m=1e-3, conservative=false, return_margin=false))]
     fn polygon<'py>(
         &self,
         py: Python<'py>,
         #[pyo3(from_py_with = whole)] step: i64,
         #[pyo3(from_py_with = real)] accuracy_m: f64,
         conservative: bool,
-    ) -> Result<Polygon<'py>, Error> {
+        return_margin: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let (step, settings) = (self.step(step)?, drawn(accuracy_m, conservative)?);
-        let polygon = py.detach(|| self.0.step_polygon(step, settings));
-        Ok(points(py, &polygon)?)
+        let draw = |work: &mut Workspace, into: &mut _| {
+            self.0.step_polygon_into(step, settings, work, into)
+        };
+        polygon(py, return_margin, draw)
     }
 
     /// Whether each state, position and heading, is reached after exactly `step` steps.
@@ -257,6 +268,29 @@ pub(crate) fn drive(
         return Err(wrong_shape(field, &expected, &[states.len(), 3]));
     }
     Ok(states)
+}
+
+/// A drawn polygon as an array, and its margin if that is asked for.
+fn polygon(
+    py: Python<'_>,
+    return_margin: bool,
+    draw: impl Send + FnOnce(&mut Workspace, &mut Vec<[f64; 2]>) -> Outline,
+) -> PyResult<Bound<'_, PyAny>> {
+    let mut vertices = Vec::new();
+    let outline = py.detach(|| draw(&mut Workspace::default(), &mut vertices));
+    let polygon = points(py, &vertices)?;
+    if return_margin {
+        return (polygon, margin_m(outline)).into_bound_py_any(py);
+    }
+    Ok(polygon.into_any())
+}
+
+/// By how much a polygon was grown, m; infinite for one that does not follow its set.
+pub(crate) fn margin_m(outline: Outline) -> f64 {
+    match outline {
+        Outline::Refined { margin_m } => margin_m,
+        _ => f64::INFINITY,
+    }
 }
 
 /// How polygons are drawn.

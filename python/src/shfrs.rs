@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use numpy::{IntoPyArray, PyArray1, PyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout, in_proportion};
 use sidestep::invalid::{Invalid, positive};
@@ -19,7 +19,7 @@ use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
 use crate::interrupt::{Watch, each};
 use crate::plan::{Asked, proved};
-use crate::reach::{ReachableSet, drawn, drive, tolerance};
+use crate::reach::{ReachableSet, drawn, drive, margin_m, tolerance};
 use crate::scalars::{real, some_real, some_whole, some_wholes};
 use crate::vehicles::SceneParameters;
 
@@ -220,6 +220,14 @@ impl Shfrs {
         self.found.sets.iter().map(|set| points(py, &set.tube)).collect()
     }
 
+    /// By how much each tube was grown so that it contains its set, m, shape (m,), as `ReachableSet.tube` returns it: 0 if
+    /// it follows the boundary, infinity if it is a convex polygon around the set.
+    #[getter]
+    fn margins_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let margins = self.found.sets.iter().map(|set| margin_m(set.tube_outline));
+        margins.collect::<Vec<_>>().into_pyarray(py)
+    }
+
     /// Area of each tube, m², shape (m,).
     #[getter]
     fn areas_m2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -231,6 +239,15 @@ impl Shfrs {
     fn step_polygons<'py>(&self, py: Python<'py>) -> PyResult<Vec<Vec<Bound<'py, PyArray2<f64>>>>> {
         let of = |set: &shfrs::NestedSet| set.steps.iter().map(|step| points(py, step)).collect();
         self.found.sets.iter().map(of).collect()
+    }
+
+    /// By how much each of `step_polygons` was grown, m, shape (m, T), or (m, 0) without `by_step`; as `margins_m`.
+    #[getter]
+    fn step_margins_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let sets = &self.found.sets;
+        let steps = sets.first().map_or(0, |set| set.step_outlines.len());
+        let margins = sets.iter().flat_map(|set| &set.step_outlines).map(|each| margin_m(*each));
+        margins.collect::<Vec<_>>().into_pyarray(py).reshape([sets.len(), steps])
     }
 
     /// The sets themselves, m of them, for other polygons and for states.

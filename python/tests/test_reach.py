@@ -44,6 +44,24 @@ def test_everything_that_a_car_can_reach():
     np.testing.assert_allclose(reachable.polygon(0), [[1, 2]])
 
 
+def test_polygons_say_by_how_much_they_were_grown():
+    full = np.full(10, 0.5)
+    reachable = sidestep.ReachableSet([1, 2, 0.5], -full, full)
+    polygon, margin_m = reachable.tube(return_margin=True)
+    np.testing.assert_array_equal(polygon, reachable.tube())
+    assert margin_m == 0
+    polygon, margin_m = reachable.polygon(10, conservative=True, return_margin=True)
+    np.testing.assert_array_equal(polygon, reachable.polygon(10, conservative=True))
+    assert 0 < margin_m < 0.01
+    # Half a turn a step: nothing but a convex polygon around the set.
+    full = np.full(100, np.pi)
+    turning = sidestep.ReachableSet([0, 0, 0], -full, full, 2.0, 1.0)
+    polygon, margin_m = turning.polygon(100, return_margin=True)
+    assert margin_m == np.inf
+    around = shapely.Polygon(polygon)
+    assert around.convex_hull.area == pytest.approx(around.area, rel=1e-12)
+
+
 def test_many_sets_at_once(rng):
     lo, hi = np.array([bounds(rng, 6) for _ in range(4)]).transpose(1, 0, 2)
     sets = sidestep.reach([0, 0, 0], lo, hi, 3.0, 0.1)

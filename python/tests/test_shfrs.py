@@ -25,6 +25,8 @@ def test_areas_of_a_human_who_turns_right():
     np.testing.assert_allclose([tube.area for tube in tubes], found.areas_m2, rtol=1e-9)
     assert all(large.buffer(2e-3).contains(small) for small, large in zip(tubes, tubes[1:], strict=False))
     assert len(found) == 5 and found.step_polygons == [[]] * 5
+    np.testing.assert_array_equal(found.margins_m, np.zeros(5))
+    assert found.step_margins_m.shape == (5, 0)
 
 
 def test_what_a_prediction_holds(rng):
@@ -36,6 +38,8 @@ def test_what_a_prediction_holds(rng):
     np.testing.assert_array_equal(found.epsilon, [0.0, 0.3, 1.0])
     assert [len(steps) for steps in found.step_polygons] == [4, 4, 4]
     np.testing.assert_array_equal(found.step_polygons[1][3], found.sets[1].polygon(4))
+    _, margin_m = found.sets[1].polygon(4, return_margin=True)
+    assert found.step_margins_m.shape == (3, 4) and found.step_margins_m[1, 3] == margin_m
     straight, left = driven(NOW[0, 0], np.zeros(4))[1:], driven(NOW[0, 0], np.full(4, 0.25))[1:]
     np.testing.assert_array_equal(found.contains(straight), [True, True, True])
     np.testing.assert_array_equal(found.contains(left), [False, True, True])
