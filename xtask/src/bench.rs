@@ -17,7 +17,7 @@ use crate::workspace::{Workspace, answer_of, stage};
 /// Run the benchmarks; each prints a ratio against its baseline in the same run.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only those whose name contains this.
+    /// Only the one of this name, or else those whose name contains it.
     name: Option<String>,
     /// Sooner done, but less exact or less complete.
     #[arg(long)]
@@ -102,10 +102,14 @@ fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
     arguments
 }
 
-/// The benchmarks whose name contains `name`; all without one.
+/// The benchmark called `name`, or else those whose name contains it; all without one.
 fn choose(name: Option<&str>) -> Vec<(&'static str, &'static str)> {
     let wanted = name.unwrap_or_default();
-    BENCHES.iter().copied().filter(|(name, _)| name.contains(wanted)).collect()
+    let of = |fits: fn(&str, &str) -> bool| -> Vec<_> {
+        BENCHES.iter().copied().filter(|(name, _)| fits(name, wanted)).collect()
+    };
+    let exact = of(|name, wanted| name == wanted);
+    if exact.is_empty() { of(|name, wanted| name.contains(wanted)) } else { exact }
 }
 
 /// Says why no benchmark runs, and which there are.
@@ -130,6 +134,8 @@ mod tests {
     fn a_name_chooses_and_no_name_means_all() {
         assert_eq!(choose(None).len(), BENCHES.len());
         assert_eq!(choose(Some("eatures")), [BENCHES[7]]);
+        assert_eq!(choose(Some("reach")), [BENCHES[1]]);
+        assert_eq!(choose(Some("learn_")), [BENCHES[10]]);
         assert!(choose(Some("walk")).is_empty());
     }
 
