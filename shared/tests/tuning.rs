@@ -71,14 +71,14 @@ fn every_guarantee_is_kept_on_trajectories_that_nothing_was_chosen_by() {
     ] {
         for p in [0.75, 0.9] {
             let found = tuned(&settings(p, guarantee, 1)).unwrap();
-            assert_eq!((found.training, found.calibration, found.test), (96, 96, 48));
+            assert_eq!((found.training, found.calibration, found.test), (96, 72, 72));
             assert_eq!((found.steps, found.without_window), (10, 0));
-            // One test of 48 trajectories: its interval must not exclude p.
+            // One test of 72 trajectories: its interval must not exclude p.
             assert!(found.coverage.high >= p, "{found:?}");
             assert!((0.0..=1.0).contains(&found.epsilon));
             // Less than the worst case.
             assert!(found.mean_area_m2 > 0.0 && found.mean_area_m2 < 16.0 / 3.0, "{found:?}");
-            assert!(found.statement.contains("96 trajectories"));
+            assert!(found.statement.contains("72 trajectories"));
         }
     }
 }
@@ -192,7 +192,7 @@ fn complaints_name_the_field() {
     assert_eq!(complaint(&|s| s.windows = WindowChoice::EveryStep).field, "window_choice");
     let few = complaint(&|s| s.p = 0.99);
     let expected =
-        "calibration trajectories: expected at least 99 for p = 0.99 (conformal), found 96";
+        "calibration trajectories: expected at least 99 for p = 0.99 (conformal), found 72";
     assert_eq!(few.to_string(), expected);
 }
 

@@ -32,14 +32,14 @@ pub struct Split {
 }
 
 impl Split {
-    /// 40 % training, 30 % calibration, 30 % test: what the command line and the laboratory use.
+    /// 40 % training, 30 % calibration, 30 % test: the default, also of the command line and the laboratory.
     pub const USUAL: Self = Self { training: 0.4, calibration: 0.3, seed: 0 };
 }
 
 impl Default for Split {
-    /// 40 % training, 40 % calibration, 20 % test.
+    /// [`Split::USUAL`].
     fn default() -> Self {
-        Self { training: 0.4, calibration: 0.4, seed: 0 }
+        Self::USUAL
     }
 }
 
@@ -394,7 +394,7 @@ mod tests {
     #[test]
     fn parts_are_parts() {
         let parts = Split::default().parts(101).unwrap();
-        assert_eq!((parts.training.len(), parts.calibration.len(), parts.test.len()), (40, 41, 20));
+        assert_eq!((parts.training.len(), parts.calibration.len(), parts.test.len()), (40, 31, 30));
         let mut all = [parts.training, parts.calibration, parts.test].concat();
         all.sort_unstable();
         assert_eq!(all, (0..101).collect::<Vec<_>>());

@@ -177,6 +177,9 @@ fn search(sets: [usize; 6], effort: Effort, seed: u64) {
             if place >= count {
                 return;
             }
+            if place > 0 && place.is_multiple_of(1000) {
+                println!("class {i}: {place} of {count} bounds begun");
+            }
             let mut rng = SeededRng::new(seed + (1_000_000 * i + place) as u64);
             let subject = Subject::any(class, &mut rng);
             let (least, drive, missed) = subject.search(effort, &mut rng);
