@@ -11,6 +11,7 @@ mod known_failures;
 mod growth;
 mod classes;
 mod promises;
+mod region;
 mod hull;
 mod simple;
 mod closeness;

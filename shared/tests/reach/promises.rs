@@ -3,10 +3,9 @@
 //! has every state that a drive leads to. Drives change their rates also within steps.
 
 use super::classes::{CLASSES, Class};
+use super::region::Region;
 use super::{any_drive, origin};
-use core::cell::RefCell;
-use sidestep::math::{SeededRng, exp, hypot};
-use sidestep::reach::polygon::{bounding_box, signed_distance};
+use sidestep::math::{SeededRng, exp};
 use sidestep::reach::{Membership, Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
 use sidestep::vehicle::{Pose, dubins};
 use std::sync::Mutex;
@@ -21,46 +20,6 @@ const PARTS: usize = 4;
 struct Effort {
     drives: usize,
     states: usize,
-}
-
-/// A polygon, and how far inside it the middles of some square cells are, m, as far as that was needed.
-struct Region {
-    polygon: Vec<[f64; 2]>,
-    /// How far outside a drive may be, m.
-    allowed_m: f64,
-    corner: [f64; 2],
-    side_m: f64,
-    inside_m: RefCell<Vec<f64>>,
-}
-
-/// Cells of a region along its longer side.
-const CELLS: usize = 48;
-
-impl Region {
-    fn new(polygon: Vec<[f64; 2]>, allowed_m: f64) -> Self {
-        let [x0, y0, x1, y1] = bounding_box(&polygon).expect("a vertex");
-        let side_m = ((x1 - x0).max(y1 - y0) / CELLS as f64).max(1e-9);
-        let inside_m = RefCell::new(vec![f64::NAN; CELLS * CELLS]);
-        Self { polygon, allowed_m, corner: [x0, y0], side_m, inside_m }
-    }
-
-    /// How far inside a position is, m, beyond what is allowed; if that is more than `least`, any number above it.
-    fn margin(&self, position: [f64; 2], least: f64) -> f64 {
-        let cell = [0, 1].map(|i| ((position[i] - self.corner[i]) / self.side_m).floor());
-        if cell.iter().all(|place| (0.0..CELLS as f64).contains(place)) {
-            let middle = [0, 1].map(|i| self.corner[i] + (cell[i] + 0.5) * self.side_m);
-            let mut known = self.inside_m.borrow_mut();
-            let inside_m = &mut known[cell[0] as usize * CELLS + cell[1] as usize];
-            if inside_m.is_nan() {
-                *inside_m = self.allowed_m - signed_distance(&self.polygon, middle);
-            }
-            let at_least = *inside_m - hypot(position[0] - middle[0], position[1] - middle[1]);
-            if at_least > least {
-                return at_least;
-            }
-        }
-        self.allowed_m - signed_distance(&self.polygon, position)
-    }
 }
 
 struct Subject {
