@@ -28,7 +28,7 @@ use crate::vehicles::SceneParameters;
 /// tau, steps : float and int, optional
 ///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
 /// rollout : {"base", "paper"}
-///     Whether roll-outs follow the bounds before widening, or those of the first set.
+///     Which bounds the simulations within Algorithm 1 follow: those before widening by ε ("base"), or those of F_1 ("paper").
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional

@@ -93,13 +93,15 @@ impl Calibration {
     /// Returns
     /// -------
     /// CollisionBound
-    ///     The share of people who leave the largest set of which the plan is clear, at most; 1 if it is clear of
-    ///     none.
+    ///     The share of people who leave the largest set of which the plan is clear by `margin_m`, at most; 1 if there is
+    ///     none. With `delta` shared among several sets that do not admit everything, it can exceed 1 − p for F_1.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If the sets were predicted otherwise, or there is no `delta`; and as for `Shfrs.clear`.
+    ///     If the sets were predicted otherwise, or there is no `delta`; if the human's last step was none that the
+    ///     human's vehicle of the parameters can drive, to a millimetre and a milliradian (one who stands still, for
+    ///     instance), since no trajectory of the calibration was like that; and as for `Shfrs.clear`.
     #[pyo3(signature = (prediction, plan, radius_m, *, delta=None, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=None))]
     #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
     fn collision<'py>(
@@ -114,16 +116,30 @@ impl Calibration {
         #[pyo3(from_py_with = some_real)] accuracy_m: Option<f64>,
     ) -> Result<CollisionBound, Error> {
         let predicted = prediction.settings();
-        for (same, what) in [
-            (prediction.predicts(&self.human), "model and parameters"),
-            (predicted.choice() == self.settings.choice(), "choice of actions"),
-            (predicted.rollout() == Rollout::Base, "roll-outs, base"),
+        let (choice, own) = (predicted.choice(), self.settings.choice());
+        for (same, what, found) in [
+            (
+                prediction.predicts(&self.human),
+                "model and parameters".to_owned(),
+                "others".to_owned(),
+            ),
+            (
+                choice == own,
+                format!("actions ({own}; see Calibration.settings)"),
+                choice.to_string(),
+            ),
+            (
+                predicted.rollout() == Rollout::Base,
+                "roll-outs, base".to_owned(),
+                "others".to_owned(),
+            ),
         ] {
             if !same {
                 let expected = format!("sets predicted with the calibration's {what}");
-                return Err(Invalid::new("prediction", expected, "others").into());
+                return Err(Invalid::new("prediction", expected, found).into());
             }
         }
+        prediction.check_human(plan.py())?;
         let expected = "a number in (0, 1), since the calibration has none";
         let delta = delta.or(self.delta);
         let delta = delta.ok_or_else(|| Invalid::new("delta", expected, "None"))?;
@@ -173,6 +189,14 @@ impl Predicted<'_> {
         match self {
             Self::Sets(sets) => sets.get().source.human.same(human),
             Self::Online(online) => online.get().predicts(human),
+        }
+    }
+
+    /// Whether the human drove like the vehicle in the last step.
+    fn check_human(&self, py: Python<'_>) -> Result<(), Invalid> {
+        match self {
+            Self::Sets(sets) => sets.get().check_human(),
+            Self::Online(online) => online.get().check_human(py),
         }
     }
 
@@ -227,8 +251,9 @@ fn enough(
 /// Parameters
 /// ----------
 /// trajectories : list of Trajectory
-///     Independent ones: what exchangeable people did in exchangeable scenes. In every step each human moves as the
-///     human's vehicle of `parameters` can, and turns as the turn rate says, both to a millimetre and a milliradian.
+///     A flat list of independent ones, of people and scenes like those that will be predicted. In every step each human
+///     moves as the human's vehicle of `parameters` can, and turns as the turn rate says, both to a millimetre and a
+///     milliradian; tracks of pedestrians do not, and are refused.
 /// model : Predictor or ActionModel
 ///     How likely each action of the human is.
 /// settings : ShfrsSettings

@@ -264,7 +264,8 @@ impl ValueFunction {
 ///
 /// Without a horizon, a faster pursuer may win chases that lead beyond the end, which the solver
 /// counts as escapes: V there, and along the way there, is then too large by metres, although `inside` is true and
-/// `unsettled_m` is small. Solve again with twice the `range_m`; where V changes, the smaller one was too small.
+/// `unsettled_m` is small or `None`. Solve again with twice the `range_m` and a finer `accuracy`; where V changes by more than you
+/// tolerate, the range was too small.
 ///
 /// Parameters
 /// ----------

@@ -16,7 +16,7 @@ use crate::scalars::wholes;
 ///     The lower and the upper end of each axis, in the unit of its coordinate.
 /// nodes : list of int, D of them, each ≥ 3
 ///     How many nodes each axis has: from `lo` to `hi`, both included. On a periodic axis `hi` is the same place as
-///     `lo` and no node. Neighbours are at least a thousand roundings of their coordinates apart.
+///     `lo`, and the last node is one spacing before it. Neighbouring nodes must differ by more than rounding errors.
 /// periodic : list of int
 ///     Which axes close on themselves, from 0, such as headings; none by default.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]

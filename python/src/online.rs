@@ -75,8 +75,8 @@ impl OnlinePredictor {
     }
 
     /// Appends the state one step, `step_s` of the parameters, after the last one. Where one was missed, call `reset` and begin
-    /// anew. Sets are of a human who moves at the speed of the parameters, whatever the states say: for one who stands still or
-    /// walks faster they prove nothing.
+    /// anew. Sets assume that the human goes on at the speed of the parameters and within its turn rate: for one who stands still,
+    /// or moves slower or faster, they prove nothing. `Calibration.collision` refuses such a last step.
     ///
     /// Parameters
     /// ----------
@@ -201,6 +201,11 @@ impl OnlinePredictor {
         let planned = asked.check(now.robot, &self.parameters)?;
         let clear = || self.lock().clear(&planned.plan, &planned.footprint).cloned();
         Ok(py.detach(clear)?)
+    }
+
+    /// Whether the human drove like the vehicle in the last step.
+    pub(crate) fn check_human(&self, py: Python<'_>) -> Result<(), Invalid> {
+        py.detach(|| self.lock().check_human())
     }
 
     /// Whether it predicts this human.

@@ -177,7 +177,7 @@ pub(crate) fn drive_all<'py>(
 /// clearances : array of float64, shape (m, T)
 ///     As `Shfrs.clear` and `OnlinePredictor.clear` return them, m: for each set, the smallest first, and each step.
 /// margin_m : float
-///     By more than this, m, ≥ 0.
+///     A plan is clear of a set if its clearance exceeds this, m, ≥ 0.
 ///
 /// Returns
 /// -------

@@ -120,6 +120,9 @@ impl ReachableSet {
 
     /// Whether each state, position and heading, is reached after exactly `step` steps.
     ///
+    /// It is never false for a state within the tolerance of a reachable one. At large turns a step it can be true for others:
+    /// where a bounded amount of work does not prove that a state is outside, it counts as reached.
+    ///
     /// Parameters
     /// ----------
     /// states : array of float64, shape (n, 3)
@@ -147,7 +150,7 @@ impl ReachableSet {
         Ok(each(py, states.len(), inside)?.into_pyarray(py))
     }
 
-    /// Whether a drive is inside at each step.
+    /// Whether a drive is inside at each step; as `contains` for each state, but all together take no more work than one may.
     ///
     /// Parameters
     /// ----------

@@ -6,6 +6,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout, in_proportion};
 use sidestep::invalid::{Invalid, positive};
+use sidestep::motion::check_step;
 use sidestep::planner::{ClearanceSettings, Clearances};
 use sidestep::reach::ReachableSet as Reachable;
 use sidestep::scene::{self, JointState};
@@ -38,7 +39,7 @@ use crate::vehicles::SceneParameters;
 /// tau, steps : float and int, optional
 ///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
 /// rollout : {"base", "paper"}
-///     Whether roll-outs follow the bounds before widening, or those of the first set.
+///     Which bounds the simulations within Algorithm 1 follow: those before widening by ε ("base"), or those of F_1 ("paper").
 /// accuracy_m : float
 ///     Of the polygons, m; 10⁻⁶ to 1.
 /// by_step : bool
@@ -74,15 +75,16 @@ impl ShfrsSettings {
         Ok(settings)
     }
 
-    /// The paper's settings of Figure 3, for three actions.
+    /// The paper's settings of Figure 3, for three actions: ten steps; on the left, two actions count in the first two steps
+    /// and one from then on, with ε = 0, 0.15, 0.25, 0.4 and 1 rad/s.
     ///
     /// Parameters
     /// ----------
     /// figure : {"left", "middle", "right"}
     ///     Which part of the figure.
     /// turn_rate_radps : float
-    ///     The human's turn rate > 0, rad/s, that of the paper by default. The ε are as wide in proportion to it, so
-    ///     that the last one, twice as much, admits everything.
+    ///     The human's turn rate > 0, rad/s, that of the paper by default. The ε scale with it, so that the last one,
+    ///     twice as much, admits everything.
     /// by_step : bool
     ///     Whether to draw the positions after each step too.
     ///
@@ -178,12 +180,17 @@ pub(crate) fn usual(
     Ok(paper.with_bounds(bounds))
 }
 
-/// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far. They own their memory.
+/// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far.
+///
+/// They assume that the human goes on at the speed of the parameters and within its turn rate: for one who stands still, or
+/// moves slower or faster, they prove nothing.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Shfrs {
     pub(crate) found: shfrs::Shfrs,
     reachable: Vec<Reachable>,
+    /// The last state, and the one before it.
     now: JointState,
+    before: Option<JointState>,
     pub(crate) source: Arc<Source>,
 }
 
@@ -256,7 +263,8 @@ impl Shfrs {
         self.reachable.iter().cloned().map(ReachableSet).collect()
     }
 
-    /// Whether a drive is inside each set at every one of its steps.
+    /// Whether a drive is inside each set at every one of its steps. What is not decided within a bounded amount of work counts
+    /// as outside, so that shares of contained drives are never too large.
     ///
     /// Parameters
     /// ----------
@@ -284,10 +292,10 @@ impl Shfrs {
     }
 
     /// How far a plan of the robot that begins now stays clear of where the human may be: at every instant, not only
-    /// at the ends of steps, and proved, whatever the turn rates.
+    /// at the ends of steps, and proved for a human at the speed of the parameters, whatever the turn rates.
     ///
-    /// Between two poses the robot holds its speed and its turn rate. For another robot, or for a human with a body,
-    /// add to `radius_m`.
+    /// Between two poses the robot holds its speed and its turn rate. If yours deviates from that, add how far to `radius_m`;
+    /// the human is a point: add a radius for the body, too.
     ///
     /// Parameters
     /// ----------
@@ -300,15 +308,16 @@ impl Shfrs {
     /// corners : array of float64, shape (n, 2), optional
     ///     Corners of the robot, whose convex hull counts, in its frame: x ahead, y to the left, m.
     /// most_speed_mps, most_turn_rate_radps : float, optional
-    ///     What the robot can do, > 0, m/s and rad/s: a plan that needs more jumps. By default the speed and turn rate
-    ///     of the robot of the parameters.
+    ///     What the robot can do, > 0, m/s and rad/s: a plan that exceeds it is refused as a jump. By default the speed
+    ///     and turn rate of the robot of the parameters.
     /// accuracy_m : float
     ///     How far a clearance up to 2 m may be below the true one, m; 10⁻⁴ to 10.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (m, T)
-    ///     For each set and step: nobody who drives within the set comes nearer to the robot, m. At ≤ 0 they may touch.
+    ///     For each set and step: nobody who drives within the set comes nearer to the robot, m. At ≤ 0 they may touch; how far
+    ///     below 0 says nothing.
     ///     `largest_clear` takes it.
     ///
     /// Raises
@@ -355,6 +364,13 @@ impl Shfrs {
         Ok(py.detach(|| planned.clearances(self.now.human, &sets, parameters, settings))?)
     }
 
+    /// Whether the human drove like the vehicle in the last step.
+    pub(crate) fn check_human(&self) -> Result<(), Invalid> {
+        let Some(before) = self.before else { return Ok(()) };
+        check_step(&self.source.human.parameters, before.human, self.now.human)
+            .map_err(|invalid| invalid.within("history[-1].human"))
+    }
+
     fn bounds(&self) -> impl Iterator<Item = &InputBounds> + Clone {
         self.found.sets.iter().map(|set| &set.bounds)
     }
@@ -367,7 +383,7 @@ impl Shfrs {
 /// model : Predictor or ActionModel
 ///     How likely each action of the human is.
 /// settings : ShfrsSettings, optional
-///     The paper's (Figure 3, left) by default, with ε in proportion to the human's turn rate.
+///     The paper's by default (`ShfrsSettings.paper`), ten steps of `step_s`, with ε in proportion to the human's turn rate.
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
@@ -428,11 +444,12 @@ impl ShfrsPredictor {
             drop(kept);
             let Some(found) = found else { return Ok(None) };
             let now = history[history.len() - 1];
+            let before = history.len().checked_sub(2).map(|place| history[place]);
             let (speed_mps, step_s) = (parameters.human.speed_mps, parameters.step_s);
             let set =
                 |set: &shfrs::NestedSet| Reachable::new(now.human, &set.bounds, speed_mps, step_s);
             let reachable = found.sets.iter().map(set).collect::<Result<_, _>>()?;
-            Ok(Some(Shfrs { found, reachable, now, source: Arc::clone(&self.source) }))
+            Ok(Some(Shfrs { found, reachable, now, before, source: Arc::clone(&self.source) }))
         })?;
         watch.end()?;
         let expected = "a prediction that goes on";

@@ -17,7 +17,7 @@ use crate::value::{checked, in_parts};
 /// Values on the nodes.
 type Values<'py> = Bound<'py, numpy::PyArrayDyn<f32>>;
 
-/// What `hj_solve` found: V on the nodes, and by interpolation at any state of the grid. It owns its memory.
+/// What `hj_solve` found: V on the nodes, and by interpolation at any state of the grid.
 ///
 /// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences at both ends
 /// of an edge; between instants it is linear in time. Outside the grid there is no value: a state there is refused.
@@ -70,8 +70,7 @@ impl Solution {
         self.solved.march().2
     }
 
-    /// The largest change of V per second at the end. It tells whether V has settled, and after a finite time says
-    /// nothing about accuracy.
+    /// The largest change of V per second at the end: near 0 where V has settled. It says nothing about accuracy.
     #[getter]
     fn residual(&self) -> f64 {
         self.solved.march().3

@@ -129,6 +129,20 @@ def test_a_collision_bound_in_a_loop(people):
         assert ours.set == sidestep.largest_clear(online.clear(plan, 0.5), ours.margin_m)
         bounds.add(ours.at_most)
     assert len(bounds) > 1
+    # Somebody who stands still, walks slowly or jumps is nobody whom it was calibrated with.
+    for way_m in (0.0, 0.2, 0.5, 3.0):
+        moved = np.array(CROSSED)
+        moved[0, 0] += way_m
+        loop = sidestep.OnlinePredictor(straight, WIDE)
+        loop.push(CROSSED)
+        loop.push(moved)
+        loop.predict()
+        complaint = r"state\.human\.x, y: expected a position 0\.4000 m away"
+        with pytest.raises(ValueError, match=complaint):
+            calibration.collision(loop, plan, 0.5)
+        once = sidestep.ShfrsPredictor(straight, WIDE).predict([CROSSED, moved])
+        with pytest.raises(ValueError, match=complaint.replace("state", r"history\[-1\]")):
+            calibration.collision(once, plan, 0.5)
     other = sidestep.OnlinePredictor(constant([0.2, 0.6, 0.2]), WIDE)
     other.push(CROSSED)
     other.predict()
@@ -136,7 +150,7 @@ def test_a_collision_bound_in_a_loop(people):
     elsewhere = sidestep.SceneParameters(step_s=0.1)
     for call, complaint in (
         (lambda: calibration.collision(other, plan, 0.5), "prediction: .*model and parameters, found others"),
-        (lambda: calibration.collision(narrow, plan, 0.5), "prediction: .*choice of actions, found others"),
+        (lambda: calibration.collision(narrow, plan, 0.5), r"prediction: .*actions \(k = 1 1 .*\), found k = 2 1 1"),
         (
             lambda: calibration.collision(sidestep.OnlinePredictor(straight, WIDE, parameters=elsewhere), plan, 0.5),
             "prediction: .*model and parameters, found others",

@@ -9,12 +9,19 @@
 //! | save and load a predictor | [`PredictorFile`](predict::PredictorFile), as JSON | |
 //! | a game of one's own | [`ControlAffine`](reachability::ControlAffine) or [`Game`](reachability::Game), [`cartesian::solve`](reachability::cartesian::solve) | `own_game` |
 //! | learn a person's next input | [`train`](training::train), [`Predictor`](predict::Predictor) | `train` |
-//! | where can a person be? | [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |
+//! | where can a person be? | sets to draw: [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |
 //! | the exact set under bounds, and whether it contains a state | [`ReachableSet`](reach::ReachableSet) | below |
 //! | sets that contain the next drive with a stated probability | [`tune`](shfrs::tuning::tune) | `tune` |
-//! | is a plan clear of the person? | [`OnlinePredictor`](planner::OnlinePredictor), [`Plan`](planner::Plan), [`CoverageBounds`](planner::CoverageBounds) | `plan` |
+//! | is a plan clear of the person, in a robot's loop? | [`OnlinePredictor`](planner::OnlinePredictor), [`Plan`](planner::Plan), [`CoverageBounds`](planner::CoverageBounds) | `plan` |
+//! | the state of a game from two poses | [`relative_state`](vehicle::dubins::relative_state) | |
 //!
 //! Examples: `cargo run --release -p sidestep --example value`.
+//!
+//! # What the human is here
+//! A Dubins car: a point that moves at one constant speed, v, and turns at most at a rate of ω. Reachable sets, SHFRS and
+//! clearances hold for such a human and say nothing of one who stops or walks at another speed. Guarantees are calibrated on
+//! trajectories of such humans; recorded tracks of pedestrians are not, and are refused
+//! ([`Trajectory::check`](shfrs::window::Trajectory::check)).
 //!
 //! # Features
 //! | feature | adds |
@@ -67,7 +74,7 @@
 //! | InputBounds | lowest and highest turn rate of each coming step (Algorithm 1) |
 //! | extremal | a path whose end is on the boundary of a reachable set (Pontryagin's principle) |
 //! | switching time | when the turn rate of an extremal changes from one bound to the other |
-//! | front, rear | the boundary's parts that get farthest, and that stay farthest back |
+//! | front, rear | the parts of the boundary at the ends of the paths that get farthest, and of those that get least far |
 //! | ReachableSet | every state that is reachable under input bounds |
 //! | tube | every position that is reachable at any instant of the steps ahead |
 //! | SHFRS | stochastic human forward reachable sets: nested reachable sets with probabilities |

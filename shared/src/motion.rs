@@ -57,6 +57,15 @@ pub fn check_drive(
     Ok(())
 }
 
+/// Checks that the human moved as the human's vehicle of `parameters` can in one step, to a millimetre and a milliradian, as
+/// [`check_drive`] does.
+///
+/// # Errors
+/// [`Invalid`] that names the wrong ones of x, y and psi.
+pub fn check_step(parameters: &SceneParameters, from: Pose, to: Pose) -> Result<(), Invalid> {
+    StepLimits::of(parameters.human, parameters.step_s).check(from, to)
+}
+
 /// What a vehicle can do in one step.
 struct StepLimits {
     /// Its way, m.

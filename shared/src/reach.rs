@@ -21,10 +21,9 @@
 //! [`ReachableSet::state_membership`] tells them apart.
 //!
 //! Other polygons follow the boundary within the accuracy, if their [margin](Outline::Refined) is 0:
-//! * The set after a step consists of extremals as long as all headings are within less than a quarter turn of a common one (15 steps
-//!   of 0.2 s at ±0.5 rad/s). That they are all rests on measurement (`shared/tests/reach/closeness.rs`), that the tube lies
-//!   between them on a proof; for it the headings along each of the two outermost paths must be within a quarter turn of each
-//!   other.
+//! * Polygons consist of extremals as long as the headings along each of the two outermost paths are within a quarter turn of
+//!   each other (15 steps of 0.2 s at ±0.5 rad/s). That these extremals bound the tube is proved; that they bound the set after
+//!   a step is measured (`shared/tests/reach/closeness.rs`, `promises.rs`).
 //! * Beyond, and where bounds just forbid driving straight, polygons are made as conservative ones are, without the margin. No
 //!   position is missed by more than the accuracy: that is proven. At sharp corners they can stick out by a few times the accuracy.
 //!

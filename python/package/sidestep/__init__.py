@@ -12,9 +12,10 @@ the state of a game from two poses         `relative_state`
 a game of your own, ẋ = f + Gu u + Gd d    `Grid`, `hj_solve`
 which turns can be expected                `bounds`
 where can a vehicle be                     `reach`, `ReachableSet`
-predict a human online                     `ShfrsPredictor`, `ShfrsSettings`
+predict sets and draw them                 `ShfrsPredictor`, `ShfrsSettings`
 make a plan of speeds and turn rates       `drive`
-is a plan clear of the human               `Shfrs.clear`, `OnlinePredictor`, `largest_clear`
+predict in a robot's loop                  `OnlinePredictor`
+is a plan clear of the human               `OnlinePredictor.clear`, `Shfrs.clear`, `largest_clear`
 how probable is a collision, at most       `Calibration.collision`
 choose ε with a guarantee                  `calibrate`
 choose k or τ                              the command `sidestep shfrs` (in Rust: `tune`)
@@ -24,7 +25,12 @@ read what `sidestep export` wrote          `sidestep.exports` (needs pandas or p
 draw figures                               `sidestep.plots` (needs matplotlib)
 =========================================  ==========================================================
 
-Whatever is not accepted raises a `ValueError` that names the argument, what was expected and what was found.
+The human is a point that moves at one constant speed and turns at most at a given rate (a Dubins car), as participants
+drive it. Reachable sets, predictions and clearances hold for such a human, and say nothing of one who stops or walks at
+another speed. SHFRS: stochastic human forward reachable sets, nested regions F_1 ⊆ F_2 ⊆ … with probabilities.
+
+A value that is not accepted raises a `ValueError` that names the argument, what was expected and what was found; an
+argument of another type may raise a `TypeError` instead.
 """
 
 from ._sidestep import (

@@ -93,7 +93,7 @@ impl CoverageBounds {
     }
 
     /// The bounds that hold for all sets at once with confidence 1 − `delta`: for each set those of
-    /// Clopper and Pearson with δ divided by the number of sets. `scores` are those of calibration
+    /// Clopper and Pearson with δ divided by the number of sets that do not admit every turn rate. `scores` are those of calibration
     /// trajectories for the choice of actions of the prediction, with `base` roll-outs and `tolerance`;
     /// `epsilon` are the sets' widenings, rad/s, rising. A set that admits every turn rate is left with
     /// probability 0.
@@ -115,12 +115,13 @@ impl CoverageBounds {
         rising("epsilon", 0.0, epsilon)?;
         let n = scores.len();
         let full = everything(parameters);
+        let uncertain = epsilon.iter().filter(|&&level| level < full).count();
         let outside = |&level: &f64| {
             if level >= full {
                 return 0.0;
             }
             let inside = scores.sorted().partition_point(|&score| score <= level);
-            let tail = delta / epsilon.len() as f64;
+            let tail = delta / uncertain as f64;
             match inside {
                 0 => 1.0,
                 _ => 1.0 - beta_quantile(tail, inside as f64, (n - inside + 1) as f64),
@@ -154,7 +155,9 @@ impl CoverageBounds {
         &self.statement
     }
 
-    /// The bound for a plan with these clearances from the calibrated sets.
+    /// The bound for a plan with these clearances from the calibrated sets. It is one for a human who drives as the vehicle of
+    /// the parameters does: [`OnlinePredictor::check_human`](super::OnlinePredictor::check_human) tells whether the last
+    /// step was such a drive.
     ///
     /// # Errors
     /// [`Invalid`] if there are more or fewer sets.

@@ -6,11 +6,13 @@ use super::plan::{Footprint, Plan};
 use crate::bounds::{Algorithm1, BoundsSettings, InputBounds, Motion, Rollout};
 use crate::invalid::Invalid;
 use crate::math::{hypot, wrap_angle};
+use crate::motion::check_step;
 use crate::predict::Predictor;
 use crate::safety::SafetyLevels;
 use crate::scene::{JointState, SceneParameters};
 use crate::shfrs::PredictedHuman;
 use crate::shfrs::tuning::Tuned;
+use crate::vehicle::Pose;
 use std::sync::Arc;
 
 /// Whether a state followed from those before.
@@ -34,6 +36,8 @@ pub struct OnlinePredictor {
     /// How many states the features need.
     needed: usize,
     history: Vec<JointState>,
+    /// The human's pose before the last one that was pushed.
+    before: Option<Pose>,
     algorithm: Algorithm1,
     finder: ClearanceFinder,
     /// Whether the algorithm ran on the present history.
@@ -76,14 +80,15 @@ impl OnlinePredictor {
             settings,
             needed,
             history: Vec::with_capacity(needed),
+            before: None,
             algorithm: Algorithm1::default(),
             finder: ClearanceFinder::default(),
             predicted: false,
         })
     }
 
-    /// Predicts with what was tuned: its choice of actions, its roll-outs and its ε for F_1. Further sets
-    /// are wider by `further`, rad/s, rising and larger than the tuned ε.
+    /// Predicts with what was tuned: its choice of actions, its roll-outs and its ε for F_1. `further` are the ε of further
+    /// sets, rad/s, rising from the tuned one; twice the human's turn rate admits everything.
     ///
     /// # Errors
     /// The errors of [`Self::new`] and of [`BoundsSettings::new`].
@@ -139,13 +144,14 @@ impl OnlinePredictor {
     /// Forgets all states.
     pub fn reset(&mut self) {
         self.history.clear();
+        self.before = None;
         self.predicted = false;
     }
 
     /// Appends the state one step, `step_s` of the parameters, after the last one. If the human moved or turned more than twice as
     /// much as the vehicle can in a step, the states before are forgotten. Where a state was missed, call [`Self::reset`] and
-    /// begin anew. Sets are of a human who moves at the speed of the parameters, whatever the states say: for one who stands
-    /// still or walks faster they prove nothing.
+    /// begin anew. Sets assume that the human goes on at the speed of the parameters and within its turn rate: for one who
+    /// stands still, or moves slower or faster, they prove nothing. [`Self::check_human`] tells.
     ///
     /// # Errors
     /// [`Invalid`] if a coordinate is not finite or beyond [`Pose::MOST`](crate::vehicle::Pose::MOST); the history is then
@@ -153,6 +159,7 @@ impl OnlinePredictor {
     pub fn push(&mut self, state: JointState) -> Result<Continuity, Invalid> {
         state.check().map_err(|invalid| invalid.within("state"))?;
         self.predicted = false;
+        self.before = self.history.last().map(|last| last.human);
         let jumped = self.history.last().is_some_and(|last| self.jumped(last, &state));
         if jumped {
             self.history.clear();
@@ -162,6 +169,17 @@ impl OnlinePredictor {
         }
         self.history.push(state);
         Ok(if jumped { Continuity::Restarted } else { Continuity::Continues })
+    }
+
+    /// Whether the human moved in the last step as the human's vehicle of the parameters can, to a millimetre and a milliradian.
+    /// The sets, and what is said of their probability, assume that the next steps are such.
+    ///
+    /// # Errors
+    /// [`Invalid`] if not ([`check_step`]). One state alone has no step: it passes.
+    pub fn check_human(&self) -> Result<(), Invalid> {
+        let (Some(before), Some(last)) = (self.before, self.history.last()) else { return Ok(()) };
+        check_step(&self.parameters, before, last.human)
+            .map_err(|invalid| invalid.within("state.human"))
     }
 
     fn jumped(&self, last: &JointState, state: &JointState) -> bool {

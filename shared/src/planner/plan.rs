@@ -5,7 +5,7 @@ use crate::math::{PI, hypot, sin_cos, sinc, wrap_angle};
 use crate::reach::polygon::signed_distance;
 use crate::vehicle::{Pose, dubins};
 
-/// What the robot can do. A plan that needs more jumps.
+/// What the robot can do. A plan that exceeds it is refused as a jump.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PlanLimits {

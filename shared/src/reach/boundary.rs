@@ -126,7 +126,7 @@ impl Workspace {
 }
 
 /// Whether the boundary of the set after `steps` steps, and that of the tube up to then, consist of the curves drawn here: if the
-/// headings along each outermost path are within a quarter turn of each other, and no bounds just forbid to drive straight,
+/// headings along each outermost path are within a quarter turn of each other, and no bounds just forbid driving straight,
 /// where extremals diverge too fast.
 ///
 /// Of a tube, this is proven: where the time is free, boundary paths arrive at a right angle to their direction, and do not switch

@@ -73,7 +73,7 @@ fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
 impl ReachableSet {
     /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`,
     /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s. Bounds that
-    /// forbid to drive straight by less than 10⁻⁴ rad/s are taken to allow it.
+    /// forbid driving straight by less than 10⁻⁴ rad/s are taken to allow it.
     ///
     /// # Errors
     /// [`Invalid`] if speed or step is not > 0, the start is beyond 10⁶ m or 10⁴ rad, a step

@@ -104,8 +104,32 @@ fn a_jump_begins_a_new_history() {
     let turned = JointState { human: Pose { psi: far.human.psi + 1.0, ..far.human }, ..far };
     assert_eq!(online.push(turned), Ok(Continuity::Restarted));
     online.reset();
-    assert!(online.history().is_empty());
+    assert!(online.history().is_empty() && online.check_human().is_ok());
     assert_eq!(online.predict().unwrap_err().field, "history");
+}
+
+/// Sets are of a human who drives as the vehicle does.
+#[test]
+fn a_human_at_another_speed_is_noticed() {
+    let (mut online, states) = (online(), drive());
+    for state in &states[..8] {
+        assert_eq!(online.push(*state), Ok(Continuity::Continues));
+        assert_eq!(online.check_human(), Ok(()));
+    }
+    let moved = |way_m: f64| {
+        let (human, mut next) = (states[7].human, states[8]);
+        let (sin, cos) = sin_cos(human.psi);
+        next.human = Pose::new(human.x + way_m * cos, human.y + way_m * sin, human.psi);
+        next
+    };
+    // Stands, is slower and faster, jumps; at 2 m/s a step of 0.2 s is 0.4 m.
+    for way_m in [0.0, 0.2, 0.396, 0.404, 0.7, 3.0] {
+        let mut online = online.clone();
+        online.push(moved(way_m)).unwrap();
+        assert_eq!(online.check_human().unwrap_err().field, "state.human.x, y", "{way_m} m");
+    }
+    online.push(moved(0.4)).unwrap();
+    assert_eq!(online.check_human(), Ok(()));
 }
 
 #[test]
@@ -237,6 +261,9 @@ fn bounds_say_what_they_assume_and_refuse_bad_input() {
         assert!((found - (1.0 - inside)).abs() < 1e-9, "{found}");
     }
     assert!(bounds.statement().contains("confidence 0.95") && bounds.margin_m() < 0.02);
+    // A set that admits everything takes no share of δ.
+    let (alone, beside) = (of(&[0.505], 0.05).unwrap(), of(&[0.505, 1.0], 0.05).unwrap());
+    assert_eq!(beside.outside(), [alone.outside()[0], 0.0]);
     assert_eq!(of(&[], 0.05).unwrap_err().field, "epsilon");
     assert_eq!(of(&[0.3, 0.2], 0.05).unwrap_err().field, "epsilon[1]");
     assert_eq!(of(&[0.3, f64::NAN], 0.05).unwrap_err().field, "epsilon[1]");
