@@ -4,7 +4,7 @@ use sidestep::bounds::{
     ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
 };
 use sidestep::features::FeatureSet;
-use sidestep::math::SeededRng;
+use sidestep::math::{SeededRng, sin_cos};
 use sidestep::planner::{
     ClearanceFinder, Continuity, CoverageBounds, Footprint, HumanFuture, OnlinePredictor, Plan,
 };
