@@ -137,9 +137,9 @@ impl Solution {
     /// Returns
     /// -------
     /// u : array of float64, shape (…, m)
-    ///     Of the player who minimises V; the middle of its range for an input on which nothing depends.
+    ///     Of the player who minimises V.
     /// d : array of float64, shape (…, k)
-    ///     Of the player who maximises V.
+    ///     Of the player who maximises V. An input on which nothing depends is the middle of its range.
     ///
     /// Raises
     /// ------

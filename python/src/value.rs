@@ -67,7 +67,8 @@ pub(crate) fn value<'py>(
 /// gradient : array of float64, shape (…, 3)
 ///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
 /// turns : array of float64, shape (…, 2)
-///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive.
+///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive. Where V does not depend on a turn, it is any
+///     of the vehicle's: 0 or either extreme.
 /// inside : array of bool, shape (…,)
 ///     Whether the state is inside the solved grid; always, with the closed form.
 ///

@@ -99,7 +99,7 @@ def test_the_sets_of_a_loop_have_its_speed_and_step():
     parameters = sidestep.SceneParameters(human=sidestep.VehicleModel(1.4, 1.0), step_s=0.1)
     model = sidestep.Predictor.constant([-1, 0, 1], [0.1, 0.8, 0.1])
     online = sidestep.OnlinePredictor(model, parameters=parameters)
-    with pytest.raises(ValueError, match="history: expected at least 1 states, .*found 0"):
+    with pytest.raises(ValueError, match="history: expected at least 1 state, .*found 0"):
         online.sets()
     online.push(CROSSED)
     sets = online.sets()

@@ -111,7 +111,7 @@
 //! let parameters = SceneParameters::default(); // the paper's vehicles and steps
 //! // Two sets: the two likeliest actions at each of ten steps, and every turn rate.
 //! let choice = ActionChoice::TopK(vec![2; 10]);
-//! let settings = BoundsSettings::new(vec![0.0, 1.0], choice, Rollout::Base, 3)?;
+//! let settings = BoundsSettings::new(vec![0.0, 1.0], choice, Rollout::Base, 3)?; // three actions
 //! let found = input_bounds(&[now], &parameters, &Dancer, |_| 0.0, &settings)?;
 //! assert_eq!((found.sets[0].lo()[0], found.sets[0].hi()[0]), (0.0, 0.5));
 //!

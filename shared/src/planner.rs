@@ -28,7 +28,7 @@
 //! let safety = predictor.features().safety(&parameters, &mut |_| ControlFlow::Continue(()))?;
 //! // Three sets: straight on, turns of up to 0.2 rad/s, and every turn, over ten steps.
 //! let choice = ActionChoice::TopK(vec![1; 10]);
-//! let settings = BoundsSettings::new(vec![0.0, 0.2, 1.0], choice, Rollout::Base, 3)?;
+//! let settings = BoundsSettings::new(vec![0.0, 0.2, 1.0], choice, Rollout::Base, 3)?; // three actions
 //! let mut online = OnlinePredictor::new(predictor, safety, parameters, settings)?;
 //!
 //! let robot = Pose::new(2.0, -2.4, 1.57); // to the human's right, heading for the human's way

@@ -197,7 +197,8 @@ impl OnlinePredictor {
     pub fn predict(&mut self) -> Result<&[InputBounds], Invalid> {
         let held = self.history.len();
         if held < self.needed {
-            let expected = format!("at least {} states, as the features look back", self.needed);
+            let states = if self.needed == 1 { "state" } else { "states" };
+            let expected = format!("at least {} {states}, as the features look back", self.needed);
             return Err(Invalid::new("history", expected, held));
         }
         self.predicted = false;
