@@ -132,8 +132,8 @@ impl OnlinePredictor {
         stacked(py, sets.iter())
     }
 
-    /// Predicts as `predict` does, and gives the sets under these bounds: where the human of the parameters, who is
-    /// now where the last state says, can be at their speed and with their steps.
+    /// Predicts as `predict` does, and returns the reachable sets under these bounds: from the human's last pose, at the speed
+    /// and with the steps of the parameters.
     ///
     /// Returns
     /// -------

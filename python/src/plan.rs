@@ -182,7 +182,7 @@ pub(crate) fn drive_all<'py>(
 /// Returns
 /// -------
 /// int or None
-///     Counted from 0, as in `Shfrs.sets`; `None` if the human may come nearer even within the smallest.
+///     Counted from 0, as in `Shfrs.sets`; `None` if the plan is not clear of the smallest.
 #[pyfunction]
 #[pyo3(signature = (clearances, margin_m=0.0))]
 pub(crate) fn largest_clear(

@@ -21,7 +21,8 @@ use crate::scalars::{real, whole};
 /// start : array of float64, shape (3,)
 ///     The pose (x, y, ψ) now, world frame, m, m, rad.
 /// lo, hi : array of float64, shape (T,), 1 ≤ T ≤ 100
-///     Lowest and highest turn rate of each step, rad/s, left positive; at most half a turn a step.
+///     Lowest and highest turn rate of each step, rad/s, left positive; at most half a turn a step. Bounds that forbid
+///     driving straight by less than 10⁻⁵ rad in all steps together are taken to allow it.
 /// speed_mps : float
 ///     > 0, m/s; a step is at most 100 m. The paper's by default.
 /// step_s : float
@@ -58,10 +59,9 @@ impl ReachableSet {
     ///     How far edges may lie from the true boundary, m; 10⁻⁶ to 1. Where that would take too much work, at large turns a
     ///     step, over many steps or at high accuracy, the polygon is larger, and contains the set.
     /// conservative : bool
-    ///     Whether the polygon goes around the set, as the library's documentation says of
-    ///     `PolygonSettings::conservative`, instead of following its boundary to either side.
+    ///     Whether the polygon must contain the set, instead of following its boundary to either side.
     /// return_margin : bool
-    ///     Whether to return too by how much the polygon was grown so that it contains the set.
+    ///     Whether to also return the margin.
     ///
     /// Returns
     /// -------
@@ -69,8 +69,10 @@ impl ReachableSet {
     ///     Vertices (x, y), world frame, m, counter-clockwise, the first not repeated. If the bounds leave no choice,
     ///     a strip along the path, a five-hundredth of the accuracy wide.
     /// margin_m : float
-    ///     Only with `return_margin`, m. 0 if the polygon follows the boundary to either side; infinity if it is a convex
-    ///     polygon around the set, because its boundary would have taken too much work.
+    ///     Only with `return_margin`, m. 0: the polygon follows the boundary to either side, but for sharp corners, which
+    ///     can stick out by several times the accuracy. Otherwise it contains the set: it was grown by that much, and lies
+    ///     farther outside where it was drawn coarsely. Infinity: it is convex, since following the boundary would have
+    ///     taken too much work.
     #[pyo3(signature = (*, accuracy_m=1e-3, conservative=false, return_margin=false))]
     fn tube<'py>(
         &self,
@@ -206,7 +208,7 @@ impl ReachableSet {
 
 /// The reachable set of each of m sets of bounds, as `bounds` returns them.
 ///
-/// Speed and step are those of the paper unless they are given, whatever the parameters that the bounds came from.
+/// Speed and step are the paper's unless you give them: the bounds do not know those of their prediction.
 /// `Shfrs.sets` and `OnlinePredictor.sets` have the sets of a prediction with its own.
 ///
 /// Parameters

@@ -99,6 +99,10 @@ impl ShfrsSettings {
         by_step: bool,
     ) -> Result<Self, Error> {
         let turn_rate_radps = positive("turn_rate_radps", turn_rate_radps)?;
+        if !(4.0 * turn_rate_radps).is_finite() {
+            let expected = "a turn rate that can be multiplied";
+            return Err(Invalid::new("turn_rate_radps", expected, turn_rate_radps).into());
+        }
         let preset =
             PRESETS.iter().find(|preset| preset.name.ends_with(figure) && !figure.is_empty());
         let preset =
@@ -311,7 +315,8 @@ impl Shfrs {
     ///     What the robot can do, > 0, m/s and rad/s: a plan that exceeds it is refused as a jump. By default the speed
     ///     and turn rate of the robot of the parameters.
     /// accuracy_m : float
-    ///     How far a clearance up to 2 m may be below the true one, m; 10⁻⁴ to 10.
+    ///     How far a clearance up to 2 m may be below the true one, m; 10⁻⁴ to 10. It can be lower still where the search
+    ///     is cut short, at large turns a step or over tens of steps.
     ///
     /// Returns
     /// -------

@@ -128,7 +128,7 @@ def test_a_decision_tree_with_weights_is_refused(rows):
         # The weights of the only node sum to the number of its rows, and are whole.
         DecisionTreeClassifier(min_samples_leaf=200, class_weight="balanced").fit(x[:300], np.arange(300) // 120 - 1),
     ):
-        with pytest.raises(ValueError, match="estimator: expected a tree fitted without weights, found one with"):
+        with pytest.raises(ValueError, match="estimator: expected a tree fitted without weights or constraints, found"):
             sidestep.from_sklearn(model, NAMES)
 
 

@@ -220,7 +220,7 @@ def test_an_online_predictor_is_the_library_state_by_state(people):
     assert not online.push(jump) and len(online.history) == 1
     for call, complaint in (
         (online.predict, "history: expected at least 2 states"),
-        (lambda: online.clear(ahead, 0.4), "predict: expected a prediction from the latest state, found none"),
+        (lambda: online.clear(ahead, 0.4), "predict: expected a call since the latest state, found none"),
         (lambda: online.push(np.zeros((3, 2))), r"state: expected an array of shape \(2, 3\)"),
         (lambda: online.push(np.full((2, 3), 1e9)), r"state\.human\.x: expected"),
         (lambda: sidestep.OnlinePredictor(model, accuracy_m=0.0), "accuracy_m: expected"),

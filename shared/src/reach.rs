@@ -51,7 +51,7 @@ pub use boundary::Workspace;
 pub use budget::{Cancelled, Progress};
 pub use membership::{Membership, Side, StateMargins, Tolerance};
 pub use minkowski::minkowski_disc;
-pub(crate) use paths::NEARLY_ZERO;
+pub(crate) use paths::nearly_zero;
 pub use sampling::{Outline, PolygonSettings};
 pub use set::ReachableSet;
 pub use start::{PositionUncertainty, StartSet};

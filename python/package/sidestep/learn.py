@@ -262,7 +262,7 @@ def _tree(model: Any, _scaler: Any) -> dict[str, Any]:
     # Whole weights, too, leave whole counts, but not as many as there were rows.
     weighted = model.class_weight is not None or np.any(tree.n_node_samples != tree.weighted_n_node_samples)
     if weighted or np.abs(counts - whole).max() > 1e-6:
-        raise ValueError("estimator: expected a tree fitted without weights, found one with weights")
+        raise ValueError("estimator: expected a tree fitted without weights or constraints, found other shares in its leaves")
     return {"kind": "tree", "tree": {**_questions(tree), "counts": whole.astype(int).tolist()}}
 
 

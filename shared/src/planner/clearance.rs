@@ -78,17 +78,24 @@ impl Clearances {
 #[non_exhaustive]
 pub struct ClearanceSettings {
     /// [`Clearance::at_most_m`] exceeds [`Clearance::at_least_m`] (if negative: 0) by no more than
-    /// this, m, unless one of the limits below ends the search.
+    /// this, m, unless one of the limits below ends the search, as they do at long horizons and large turns.
     pub accuracy_m: f64,
     /// A clearance that is at least this, m, needs no accuracy.
     pub enough_m: f64,
     /// In at most so many parts drives and time are divided, for a set and a step. A search that ends
     /// here gives a clearance that is too small rather than too large.
     pub most_parts: usize,
+    /// Units of work for all sets and steps together, so that long horizons and fast turns take bounded time, too. A unit is
+    /// a piece of time seen from one direction. Each step of each set has an equal share of
+    /// what is left, and at least one part.
+    pub most_work: usize,
 }
 
+/// Of a plan, unless something else is asked for.
+const MOST_WORK: usize = 500_000;
+
 impl ClearanceSettings {
-    /// An accuracy of `accuracy_m`, m, up to a clearance of 2 m, in at most 400 parts.
+    /// An accuracy of `accuracy_m`, m, up to a clearance of 2 m, in at most 400 parts and 500,000 units of work.
     ///
     /// # Errors
     /// [`Invalid`] if the accuracy is not from 10⁻⁴ to 10 m.
@@ -96,7 +103,7 @@ impl ClearanceSettings {
         if !(1e-4..=10.0).contains(&accuracy_m) {
             return Err(Invalid::new("accuracy_m", "10⁻⁴ to 10 m", accuracy_m));
         }
-        Ok(Self { accuracy_m, enough_m: 2.0, most_parts: 400 })
+        Ok(Self { accuracy_m, ..Self::default() })
     }
 
     /// The same with another clearance that needs no accuracy, m; +∞ if all need it.
@@ -120,6 +127,12 @@ impl ClearanceSettings {
         }
         Err(Invalid::new("most_parts", "a whole number from 1 to 1000000", most_parts))
     }
+
+    /// The same with another limit of the work on all sets and steps.
+    #[must_use]
+    pub fn with_most_work(self, most_work: usize) -> Self {
+        Self { most_work, ..self }
+    }
 }
 
 impl ClearanceSettings {
@@ -130,8 +143,8 @@ impl ClearanceSettings {
 }
 
 impl Default for ClearanceSettings {
-    /// An accuracy of 2 cm up to a clearance of 2 m, in at most 400 parts.
+    /// An accuracy of 2 cm up to a clearance of 2 m, in at most 400 parts and 500,000 units of work.
     fn default() -> Self {
-        Self { accuracy_m: 0.02, enough_m: 2.0, most_parts: 400 }
+        Self { accuracy_m: 0.02, enough_m: 2.0, most_parts: 400, most_work: MOST_WORK }
     }
 }

@@ -14,7 +14,7 @@
 
 use super::clearance::Clearances;
 use crate::invalid::{Invalid, length};
-use crate::reach::{NEARLY_ZERO, Tolerance};
+use crate::reach::{Tolerance, nearly_zero};
 use crate::scene::SceneParameters;
 use crate::shfrs::scores::Scores;
 use crate::shfrs::tuning::Tuned;
@@ -191,6 +191,6 @@ fn margin_m(parameters: &SceneParameters, tolerance: Tolerance, steps: usize) ->
     let range = 2.0 * parameters.human.turn_rate_radps;
     // Membership takes bounds that nearly admit straight driving to admit it.
     let ahead_s = steps as f64 * parameters.step_s;
-    let nearly = 0.5 * v * NEARLY_ZERO * ahead_s * ahead_s;
+    let nearly = 0.5 * v * nearly_zero(ahead_s) * ahead_s * ahead_s;
     tolerance.position_m + v * half_s * (tolerance.heading_rad + 0.5 * range * half_s) + nearly
 }

@@ -140,6 +140,7 @@ impl ClearanceFinder {
         self.found.steps = steps;
         self.found.all.clear();
         self.found.all.resize(future.sets.len() * steps, Clearance::NONE);
+        let (mut left, mut undecided) = (settings.most_work, future.sets.len() * steps);
         // From the largest set on: what holds for it holds for those inside.
         for (j, set) in future.sets.iter().enumerate().rev() {
             let (start, speed_mps, step_s) = (future.start, future.speed_mps, future.step_s);
@@ -148,7 +149,11 @@ impl ClearanceFinder {
             for step in 0..steps {
                 let larger = self.found.all.get((j + 1) * steps + step).copied();
                 let at_least = larger.map_or(f64::NEG_INFINITY, |larger| larger.at_least_m);
-                self.found.all[j * steps + step] = self.search.step(&setting, step, at_least);
+                let (clearance, work) =
+                    self.search.step(&setting, step, at_least, left / undecided);
+                self.found.all[j * steps + step] = clearance;
+                left = left.saturating_sub(work);
+                undecided -= 1;
             }
         }
         // A drive of a smaller set is one of the larger sets as well.

@@ -218,7 +218,7 @@ impl OnlinePredictor {
     /// [`ClearanceFinder::find`].
     pub fn clear(&mut self, plan: &Plan, footprint: &Footprint) -> Result<&Clearances, Invalid> {
         if !self.predicted {
-            return Err(Invalid::new("predict", "a prediction from the latest state", "none"));
+            return Err(Invalid::new("predict", "a call since the latest state", "none"));
         }
         let found = self.algorithm.found();
         let future = HumanFuture {

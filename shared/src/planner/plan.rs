@@ -18,6 +18,9 @@ pub struct PlanLimits {
 /// Poses may exceed a limit by this share: they were rounded.
 const ROUNDING: f64 = 1e-9;
 
+/// Beyond, rounding would decide which way a step turns.
+const MOST_TURN_RAD: f64 = PI - 1e-6;
+
 impl PlanLimits {
     /// A greatest speed, m/s, and a greatest turn rate, rad/s.
     #[must_use]
@@ -76,8 +79,8 @@ impl Plan {
     ///
     /// # Errors
     /// [`Invalid`] if there are fewer than two poses, a coordinate is not finite or beyond
-    /// [`Pose::MOST`], a step exceeds the limits (naming the pose to which it jumps), or
-    /// `step_s` or a limit is not > 0.
+    /// [`Pose::MOST`], a step exceeds the limits (naming the pose to which it jumps) or turns by half a turn, so that
+    /// the poses do not tell which way, or `step_s` or a limit is not > 0.
     pub fn new(poses: Vec<Pose>, step_s: f64, limits: PlanLimits) -> Result<Self, Invalid> {
         positive("step_s", step_s)?;
         limits.check().map_err(|invalid| invalid.within("limits"))?;
@@ -103,8 +106,8 @@ impl Plan {
     /// each step.
     ///
     /// # Errors
-    /// The errors of [`Self::new`]; and [`Invalid`] if the vehicle turns by more than half a turn in
-    /// a step, which poses cannot tell from a smaller turn.
+    /// The errors of [`Self::new`]; and [`Invalid`] if the vehicle turns by half a turn or more in
+    /// a step, which poses cannot tell from a turn to the other side.
     pub fn driven(
         start: Pose,
         inputs: &[(f64, f64)],
@@ -115,8 +118,8 @@ impl Plan {
         let mut pose = start;
         for (i, &(speed, rate)) in inputs.iter().enumerate() {
             let turn_rad = rate * step_s;
-            if turn_rad.is_nan() || turn_rad.abs() > PI {
-                let expected = format!("at most half a turn in a step of {step_s} s");
+            if turn_rad.is_nan() || turn_rad.abs() > MOST_TURN_RAD {
+                let expected = format!("less than half a turn in a step of {step_s} s");
                 let found = format!("{rate} rad/s");
                 return Err(Invalid::new(format!("inputs[{i}].turn_rate"), expected, found));
             }
@@ -185,6 +188,10 @@ fn check(poses: &[Pose], step_s: f64, limits: &PlanLimits) -> Result<(), Invalid
             let metres = limits.most_speed_mps * step_s;
             let expected = format!("at most {metres} m after poses[{i}], as the limits allow");
             return Err(Invalid::new(to(), expected, format!("{} m", leg.length_m)));
+        }
+        if leg.turn_rad.abs() > MOST_TURN_RAD {
+            let expected = format!("less than half a turn after poses[{i}], whose side poses tell");
+            return Err(Invalid::new(to(), expected, format!("{} rad", leg.turn_rad)));
         }
         if leg.turn_rad.abs() > most(limits.most_turn_rate_radps) + ROUNDING {
             let rad = limits.most_turn_rate_radps * step_s;

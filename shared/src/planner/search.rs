@@ -67,6 +67,9 @@ const MOST_DIRECTIONS: usize = 4;
 const LEAST_TURN_RAD: f64 = 0.02;
 const MOST_TURN_RAD: f64 = 0.5;
 
+/// Most pieces, unless a drive would turn by more than [`MOST_TURN_RAD`] in one.
+const MOST_PIECES: f64 = 1000.0;
+
 /// Directions that differ by less are the same, rad.
 const SAME_RAD: f64 = 1e-6;
 
@@ -84,6 +87,8 @@ pub(super) struct Search {
     tube: Tube,
     farthest: Farthest,
     open: BinaryHeap<Part>,
+    /// Pieces of time that were looked at in this step.
+    work: usize,
     /// The direction that told most in the step before.
     alpha: Option<f64>,
     /// The parts in which the drives were divided at the end of the step before.
@@ -107,6 +112,10 @@ impl Search {
         // together at most a quarter of the accuracy.
         let length_m = on.speed_mps * on.step_s * bounds.steps() as f64;
         let turn_rad = (6.0 * on.settings.accuracy_m / length_m).sqrt();
+        // But not more pieces than the work allows.
+        let most =
+            bounds.lo().iter().chain(bounds.hi()).fold(0.0, |most: f64, rate| most.max(rate.abs()));
+        let turn_rad = turn_rad.max(most * on.step_s * bounds.steps() as f64 / MOST_PIECES);
         self.pieces.set(bounds, on.step_s, turn_rad.clamp(LEAST_TURN_RAD, MOST_TURN_RAD));
         self.alpha = None;
         self.seeds.clear();
@@ -117,9 +126,17 @@ impl Search {
         self.farthest.reserve(self.pieces.len());
     }
 
-    /// The clearance in step `step`, from 0; it is known to be `at_least_m`.
-    pub(super) fn step(&mut self, on: &Setting<'_>, step: usize, at_least_m: f64) -> Clearance {
+    /// The clearance in step `step`, from 0, and the work on it; the clearance is known to be `at_least_m`. Once the work is more
+    /// than `most_work`, no part is divided any more.
+    pub(super) fn step(
+        &mut self,
+        on: &Setting<'_>,
+        step: usize,
+        at_least_m: f64,
+        most_work: usize,
+    ) -> (Clearance, usize) {
         let ClearanceSettings { accuracy_m, most_parts, .. } = on.settings;
+        self.work = 0;
         self.open.clear();
         let leg = on.plan.leg(step);
         let alpha = self.alpha.unwrap_or_else(|| {
@@ -145,7 +162,8 @@ impl Search {
             part.at_least_m >= on.settings.goal(at_most_m) || at_most_m <= accuracy_m
         };
         let mut parts = 0;
-        let again = (2..=MOST_SEEDS.min(most_parts)).contains(&self.seeds.len());
+        let again = (2..=MOST_SEEDS.min(most_parts)).contains(&self.seeds.len())
+            && self.seeds.len() * self.work <= most_work;
         if again && !self.open.peek().is_some_and(|part| suffices(part, at_most_m)) {
             // What had to be told apart a step before is to be told apart now.
             parts = self.seeds.len();
@@ -157,7 +175,7 @@ impl Search {
         }
         self.seeds.clear();
         while let Some(part) = self.open.pop() {
-            if suffices(&part, at_most_m) || parts >= most_parts {
+            if suffices(&part, at_most_m) || parts >= most_parts || self.work > most_work {
                 settled_m = settled_m.min(part.at_least_m);
                 self.open.push(part);
                 break;
@@ -180,7 +198,7 @@ impl Search {
         open.clear();
         self.open = open;
         // All drives and the whole time were in some part.
-        Clearance { at_least_m: settled_m.min(at_most_m), at_most_m }
+        (Clearance { at_least_m: settled_m.min(at_most_m), at_most_m }, self.work)
     }
 
     /// Keeps the drives of a part that lasts to the end of the step. Every drive is in such a part.
@@ -230,6 +248,7 @@ impl Search {
         let (mut alpha, mut bracket) = (part.alpha, [None; 2]);
         let (mut share, mut last) = (0.0, alpha);
         for _ in 0..MOST_DIRECTIONS {
+            self.work += self.tube.pieces.len() + 1;
             let ends = look.along(alpha, &self.tube, &mut self.farthest);
             let least = ends[0].at_least_m.min(ends[1].at_least_m) - look.bulge_m;
             *at_most_m = at_most_m.min(ends[0].at_most_m).min(ends[1].at_most_m);

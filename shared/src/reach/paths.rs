@@ -156,14 +156,19 @@ impl Path {
     }
 }
 
-/// Bounds that forbid driving straight by less than this, rad/s, are taken for zero: extremals
-/// would diverge there by more than numbers can tell. In a step of 0.2 s this allows 2·10⁻⁵ rad
-/// more.
-pub(crate) const NEARLY_ZERO: f64 = 1e-4;
+/// Bounds that forbid driving straight by less than this, rad/s, within `seconds` are taken for zero: extremals
+/// would diverge there by more than numbers can tell. This allows 10⁻⁵ rad more, and positions at most that share of the way
+/// farther out.
+pub(crate) fn nearly_zero(seconds: f64) -> f64 {
+    (1e-5 / seconds).min(1e-4)
+}
 
 /// Bounds that forbid driving straight by less than this, rad/s, graze it: neighbouring extremals diverge so fast there that not
 /// every one between them is found.
 const GRAZING: f64 = 0.01;
+
+/// The same in a step, rad.
+const GRAZING_RAD: f64 = 0.002;
 
 /// The bounds and their two outermost paths.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -187,12 +192,11 @@ impl Paths {
     /// The same as [`Self::new`], in the memory that is there.
     pub(super) fn reset(&mut self, bounds: &InputBounds, step_s: f64) {
         self.step_s = step_s;
+        let nearly = nearly_zero(step_s * bounds.steps() as f64);
         self.lo.clear();
-        self.lo
-            .extend(bounds.lo().iter().map(|&lo| if lo < NEARLY_ZERO { lo.min(0.0) } else { lo }));
+        self.lo.extend(bounds.lo().iter().map(|&lo| if lo < nearly { lo.min(0.0) } else { lo }));
         self.hi.clear();
-        self.hi
-            .extend(bounds.hi().iter().map(|&hi| if hi > -NEARLY_ZERO { hi.max(0.0) } else { hi }));
+        self.hi.extend(bounds.hi().iter().map(|&hi| if hi > -nearly { hi.max(0.0) } else { hi }));
         self.low.reset(&self.lo, step_s);
         self.high.reset(&self.hi, step_s);
     }
@@ -213,9 +217,10 @@ impl Paths {
 
     /// Whether one of the first `steps` steps has a choice that just does not admit to drive straight.
     pub(super) fn graze_straight(&self, steps: usize) -> bool {
+        let grazing = GRAZING.max(GRAZING_RAD / self.step_s);
         self.lo.iter().zip(&self.hi).take(steps).any(|(lo, hi)| {
             let forbidden_by = lo.max(-hi);
-            lo < hi && 0.0 < forbidden_by && forbidden_by < GRAZING
+            lo < hi && 0.0 < forbidden_by && forbidden_by < grazing
         })
     }
 

@@ -20,15 +20,15 @@ pub struct PolygonSettings {
 pub enum Outline {
     /// Along the boundary, also where that is not convex.
     Refined {
-        /// By how much the polygon was grown so that it surely contains the set, m. More than the accuracy if that would
-        /// have taken more than [`PolygonSettings::most_pieces`]. If it is 0, the polygon follows the boundary to either
+        /// By how much the polygon was grown so that it surely contains the set, m; its edges may lie farther from the set, where
+        /// it was drawn coarsely. More than the accuracy if that would have taken more than [`PolygonSettings::most_pieces`]. If it is 0, the polygon follows the boundary to either
         /// side within the accuracy. Unless it is [conservative](PolygonSettings::conservative), it is 0 where that takes no
         /// more than [`PolygonSettings::most_work`] ([where that is](super#what-is-promised)).
         margin_m: f64,
     },
     /// Convex, and around the whole set with its holes and indentations, whatever the settings: following the boundary would
-    /// have taken more than [`PolygonSettings::most_work`], or the margin would have made the polygon larger than this
-    /// one. In every direction it reaches at most 0.03 % farther than if each path could have, at each
+    /// have taken more than [`PolygonSettings::most_work`], or a polygon that was drawn coarsely would have been larger than
+    /// this one. In every direction it reaches at most 0.03 % farther than if each path could have, at each
     /// instant, the admissible heading nearest to that direction.
     ConvexHull,
 }

@@ -41,6 +41,9 @@ const MOST_FINE_PIECES: usize = 10_000;
 /// Where that takes too much, the boundary is drawn this many times more coarsely.
 const COARSER: f64 = 16.0;
 
+/// Extremals are not told apart more finely than this, s of travel.
+const LEAST_TOLERANCE: f64 = 1e-7;
+
 /// Longest step, m.
 const MOST_STEP_M: f64 = 100.0;
 
@@ -72,8 +75,9 @@ fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
 
 impl ReachableSet {
     /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`,
-    /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s. Bounds that
-    /// forbid driving straight by less than 10⁻⁴ rad/s are taken to allow it.
+    /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s. Bounds that forbid driving straight by less than 10⁻⁴ rad/s,
+    /// and by less than 10⁻⁵ rad in the time of all steps, are taken to allow it: by that the set grows by at most 10⁻⁵ of the
+    /// way.
     ///
     /// # Errors
     /// [`Invalid`] if speed or step is not > 0, the start is beyond 10⁶ m or 10⁴ rad, a step
@@ -243,6 +247,8 @@ impl ReachableSet {
             self.follow((steps, tube), settings, workspace, budget)
         };
         let margin_m = self.speed_mps * margin;
+        // What is grown, but need not be, is coarse.
+        let most_m = if settings.is_conservative() { settings.accuracy_m() } else { 0.0 };
         self.widen(settings, workspace, budget);
         if budget.is_cancelled() {
             return Outline::ConvexHull;
@@ -250,9 +256,7 @@ impl ReachableSet {
         let outline = if budget.is_spent() {
             self.surround_hull((steps, tube), settings, workspace);
             Outline::ConvexHull
-        } else if margin_m > settings.accuracy_m()
-            && self.hull_is_smaller((steps, tube), settings, workspace)
-        {
+        } else if margin_m > most_m && self.hull_is_smaller((steps, tube), settings, workspace) {
             core::mem::swap(&mut workspace.boundary, &mut workspace.curve);
             Outline::ConvexHull
         } else {
@@ -295,7 +299,8 @@ impl ReachableSet {
         workspace: &mut Workspace,
         budget: &Budget<'_>,
     ) -> f64 {
-        if !boundary::is_of_extremals(&self.paths, steps) {
+        let extremals = boundary::is_of_extremals(&self.paths, steps);
+        if !extremals || self.tolerance(settings) < LEAST_TOLERANCE {
             return self.follow_closely((steps, tube), settings, workspace, budget);
         }
         let (least, tolerance) = (settings.least_pieces(), self.tolerance(settings));

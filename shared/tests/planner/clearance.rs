@@ -226,14 +226,17 @@ fn little_work_is_careful() {
         let plan = any_plan(class, &mut rng);
         let start = Pose::new(0.0, 0.0, 0.0);
         let future = HumanFuture { start, sets: &sets, speed_mps: 2.0, step_s: 0.2 };
-        let find = |most_parts| {
+        let find = |most_parts, most_work| {
             let settings = ClearanceSettings::default().with_most_parts(most_parts).unwrap();
+            let settings = settings.with_most_work(most_work);
             let mut finder = ClearanceFinder::new(settings);
             finder.find(&future, &plan, &footprint(case)).unwrap().clone()
         };
-        let (little, much) = (find(1), find(400));
-        for (little, much) in little.by_step(0).iter().zip(much.by_step(0)) {
-            assert!(little.at_least_m <= much.at_most_m && much.at_least_m <= little.at_most_m);
+        let much = find(400, usize::MAX);
+        for little in [find(1, usize::MAX), find(400, 0), find(400, 1000)] {
+            for (little, much) in little.by_step(0).iter().zip(much.by_step(0)) {
+                assert!(little.at_least_m <= much.at_most_m && much.at_least_m <= little.at_most_m);
+            }
         }
     }
 }

@@ -59,6 +59,23 @@ fn plans_that_jump_are_refused() {
     assert_eq!(plan.poses()[1].x, 0.2);
 }
 
+/// Poses do not tell a half turn to the left from one to the right.
+#[test]
+fn half_a_turn_in_a_step_is_refused() {
+    let (start, limits) = (Pose::new(0.0, 2.2, 0.5 * PI), PlanLimits::new(10.0, 100.0));
+    for turn in [-PI, PI, PI - 1e-9] {
+        let refused = Plan::driven(start, &[(0.0, turn / 0.2)], 0.2, limits).unwrap_err();
+        assert_eq!(refused.field, "inputs[0].turn_rate", "{turn}");
+        let poses = vec![start, Pose::new(0.0, 2.2, wrap_angle(0.5 * PI + turn))];
+        assert_eq!(Plan::new(poses, 0.2, limits).unwrap_err().field, "poses[1]", "{turn}");
+    }
+    for turn in [1e-5 - PI, PI - 1e-5] {
+        let plan = Plan::driven(start, &[(0.0, turn / 0.2)], 0.2, limits).unwrap();
+        let half_way = wrap_angle(plan.pose_at(0.1).psi - 0.5 * PI);
+        assert!((half_way - 0.5 * turn).abs() < 1e-9, "{half_way}");
+    }
+}
+
 #[test]
 fn a_footprint_is_a_hull_with_a_margin() {
     let square = [[1.0, 1.0], [0.0, 0.0], [-1.0, 1.0], [1.0, -1.0], [0.5, 1.0], [-1.0, -1.0]];

@@ -1,7 +1,7 @@
 //! Six classes of bounds, from the paper's to half a turn a step over 100 steps.
 
 use sidestep::bounds::InputBounds;
-use sidestep::math::{PI, SeededRng};
+use sidestep::math::{PI, SeededRng, exp};
 
 /// Bounds are drawn for up to `steps` steps and turn rates of up to `most` rad/s to both sides.
 pub(crate) struct Class {
@@ -49,5 +49,21 @@ impl Class {
         });
         let (lo, hi) = bounds.unzip();
         InputBounds::new(lo, hi, (-most, most)).expect("bounds in order and in range")
+    }
+
+    /// The same, but half of the steps forbid driving straight by anything from nearly nothing to a tenth of the highest rate.
+    #[allow(dead_code, reason = "the benchmark has no use for it")]
+    pub(crate) fn grazing(&self, rng: &mut SeededRng) -> InputBounds {
+        let any = self.bounds(rng);
+        let bounds = any.lo().iter().zip(any.hi()).map(|(&lo, &hi)| {
+            let by = 0.1 * self.most * exp(rng.uniform(-18.0, 0.0));
+            match rng.below(4) {
+                0 => (by, hi.max(by)),
+                1 => (lo.min(-by), -by),
+                _ => (lo, hi),
+            }
+        });
+        let (lo, hi) = bounds.unzip();
+        InputBounds::new(lo, hi, (-self.most, self.most)).expect("bounds in order and in range")
     }
 }
