@@ -119,10 +119,10 @@ pub(crate) fn proved<'py>(py: Python<'py>, found: &Clearances) -> PyResult<Array
 /// speed_mps : float, or array of float64 of the shape of `turn_rates`
 ///     Speed in each step, m/s; negative: backward.
 /// turn_rates : array of float64, shape (…, T), T ≥ 1
-///     Turn rate in each step, rad/s, left positive; at most half a turn a step.
+///     Turn rate in each step, rad/s, left positive; at most half a turn a step, of which `clear` refuses exactly half.
 /// step_s : float
-///     Length of a step > 0, s, as in the parameters of the prediction: the poses do not tell, so another length is not
-///     noticed, and clearances are then those of another plan.
+///     Length of a step > 0, s: that of the parameters of the prediction. The poses do not contain it, so `clear` does not
+///     notice another one.
 ///
 /// Returns
 /// -------

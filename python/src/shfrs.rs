@@ -99,8 +99,8 @@ impl ShfrsSettings {
         by_step: bool,
     ) -> Result<Self, Error> {
         let turn_rate_radps = positive("turn_rate_radps", turn_rate_radps)?;
-        if !(4.0 * turn_rate_radps).is_finite() {
-            let expected = "a turn rate that can be multiplied";
+        if turn_rate_radps > 1e300 {
+            let expected = "at most 1e300 rad/s";
             return Err(Invalid::new("turn_rate_radps", expected, turn_rate_radps).into());
         }
         let preset =

@@ -113,6 +113,21 @@ def test_the_sets_of_a_loop_have_its_speed_and_step():
     assert online.clear(sidestep.drive(CROSSED[1], 0.0, np.zeros(10), 0.1), 0.3).shape == (5, 10)
 
 
+def test_a_plan_that_turns_by_half_a_turn_is_refused():
+    """To the right or to the left: the poses are the same."""
+    parameters = sidestep.SceneParameters(robot=sidestep.VehicleModel(0.5, np.pi / 0.2))
+    settings = sidestep.ShfrsSettings([0.0, 1.0], [1])
+    model = sidestep.Predictor.constant([-1, 0, 1], [0.1, 0.6, 0.3])
+    prediction = sidestep.ShfrsPredictor(model, settings, parameters=parameters).predict([CROSSED])
+    for turn in (-np.pi, np.pi):
+        plan = sidestep.drive(CROSSED[1], 0.0, [turn / 0.2], 0.2)
+        complaint = r"plan\[0\]: expected less than half a turn after the present pose, since poses do not tell which way"
+        with pytest.raises(ValueError, match=complaint):
+            prediction.clear(plan, 0.4, corners=[[0, 0], [2, 0]])
+    almost = sidestep.drive(CROSSED[1], 0.0, [-(np.pi - 1e-5) / 0.2], 0.2)
+    assert prediction.clear(almost, 0.4, corners=[[0, 0], [2, 0]]).shape == (2, 1)
+
+
 def test_a_collision_bound_in_a_loop(people):
     trajectories = [trial for trials in people for trial in trials]
     straight = sidestep.Predictor.constant([-1, 0, 1], [0.0, 1.0, 0.0])

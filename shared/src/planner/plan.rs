@@ -190,7 +190,9 @@ fn check(poses: &[Pose], step_s: f64, limits: &PlanLimits) -> Result<(), Invalid
             return Err(Invalid::new(to(), expected, format!("{} m", leg.length_m)));
         }
         if leg.turn_rad.abs() > MOST_TURN_RAD {
-            let expected = format!("less than half a turn after poses[{i}], whose side poses tell");
+            let expected = format!(
+                "less than half a turn after poses[{i}], since poses do not tell which way"
+            );
             return Err(Invalid::new(to(), expected, format!("{} rad", leg.turn_rad)));
         }
         if leg.turn_rad.abs() > most(limits.most_turn_rate_radps) + ROUNDING {

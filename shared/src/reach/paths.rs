@@ -156,11 +156,11 @@ impl Path {
     }
 }
 
-/// Bounds that forbid driving straight by less than this, rad/s, within `seconds` are taken for zero: extremals
-/// would diverge there by more than numbers can tell. This allows 10⁻⁵ rad more, and positions at most that share of the way
-/// farther out.
+/// In steps that last `seconds` together, bounds that forbid driving straight by less than this, rad/s, are taken for zero:
+/// extremals would diverge there by more than numbers can tell. This allows 10⁻⁵ rad more in all, and positions at most that
+/// share of the way farther out.
 pub(crate) fn nearly_zero(seconds: f64) -> f64 {
-    (1e-5 / seconds).min(1e-4)
+    1e-5 / seconds
 }
 
 /// Bounds that forbid driving straight by less than this, rad/s, graze it: neighbouring extremals diverge so fast there that not
@@ -215,7 +215,7 @@ impl Paths {
         (0..steps).all(|step| self.straight_admissible(step))
     }
 
-    /// Whether one of the first `steps` steps has a choice that just does not admit to drive straight.
+    /// Whether one of the first `steps` steps has a choice that just does not admit driving straight.
     pub(super) fn graze_straight(&self, steps: usize) -> bool {
         let grazing = GRAZING.max(GRAZING_RAD / self.step_s);
         self.lo.iter().zip(&self.hi).take(steps).any(|(lo, hi)| {

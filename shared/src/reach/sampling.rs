@@ -20,9 +20,9 @@ pub struct PolygonSettings {
 pub enum Outline {
     /// Along the boundary, also where that is not convex.
     Refined {
-        /// By how much the polygon was grown so that it surely contains the set, m; its edges may lie farther from the set, where
-        /// it was drawn coarsely. More than the accuracy if that would have taken more than [`PolygonSettings::most_pieces`]. If it is 0, the polygon follows the boundary to either
-        /// side within the accuracy. Unless it is [conservative](PolygonSettings::conservative), it is 0 where that takes no
+        /// By how much the polygon was grown so that it surely contains the set, m; where it was drawn coarsely, its edges lie
+        /// farther out than that. More than the accuracy if that would have taken more than [`PolygonSettings::most_pieces`].
+        /// If it is 0, the polygon follows the boundary to either side within the accuracy. Unless it is [conservative](PolygonSettings::conservative), it is 0 where that takes no
         /// more than [`PolygonSettings::most_work`] ([where that is](super#what-is-promised)).
         margin_m: f64,
     },

@@ -75,9 +75,8 @@ fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
 
 impl ReachableSet {
     /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`,
-    /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s. Bounds that forbid driving straight by less than 10⁻⁴ rad/s,
-    /// and by less than 10⁻⁵ rad in the time of all steps, are taken to allow it: by that the set grows by at most 10⁻⁵ of the
-    /// way.
+    /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s. Bounds that forbid driving straight by a rate that makes
+    /// less than 10⁻⁵ rad in all steps together are taken to allow it: the set grows by at most 10⁻⁵ of the way.
     ///
     /// # Errors
     /// [`Invalid`] if speed or step is not > 0, the start is beyond 10⁶ m or 10⁴ rad, a step
@@ -247,7 +246,7 @@ impl ReachableSet {
             self.follow((steps, tube), settings, workspace, budget)
         };
         let margin_m = self.speed_mps * margin;
-        // What is grown, but need not be, is coarse.
+        // A polygon that need not be conservative is grown only where it was drawn coarsely.
         let most_m = if settings.is_conservative() { settings.accuracy_m() } else { 0.0 };
         self.widen(settings, workspace, budget);
         if budget.is_cancelled() {

@@ -4,7 +4,7 @@
 use super::{origin, random_drive, set};
 use sidestep::bounds::InputBounds;
 use sidestep::math::SeededRng;
-use sidestep::reach::polygon::signed_distance;
+use sidestep::reach::polygon::{signed_area, signed_distance};
 use sidestep::reach::{Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
 use sidestep::vehicle::{Pose, dubins};
 
@@ -221,5 +221,77 @@ fn a_polygon_misses_no_drive_that_switches_twice() {
         let end = (0..drive).map(|_| next()[6 * PARTS - 1]).last().unwrap();
         let outside_m = signed_distance(&polygon, end.position());
         assert!(outside_m <= settings.accuracy_m(), "{outside_m} m");
+    }
+}
+
+/// Bounds that forbid driving straight by less than 10⁻⁴ rad/s once counted as allowing it whatever the time: this set, of
+/// headings from 0.09 to 0.3 rad, had positions 4.5 m away from it.
+#[test]
+fn long_steps_that_forbid_driving_straight_do() {
+    let of = |lo: f64, hi: f64, steps, speed_mps, step_s| {
+        let bounds = InputBounds::new(vec![lo; steps], vec![hi; steps], (-1.0, 1.0)).unwrap();
+        ReachableSet::new(origin(), &bounds, speed_mps, step_s).unwrap()
+    };
+    let long = of(9e-5, 3e-4, 1, 0.1, 1000.0);
+    let straight_on = Pose::new(100.0, 0.0, 0.0);
+    assert!(!long.contains_state(1, straight_on, Tolerance::default()));
+    let settings = PolygonSettings::default();
+    for settings in [settings, settings.conservative()] {
+        assert!(signed_distance(&long.step_polygon(1, settings), straight_on.position()) > 4.0);
+    }
+    // No choice: one position.
+    assert_eq!(of(9e-5, 9e-5, 100, 2.0, 0.2).step_polygon(100, settings).len(), 1);
+}
+
+/// At accuracies below 10⁻⁷ s of travel, extremals missed drives by 0.35 to 3.6 mm.
+#[test]
+fn a_polygon_of_high_accuracy_misses_no_fast_drive() {
+    let lo = [
+        1.3446348887978916,
+        1.224020859110516,
+        -0.00599056474600296,
+        -0.21906317074101722,
+        0.7585020117421808,
+        -0.6818179050907579,
+    ];
+    let hi = [
+        1.6182158982384263,
+        2.058622087261533,
+        1.9557719387761745,
+        -0.21888606763462665,
+        1.9423988601070443,
+        -0.6814583346165775,
+    ];
+    for (speed_mps, accuracy_m) in [(100.0, 1e-6), (400.0, 1e-5), (400.0, 1e-6)] {
+        let bounds = InputBounds::new(lo.to_vec(), hi.to_vec(), (-3.0, 3.0)).unwrap();
+        let set = ReachableSet::new(origin(), &bounds, speed_mps, 0.2).unwrap();
+        let settings = PolygonSettings::new(accuracy_m, 2).unwrap();
+        let polygon = set.step_polygon(6, settings);
+        // The lowest rates, but in the middle half of the fifth step.
+        let end = lo.iter().enumerate().fold(origin(), |pose, (step, &low)| {
+            let middle = if step == 4 { 0.7907283161693446 } else { low };
+            [(low, 0.05), (middle, 0.1), (low, 0.05)]
+                .into_iter()
+                .fold(pose, |pose, (rate, seconds)| dubins::arc(pose, speed_mps, rate, seconds))
+        });
+        let outside_m = signed_distance(&polygon, end.position());
+        assert!(outside_m <= accuracy_m, "{speed_mps} m/s, {accuracy_m} m: {outside_m} m");
+    }
+}
+
+/// Polygons that were drawn coarsely were once larger than the convex hull, by up to 18 %.
+#[test]
+fn no_coarse_polygon_is_larger_than_the_convex_hull() {
+    let bounds = InputBounds::new(vec![-1.5; 40], vec![1.5; 40], (-1.5, 1.5)).unwrap();
+    let set = ReachableSet::new(origin(), &bounds, 2.0, 0.2).unwrap();
+    for accuracy_m in [0.001, 0.01] {
+        let settings = PolygonSettings::new(accuracy_m, 2).unwrap();
+        for draw in [
+            |set: &ReachableSet, settings| set.step_polygon(40, settings),
+            |set: &ReachableSet, settings| set.tube_polygon(settings),
+        ] {
+            let (drawn, hull) = (draw(&set, settings), draw(&set, settings.with_most_work(0)));
+            assert!(signed_area(&drawn) <= signed_area(&hull) * (1.0 + 1e-9), "{accuracy_m} m");
+        }
     }
 }

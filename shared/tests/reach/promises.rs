@@ -178,7 +178,7 @@ fn no_drive_that_tries_breaks_a_promise() {
     search([30, 20, 20, 10, 10, 3], effort, 78, Class::grazing);
 }
 
-/// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with `SETS=1000` for a shorter one
+/// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with `SETS=1000` for a shorter one,
 /// `CLASS=4` for a part of it, and `GRAZING=1` for bounds that often just forbid driving straight.
 #[test]
 #[ignore = "a search of its own, of about an hour"]
