@@ -131,7 +131,10 @@ mod tests {
     fn a_file_is_in_the_executable_that_cargo_makes_of_it() {
         assert_eq!(target_of(Path::new("/a/shared/src/math.rs")), ["--lib"]);
         assert_eq!(target_of(Path::new("/a/shared/tests/reach.rs")), ["--test", "reach"]);
-        assert_eq!(target_of(Path::new("/a/shared/tests/learn/tree.rs")), ["--test", "learn"]);
+        assert_eq!(
+            target_of(Path::new("/a/shared/tests/library/learn_tree.rs")),
+            ["--test", "library"]
+        );
     }
 
     #[test]

@@ -27,6 +27,10 @@ pub(crate) struct Options {
     arguments: Vec<OsString>,
 }
 
+/// The files of browser tests that run on both kinds of database: in them, pages write every kind of row
+/// and show the changes of others. The other files' subject is the browser.
+const ON_BOTH: [&str; 2] = ["studies", "scenes"];
+
 /// Tells the tests where Chromium is; when the user has set it, it is used as it is.
 pub(crate) const VARIABLE: &str = "SIDESTEP_CHROMIUM";
 
@@ -78,10 +82,11 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     // Without a selection cargo would also compile every example, and run nothing of it.
     let all: (bool, &[&str]) = (options.postgres, &["--lib", "--bins", "--tests"]);
     // What servers do with their database is tested on the other kind too.
+    let [studies, scenes] = ON_BOTH.map(|file| format!("{file}::"));
     let other: [(bool, &[&str]); 3] = [
         (!options.postgres, &["--lib", "--", "store::"]),
         (!options.postgres, &["--test", "api"]),
-        (!options.postgres, &["--test", "browser"]),
+        (!options.postgres, &["--test", "browser", "--", &studies, &scenes]),
     ];
     // On files, the tests that need PostgreSQL are ignored.
     let only: (bool, &[&str]) = (true, &["--test", "api", "--", "--ignored"]);
@@ -298,6 +303,16 @@ mod tests {
             message.contains("apt-get install postgresql libfaketime nginx haproxy"),
             "{message}"
         );
+    }
+
+    /// A filter that matches nothing would pass.
+    #[test]
+    fn the_browser_tests_of_both_databases_are_there() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tests/browser");
+        for file in ON_BOTH {
+            let text = fs::read_to_string(folder.join(file).with_extension("rs")).expect(file);
+            assert!(text.contains("#[tokio::test"), "{file}");
+        }
     }
 
     #[test]

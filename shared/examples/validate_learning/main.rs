@@ -5,9 +5,9 @@
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
-#[path = "../../tests/learning/mod.rs"]
+#[path = "../../tests/library/learning/mod.rs"]
 mod learning;
-#[path = "../../tests/recorded/mod.rs"]
+#[path = "../../tests/library/recorded/mod.rs"]
 mod recorded;
 mod people;
 mod cells;

@@ -10,7 +10,7 @@
 mod reach_cases;
 #[path = "../../tests/reach/starts.rs"]
 mod starts;
-#[path = "../../tests/recorded/mod.rs"]
+#[path = "../../tests/library/recorded/mod.rs"]
 mod recorded;
 mod drives;
 mod polygons;

@@ -7,7 +7,7 @@
 
 #[path = "../answer/mod.rs"]
 mod answer;
-#[path = "../../../shared/tests/recorded/mod.rs"]
+#[path = "../../../shared/tests/library/recorded/mod.rs"]
 mod recorded;
 mod playback;
 mod shfrs;

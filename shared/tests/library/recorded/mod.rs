@@ -23,7 +23,7 @@ pub(crate) const CALIBRATION: usize = 120;
 
 /// The drives of the file: the tasks of the first of eight participants, then of the next.
 pub(crate) fn drives() -> Vec<Driven> {
-    let mut reader = csv::Reader::from_reader(&include_bytes!("../data/trials.csv")[..]);
+    let mut reader = csv::Reader::from_reader(&include_bytes!("../../data/trials.csv")[..]);
     let mut drives: Vec<Driven> = Vec::new();
     for row in reader.deserialize() {
         let row: [f64; 11] = row.expect("a row of numbers");

@@ -1,14 +1,12 @@
 //! Rank tests of the comparison, with their ties, against scipy; and why cells of the comparison
 //! differ from scikit-learn's.
 
-mod learning;
-
-use learning::why::{Choice, Right, why};
+use crate::learning::why::{Choice, Right, why};
 use serde_json::json;
 
 #[test]
 fn p_values_are_those_of_scipys_permutations() {
-    let apart = learning::ranks::ranks();
+    let apart = crate::learning::ranks::ranks();
     assert_eq!(apart.compared, 48);
     assert!(apart.mann_whitney < 1e-12, "{:e}", apart.mann_whitney);
     assert!(apart.wilcoxon < 1e-12, "{:e}", apart.wilcoxon);

@@ -8,7 +8,7 @@ use sidestep::synthetic::{Keys, SyntheticDrive, SyntheticParticipant};
 use sidestep::trial::{flags, simulate};
 use sidestep::vehicle::TurnInput;
 
-/// The seed of `data/trials.csv`.
+/// The seed of `tests/data/trials.csv`.
 const SEED: u64 = 20_180_918;
 
 /// A number with the nine significant digits of the file.
@@ -18,7 +18,7 @@ fn printed(number: f64) -> f64 {
 
 #[test]
 fn every_row_of_the_reference() {
-    let mut reader = csv::Reader::from_reader(&include_bytes!("data/trials.csv")[..]);
+    let mut reader = csv::Reader::from_reader(&include_bytes!("../data/trials.csv")[..]);
     let mut rows = reader.deserialize();
     for participant in 0..8 {
         let person = SyntheticParticipant::new(SEED, participant);

@@ -17,7 +17,7 @@ pub(crate) struct Reference {
 }
 
 pub(crate) fn reference() -> Vec<Reference> {
-    lines(include_str!("../data/sklearn_cells.csv"))
+    lines(include_str!("../../data/sklearn_cells.csv"))
 }
 
 /// Comparisons, and the largest differences of p-values.
@@ -60,7 +60,7 @@ pub(crate) fn ranks() -> RanksApart {
         }
     };
     let mut apart = RanksApart::default();
-    for row in lines::<Scipy>(include_str!("../data/scipy_ranks.csv")) {
+    for row in lines::<Scipy>(include_str!("../../data/scipy_ranks.csv")) {
         let first = accuracies(&row.model, row.experiment, &row.first);
         let second = accuracies(&row.model, row.experiment, &row.second);
         let found = mann_whitney(&first, &second).expect("a p-value");

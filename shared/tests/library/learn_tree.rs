@@ -1,8 +1,6 @@
 //! Decision trees against scikit-learn, against brute force and against themselves.
 
-mod learning;
-
-use learning::{PEOPLE, apart, person};
+use crate::learning::{PEOPLE, apart, person};
 use proptest::prelude::*;
 use sidestep::learn::samples::Samples;
 use sidestep::learn::tree::{TreeSettings, grow, grow_each};

@@ -1,7 +1,6 @@
 //! Tuning and region probabilities on 400 recorded drives of **synthetic** participants.
 
-mod recorded;
-
+use crate::recorded;
 use sidestep::bounds::{ActionChoice, Rollout};
 use sidestep::invalid::Invalid;
 use sidestep::math::{hypot, sin_cos};

@@ -1,8 +1,6 @@
 //! Boosted trees against their definition and against themselves.
 
-mod learning;
-
-use learning::{WIDTH, classes, person};
+use crate::learning::{WIDTH, classes, person};
 use proptest::prelude::*;
 use sidestep::learn::boosting::{BoostingSettings, fit, fit_by_folds};
 use sidestep::learn::samples::Samples;

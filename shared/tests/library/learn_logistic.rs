@@ -1,9 +1,7 @@
 //! Logistic regression against scikit-learn and against itself.
 
-mod learning;
-
-use learning::apart::{self, furthest};
-use learning::{PEOPLE, WIDTH, classes, person};
+use crate::learning::apart::{self, furthest};
+use crate::learning::{PEOPLE, WIDTH, classes, person};
 use linfa::DatasetBase;
 use linfa::traits::Fit;
 use linfa_logistic::{LogisticRegression, MultiLogisticRegression};

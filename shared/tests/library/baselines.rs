@@ -1,8 +1,7 @@
 //! Families of predicted sets on 400 recorded drives of **synthetic** participants.
 #![allow(clippy::print_stdout, reason = "the table is worth reading")]
 
-mod recorded;
-
+use crate::recorded;
 use sidestep::bounds::ActionChoice;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;

@@ -179,8 +179,8 @@ fn check_states(game: ExactValue, text: &str) {
 
 #[test]
 fn values_of_the_reference() {
-    check_states(paper(), include_str!("data/states_paper.csv"));
-    check_states(mitchell(), include_str!("data/states_mitchell.csv"));
+    check_states(paper(), include_str!("../data/states_paper.csv"));
+    check_states(mitchell(), include_str!("../data/states_mitchell.csv"));
 }
 
 fn check_barrier(game: ExactValue, text: &str) {
@@ -194,8 +194,8 @@ fn check_barrier(game: ExactValue, text: &str) {
 
 #[test]
 fn zero_on_the_barriers_of_the_reference() {
-    check_barrier(paper(), include_str!("data/barrier_paper.csv"));
-    check_barrier(mitchell(), include_str!("data/barrier_mitchell.csv"));
+    check_barrier(paper(), include_str!("../data/barrier_paper.csv"));
+    check_barrier(mitchell(), include_str!("../data/barrier_mitchell.csv"));
 }
 
 // ---- play -------------------------------------------------------------------

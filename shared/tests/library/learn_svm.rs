@@ -1,9 +1,7 @@
 //! Support vector machines against scikit-learn's on recorded rows, and against libsvm-rs on
 //! random ones.
 
-mod learning;
-
-use learning::{PEOPLE, WIDTH, apart, classes, peer, person, said};
+use crate::learning::{PEOPLE, WIDTH, apart, classes, peer, person, said};
 use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType};
 use sidestep::learn::svm::{
     Grid, Kernels, SvmSettings, Target, best, calibrate, cross_validate, fit,

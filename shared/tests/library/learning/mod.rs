@@ -29,7 +29,7 @@ pub(crate) struct FeatureRow {
 
 /// The rows of `features.csv` in their order.
 pub(crate) fn feature_rows() -> Vec<FeatureRow> {
-    let mut reader = csv::Reader::from_reader(include_str!("../data/features.csv").as_bytes());
+    let mut reader = csv::Reader::from_reader(include_str!("../../data/features.csv").as_bytes());
     let rows = reader.records().map(|record| record.and_then(|record| record.deserialize(None)));
     rows.collect::<Result<_, _>>().expect("rows of features")
 }
@@ -108,7 +108,7 @@ pub(crate) struct Svc {
 
 /// scikit-learn's model of a person.
 pub(crate) fn peer(participant: usize, experiment: usize) -> Peer {
-    let text = include_str!("../data/sk_open_hrd_models.json");
+    let text = include_str!("../../data/sk_open_hrd_models.json");
     let mut all: HashMap<String, serde_json::Value> = serde_json::from_str(text).expect("models");
     let model = all.remove(&format!("p{participant}_exp{experiment}")).expect("a model");
     serde_json::from_value(model).expect("a model")
@@ -116,7 +116,7 @@ pub(crate) fn peer(participant: usize, experiment: usize) -> Peer {
 
 /// scikit-learn's logistic regression of a person by its Newton solver.
 pub(crate) fn peer_by_newton(participant: usize, experiment: usize, c: f64) -> Lr {
-    let text = include_str!("../data/sklearn_newton.json");
+    let text = include_str!("../../data/sklearn_newton.json");
     let mut all: HashMap<String, Lr> = serde_json::from_str(text).expect("models");
     all.remove(&format!("p{participant}_exp{experiment}_c{c}")).expect("a model")
 }
@@ -124,8 +124,8 @@ pub(crate) fn peer_by_newton(participant: usize, experiment: usize, c: f64) -> L
 /// What scikit-learn's models say of a person's trials 40–49, by column name.
 pub(crate) fn said(participant: usize, experiment: usize) -> Vec<HashMap<String, f64>> {
     let text = match experiment {
-        1 => include_str!("../data/sk_open_hrd_exp1.csv"),
-        _ => include_str!("../data/sk_open_hrd_exp2.csv"),
+        1 => include_str!("../../data/sk_open_hrd_exp1.csv"),
+        _ => include_str!("../../data/sk_open_hrd_exp2.csv"),
     };
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let names = reader.headers().expect("names").clone();

@@ -141,7 +141,7 @@ struct Place {
 }
 
 pub(crate) fn trees(experiment: usize) -> TreesApart {
-    let ties = lines::<Place>(include_str!("../data/sklearn_tree_ties.csv"));
+    let ties = lines::<Place>(include_str!("../../data/sklearn_tree_ties.csv"));
     let ties: HashSet<Place> = ties.into_iter().collect();
     let settings = TreeSettings::default().with_max_depth(6).with_min_leaf(5);
     let mut apart = TreesApart::default();
