@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 use sidestep::comparison::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::gains::{Gain, Paired};
+use sidestep::comparison::rollout::Simple;
 use std::io::{self, Write};
 
 /// Writes a table.
@@ -192,14 +193,19 @@ fn calibration(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn rollouts(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = "driver,features,horizon,windows,accuracy_percent,log_loss,distance_m";
+    let header = "driver,features,horizon,windows,accuracy_percent,log_loss,distance_m,\
+                  accuracy_over_straight,distance_of_straight";
+    let straight = analysis.rollouts.iter().find(|of| of.driver == Simple::Straight.word());
     let rows = analysis.rollouts.iter().flat_map(|of| {
-        (1..).zip(&of.horizons).map(|(ahead, horizon)| {
+        of.horizons.iter().enumerate().map(move |(i, horizon)| {
+            let skill = straight.map(|straight| horizon.over(&straight.horizons[i]));
             (
-                (&of.driver, &of.features, ahead, horizon.windows),
+                (&of.driver, &of.features, i + 1, horizon.windows),
                 places(100.0 * horizon.accuracy()),
                 places(horizon.mean_log_loss()),
                 places(horizon.mean_distance_m()),
+                skill.map(|skill| places(skill.accuracy_points)),
+                skill.and_then(|skill| skill.distance_share).map(places),
             )
         })
     });

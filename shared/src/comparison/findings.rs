@@ -92,6 +92,8 @@ pub struct Furthest {
     pub features: &'static str,
     /// Share of windows that were right.
     pub accuracy: f64,
+    /// Points of accuracy over driving straight on.
+    pub over_straight: f64,
     /// Mean distance of the predicted position, m.
     pub distance_m: f64,
 }
@@ -258,10 +260,12 @@ fn rollout_facts(all: &[RolloutsOf]) -> Option<RolloutFacts> {
         let of = all.iter().find(|of| of.driver == driver && of.features == features)?;
         Some(&of.horizons)
     };
+    let straight = horizons(Simple::Straight.word(), "")?.last()?;
     let furthest = |(driver, features)| -> Option<Furthest> {
         let of = horizons(driver, features)?.last()?;
         let (accuracy, distance_m) = (of.accuracy(), of.mean_distance_m());
-        Some(Furthest { driver, features, accuracy, distance_m })
+        let over_straight = of.over(straight).accuracy_points;
+        Some(Furthest { driver, features, accuracy, over_straight, distance_m })
     };
     let simple = |driver: Simple| furthest((driver.word(), ""));
     let papers = ModelName::PAPERS.map(|model| furthest((model.word(), "hrd")));

@@ -14,14 +14,16 @@ use crate::shfrs::window::{Trajectory, Window};
 use crate::vehicle::dubins;
 use serde::Serialize;
 
-/// How predictions for one number of steps ahead fared, over all windows.
+/// How predictions for one number of steps ahead fared, over the windows of all target steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Horizon {
     /// Windows.
     pub windows: usize,
     /// In how many of them the most likely action was what the human did.
     pub right: usize,
-    /// Sum of −ln of the probability of what the human did, nats; below 10⁻¹⁵ counts as that.
+    /// Sum of −ln of the probability of what the human did, nats; below 10⁻¹⁵ counts as that. The
+    /// probability is the one at the end of the likeliest path, the driver's own; it is not the
+    /// probability of the step `h` ahead, which would be a mean over all paths.
     pub log_loss: f64,
     /// Sum of the distances of the predicted position from the human's after the step, m.
     pub distance_m: f64,
@@ -46,12 +48,31 @@ impl Horizon {
         self.distance_m / self.windows.max(1) as f64
     }
 
+    /// How much better than `other`, which was judged on the same windows.
+    #[must_use]
+    pub fn over(&self, other: &Self) -> Skill {
+        Skill {
+            accuracy_points: 100.0 * (self.accuracy() - other.accuracy()),
+            distance_share: (other.distance_m > 0.0).then(|| self.distance_m / other.distance_m),
+        }
+    }
+
     fn add(&mut self, other: &Self) {
         self.windows += other.windows;
         self.right += other.right;
         self.log_loss += other.log_loss;
         self.distance_m += other.distance_m;
     }
+}
+
+/// How much better one driver does than another on the same target steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Skill {
+    /// Points of accuracy more; 0 for a driver who knows nothing.
+    pub accuracy_points: f64,
+    /// The mean distance as a share of the other's; 1 for a driver who knows nothing. None where the
+    /// other is always where the human is.
+    pub distance_share: Option<f64>,
 }
 
 /// What predicts the human's next input.
@@ -110,8 +131,12 @@ impl Driver for Simple {
     }
 }
 
-/// Roll-outs of `steps` steps from every step of every trajectory that leaves room: the first
-/// entry is about the next step, the last about the one `steps` ahead.
+/// Roll-outs of `steps` steps: the first entry is about the next step, the last about the one `steps`
+/// ahead.
+///
+/// Every entry is about the same *target steps*, those with at least `steps` steps up to them: the entry for
+/// h predicts each of them from h − 1 steps before its input was held. People turn more often early in a trial than
+/// late, so if each h had its own target steps, their difference would pass for one of the horizons.
 ///
 /// # Errors
 /// [`Invalid`] if there is no step to predict.
@@ -128,14 +153,14 @@ pub fn rollouts(
     let (mut history, mut held) = (Vec::new(), Vec::new());
     for trajectory in trajectories {
         for begin in 0..trajectory.steps() {
-            let Some(window) = Window::new(trajectory, begin, steps) else { break };
+            let left = trajectory.steps() - begin;
+            let Some(window) = Window::new(trajectory, begin, steps.min(left)) else { break };
             history.clear();
             history.extend_from_slice(window.history());
             held.clear();
             held.extend_from_slice(window.past_turn_rates());
-            for ((horizon, truth), &rate) in
-                all.iter_mut().zip(window.future()).zip(window.turn_rates())
-            {
+            let targets = (begin..).zip(window.future()).zip(window.turn_rates());
+            for (horizon, ((target, truth), &rate)) in all.iter_mut().zip(targets) {
                 let (predicted, probability) = driver.next(&history, &held, rate);
                 let now = history[history.len() - 1];
                 let human =
@@ -143,6 +168,9 @@ pub fn rollouts(
                 let robot = dubins::arc(now.robot, motion.robot_speed_mps, 0.0, motion.step_s);
                 history.push(JointState { human, robot });
                 held.push(predicted);
+                if target + 1 < steps {
+                    continue;
+                }
                 horizon.add(&Horizon {
                     windows: 1,
                     right: usize::from((predicted - rate).abs() <= SAME_ACTION),
@@ -191,12 +219,58 @@ mod tests {
         let straight = of(&Simple::Straight, &[Straight; 12], 10);
         assert_eq!((straight.len(), straight[9].windows), (10, 3));
         assert!(straight.iter().all(|h| h.accuracy() == 1.0 && h.mean_distance_m() < 1e-12));
-        // Held from the second step on; the first one came as a surprise.
+        // The targets are the last three steps. Only from the very first step is the held input unknown.
         let held = of(&Simple::Held, &[Left; 12], 10);
-        assert!(held.iter().all(|h| (h.windows, h.right) == (3, 2)));
-        assert!(held[9].mean_distance_m() > 0.1);
+        assert!(held[..9].iter().all(|h| (h.windows, h.right) == (3, 3)));
+        assert_eq!((held[9].windows, held[9].right), (3, 2));
+        assert!(held[9].mean_distance_m() > 0.1 && held[8].mean_distance_m() < 1e-12);
         let loss = -(ln(DOUBT) + 2.0 * ln(1.0 - 2.0 * DOUBT)) / 3.0;
-        assert!((held[4].mean_log_loss() - loss).abs() < 1e-12);
+        assert!((held[9].mean_log_loss() - loss).abs() < 1e-12);
+    }
+
+    /// Somebody turns in the first steps and drives straight from then on, as people do. Who never turns is right
+    /// about the same target steps from wherever, so no horizon may seem easier than another.
+    #[test]
+    fn a_driver_who_looks_at_nothing_fares_the_same_at_every_horizon() {
+        use TurnInput::{Left, Straight};
+        let inputs: Vec<TurnInput> =
+            (0..50).map(|i| if i < 20 { Left } else { Straight }).collect();
+        let found = of(&Simple::Straight, &inputs, 10);
+        // Targets are the steps 9 to 49, 30 of them straight.
+        assert!(found.iter().all(|h| (h.windows, h.right) == (41, 30)));
+        let log_loss = -(30.0 * ln(1.0 - 2.0 * DOUBT) + 11.0 * ln(DOUBT)) / 41.0;
+        assert!(found.iter().all(|h| (h.mean_log_loss() - log_loss).abs() < 1e-12));
+    }
+
+    /// Inputs in runs of four steps: h steps ahead of a step in the run, the held input is right for the targets
+    /// whose place in their run, from 0, is at least h. So of four places 4 − h are right, and none from 4 to 7
+    /// ahead, when it is the other run's turn; 8 ahead it is the same as 0 ahead again, and so on.
+    #[test]
+    fn what_is_ever_harder_to_foresee_is_less_often_right() {
+        use TurnInput::{Left, Straight};
+        let inputs: Vec<TurnInput> =
+            (0..40).map(|i| if i / 4 % 2 == 0 { Left } else { Straight }).collect();
+        let found = of(&Simple::Held, &inputs, 4);
+        // 37 targets, the steps 3 to 39: place 3 of the first run, then nine whole runs.
+        let right = |ahead: usize| {
+            (3..40)
+                .filter(|target| ahead <= *target && inputs[target - ahead] == inputs[*target])
+                .count()
+        };
+        let expected = [1 + 9 * 3, 1 + 9 * 2, 1 + 9, 0];
+        for (ahead, h) in (1..).zip(&found) {
+            assert_eq!((h.windows, h.right), (37, expected[ahead - 1]), "{ahead}");
+            assert_eq!(h.right, right(ahead), "{ahead}");
+        }
+        let straight = of(&Simple::Straight, &inputs, 4);
+        let skills: Vec<f64> =
+            found.iter().zip(&straight).map(|(h, s)| h.over(s).accuracy_points).collect();
+        assert!(skills.is_sorted_by(|a, b| a > b), "{skills:?}");
+        assert_eq!(straight[2].over(&straight[2]).distance_share, Some(1.0));
+        assert_eq!(
+            of(&Simple::Straight, &[Straight; 4], 2)[0].over(&found[0]).distance_share,
+            Some(0.0)
+        );
     }
 
     /// Turns left once it has driven straight for three steps, by its own account.

@@ -75,7 +75,7 @@ fn rollout_charts(analysis: &Analysis, lines: &[Line]) -> [Chart; 3] {
     [
         chart("Accuracy", ["accuracy", "%"], &|of| 100.0 * of.accuracy()),
         chart("Distance from the person", ["distance", "m"], &Horizon::mean_distance_m),
-        chart("Log loss", ["log loss", "nats"], &Horizon::mean_log_loss),
+        chart("Log loss along the path", ["log loss", "nats"], &Horizon::mean_log_loss),
     ]
 }
 
