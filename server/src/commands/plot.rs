@@ -28,11 +28,11 @@ pub struct PlotArgs {
     kind: Kind,
     /// Slices: relative headings, degrees.
     #[arg(long, value_name = "DEG,…", value_delimiter = ',', allow_hyphen_values = true)]
-    #[arg(default_values_t = [0.0, 45.0, 90.0, 135.0, 180.0])]
+    #[arg(default_value = "0,45,90,135,180")]
     psi: Vec<f64>,
     /// Slices: levels of V, m, in rising order.
     #[arg(long, value_name = "M,…", value_delimiter = ',', allow_hyphen_values = true)]
-    #[arg(default_values_t = [0.0, 1.0, 2.0])]
+    #[arg(default_value = "0,1,2")]
     levels: Vec<f64>,
     /// Regions: a document for `sidestep bounds`; repeat the flag for more panels.
     #[arg(long, value_name = "FILE.json")]

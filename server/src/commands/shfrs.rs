@@ -10,7 +10,7 @@ use super::trials_source::TrialsArgs;
 use super::{CommandError, Words, one_of, print_json, unwritable};
 use crate::formats::atomic_folder::Draft;
 use crate::threads;
-use evaluation::{Evaluation, Questions};
+use evaluation::{Evaluation, LeftOut, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
@@ -19,7 +19,7 @@ use sidestep::recording::{Recording, flagged as flagged_trials};
 use sidestep::safety::SafetyLevels;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::file::ShfrsFile;
-use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::guarantee::{Guarantee, Unit};
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::Split;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
@@ -35,6 +35,11 @@ use std::time::Duration;
 /// calibration set determines ε; the test set measures the coverage that was reached. Tuning
 /// chooses both which actions count (τ, or k for each step) and ε: ε = 0 with a low τ is a common
 /// result. A given predictor must not have been trained on the calibration or test set.
+///
+/// Trajectories of one person are alike. Split by trajectories, everybody is in all three sets, and what is
+/// guaranteed holds for new tasks of these people. Split by people, nobody is in two sets, a random trajectory
+/// of each calibrates or tests, and it holds for new people; this takes far more people. A guarantee for which there
+/// are too few is left out, and the others are computed.
 ///
 /// Writes to DIR: regions.csv (p of sets and regions with intervals, by choice of windows),
 /// tuning.csv (ε_1 by probability and guarantee), pareto.csv and pareto.svg (coverage against
@@ -55,7 +60,7 @@ pub struct ShfrsArgs {
     /// Features of the predictor that is trained here: names of features, or one of the paper's sets
     /// (hrd, hr, …: B with safety levels and distance).
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "predictor")]
-    #[arg(default_values = ["hrd", "robot_ahead", "robot_left"])]
+    #[arg(default_value = "hrd,robot_ahead,robot_left")]
     features: Vec<String>,
     /// Regions: settings as JSON, as the laboratory's explorer saves them, instead of --epsilon, --k,
     /// --tau, --steps and --rollout.
@@ -71,7 +76,7 @@ pub struct ShfrsArgs {
     /// By how much each set widens the bounds, rad/s, ascending; the last one must admit every
     /// turn rate.
     #[arg(long, value_name = "RAD/S,…", value_delimiter = ',', allow_hyphen_values = true)]
-    #[arg(default_values_t = [0.0, 0.15, 0.25, 0.4, 1.0])]
+    #[arg(default_value = "0,0.15,0.25,0.4,1")]
     epsilon: Vec<f64>,
     /// Regions: how many of the likeliest actions count at each step ahead
     /// [default: 2,2,1,1,…].
@@ -91,20 +96,22 @@ pub struct ShfrsArgs {
     windows: WindowsArg,
     /// Tuning and Pareto: wanted probabilities that a trajectory stays inside F_1, in (0, 1).
     #[arg(long, value_name = "P,…", value_delimiter = ',', allow_hyphen_values = true)]
-    #[arg(default_values_t = [0.75, 0.9, 0.95])]
+    #[arg(default_value = "0.75,0.9,0.95")]
     probability: Vec<f64>,
     /// Tuning: what is guaranteed.
-    #[arg(long, value_enum, value_delimiter = ',')]
-    #[arg(default_values = ["conformal", "pac"])]
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "conformal,pac")]
     guarantee: Vec<GuaranteeArg>,
     /// Tuning, pac and fixed-sequence: share of calibrations that may fail, in (0, 1).
     #[arg(long, value_name = "P", default_value_t = 0.05, allow_negative_numbers = true)]
     delta: f64,
-    /// Share of the trajectories in the training set, in (0, 1).
+    /// What is split: whether a guarantee holds for new tasks of these people or for new people.
+    #[arg(long, value_enum, default_value = "trajectories")]
+    split: SplitArg,
+    /// Share of the trajectories (or people) in the training set, in (0, 1).
     #[arg(long, value_name = "SHARE", default_value_t = Split::USUAL.training)]
     #[arg(allow_negative_numbers = true)]
     training: f64,
-    /// Share of the trajectories in the calibration set, in (0, 1); the rest is the test set.
+    /// Share of the trajectories (or people) in the calibration set, in (0, 1); the rest is the test set.
     #[arg(long, value_name = "SHARE", default_value_t = Split::USUAL.calibration)]
     #[arg(allow_negative_numbers = true)]
     calibration: f64,
@@ -127,6 +134,14 @@ enum WindowsArg {
     RandomOne,
     /// From the first step in which the human turns.
     AvoidanceOnset,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum SplitArg {
+    /// All trajectories, whoever drove them.
+    Trajectories,
+    /// People, with all of their trajectories.
+    People,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -165,9 +180,19 @@ pub async fn run(mut args: ShfrsArgs) -> Result<(), CommandError> {
     }
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let safety = safety_levels(&parameters, &interrupt).await?;
-    let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
+    let person = people(&recorded);
+    let parts = match questions.unit {
+        Unit::People => questions.split.parts_of_people(&person),
+        _ => questions.split.parts(recorded.len()),
+    };
+    let parts = parts.map_err(flagged)?;
     let sizes = [&parts.training, &parts.calibration, &parts.test].map(Vec::len);
-    enough(&questions, sizes[1], recorded.len(), &args.trials.name())?;
+    let all = match questions.unit {
+        Unit::People => person.iter().max().map_or(0, |last| last + 1),
+        _ => recorded.len(),
+    };
+    let left_out = questions.left_out(sizes[1]).map_err(flagged)?;
+    enough(&questions, &left_out, sizes[1], all, &args.trials.name())?;
     if sizes.contains(&0) {
         let expected = "shares (with --training) that leave something in all three parts";
         let [training, calibration, test] = sizes;
@@ -178,6 +203,7 @@ pub async fn run(mut args: ShfrsArgs) -> Result<(), CommandError> {
         let path = args.predictor.as_deref().unwrap_or(Path::new(""));
         (predictor, path.display().to_string())
     });
+    let questions_unit = questions.unit;
     let counts = [recorded.len(), parts.training.len(), parts.calibration.len(), parts.test.len()];
     let out = args.out.clone();
     let bar = bar(Evaluation::stages(&questions), BAR);
@@ -195,12 +221,16 @@ pub async fn run(mut args: ShfrsArgs) -> Result<(), CommandError> {
         let regions = args.bounds_settings(predictor.classes().len())?;
         let mut evaluation =
             Evaluation::of(&recorded, &parts, prediction, &regions, &questions, &origin, &shown)?;
+        evaluation.left_out = left_out;
         evaluation.synthetic = synthetic;
         Ok::<_, CommandError>((evaluation, PredictorFile::from(&predictor)))
     };
     let found = interrupt.unless_stopped(threads::run("shfrs", None, work)).await;
     bar.finish_and_clear();
     let (evaluation, predictor) = found?.map_err(CommandError::failure)??;
+    for left_out in &evaluation.left_out {
+        eprintln!("{left_out}");
+    }
     files::write(&draft, &evaluation, &predictor)?;
     draft.keep(&[], &interrupt.token).map_err(|e| interrupt.unwritten(&out, &e))?;
     let [trajectories, training, calibration, test] = counts;
@@ -211,6 +241,8 @@ pub async fn run(mut args: ShfrsArgs) -> Result<(), CommandError> {
         "training": training,
         "calibration": calibration,
         "test": test,
+        "split": questions_unit.word(),
+        "left_out": evaluation.left_out,
         "predictor": evaluation.predictor,
         "synthetic": evaluation.synthetic.is_some(),
         "excluded": excluded,
@@ -338,44 +370,51 @@ impl ShfrsArgs {
                 seed: self.seed,
             },
             confidence: self.confidence,
+            unit: match self.split {
+                SplitArg::Trajectories => Unit::Trajectories,
+                SplitArg::People => Unit::People,
+            },
         };
         questions.check().map_err(flagged)?;
         Ok(questions)
     }
 }
 
-/// Checks before anything is computed that this number of trials, `calibration` of them to
-/// calibrate with, is enough for every guarantee that was asked for.
+/// For each trajectory who drove it, from 0 on in the order of the first trajectories.
+fn people(recorded: &[Recorded]) -> Vec<usize> {
+    let mut names: Vec<&str> = Vec::new();
+    let place = |recorded: &Recorded| {
+        let known = names.iter().position(|name| *name == recorded.participant);
+        known.unwrap_or_else(|| {
+            names.push(&recorded.participant);
+            names.len() - 1
+        })
+    };
+    recorded.iter().map(place).collect()
+}
+
+/// Checks before anything is computed that so many trials (or people), `calibration` of them to calibrate
+/// with, are enough for one of the guarantees that were asked for.
 fn enough(
     questions: &Questions,
+    left_out: &[LeftOut],
     calibration: usize,
-    trials: usize,
+    all: usize,
     name: &str,
 ) -> Result<(), CommandError> {
-    let mut most: Option<(usize, &str, f64)> = None;
-    for guarantee in &questions.guarantees {
-        for &p in &questions.probabilities {
-            let needed = guarantee.needed(p).map_err(flagged)?;
-            if most.is_none_or(|(most, ..)| needed > most) {
-                most = Some((needed, guarantee.word(), p));
-            }
-        }
-    }
-    match most {
-        Some((needed, word, p)) if calibration < needed => {
-            let share = questions.split.calibration;
-            // As --guarantee spells it.
-            let word = word.replace('_', "-");
-            let expected = format!(
-                "at least {} tasks for p = {p} ({word}), so that {needed} are left to calibrate with",
-                (needed as f64 / share).ceil()
-            );
-            Err(CommandError::Input(format!(
-                "{name}: expected {expected}, found {trials} ({calibration} to calibrate with)"
-            )))
-        }
-        _ => Ok(()),
-    }
+    let asked = questions.guarantees.len() * questions.probabilities.len();
+    let most = left_out.iter().max_by_key(|of| of.needed).filter(|_| left_out.len() == asked);
+    let Some(LeftOut { guarantee, p, needed, .. }) = most else { return Ok(()) };
+    let what = match questions.unit {
+        Unit::People => "people",
+        _ => "tasks",
+    };
+    let expected = format!(
+        "at least {} {what} for p = {p} ({guarantee}), so that {needed} are left to calibrate with",
+        (*needed as f64 / questions.split.calibration).ceil()
+    );
+    let found = format!("{all} ({calibration} to calibrate with)");
+    Err(CommandError::Input(format!("{name}: expected {expected}, found {found}")))
 }
 
 /// A complaint of the library in terms of the command line.

@@ -3,6 +3,7 @@
 use super::{ActionChoice, ActionModel, BoundsSettings, InputBounds, Motion, Rollout};
 use crate::invalid::Invalid;
 use crate::scene::{JointState, SceneParameters};
+use crate::stats::rank::TIE;
 use crate::vehicle::dubins;
 
 /// The result of Algorithm 1.
@@ -213,9 +214,10 @@ impl LikelyActions {
         Ok(likely.fold(none, |(lo, hi), (&rate, _)| (lo.min(rate), hi.max(rate))))
     }
 
-    /// Least probability that counts.
+    /// Least probability that counts. Rounding, as of a softmax or of numbers in a file, does not separate
+    /// probabilities that are equal: those up to [`TIE`] less count too.
     fn threshold(&mut self, choice: &ActionChoice, i: usize) -> f64 {
-        match choice {
+        let least = match choice {
             ActionChoice::Adaptive { tau, .. } => {
                 tau.min(self.probabilities.iter().copied().fold(0.0, f64::max))
             }
@@ -226,7 +228,8 @@ impl LikelyActions {
                     self.sorted.select_nth_unstable_by(k[i] - 1, |a, b| b.total_cmp(a));
                 *kth
             }
-        }
+        };
+        least - TIE
     }
 }
 
@@ -278,6 +281,11 @@ mod tests {
         assert_eq!(raw([0.2, 0.6, 0.2], 1), (0.0, 0.0));
         // The second likeliest has probability 0, so all actions tie with it.
         assert_eq!(raw([1.0, 0.0, 0.0], 2), (-0.5, 0.5));
+        // Thirds that a file or a softmax has rounded, each to another side.
+        for last in [0.3333333333333334, 1.0 / 3.0, 0.3333333333333332] {
+            assert_eq!(raw([1.0 / 3.0, 1.0 / 3.0, last], 1), (-0.5, 0.5), "{last}");
+        }
+        assert_eq!(raw([0.4, 0.2 + 1e-9, 0.4 - 1e-9], 1), (-0.5, -0.5));
     }
 
     #[test]
@@ -288,6 +296,8 @@ mod tests {
         // Where nothing reaches τ the most likely one counts, with its ties.
         assert_eq!(adaptive([0.5, 0.3, 0.2], 1.0), (-0.5, -0.5));
         assert_eq!(adaptive([0.4, 0.2, 0.4], 0.9), (-0.5, 0.5));
+        // 0.1 + 0.2 is 0.30000000000000004.
+        assert_eq!(adaptive([0.3, 0.6, 0.1], 0.1 + 0.2), (-0.5, 0.0));
     }
 
     /// Five actions and a turn rate that is not the same to both sides.

@@ -15,7 +15,9 @@ mod placed;
 pub use empirical::{Mode, PerModeEmpirical};
 pub use gaussian::Gaussian;
 pub use placed::{EmpiricalFamily, EmpiricalSet, EmpiricalSets, Fitted};
-pub use widened::{constant_velocity, hold_the_input, learned_disturbance, worst_case};
+pub use widened::{
+    WORST_CASE, constant_velocity, hold_the_input, learned_disturbance, worst_case, worst_case_area_m2,
+};
 
 use super::family::Family;
 use super::window::Window;

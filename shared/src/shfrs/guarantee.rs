@@ -1,13 +1,42 @@
 //! What calibration guarantees about the sets of future trajectories.
 //!
 //! All guarantees are *marginal*: they hold over trajectories that are exchangeable with the
-//! calibration trajectories, not for each scene or each participant. And they hold for people who drive
+//! calibration trajectories, not for each scene or each participant. Which these are depends on the split
+//! ([`Unit`]): new tasks of the same people are exchangeable with their other tasks; trajectories of new people are
+//! not, because those of one person are alike. And they hold for people who drive
 //! like the vehicle of the prediction: `Trajectory::check` tells whether recorded ones did.
 
 use super::scores::Scores;
 use crate::invalid::Invalid;
 use crate::math::ln;
 use crate::stats::{beta_cdf, binomial_at_least, open_probability};
+use serde::Serialize;
+
+/// What the observations are that a guarantee takes as exchangeable, and a confidence interval as independent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Unit {
+    /// Trajectories, whoever drove them: what is said holds for new tasks of the same people.
+    #[default]
+    Trajectories,
+    /// People, of each of whom one trajectory is drawn at random: what is said holds for new people. If people are
+    /// exchangeable, the drawn trajectories are too, however alike the trajectories of one person are, and however
+    /// many each drove; so all that holds for exchangeable scores holds for theirs (Dunn, Wasserman and Ramdas, Journal
+    /// of the American Statistical Association 118, 2023, call this subsampling once).
+    People,
+}
+
+impl Unit {
+    /// Its name in results.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Trajectories => "trajectories",
+            Self::People => "people",
+        }
+    }
+}
 
 /// How calibration trajectories determine a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,20 +171,32 @@ impl Guarantee {
         Ok(scores.ranked(self.rank(scores.len(), p)?))
     }
 
-    /// The guarantee, in a sentence to print beside every number.
+    /// The guarantee, in a sentence to print beside every number, of a calibration with so many of a unit.
     #[must_use]
-    pub fn statement(&self, p: f64, calibration: usize) -> String {
-        let scope = "trajectories exchangeable with these, not for each scene or person";
+    pub fn statement(&self, p: f64, calibration: usize, unit: Unit) -> String {
+        let (next, all, from, scope) = match unit {
+            Unit::Trajectories => (
+                "The next trajectory",
+                "of trajectories",
+                format!("{calibration} trajectories"),
+                "trajectories exchangeable with these, as new tasks of the same people are; not for new \
+                 people, and not for each scene or person",
+            ),
+            Unit::People => (
+                "A trajectory of the next person",
+                "of new people's trajectories",
+                format!("{calibration} people, one random trajectory of each"),
+                "people exchangeable with these, not for each scene or person",
+            ),
+        };
         match *self {
             Self::Conformal => format!(
-                "The next trajectory stays inside with probability at least {p}, on average \
-                 over calibrations with {calibration} trajectories: a marginal guarantee over \
-                 {scope}."
+                "{next} stays inside with probability at least {p}, on average over calibrations with {from}: a \
+                 marginal guarantee over {scope}."
             ),
             Self::Pac { delta } | Self::FixedSequence { delta, .. } => format!(
-                "With confidence {} in the calibration with {calibration} trajectories, a \
-                 share of at least {p} of trajectories stays inside: a marginal guarantee over \
-                 {scope}.",
+                "With confidence {} in the calibration with {from}, a share of at least {p} {all} stays inside: a \
+                 marginal guarantee over {scope}.",
                 1.0 - delta
             ),
         }
@@ -287,6 +328,50 @@ mod tests {
             assert!(failed as f64 / many <= delta + 3.0 * error, "{n}: {failed}");
             assert!(failed > 0, "as sharp as it can be");
         }
+    }
+
+    /// Studies of 22 people with 10 tasks each. Four fifths of the people stay inside sets of level 0.1 for sure; of
+    /// the others only a share u of trajectories stays inside sets of level u. So sets of level u ≥ 0.1 hold a
+    /// share 0.8 + 0.2 u of new people's trajectories, and the least level for p = 0.9 is 0.5.
+    ///
+    /// With a trajectory of each person, the calibration fails as seldom as it says. With all trajectories, as if
+    /// they were 200 people, it fails far more often: whether there are 2 or 6 who steer otherwise decides.
+    #[test]
+    fn a_guarantee_for_new_people_needs_people_as_observations() {
+        let mut rng = SeededRng::new(21);
+        let (p, delta, people, tasks, studies) = (0.9, 0.1, 22, 10, 3000);
+        let guarantee = Guarantee::Pac { delta };
+        let mut failed = [0; 2];
+        for _ in 0..studies {
+            let (mut one_each, mut all) = (Vec::new(), Vec::new());
+            for _ in 0..people {
+                let is_erratic = rng.unit() < 0.2;
+                let mut score = || if is_erratic { rng.unit() } else { 0.1 * rng.unit() };
+                let own: Vec<f64> = (0..tasks).map(|_| score()).collect();
+                one_each.push(own[0]);
+                all.extend(own);
+            }
+            for (failed, scores) in failed.iter_mut().zip([one_each, all]) {
+                let level = guarantee.level(&Scores::new(scores).unwrap(), p).unwrap();
+                // Below 0.1 others stay outside too.
+                *failed += usize::from(level < 0.5);
+            }
+        }
+        let share = failed.map(|failed| failed as f64 / f64::from(studies));
+        let error = (delta * (1.0 - delta) / f64::from(studies)).sqrt();
+        assert!(share[0] <= delta + 3.0 * error, "{share:?}");
+        assert!(share[1] > 0.2, "tasks as people: {share:?}");
+    }
+
+    #[test]
+    fn statements_say_over_whom_they_hold() {
+        let said = |unit| Guarantee::Conformal.statement(0.9, 12, unit);
+        assert!(said(Unit::Trajectories).contains("12 trajectories"));
+        assert!(said(Unit::Trajectories).contains("not for new people"));
+        assert!(said(Unit::People).contains("12 people, one random trajectory of each"));
+        assert!(!said(Unit::People).contains("not for new people"));
+        let pac = Guarantee::Pac { delta: 0.05 }.statement(0.9, 40, Unit::People);
+        assert!(pac.starts_with("With confidence 0.95") && pac.contains("new people's"), "{pac}");
     }
 
     /// Settings hold shares that are in no order at all; the accepted one is seldom wrong.

@@ -5,7 +5,7 @@
 //! with the calibration trajectories (split conformal prediction), not for each scene or participant.
 
 use super::baselines::{
-    Gaussian, Mode, Nominal, PerModeEmpirical, constant_velocity, hold_the_input,
+    Gaussian, Mode, Nominal, PerModeEmpirical, WORST_CASE, constant_velocity, hold_the_input,
     learned_disturbance, worst_case,
 };
 use super::family::Family;
@@ -149,6 +149,14 @@ pub struct Pareto {
 }
 
 impl Pareto {
+    /// The mean area of a row as a share of the worst case's, which is a family too; none where it was not
+    /// compared.
+    #[must_use]
+    pub fn share_of_worst_case(&self, row: &ParetoRow) -> Option<f64> {
+        let worst = self.rows.iter().find(|of| of.family == WORST_CASE)?;
+        Some(row.mean_area_m2 / worst.mean_area_m2)
+    }
+
     /// Adds what was found for further families on the same windows.
     pub fn extend(&mut self, other: Self) {
         self.rows.extend(other.rows);

@@ -95,10 +95,16 @@ pub struct Regions {
     pub tolerance_m: f64,
     /// Largest difference, rad, at which a recorded heading counted as inside.
     pub tolerance_rad: f64,
-    /// The probabilities.
+    /// The probabilities, with trajectories as independent observations: of new tasks of the same people.
     pub probabilities: Probabilities,
+    /// The same probabilities with people as independent observations: of new people; the counts of
+    /// `trajectories` are of people then. None where it is not known who drove what.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by_people: Option<Probabilities>,
     /// Area, m², of each set's tube: mean over the windows.
     pub mean_area_m2: Vec<f64>,
+    /// The same as a share of the worst case's area, which is that of the last set: it admits every turn rate.
+    pub share_of_worst_case: Vec<f64>,
 }
 
 /// Runs Algorithm 1 at every chosen window of `trajectories` and counts which sets contain the recorded
@@ -114,10 +120,44 @@ pub fn regions(
     settings: &BoundsSettings,
     confidence: f64,
 ) -> Result<Regions, Invalid> {
+    let count = counted(trajectories, choice, prediction, settings)?;
+    count.regions(choice, prediction.tolerance, settings, confidence)
+}
+
+/// As [`regions`], of trajectories that `person[i]`, from 0 on, drove: with [`Regions::by_people`].
+///
+/// # Errors
+/// The errors of [`regions`].
+///
+/// # Panics
+/// If there are fewer `person`s than trajectories.
+pub fn regions_of_people(
+    trajectories: &[Trajectory],
+    person: &[usize],
+    choice: WindowChoice,
+    prediction: Prediction<'_, impl ActionModel + Sync>,
+    settings: &BoundsSettings,
+    confidence: f64,
+) -> Result<Regions, Invalid> {
+    let count = counted(trajectories, choice, prediction, settings)?;
+    let by_trajectory = count.regions(choice, prediction.tolerance, settings, confidence)?;
+    let mut by_people = Count::new(person.iter().max().map_or(0, |last| last + 1));
+    for (trajectory, windows) in count.0.into_iter().enumerate() {
+        by_people.0[person[trajectory]].extend(windows);
+    }
+    let by_people = by_people.regions(choice, prediction.tolerance, settings, confidence)?;
+    Ok(Regions { by_people: Some(by_people.probabilities), ..by_trajectory })
+}
+
+fn counted(
+    trajectories: &[Trajectory],
+    choice: WindowChoice,
+    prediction: Prediction<'_, impl ActionModel + Sync>,
+    settings: &BoundsSettings,
+) -> Result<Count, Invalid> {
     admits_everything(&prediction, settings)?;
     let windows = choice.windows(trajectories, settings.steps());
-    let count = Count(parallel_map(&windows, |windows| judge(windows, &prediction, settings))?);
-    count.regions(choice, prediction.tolerance, settings, confidence)
+    Ok(Count(parallel_map(&windows, |windows| judge(windows, &prediction, settings))?))
 }
 
 /// Accepts settings whose last set holds every trajectory.
@@ -179,7 +219,9 @@ impl Count {
                 *mean += area / probabilities.windows as f64;
             }
         }
+        let worst_case_m2 = mean_area_m2[sets - 1];
         Ok(Regions {
+            share_of_worst_case: mean_area_m2.iter().map(|area| area / worst_case_m2).collect(),
             epsilon: settings.epsilon().to_vec(),
             actions: settings.choice().to_string(),
             rollout: settings.rollout().word().to_owned(),
@@ -188,6 +230,7 @@ impl Count {
             tolerance_m: tolerance.position_m,
             tolerance_rad: tolerance.heading_rad,
             probabilities,
+            by_people: None,
             mean_area_m2,
         })
     }
@@ -316,6 +359,18 @@ mod tests {
         assert_eq!((found.steps, found.window_choice.as_str()), (3, "avoidance_onset"));
         assert!(found.mean_area_m2.is_sorted() && found.mean_area_m2[0].abs() < 1e-6);
         assert!((found.mean_area_m2[2] - 4.0 / 6.0 * 0.6 * 0.6 * 0.6).abs() < 1e-9);
+        // Two people with two drives each: the same shares, and wider intervals.
+        let onset = WindowChoice::AvoidanceOnset;
+        let both =
+            regions_of_people(&drives, &[0, 1, 1, 0], onset, prediction, &settings, 0.9).unwrap();
+        assert_eq!(Regions { by_people: None, ..both.clone() }, found);
+        let by_people = both.by_people.unwrap();
+        assert_eq!((by_people.windows, by_people.trajectories), (4, 2));
+        for (person, drive) in by_people.inside.iter().zip(&found.probabilities.inside) {
+            assert!(person.value == drive.value && person.low <= drive.low && person.high >= drive.high);
+        }
+        assert!(by_people.inside[0].low < found.probabilities.inside[0].low);
+        assert_eq!(found.share_of_worst_case[2], 1.0);
         let settings = prediction
             .settings(vec![0.0, 1.0], &ActionChoice::TopK(vec![1; 2]), Rollout::Base)
             .unwrap();

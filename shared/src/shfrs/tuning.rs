@@ -6,7 +6,8 @@
 
 mod least_area;
 
-use super::guarantee::{Guarantee, fixed_sequence};
+use super::baselines::worst_case_area_m2;
+use super::guarantee::{Guarantee, Unit, fixed_sequence};
 use super::prediction::Prediction;
 use super::probability::holds;
 use super::scores::{Scores, single};
@@ -35,6 +36,9 @@ impl Split {
     /// 40 % training, 30 % calibration, 30 % test: the default, also of the command line and the laboratory.
     pub const USUAL: Self = Self { training: 0.4, calibration: 0.3, seed: 0 };
 }
+
+/// Tells the seed of people's trajectories apart from that of the people.
+const ONE_EACH: u64 = 0x6f6e_655f_6561_6368;
 
 impl Default for Split {
     /// [`Split::USUAL`].
@@ -100,6 +104,29 @@ impl Split {
         let calibration = training.split_off(upto(self.training).min(training.len()));
         Ok(Parts { training, calibration, test })
     }
+
+    /// Splits trajectories so that nobody is in two parts; `person[i]`, from 0 on, says who drove trajectory i, and
+    /// shares are shares of the people. The training part has every trajectory of its people, the other parts
+    /// have a random one of each ([`Unit::People`]).
+    ///
+    /// # Errors
+    /// The errors of [`Self::parts`].
+    pub fn parts_of_people(&self, person: &[usize]) -> Result<Parts, Invalid> {
+        let people = person.iter().max().map_or(0, |last| last + 1);
+        let mut own = vec![Vec::new(); people];
+        for (trajectory, &person) in person.iter().enumerate() {
+            own[person].push(trajectory);
+        }
+        own.retain(|own| !own.is_empty());
+        let of_people = self.parts(own.len())?;
+        let mut rng = SeededRng::new(self.seed ^ ONE_EACH);
+        let mut one = |&person: &usize| own[person][rng.below(own[person].len())];
+        Ok(Parts {
+            calibration: of_people.calibration.iter().map(&mut one).collect(),
+            test: of_people.test.iter().map(&mut one).collect(),
+            training: of_people.training.iter().flat_map(|&person| own[person].clone()).collect(),
+        })
+    }
 }
 
 /// The aim of tuning.
@@ -116,6 +143,8 @@ pub struct TuningSettings {
     pub candidates: Vec<ActionChoice>,
     /// Confidence of the interval of the measured coverage, in (0, 1).
     pub confidence: f64,
+    /// What the sample's calibration and test trajectories are observations of.
+    pub unit: Unit,
 }
 
 impl TuningSettings {
@@ -123,13 +152,20 @@ impl TuningSettings {
     #[must_use]
     pub fn new(p: f64, guarantee: Guarantee, candidates: Vec<ActionChoice>) -> Self {
         let windows = WindowChoice::RandomOne { seed: 0 };
-        Self { p, guarantee, windows, candidates, confidence: 0.95 }
+        let unit = Unit::Trajectories;
+        Self { p, guarantee, windows, candidates, confidence: 0.95, unit }
     }
 
     /// Sets [`Self::windows`], the window of each trajectory.
     #[must_use]
     pub fn with_windows(self, windows: WindowChoice) -> Self {
         Self { windows, ..self }
+    }
+
+    /// Sets [`Self::unit`]: [`Unit::People`] for a sample of [`Split::parts_of_people`].
+    #[must_use]
+    pub fn with_unit(self, unit: Unit) -> Self {
+        Self { unit, ..self }
     }
 
     /// Sets [`Self::confidence`], the confidence of the interval of the measured coverage.
@@ -188,6 +224,8 @@ pub struct Tuned {
     pub guarantee: String,
     /// The guarantee in words, with its scope and the number of trajectories.
     pub statement: String,
+    /// What is exchangeable: over what the guarantee holds.
+    pub unit: Unit,
     /// The choice of windows, [`WindowChoice::word`].
     pub window_choice: String,
     /// Steps ahead, T.
@@ -207,6 +245,9 @@ pub struct Tuned {
     /// Mean area of the tube of F_1, m², over the test part, or over the calibration part if there is
     /// no test part.
     pub mean_area_m2: f64,
+    /// That area as a share of the worst case's, of everything that the vehicle can reach: near 1, the
+    /// guarantee says no more than the vehicle does.
+    pub share_of_worst_case: f64,
     /// Largest distance from the set, m, at which a recorded position counted as inside.
     pub tolerance_m: f64,
     /// Largest difference, rad, at which a recorded heading counted as inside.
@@ -317,13 +358,17 @@ pub fn tune_watched(
     let areas = parallel_map(measured, |window| {
         tube_area_m2(&prediction.bounds(window.history(), &used)?.sets[0], prediction.parameters)
     })?;
+    let mean_area_m2 = areas.iter().sum::<f64>() / areas.len() as f64;
+    let share_of_worst_case = mean_area_m2 / worst_case_area_m2(prediction.parameters, steps)?;
     Ok(Tuned {
         choice: chosen.choice().clone(),
         epsilon,
         rollout: rollout.word().to_owned(),
         p: settings.p,
         guarantee: settings.guarantee.word().to_owned(),
-        statement: settings.guarantee.statement(settings.p, calibration.len()),
+        statement: settings.guarantee.statement(settings.p, calibration.len(), settings.unit)
+            + &beside_worst_case(share_of_worst_case),
+        unit: settings.unit,
         window_choice: settings.windows.word().to_owned(),
         steps,
         training: training.len(),
@@ -332,10 +377,26 @@ pub fn tune_watched(
         without_window: trajectories - windows,
         coverage: share_of_one(tally, settings.confidence)?,
         confidence: settings.confidence,
-        mean_area_m2: areas.iter().sum::<f64>() / areas.len() as f64,
+        mean_area_m2,
+        share_of_worst_case,
         tolerance_m: prediction.tolerance.position_m,
         tolerance_rad: prediction.tolerance.heading_rad,
     })
+}
+
+/// A share of the worst case from which a set says next to nothing.
+const SAYS_NOTHING: f64 = 0.95;
+
+/// The warning of a set that is hardly smaller than the worst case's; nothing for others.
+fn beside_worst_case(share: f64) -> String {
+    if share < SAYS_NOTHING {
+        return String::new();
+    }
+    format!(
+        " The set is {:.1} % of all that the vehicle can reach: the guarantee says next to nothing beyond the \
+         vehicle's limits.",
+        100.0 * share
+    )
 }
 
 /// The share of trajectories that stay inside, with one window for each.
@@ -398,6 +459,22 @@ mod tests {
         let mut all = [parts.training, parts.calibration, parts.test].concat();
         all.sort_unstable();
         assert_eq!(all, (0..101).collect::<Vec<_>>());
+        let people = [0, 0, 0, 1, 2, 2, 3, 4, 4, 4, 5, 6, 6, 7, 8, 9, 9];
+        for seed in 0..50 {
+            let Parts { training, calibration, test } =
+                Split { seed, ..Split::USUAL }.parts_of_people(&people).unwrap();
+            assert_eq!((calibration.len(), test.len()), (3, 3));
+            let who = |part: &[usize]| part.iter().map(|&i| people[i]).collect::<Vec<_>>();
+            let mut everybody = [who(&training), who(&calibration), who(&test)].concat();
+            everybody.sort_unstable();
+            everybody.dedup();
+            assert_eq!(everybody, (0..10).collect::<Vec<_>>());
+            let alone = [who(&calibration), who(&test)].concat();
+            assert!(alone.iter().all(|person| !who(&training).contains(person)));
+            // All of theirs train.
+            let trains = |i: &usize| who(&training).contains(&people[*i]);
+            assert_eq!((0..people.len()).filter(trains).count(), training.len());
+        }
         let none = Split { training: 0.5, calibration: 0.5, seed: 1 }.parts(7).unwrap();
         assert!(none.test.is_empty());
         let field = |training, calibration| {

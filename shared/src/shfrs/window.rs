@@ -88,11 +88,27 @@ impl Trajectory {
         &self.turn_rates
     }
 
+    /// The seed mixed with every bit of the trajectory: the same for the same trajectory, and as good as random
+    /// for another one, however little it differs.
+    fn mixed_with(&self, seed: u64) -> u64 {
+        let poses = self.states.iter().flat_map(|state| [state.human, state.robot]);
+        let numbers = poses.flat_map(<[f64; 3]>::from).chain(self.turn_rates.iter().copied());
+        numbers.fold(mixed(seed), |sum, number| mixed(sum ^ number.to_bits()))
+    }
+
     /// The first step in which the human turned, if there was one.
     #[must_use]
     pub fn onset(&self) -> Option<usize> {
         self.turn_rates.iter().position(|&rate| rate != 0.0)
     }
+}
+
+/// The output function of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): every bit depends on every bit.
+fn mixed(bits: u64) -> u64 {
+    let bits = bits.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    bits ^ (bits >> 31)
 }
 
 /// `steps` steps of a trajectory from `begin` on.
@@ -188,18 +204,18 @@ impl WindowChoice {
     }
 
     /// The windows of `steps` ≥ 1 steps, a list for each trajectory. A trajectory's random window
-    /// depends only on the seed and on its index.
+    /// depends only on the seed and on the trajectory itself, bit by bit: not on its place in a list, which
+    /// would give the same steps to the calibration and to the test.
     #[must_use]
     pub fn windows(self, trajectories: &[Trajectory], steps: usize) -> Vec<Vec<Window<'_>>> {
-        let mut rng = SeededRng::new(if let Self::RandomOne { seed } = self { seed } else { 0 });
         let of = |trajectory| {
             let Some(last) = Trajectory::steps(trajectory).checked_sub(steps) else {
                 return Vec::new();
             };
             let begins = match self {
                 Self::EveryStep => 0..last + 1,
-                Self::RandomOne { .. } => {
-                    let begin = rng.below(last + 1);
+                Self::RandomOne { seed } => {
+                    let begin = SeededRng::new(Trajectory::mixed_with(trajectory, seed)).below(last + 1);
                     begin..begin + 1
                 }
                 Self::AvoidanceOnset => trajectory.onset().map_or(0..0, |begin| begin..begin + 1),
@@ -238,6 +254,30 @@ mod tests {
             assert!(one[..2].iter().all(|list| list.len() == 1 && list[0] <= 2));
             assert_eq!(one, begins(WindowChoice::RandomOne { seed }, 2));
         }
+    }
+
+    /// Two parts of a split have their own steps, and a trajectory keeps its own in whatever list it is.
+    #[test]
+    fn random_steps_belong_to_trajectories_and_not_to_places() {
+        let drives: Vec<Trajectory> = (0..400)
+            .map(|i| trajectory(&[&[0.001 * f64::from(i)][..], &[0.0; 49]].concat()))
+            .collect();
+        let one = WindowChoice::RandomOne { seed: 5 };
+        let begins = |of: &[Trajectory]| -> Vec<usize> {
+            one.windows(of, 10).iter().map(|list| list[0].begin()).collect()
+        };
+        let (all, later) = (begins(&drives), begins(&drives[200..]));
+        assert_eq!(all[200..], later);
+        // Of 200 pairs of 41 steps, about 5 agree by chance; today's places would make it 200.
+        let same = all.iter().zip(&later).filter(|(a, b)| a == b).count();
+        assert!(same < 15, "{same}");
+        // As evenly as dice: χ² of 41 steps, 400 drives, has mean 40 and standard deviation 9.
+        let expected = 400.0 / 41.0;
+        let counts = (0..41).map(|step| all.iter().filter(|begin| **begin == step).count());
+        let chi: f64 = counts.map(|n| (n as f64 - expected) * (n as f64 - expected) / expected).sum();
+        assert!((15.0..70.0).contains(&chi), "{chi}");
+        let other = WindowChoice::RandomOne { seed: 6 }.windows(&drives, 10);
+        assert!(other.iter().zip(&all).filter(|(list, begin)| list[0].begin() == **begin).count() < 25);
     }
 
     #[test]

@@ -14,7 +14,7 @@ const MOST_COUNTED: usize = 60;
 
 /// Numbers that differ by at most this are tied, so that rounding does not separate equal
 /// proportions.
-const TIE: f64 = 1e-12;
+pub(crate) const TIE: f64 = 1e-12;
 
 /// The p-value of the Mann–Whitney test (Annals of Mathematical Statistics 18, 1947): the probability
 /// that a random split of the numbers gives rank sums at least as far apart. Exact up to 60 numbers;

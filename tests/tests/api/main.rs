@@ -16,6 +16,7 @@ mod design;
 mod trouble;
 mod features;
 mod files;
+mod help;
 mod exports;
 mod export_examples;
 mod keeping;

@@ -80,6 +80,57 @@ async fn every_file_says_what_it_depends_on() {
     assert_eq!(rows(folder.path("again/regions.csv")), regions);
 }
 
+/// A guarantee that so few tasks cannot give is left out by name, and takes nothing else with it.
+#[tokio::test]
+async fn an_impossible_guarantee_does_not_refuse_the_others() {
+    let folder = Folder::default();
+    let said = shfrs(&folder.name("found"), &["--participant", "2", "--participant", "3"]).await;
+    assert!(said.err.contains(
+        "p = 0.95 (pac) is left out: expected at least 59 trajectories to calibrate with, found 30"
+    ));
+    let line = said.json();
+    let left_out = line["left_out"].as_array().unwrap();
+    assert_eq!((left_out.len(), &left_out[0]["needed"]), (1, &59.into()));
+    let tuning = rows(folder.path("found/tuning.csv"));
+    assert_eq!(tuning.len(), 5);
+    for row in &tuning {
+        // 16/3 m² can be reached at all in 2 s.
+        let share = number(row, "mean_area_m2") / (16.0 / 3.0);
+        assert!((number(row, "share_of_worst_case") - share).abs() < 1e-9, "{row:?}");
+        let warns = row["statement"].contains("% of all that the vehicle can reach");
+        assert_eq!(warns, share >= 0.95, "{row:?}");
+        assert_eq!(row["unit"], "trajectories");
+    }
+    assert_eq!(rows(folder.path("found/pareto.csv")).len() % 3, 0, "conformal can all three");
+    for row in rows(folder.path("found/regions.csv")) {
+        assert_eq!(row["people"], "2");
+        assert!(number(&row, "p_set_low_people") <= number(&row, "p_set_low"), "{row:?}");
+        assert!(number(&row, "p_set_high_people") >= number(&row, "p_set_high"), "{row:?}");
+    }
+}
+
+/// Whoever calibrates has not trained, and a guarantee for new people counts people.
+#[tokio::test]
+async fn a_split_by_people_guarantees_for_new_people() {
+    let folder = Folder::default();
+    let flags = ["--split", "people", "--probability", "0.5,0.9", "--guarantee", "conformal"];
+    let said = shfrs(&folder.name("found"), &flags).await;
+    let line = said.json();
+    assert_eq!((&line["split"], &line["trajectories"]), (&"people".into(), &400.into()));
+    // 40 % of 8 people, with 50 tasks each; then one task of each.
+    let sizes = ["training", "calibration", "test"].map(|part| line[part].as_u64().unwrap());
+    assert_eq!(sizes, [150, 3, 2]);
+    assert_eq!(line["left_out"][0]["needed"], 9);
+    let tuning = rows(folder.path("found/tuning.csv"));
+    assert_eq!(tuning.len(), 1);
+    assert_eq!((&tuning[0]["unit"][..], &tuning[0]["calibration"][..]), ("people", "3"));
+    assert!(tuning[0]["statement"].contains("3 people, one random trajectory of each"));
+    let few = ["--split", "people", "--probability", "0.9", "--guarantee", "pac"];
+    shfrs(&folder.name("none"), &few)
+        .await
+        .refused(2, &["expected at least 97 people for p = 0.9 (pac)", "found 8 (3 to calibrate with)"]);
+}
+
 /// What the explorer saves does what the flags do.
 #[tokio::test]
 async fn settings_of_a_file_are_those_of_the_flags() {

@@ -59,6 +59,8 @@ pub struct Found {
     pub coverage: Estimate,
     /// Mean area of the tube of F_1, m².
     pub mean_area_m2: f64,
+    /// The same as a share of the worst case's.
+    pub share_of_worst_case: f64,
 }
 
 /// An aim that is being reached.
@@ -108,6 +110,7 @@ impl Tuning {
             tasks: [tuned.training, tuned.calibration, tuned.test, tuned.without_window],
             coverage: tuned.coverage,
             mean_area_m2: tuned.mean_area_m2,
+            share_of_worst_case: tuned.share_of_worst_case,
         });
         Ok(false)
     }

@@ -9,14 +9,15 @@ use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::danger::{DangerBounds, danger_bounds};
 use sidestep::shfrs::family::Family;
-use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::guarantee::{Guarantee, Unit};
 use sidestep::shfrs::pareto::{Compared, POINTS, Pareto, ParetoSettings, pareto};
 use sidestep::shfrs::prediction::Prediction;
-use sidestep::shfrs::probability::{Regions, regions};
+use sidestep::shfrs::probability::{Regions, regions_of_people};
 use sidestep::shfrs::scores::{Scores, ShfrsFamily};
 use sidestep::shfrs::tuning::{Parts, Sample, Split, Tuned, TuningSettings, candidates, tune};
 use sidestep::shfrs::window::{Trajectory, Window, WindowChoice};
 use sidestep::stats::open_probability;
+use std::fmt;
 
 use crate::figure::RegionsPanel;
 
@@ -28,9 +29,54 @@ pub(super) struct Questions {
     pub(super) windows: WindowChoice,
     pub(super) split: Split,
     pub(super) confidence: f64,
+    /// What the split keeps apart.
+    pub(super) unit: Unit,
+}
+
+/// A guarantee for which there is too little to calibrate with.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct LeftOut {
+    /// As `--guarantee` spells it.
+    pub(super) guarantee: String,
+    pub(super) p: f64,
+    /// What it needs to calibrate with, and what there is.
+    pub(super) needed: usize,
+    pub(super) found: usize,
+    pub(super) unit: Unit,
+}
+
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { guarantee, p, needed, found, unit } = self;
+        let unit = unit.word();
+        write!(
+            f,
+            "p = {p} ({guarantee}) is left out: expected at least {needed} {unit} to calibrate with, found {found}"
+        )
+    }
 }
 
 impl Questions {
+    /// What `calibration` trajectories or people are too few for.
+    pub(super) fn left_out(&self, calibration: usize) -> Result<Vec<LeftOut>, Invalid> {
+        let mut left_out = Vec::new();
+        for guarantee in &self.guarantees {
+            for &p in &self.probabilities {
+                let needed = guarantee.needed(p)?;
+                if calibration < needed {
+                    let guarantee = guarantee.word().replace('_', "-");
+                    left_out.push(LeftOut { guarantee, p, needed, found: calibration, unit: self.unit });
+                }
+            }
+        }
+        Ok(left_out)
+    }
+
+    /// Whether a guarantee can be calibrated.
+    fn can(&self, guarantee: Guarantee, p: f64, calibration: usize) -> Result<bool, Invalid> {
+        Ok(calibration >= guarantee.needed(p)?)
+    }
+
     pub(super) fn check(&self) -> Result<(), Invalid> {
         for &p in &self.probabilities {
             open_probability("probability", p)?;
@@ -57,6 +103,8 @@ pub(super) struct Evaluation {
     /// Why the trials are known not to be people's, if they are.
     pub(super) synthetic: Option<String>,
     pub(super) tuning: Vec<Tuned>,
+    /// Guarantees for which there is too little to calibrate with.
+    pub(super) left_out: Vec<LeftOut>,
     pub(super) pareto: Pareto,
     pub(super) danger: Danger,
     #[serde(skip)]
@@ -127,12 +175,17 @@ impl Evaluation {
         let sample = parts.sample(&trajectories);
         // Trajectories that neither the predictor nor the choice of actions has seen.
         let unseen: Vec<Trajectory> = [&sample.calibration[..], &sample.test[..]].concat();
+        let person = super::people(recorded);
+        let drove: Vec<usize> =
+            parts.calibration.iter().chain(&parts.test).map(|&i| person[i]).collect();
         let mut found = Vec::new();
         for choice in region_windows(questions.split.seed) {
             bar.set_message(format!("regions, {}", choice.word().replace('_', " ")));
             // Nobody need have turned in time.
             if choice.windows(&unseen, settings.steps()).iter().any(|windows| !windows.is_empty()) {
-                let regions = regions(&unseen, choice, prediction, settings, questions.confidence);
+                let confidence = questions.confidence;
+                let regions =
+                    regions_of_people(&unseen, &drove, choice, prediction, settings, confidence);
                 found.push(regions.map_err(flagged)?);
             }
             bar.inc(1);
@@ -140,6 +193,10 @@ impl Evaluation {
         let mut tuning = Vec::new();
         for &guarantee in &questions.guarantees {
             for &p in &questions.probabilities {
+                if !questions.can(guarantee, p, parts.calibration.len()).map_err(flagged)? {
+                    bar.inc(1);
+                    continue;
+                }
                 bar.set_message(format!("tuning, {} {p}", guarantee.word().replace('_', " ")));
                 let settings = TuningSettings::new(
                     p,
@@ -147,7 +204,8 @@ impl Evaluation {
                     candidates(prediction.actions(), questions.steps),
                 )
                 .with_windows(questions.windows)
-                .with_confidence(questions.confidence);
+                .with_confidence(questions.confidence)
+                .with_unit(questions.unit);
                 tuning.push(tune(&sample, prediction, &settings).map_err(flagged)?);
                 bar.inc(1);
             }
@@ -180,6 +238,7 @@ impl Evaluation {
             regions_from: "the calibration and test parts".to_owned(),
             synthetic: None,
             tuning,
+            left_out: Vec::new(),
             pareto,
             danger,
             panels,
@@ -207,8 +266,11 @@ fn compare<M: ActionModel + Sync>(
     let family =
         |compared: Compared| compared.family(prediction, &sample.training, questions.steps);
     let mut families = compared.map(family).collect::<Result<Vec<_>, _>>()?;
+    let mut targets = questions.probabilities.clone();
+    let n = sample.calibration.len();
+    targets.retain(|&p| questions.can(Guarantee::Conformal, p, n).unwrap_or(false));
     let settings = ParetoSettings::new(
-        questions.probabilities.clone(),
+        targets,
         questions.confidence,
         questions.windows,
         questions.steps,

@@ -6,6 +6,7 @@ use crate::figure;
 use crate::formats::atomic_folder::Draft;
 use csv::Writer;
 use sidestep::predict::PredictorFile;
+use sidestep::shfrs::pareto::Pareto;
 use sidestep::shfrs::probability::Regions;
 
 /// In the order in which they are written.
@@ -32,7 +33,7 @@ pub(super) fn write(
     let texts = [
         regions_csv(&analysis.regions)?,
         tuning_csv(analysis)?,
-        rows_csv(&analysis.pareto.rows)?,
+        pareto_csv(&analysis.pareto)?,
         danger_csv(analysis)?,
         regions_svg(analysis)?,
         figure::pareto(&analysis.pareto, &note(analysis)).svg(),
@@ -64,8 +65,27 @@ fn csv_text(
     String::from_utf8(bytes).map_err(CommandError::failure)
 }
 
-fn rows_csv<T: serde::Serialize>(rows: &[T]) -> Result<String, CommandError> {
-    csv_text(|writer| rows.iter().try_for_each(|row| writer.serialize(row)))
+fn pareto_csv(pareto: &Pareto) -> Result<String, CommandError> {
+    csv_text(|writer| {
+        writer.write_record([
+            "family",
+            "target",
+            "level_name",
+            "level",
+            "coverage",
+            "coverage_low",
+            "coverage_high",
+            "mean_area_m2",
+            "share_of_worst_case",
+        ])?;
+        pareto.rows.iter().try_for_each(|row| {
+            writer.serialize((
+                (&row.family, row.target, &row.level_name, row.level),
+                (row.coverage, row.coverage_low, row.coverage_high),
+                (row.mean_area_m2, pareto.share_of_worst_case(row)),
+            ))
+        })
+    })
 }
 
 fn regions_csv(regions: &[Regions]) -> Result<String, CommandError> {
@@ -89,9 +109,14 @@ fn regions_csv(regions: &[Regions]) -> Result<String, CommandError> {
             "steps",
             "tolerance_m",
             "tolerance_rad",
+            "share_of_worst_case",
+            "p_set_low_people",
+            "p_set_high_people",
+            "people",
         ])?;
         for found in regions {
             let p = &found.probabilities;
+            let people = found.by_people.as_ref();
             for (j, epsilon) in found.epsilon.iter().enumerate() {
                 let (set, region) = (p.inside[j], p.region[j]);
                 writer.serialize((
@@ -101,6 +126,9 @@ fn regions_csv(regions: &[Regions]) -> Result<String, CommandError> {
                     (found.mean_area_m2[j], p.windows, p.trajectories, p.confidence),
                     (&found.actions, &found.rollout, found.steps),
                     (found.tolerance_m, found.tolerance_rad),
+                    found.share_of_worst_case[j],
+                    (people.map(|p| p.inside[j].low), people.map(|p| p.inside[j].high)),
+                    people.map(|p| p.trajectories),
                 ))?;
             }
         }
@@ -127,6 +155,8 @@ fn tuning_csv(analysis: &Evaluation) -> Result<String, CommandError> {
             "calibration",
             "test",
             "statement",
+            "share_of_worst_case",
+            "unit",
         ])?;
         for tuned in &analysis.tuning {
             writer.serialize((
@@ -136,6 +166,7 @@ fn tuning_csv(analysis: &Evaluation) -> Result<String, CommandError> {
                 (&tuned.window_choice, tuned.steps),
                 (tuned.training, tuned.calibration, tuned.test),
                 &tuned.statement,
+                (tuned.share_of_worst_case, tuned.unit.word()),
             ))?;
         }
         Ok(())

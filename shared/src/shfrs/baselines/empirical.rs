@@ -1,7 +1,7 @@
 //! Empirical sets: hulls of recorded futures, for each mode of behaviour.
 
 use super::swept::{convex_hull, swept_area};
-use super::widened::worst_case_area;
+use super::widened::worst_case_area_m2;
 use super::{Areas, LearnedFamily, future_seen_from_now};
 use crate::bounds::ActionModel;
 use crate::invalid::{Invalid, length};
@@ -98,7 +98,7 @@ impl<M: ActionModel> PerModeEmpirical<M> {
             paths[mode.of(window)].push(path);
         }
         let modes = paths.into_iter().map(|paths| Futures::new(paths, steps)).collect();
-        let worst_case_area = worst_case_area(parameters, steps)?;
+        let worst_case_area = worst_case_area_m2(parameters, steps)?;
         Ok(Self { mode, modes, steps, areas: Areas::default(), worst_case_area })
     }
 }

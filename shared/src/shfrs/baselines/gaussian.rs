@@ -1,7 +1,7 @@
 //! A normal distribution of the future pose at each step.
 
 use super::swept::swept_area;
-use super::widened::worst_case_area;
+use super::widened::worst_case_area_m2;
 use super::{Areas, LearnedFamily, Nominal, future_seen_from_now, nominal_poses, place};
 use crate::invalid::{Invalid, length};
 use crate::math::{TAU, sin_cos};
@@ -70,7 +70,7 @@ impl Gaussian {
         let moments = moments.ok_or_else(|| {
             Invalid::new("windows", "poses with a positive definite covariance", "others")
         })?;
-        let worst_case_area = worst_case_area(parameters, steps)?;
+        let worst_case_area = worst_case_area_m2(parameters, steps)?;
         let mut family = Self {
             nominal,
             parameters: *parameters,

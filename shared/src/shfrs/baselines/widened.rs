@@ -18,11 +18,14 @@ struct WidenedInputs<B> {
     base: B,
 }
 
+/// The name of the family of [`worst_case`].
+pub const WORST_CASE: &str = "worst case";
+
 /// Every position that the human can reach: one set for every level, with coverage 1.
 pub fn worst_case(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let range = parameters.human.turn_range();
     let base = move |window: &Window<'_>| Ok(vec![range; window.steps()]);
-    WidenedInputs { name: "worst case", parameters: *parameters, most: 0.0, base }
+    WidenedInputs { name: WORST_CASE, parameters: *parameters, most: 0.0, base }
 }
 
 /// The human drives straight on, within ±ε: a cone around the current velocity.
@@ -97,11 +100,12 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
     }
 }
 
-/// Area, m², of all positions that the human can reach within `steps`.
+/// Area, m², of all positions that the human can reach within `steps`: what any predicted set is measured
+/// against, since a set of this area says no more than the vehicle does.
 ///
 /// # Errors
 /// [`Invalid`] if there is no step.
-pub(super) fn worst_case_area(parameters: &SceneParameters, steps: usize) -> Result<f64, Invalid> {
+pub fn worst_case_area_m2(parameters: &SceneParameters, steps: usize) -> Result<f64, Invalid> {
     let range = parameters.human.turn_range();
     tube_area_m2(&widened(&vec![range; steps], 0.0, range)?, parameters)
 }

@@ -187,9 +187,14 @@ fn twin(pareto: &Pareto) -> Node {
             cell(fixed(row.level, 3)),
             cell(coverage),
             cell(fixed(row.mean_area_m2, 2)),
+            cell(pareto.share_of_worst_case(row).map_or_else(
+                || "—".to_owned(),
+                |share| format!("{} %", fixed(100.0 * share, 0)),
+            )),
         ])
     };
-    let columns = ["prediction", "asked", "size", "coverage", "mean area / m²"];
+    let columns =
+        ["prediction", "asked", "size", "coverage", "mean area / m²", "of the worst case"];
     let calibrated = parts::table(columns, pareto.rows.iter().map(row));
     let read = |curve: &ParetoCurve| {
         let at = |coverage: f64| {

@@ -225,7 +225,14 @@ fn result(explorer: &Explorer, found: &Found) -> Node {
         ),
         fact("actions", &found.actions),
         fact("ε of the first set", format!("{} rad/s", fixed(found.settings.epsilon[0], 4))),
-        fact("mean area", format!("{} m²", fixed(found.mean_area_m2, 3))),
+        fact(
+            "mean area",
+            format!(
+                "{} m², {} % of the worst case",
+                fixed(found.mean_area_m2, 3),
+                fixed(100.0 * found.share_of_worst_case, 0)
+            ),
+        ),
         fact("measured", measured),
     ];
     let left_out = match without {
