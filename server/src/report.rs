@@ -39,6 +39,8 @@ pub fn each_file(
         let text = text.map_err(io::Error::other)?;
         put(name, &|out| out.write_all(text.as_bytes()))?;
     }
+    let numbers = page::numbers_json(analysis)?;
+    put("numbers.json", &|out| out.write_all(numbers.as_bytes()))?;
     for cell in &analysis.comparison.cells {
         let experiment = Some(cell.experiment.number());
         let predictor = PredictorFile { experiment, ..cell.predictor.clone() };

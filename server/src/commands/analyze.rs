@@ -41,7 +41,7 @@ use std::time::Instant;
 /// --leakage, behaviour.csv and behaviour_trials.csv (what people did), learning.csv (fewer training
 /// tasks), unseen.csv (models that other people trained), importance.csv (what models lose without a
 /// feature), figures/ (every figure of the report as SVG), models/ (a predictor.json for each fit; its former content is deleted),
-/// report.html and tables.tex. The same input gives the same bytes whatever the number of threads
+/// report.html, tables.tex and numbers.json (every number of the report with all digits). The same input gives the same bytes whatever the number of threads
 /// or the order of participants. Fits are kept in --out/.cache and reused if nothing they depend on
 /// has changed. Prints one line of JSON.
 #[derive(Clone, Debug, clap::Args)]

@@ -160,6 +160,27 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
     })
 }
 
+/// Every number of an analysis, with all digits, as JSON: what the templates print, and the tables beside it.
+///
+/// # Errors
+/// None in practice: every part can be written as JSON.
+pub(super) fn numbers_json(analysis: &Analysis) -> serde_json::Result<String> {
+    let mut all = numbers(analysis);
+    let families = analysis.families.iter();
+    all["beside"] = families
+        .map(|of| json!({ "first": of.first, "second": of.second, "gains": of.gains }))
+        .collect();
+    let pooled = analysis.pooled.iter();
+    all["calibration"] = pooled
+        .map(|of| {
+            let (model, experiment, features) = (of.model, of.experiment, &of.features);
+            json!({ "model": model, "experiment": experiment, "features": features, "of": of.calibration })
+        })
+        .collect();
+    all["rollouts"] = json!(analysis.rollouts);
+    serde_json::to_string(&all)
+}
+
 /// The day of a time in ms since 1970, in UTC: 2026-11-23.
 fn day(ms: f64) -> String {
     date_time(ms as i64).chars().take(10).collect()

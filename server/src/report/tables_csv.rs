@@ -228,7 +228,7 @@ fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         test.each().enumerate().map(move |(row, probabilities)| {
             let of = |class: i8| {
                 let place = test.classes.iter().position(|known| *known == class);
-                place.map(|place| format!("{:.6}", probabilities[place]))
+                place.map(|place| probabilities[place].to_string())
             };
             let probabilities = match cell.experiment {
                 Experiment::TurnDirection => [of(-1), of(0), of(1), None],

@@ -16,7 +16,8 @@ pub use empirical::{Mode, PerModeEmpirical};
 pub use gaussian::Gaussian;
 pub use placed::{EmpiricalFamily, EmpiricalSet, EmpiricalSets, Fitted};
 pub use widened::{
-    WORST_CASE, constant_velocity, hold_the_input, learned_disturbance, worst_case, worst_case_area_m2,
+    WORST_CASE, constant_velocity, hold_the_input, learned_disturbance, worst_case,
+    worst_case_area_m2,
 };
 
 use super::family::Family;

@@ -367,7 +367,9 @@ mod tests {
         let by_people = both.by_people.unwrap();
         assert_eq!((by_people.windows, by_people.trajectories), (4, 2));
         for (person, drive) in by_people.inside.iter().zip(&found.probabilities.inside) {
-            assert!(person.value == drive.value && person.low <= drive.low && person.high >= drive.high);
+            assert!(
+                person.value == drive.value && person.low <= drive.low && person.high >= drive.high
+            );
         }
         assert!(by_people.inside[0].low < found.probabilities.inside[0].low);
         assert_eq!(found.share_of_worst_case[2], 1.0);

@@ -215,7 +215,8 @@ impl WindowChoice {
             let begins = match self {
                 Self::EveryStep => 0..last + 1,
                 Self::RandomOne { seed } => {
-                    let begin = SeededRng::new(Trajectory::mixed_with(trajectory, seed)).below(last + 1);
+                    let begin =
+                        SeededRng::new(Trajectory::mixed_with(trajectory, seed)).below(last + 1);
                     begin..begin + 1
                 }
                 Self::AvoidanceOnset => trajectory.onset().map_or(0..0, |begin| begin..begin + 1),
@@ -274,10 +275,13 @@ mod tests {
         // As evenly as dice: χ² of 41 steps, 400 drives, has mean 40 and standard deviation 9.
         let expected = 400.0 / 41.0;
         let counts = (0..41).map(|step| all.iter().filter(|begin| **begin == step).count());
-        let chi: f64 = counts.map(|n| (n as f64 - expected) * (n as f64 - expected) / expected).sum();
+        let chi: f64 =
+            counts.map(|n| (n as f64 - expected) * (n as f64 - expected) / expected).sum();
         assert!((15.0..70.0).contains(&chi), "{chi}");
         let other = WindowChoice::RandomOne { seed: 6 }.windows(&drives, 10);
-        assert!(other.iter().zip(&all).filter(|(list, begin)| list[0].begin() == **begin).count() < 25);
+        assert!(
+            other.iter().zip(&all).filter(|(list, begin)| list[0].begin() == **begin).count() < 25
+        );
     }
 
     #[test]

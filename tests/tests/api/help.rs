@@ -26,7 +26,8 @@ async fn every_default_can_be_typed_as_it_is_printed() {
             }
             let printed = line.strip_prefix("[default: ").and_then(|rest| rest.strip_suffix(']'));
             let Some(printed) = printed else { continue };
-            let typed = [&[command, flag][..], &printed.split(' ').collect::<Vec<_>>(), &["--absent"]];
+            let typed =
+                [&[command, flag][..], &printed.split(' ').collect::<Vec<_>>(), &["--absent"]];
             let said = run(&typed.concat()).await;
             assert!(said.err.contains("'--absent'"), "{command} {flag} {printed}: {}", said.err);
             tried += 1;

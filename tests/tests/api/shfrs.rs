@@ -126,9 +126,10 @@ async fn a_split_by_people_guarantees_for_new_people() {
     assert_eq!((&tuning[0]["unit"][..], &tuning[0]["calibration"][..]), ("people", "3"));
     assert!(tuning[0]["statement"].contains("3 people, one random trajectory of each"));
     let few = ["--split", "people", "--probability", "0.9", "--guarantee", "pac"];
-    shfrs(&folder.name("none"), &few)
-        .await
-        .refused(2, &["expected at least 97 people for p = 0.9 (pac)", "found 8 (3 to calibrate with)"]);
+    shfrs(&folder.name("none"), &few).await.refused(
+        2,
+        &["expected at least 97 people for p = 0.9 (pac)", "found 8 (3 to calibrate with)"],
+    );
 }
 
 /// What the explorer saves does what the flags do.

@@ -65,7 +65,13 @@ impl Questions {
                 let needed = guarantee.needed(p)?;
                 if calibration < needed {
                     let guarantee = guarantee.word().replace('_', "-");
-                    left_out.push(LeftOut { guarantee, p, needed, found: calibration, unit: self.unit });
+                    left_out.push(LeftOut {
+                        guarantee,
+                        p,
+                        needed,
+                        found: calibration,
+                        unit: self.unit,
+                    });
                 }
             }
         }

@@ -175,24 +175,25 @@ const READ_AT: [f64; 5] = [0.5, 0.75, 0.9, 0.95, 1.0];
 
 /// The same as numbers.
 fn twin(pareto: &Pareto) -> Node {
-    let row = |row: &ParetoRow| {
-        let coverage = format!(
-            "{} ({}–{})",
-            fixed(row.coverage, 2),
-            fixed(row.coverage_low, 2),
-            fixed(row.coverage_high, 2)
-        );
-        el("tr").child(el("th").attr("scope", "row").text(&row.family)).children([
-            cell(number(row.target)),
-            cell(fixed(row.level, 3)),
-            cell(coverage),
-            cell(fixed(row.mean_area_m2, 2)),
-            cell(pareto.share_of_worst_case(row).map_or_else(
-                || "—".to_owned(),
-                |share| format!("{} %", fixed(100.0 * share, 0)),
-            )),
-        ])
-    };
+    let row =
+        |row: &ParetoRow| {
+            let coverage = format!(
+                "{} ({}–{})",
+                fixed(row.coverage, 2),
+                fixed(row.coverage_low, 2),
+                fixed(row.coverage_high, 2)
+            );
+            el("tr").child(el("th").attr("scope", "row").text(&row.family)).children([
+                cell(number(row.target)),
+                cell(fixed(row.level, 3)),
+                cell(coverage),
+                cell(fixed(row.mean_area_m2, 2)),
+                cell(pareto.share_of_worst_case(row).map_or_else(
+                    || "—".to_owned(),
+                    |share| format!("{} %", fixed(100.0 * share, 0)),
+                )),
+            ])
+        };
     let columns =
         ["prediction", "asked", "size", "coverage", "mean area / m²", "of the worst case"];
     let calibrated = parts::table(columns, pareto.rows.iter().map(row));
