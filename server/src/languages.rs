@@ -10,7 +10,7 @@ use self::sentences::Sentences;
 use crate::formats::study_toml::StudyFile;
 use crate::formats::toml_lines::Complaint;
 use sidestep::invalid::Invalid;
-use sidestep::study::{StudyConfig, closest_language};
+use sidestep::study::{Localised, StudyConfig, closest_language};
 use std::path::{Path, PathBuf};
 
 /// The languages of the program by tag, English first. To add one, add its file and a line here.
@@ -179,13 +179,28 @@ impl Languages {
         found
     }
 
-    /// The languages to choose from in a study. A study that was stored with languages that are missing
-    /// now offers the others.
+    /// The languages to choose from in a study: those that it names, else those in which all of its texts
+    /// are written. A study that was stored with languages that are missing now offers the others.
     #[must_use]
     pub fn offered<'a>(&'a self, study: &'a StudyConfig) -> Vec<&'a str> {
         let wanted = study.languages.iter().map(String::as_str);
         let there: Vec<_> = wanted.filter(|tag| self.get(tag).is_some()).collect();
-        if there.is_empty() { self.tags().collect() } else { there }
+        if !there.is_empty() {
+            return there;
+        }
+        // If its texts have no language in common, those of the first one decide: the consent's, if there is
+        // one.
+        let texts = study.localised();
+        let texts: Vec<_> = texts.iter().map(|(_, text)| *text).filter(|t| !t.is_empty()).collect();
+        let with_all_of = |texts: &[&Localised]| -> Vec<&'a str> {
+            let is_in = |text: &&Localised, tag: &str| {
+                closest_language(text.0.keys().map(String::as_str), tag).is_some()
+            };
+            self.tags().filter(|tag| texts.iter().all(|text| is_in(text, tag))).collect()
+        };
+        let shared = [&texts[..], &texts[..texts.len().min(1)]].map(with_all_of);
+        let shared = shared.into_iter().find(|tags| !tags.is_empty());
+        shared.unwrap_or_else(|| self.tags().take(1).collect())
     }
 }
 
@@ -242,7 +257,6 @@ fn canonical(tag: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sidestep::study::Localised;
 
     fn with(files: &[(&str, &str)]) -> Result<Languages, String> {
         let folder = tempfile::TempDir::new().unwrap();
@@ -297,6 +311,33 @@ mod tests {
         assert_eq!(canonical("SR-latn-rs"), "sr-Latn-RS");
         let said = with(&[("EN.toml", ""), ("en.toml", "")]).unwrap_err();
         assert!(said.contains("EN.toml") && said.contains("en.toml"), "{said}");
+    }
+
+    #[test]
+    fn a_study_offers_the_languages_of_its_texts() {
+        let languages = Languages::load(None).unwrap();
+        let mut study = StudyConfig::default();
+        assert_eq!(languages.offered(&study), ["en", "de", "es", "zh-CN"]);
+        study.consent.investigator = "Ada Example".into();
+        assert_eq!(languages.offered(&study).len(), 4, "one text for everybody");
+        study.consent.text = Localised::of("en", "Hello");
+        assert_eq!(languages.offered(&study), ["en"]);
+        study.consent.text.0.insert("zh".into(), "你好".into());
+        study.consent.text.0.insert("de".into(), "Hallo".into());
+        assert_eq!(languages.offered(&study), ["en", "de", "zh-CN"]);
+        study.closing.debrief = Localised::of("de-AT", "Danke");
+        assert_eq!(languages.offered(&study), ["de"]);
+        assert_eq!(languages.untranslated(&study), []);
+        // No language has both: the consent's decide, and what is missing is said.
+        study.closing.debrief = Localised::of("es", "Gracias");
+        assert_eq!(languages.offered(&study), ["en", "de", "zh-CN"]);
+        assert_eq!(languages.untranslated(&study)[0].0, "closing.debrief");
+        study.consent.text = Localised::of("fr", "Bonjour");
+        assert_eq!(languages.offered(&study), ["en"]);
+        // A study that names its languages has them.
+        study.languages = vec!["es".into()];
+        assert_eq!(languages.offered(&study), ["es"]);
+        assert_eq!(languages.untranslated(&study)[0].0, "consent.text");
     }
 
     #[test]

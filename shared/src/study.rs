@@ -7,7 +7,7 @@ mod recruitment;
 mod plausible;
 
 pub use localised::{Fact, Localised, closest_language, is_language};
-pub use protocol::{CheckQuestion, Closing, Comprehension, Consent, TrialSettings};
+pub use protocol::{AfterWrong, CheckQuestion, Closing, Comprehension, Consent, TrialSettings};
 pub use question::{Choice, Question, QuestionKind};
 pub use recruitment::{Recruitment, is_id, normalised_id};
 
@@ -36,7 +36,8 @@ pub struct StudyConfig {
     /// in every export. Default: false.
     pub synthetic: bool,
     /// The languages that participants can choose from; the first is used for people who read none of
-    /// them. Default: every language that the server has, English first.
+    /// them. Default: every language that the server has and all texts of the study are written in,
+    /// English first.
     pub languages: Vec<String>,
     /// Vehicles, danger radius and clock.
     pub parameters: SceneParameters,
@@ -431,6 +432,18 @@ mod tests {
                 s.comprehension.attempts = 1;
             }),
             "comprehension.attempts"
+        );
+        // Six standard questions to draw from.
+        let draw = |draw| {
+            let mut study = StudyConfig::default();
+            study.comprehension.draw = draw;
+            study.check().map_err(|error| error.field)
+        };
+        assert_eq!((draw(6), draw(7)), (Ok(()), Err("comprehension.draw".to_owned())));
+        assert_eq!(complain(|s| s.trials.feedback_s = 1.4), "trials.feedback_s");
+        assert_eq!(
+            complain(|s| s.recruitment.full_url = "https://a.example/{code}".into()),
+            "recruitment.full_url"
         );
         assert_eq!(
             complain(|s| {

@@ -147,7 +147,12 @@ impl Driver {
 
     /// The answer to "where am I".
     pub async fn me(&self, server: &Address) -> Answer {
-        Answer::of(self.request(server, Method::GET, routes::ME)).await
+        self.get(server, routes::ME).await
+    }
+
+    /// `GET` with the participant's token.
+    pub async fn get(&self, server: &Address, route: &str) -> Answer {
+        Answer::of(self.request(server, Method::GET, route)).await
     }
 
     /// The answer to a withdrawal.

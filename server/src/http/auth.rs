@@ -1,7 +1,7 @@
 //! Participants, by their tokens.
 
 use crate::http::app::App;
-use crate::http::endings::check_going_on;
+use crate::http::endings::{check_going_on, newcomers_url};
 use crate::http::error::ApiError;
 use crate::http::openapi::operation::{Input, Operation, Who};
 use crate::http::openapi::schemas::Schemas;
@@ -11,6 +11,7 @@ use crate::store::participants::Visitor;
 use crate::store::trials::{AssignedScene, Assignment};
 use axum::extract::FromRequestParts;
 use axum::http::{HeaderMap, header, request::Parts};
+use sidestep::api::Admission;
 use sidestep::study::{Status, StudyConfig};
 use std::sync::Arc;
 
@@ -124,7 +125,12 @@ pub async fn visitor(app: &App, headers: &HeaderMap) -> Result<Option<Visitor>, 
 /// Refuses writing to a study that is archived now.
 pub async fn check_study(app: &App, visitor: &Visitor) -> Result<(), ApiError> {
     let present = app.store.config(&visitor.present_config_hash).await?;
-    if present.status == Status::Archived { Err(ApiError::archived()) } else { Ok(()) }
+    if present.status != Status::Archived {
+        return Ok(());
+    }
+    let me = &visitor.participant;
+    let external_id = me.external_id.as_deref().filter(|_| !me.pilot);
+    Err(ApiError::archived(newcomers_url(&present, Admission::Archived, external_id)))
 }
 
 /// The token or key of a request.

@@ -2,6 +2,7 @@
 
 use crate::http::error::ApiError;
 use crate::store::participants::Participant;
+use sidestep::api::Admission;
 use sidestep::study::{Recruitment, StudyConfig};
 
 /// The link of a participant who has the completion code.
@@ -20,6 +21,41 @@ pub fn screened_out_url(config: &StudyConfig, me: &Participant) -> Option<String
 #[must_use]
 pub fn withdrawn_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.withdrawn_url, None, me)
+}
+
+/// The link of a participant who has finished, for a token that may not see the code.
+#[must_use]
+pub fn finished_url(config: &StudyConfig, me: &Participant) -> Option<String> {
+    filled(&config.recruitment.finished_url, None, me)
+}
+
+/// The link of somebody new, who cannot take part for this reason.
+#[must_use]
+pub fn newcomers_url(
+    config: &StudyConfig,
+    admission: Admission,
+    external_id: Option<&str>,
+) -> Option<String> {
+    let url = match admission {
+        Admission::Full => &config.recruitment.full_url,
+        Admission::Closed | Admission::Archived => &config.recruitment.closed_url,
+        _ => return None,
+    };
+    Recruitment::filled(url, None, external_id.map(str::trim))
+}
+
+/// Whether a participant can go on, and where they go if they cannot.
+#[must_use]
+pub fn standing(config: &StudyConfig, me: &Participant) -> (Admission, Option<String>) {
+    if me.withdrawn_at_ms.is_some() {
+        (Admission::Withdrawn, withdrawn_url(config, me))
+    } else if me.screened_out {
+        (Admission::ScreenedOut, screened_out_url(config, me))
+    } else if me.completion_code.is_some() {
+        (Admission::Finished, finished_url(config, me))
+    } else {
+        (Admission::Open, None)
+    }
 }
 
 /// Refuses participants who have withdrawn or were screened out.

@@ -2,7 +2,7 @@
 
 use crate::clock::now_ms;
 use crate::http::app::App;
-use crate::http::endings::over;
+use crate::http::endings::{newcomers_url, over};
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
 use crate::http::params::PathText;
@@ -12,12 +12,13 @@ use crate::store::StoreError;
 use crate::store::enrolments::{self, Gate, NewParticipant};
 use crate::store::participants::Participant;
 use crate::store::scenes::{PlannedRow, trial_ids};
+use crate::store::studies::StoredStudy;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde_json::Value;
-use sidestep::api::{Enrolled, Enrolment, Object, Plan, PlannedPhase, PlannedScene};
+use sidestep::api::{Admission, Enrolled, Enrolment, Object, Plan, PlannedPhase, PlannedScene};
 use sidestep::invalid::Invalid;
 use sidestep::scene::StratifiedScene;
 use sidestep::study::{PhaseConfig, Status, StudyConfig, normalised_id};
@@ -36,7 +37,7 @@ pub async fn enrol(
     let study = named(&app.store, &slug).await?;
     let config = &study.config;
     if config.status == Status::Archived {
-        return Err(ApiError::archived());
+        return Err(ApiError::archived(goes_to(&study, Admission::Archived, &body)));
     }
     if config.recruitment.require_external_id && body.external_id.is_none() && !body.pilot {
         let expected = "the id of your recruiting service, in the link that it gave you";
@@ -47,7 +48,9 @@ pub async fn enrol(
     let page = body
         .locale
         .as_deref()
-        .map(|locale| app.library.page(config, &study.config_hash, std::iter::once(locale)));
+        .map(|locale| app.library.page(config, &study.config_hash, std::iter::once(locale), None));
+    let [closed, full] =
+        [Admission::Closed, Admission::Full].map(|admission| goes_to(&study, admission, &body));
     let gate = Gate { is_open: config.admits(is_synthetic(&body)), ..gate(&study) };
     let token = secrets::token()?;
     let new = NewParticipant {
@@ -80,11 +83,11 @@ pub async fn enrol(
             } else {
                 "this study is closed; it takes no new participants"
             };
-            return Err(ApiError::forbidden("closed", message));
+            return Err(ApiError::no_admission("closed", message, closed));
         }
         enrolments::Enrolment::Full => {
             let message = "this study is full: enough people have taken part";
-            return Err(ApiError::forbidden("full", message));
+            return Err(ApiError::no_admission("full", message, full));
         }
     };
     let config = app.store.config(&participant.config_hash).await?;
@@ -100,6 +103,12 @@ pub async fn enrol(
     let Participant { id: participant_id, .. } = participant;
     let plan = plan(&config, &rows);
     Ok((status, Json(Enrolled { participant_id, token, plan })))
+}
+
+/// Where somebody goes who cannot enrol; pilots go nowhere.
+fn goes_to(study: &StoredStudy, admission: Admission, body: &Enrolment) -> Option<String> {
+    let to = || newcomers_url(&study.config, admission, body.external_id.as_deref());
+    if body.pilot { None } else { to() }
 }
 
 /// Whether the screen says that this is a program, as `sidestep simulate` does.

@@ -83,10 +83,17 @@ impl ApiError {
         Self::forbidden("not_yours", message)
     }
 
-    /// 410: the study is over for everybody.
+    /// 410: the study is over for everybody; whoever comes goes back to this address.
     #[must_use]
-    pub fn archived() -> Self {
-        Self::new(StatusCode::GONE, "archived", "this study is over; nothing more is stored")
+    pub fn archived(return_url: Option<String>) -> Self {
+        let message = "this study is over; nothing more is stored";
+        Self::ended(StatusCode::GONE, "archived", message, return_url)
+    }
+
+    /// 403: the study takes nobody new; whoever came goes back to this address.
+    #[must_use]
+    pub fn no_admission(code: &str, message: &str, return_url: Option<String>) -> Self {
+        Self::ended(StatusCode::FORBIDDEN, code, message, return_url)
     }
 
     /// 410: the check of understanding ended the participation; the participant goes back to this address.
@@ -94,20 +101,20 @@ impl ApiError {
     pub fn screened_out(return_url: Option<String>) -> Self {
         let message = "this participation has ended: the answers about the instructions were wrong \
                        too often";
-        Self::ended("screened_out", message, return_url)
+        Self::ended(StatusCode::GONE, "screened_out", message, return_url)
     }
 
     /// 410: the participant has withdrawn and goes back to this address.
     #[must_use]
     pub fn withdrawn(return_url: Option<String>) -> Self {
         let message = "this participation was withdrawn; nothing more is stored";
-        Self::ended("withdrawn", message, return_url)
+        Self::ended(StatusCode::GONE, "withdrawn", message, return_url)
     }
 
-    fn ended(code: &str, message: &str, return_url: Option<String>) -> Self {
+    fn ended(status: StatusCode, code: &str, message: &str, return_url: Option<String>) -> Self {
         let (code, message) = (code.to_owned(), message.to_owned());
         let problem = Problem { code, message, field: None, return_url };
-        Self::Problem { status: StatusCode::GONE, problem }
+        Self::Problem { status, problem }
     }
 }
 

@@ -22,7 +22,10 @@ fn participation(table: Table) -> Table {
         .route(
             &routes::study("{slug}"),
             [get("What a participant needs to know of a study", studies::show)
-                .detail("With a participant's token, the study as they enrolled in it.")
+                .detail(
+                    "With a participant's token, the study as they enrolled in it. With an external id, \
+                     whether this person can take part, and where they go if they cannot.",
+                )
                 .problems(["not_found", "busy", "storage"])
                 .for_participants_too()],
         )

@@ -3,7 +3,7 @@
 use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::auth::{Me, MeOrGone, Writer, check_study};
-use crate::http::endings::{completed_url, screened_out_url, withdrawn_url};
+use crate::http::endings::{completed_url, screened_out_url, standing, withdrawn_url};
 use crate::http::enrolment::plan;
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
@@ -50,15 +50,15 @@ pub async fn show(
         study: config.slug.clone(),
         plan: plan(&config, &rows),
         next: rows.iter().find(|row| !row.stored).map(id),
-        return_url: code.as_deref().and_then(|code| completed_url(&config, me, code)),
+        return_url: match &code {
+            Some(code) => completed_url(&config, me, code),
+            None => standing(&config, me).1,
+        },
         completion_code: code,
         complete: me.completion_code.is_some(),
         // Whoever drives has passed the check, or began when the study had none.
         understood: me.understood || !has_check || !stored.is_empty(),
-        comprehension_attempts: match visitor.scope {
-            Scope::Full => me.comprehension_attempts as usize,
-            Scope::Continue => visitor.check_attempts as usize,
-        },
+        comprehension_attempts: visitor.attempts() as usize,
         answered: me.answered || config.questions.is_empty(),
         stored,
         pilot: me.pilot,
@@ -89,7 +89,8 @@ pub async fn check_understanding(
     let screened_out =
         app.store.check_understanding(&me.id, continues, result, most, now_ms()).await?;
     let return_url = screened_out.then(|| screened_out_url(&config, me)).flatten();
-    Ok(Json(ComprehensionStored { screened_out, return_url }))
+    let after_wrong = config.comprehension.after_wrong;
+    Ok(Json(ComprehensionStored { screened_out, after_wrong, return_url }))
 }
 
 /// `PUT /api/v1/participants/me/answers`: 204; in the place of earlier answers, until the participation

@@ -3,22 +3,36 @@
 use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::auth::visitor;
+use crate::http::endings::{newcomers_url, standing};
 use crate::http::error::ApiError;
-use crate::http::params::PathText;
+use crate::http::params::{Params, PathText};
 use crate::store::Store;
 use crate::store::enrolments::Gate;
+use crate::store::participants::Visitor;
 use crate::store::studies::StoredStudy;
 use axum::Json;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use schemars::JsonSchema;
+use serde::Deserialize;
 use sidestep::api::{Admission, StudyInfo};
-use sidestep::study::{Status, StudyConfig};
+use sidestep::study::{Status, StudyConfig, normalised_id};
 use std::sync::Arc;
 
-/// `GET /api/v1/studies/{slug}`. With a participant's token, the study as they enrolled in it.
+/// The query of a study.
+#[derive(Debug, Deserialize, JsonSchema)]
+pub struct StudyParams {
+    /// The recruiting service's id of the person who asks.
+    external_id: Option<String>,
+}
+
+/// `GET /api/v1/studies/{slug}?external_id=`. With a participant's token, the study as they enrolled in it.
+/// With an external id, whether this person can take part: they may have begun, or have finished. That
+/// says no more than an enrolment with the same id, and stores nothing.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
+    Params(params): Params<StudyParams>,
     headers: HeaderMap,
 ) -> Result<Json<StudyInfo>, ApiError> {
     let study = named(&app.store, &slug).await?;
@@ -29,11 +43,32 @@ pub async fn show(
     if admission == Admission::Open && app.store.is_full(study.id, gate(&study)).await? {
         admission = Admission::Full;
     }
-    let (config, _) = asked_for(&app, &study, &headers).await?;
-    Ok(Json(StudyInfo::of(&config, admission)))
+    let id = params.external_id.as_deref();
+    let key = id.map(|id| normalised_id("external_id", id)).transpose()?;
+    let known = match key {
+        Some(key) if admission != Admission::Archived => app.store.known(study.id, key).await?,
+        _ => None,
+    };
+    let return_url;
+    (admission, return_url) = match known {
+        Some(me) => standing(&*app.store.config(&me.config_hash).await?, &me),
+        None => (admission, newcomers_url(&study.config, admission, id)),
+    };
+    let Asked { config, .. } = asked_for(&app, &study, &headers).await?;
+    Ok(Json(StudyInfo { return_url, ..StudyInfo::of(&config, admission) }))
 }
 
-/// The configuration that a request is about, with its hash: that of the participant whose token it
+/// What a request is about.
+pub struct Asked {
+    /// The configuration.
+    pub config: Arc<StudyConfig>,
+    /// Its hash.
+    pub config_hash: String,
+    /// The participant whose token the request carries.
+    pub visitor: Option<Visitor>,
+}
+
+/// The configuration that a request is about: that of the participant whose token it
 /// carries, else that of new participants. An edited study file changes nothing for participants who have begun.
 ///
 /// # Errors
@@ -42,12 +77,17 @@ pub async fn asked_for(
     app: &App,
     study: &StoredStudy,
     headers: &HeaderMap,
-) -> Result<(Arc<StudyConfig>, String), ApiError> {
-    let participant = visitor(app, headers).await?.map(|visitor| visitor.participant);
-    match participant.filter(|participant| participant.study_id == study.id) {
-        Some(it) => Ok((app.store.config(&it.config_hash).await?, it.config_hash)),
-        None => Ok((Arc::clone(&study.config), study.config_hash.clone())),
-    }
+) -> Result<Asked, ApiError> {
+    let visitor = visitor(app, headers).await?;
+    let visitor = visitor.filter(|visitor| visitor.participant.study_id == study.id);
+    let (config, config_hash) = match &visitor {
+        Some(Visitor { participant, .. }) => {
+            let config_hash = participant.config_hash.clone();
+            (app.store.config(&config_hash).await?, config_hash)
+        }
+        None => (Arc::clone(&study.config), study.config_hash.clone()),
+    };
+    Ok(Asked { config, config_hash, visitor })
 }
 
 /// The people who may enrol in a study now.

@@ -3,15 +3,19 @@
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::params::{Params, PathText};
-use crate::http::studies::{asked_for, named};
+use crate::http::studies::{Asked, asked_for, named};
+use crate::languages::page::drawn;
+use crate::secrets;
+use crate::store::participants::Visitor;
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use sidestep::api::Texts;
 use sidestep::invalid::Invalid;
-use sidestep::study::is_language;
+use sidestep::study::{AfterWrong, is_language};
 use std::sync::Arc;
 
 /// The query of the texts.
@@ -39,9 +43,31 @@ pub async fn show(
     let accepted = headers.get(header::ACCEPT_LANGUAGE).and_then(|value| value.to_str().ok());
     let accepted = preferred(accepted.unwrap_or_default());
     let wanted = params.language.as_deref().into_iter().chain(accepted);
-    let (config, config_hash) = asked_for(&app, &study, &headers).await?;
-    let page = app.library.page(&config, &config_hash, wanted);
-    Ok(([(header::VARY, "Accept-Language")], Json(&page.texts)).into_response())
+    let Asked { config, config_hash, visitor } = asked_for(&app, &study, &headers).await?;
+    let begun = match &visitor {
+        Some(visitor) => app.store.agreed_language(&visitor.participant.id).await?,
+        None => None,
+    };
+    let page = app.library.page(&config, &config_hash, wanted, begun.as_deref());
+    let vary = [(header::VARY, "Accept-Language, Authorization")];
+    let check = &config.comprehension;
+    if !check.is_drawn() {
+        return Ok((vary, Json(&page.texts)).into_response());
+    }
+    let seed = visitor.as_ref().map(|visitor| drawing_seed(visitor, check.after_wrong));
+    let check = drawn(&page.texts.check, check, seed);
+    Ok((vary, Json(Texts { check, ..page.texts.clone() })).into_response())
+}
+
+/// What decides which questions a participant is asked: who they are, and at which attempt, unless they
+/// keep their questions.
+fn drawing_seed(visitor: &Visitor, after_wrong: AfterWrong) -> u64 {
+    let attempt = match after_wrong {
+        AfterWrong::Mark => 0,
+        AfterWrong::Renew | AfterWrong::Reread => visitor.attempts(),
+    };
+    let hash = secrets::hash(&format!("check {} {attempt}", visitor.participant.id));
+    hash.iter().take(8).fold(0, |seed, byte| (seed << 8) | u64::from(*byte))
 }
 
 /// The languages of an Accept-Language header, the most wanted first.

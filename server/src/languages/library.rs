@@ -38,14 +38,22 @@ impl Library {
     }
 
     /// The texts of the configuration with that hash, in the first of the `wanted` languages that the
-    /// study offers, else in its own first one.
+    /// study offers, else in its own first one. Whoever has `begun` in a language can go on in it, although
+    /// the study offers it to nobody else.
     pub fn page<'a>(
         &self,
         config: &StudyConfig,
         config_hash: &str,
         wanted: impl Iterator<Item = &'a str>,
+        begun: Option<&str>,
     ) -> Arc<Page> {
-        let offered = self.languages.offered(config);
+        let mut offered = self.languages.offered(config);
+        if let Some(begun) = begun.and_then(|tag| self.languages.tags().find(|known| *known == tag))
+            && config.languages.is_empty()
+            && !offered.contains(&begun)
+        {
+            offered.push(begun);
+        }
         let first = offered.first().copied().unwrap_or("en");
         let closest = |tag: &str| closest_language(offered.iter().copied(), tag);
         let language = wanted.filter_map(closest).next().unwrap_or(first);

@@ -4,12 +4,14 @@ use super::Languages;
 use super::markdown::html_of;
 use sha2::{Digest, Sha256};
 use sidestep::api::{CheckForm, Language, Object, QuestionForm, Texts};
-use sidestep::study::{Localised, Question, StudyConfig};
+use sidestep::math::SeededRng;
+use sidestep::study::{Comprehension, Localised, Question, StudyConfig};
 use std::collections::BTreeMap;
 
 /// Sidestep's own questions of the check of understanding: sentences `check_NAME.text`, `.right`,
-/// `.wrong_1` and `.wrong_2`.
-const STANDARD: [&str; 3] = ["robot", "straight", "zone"];
+/// `.wrong_1` and `.wrong_2`. A study that draws none asks the first three.
+const STANDARD: [&str; 6] = ["robot", "straight", "zone", "both", "stop", "when"];
+const ASKED_OF_ALL: usize = 3;
 
 impl Languages {
     /// The texts of a study in a language that it offers.
@@ -34,8 +36,12 @@ impl Languages {
         let is_asked = |key: &str| STANDARD.iter().any(|name| key.starts_with(&prefix(name)));
         let said = sentences.iter().filter(|(key, _)| !is_asked(key));
         let sentences = said.map(|(key, text)| (key.to_owned(), text.clone())).collect();
-        let offered = self
-            .offered(study)
+        let mut offered = self.offered(study);
+        // A participant has begun in it.
+        if !offered.contains(&language) {
+            offered.push(language);
+        }
+        let offered = offered
             .into_iter()
             .map(|tag| Language { tag: tag.to_owned(), name: self.name(study, tag).to_owned() });
         let facts = study.consent.facts().map(|(name, fact)| (name, fact.get(language, fallback)));
@@ -66,7 +72,8 @@ fn prefix(name: &str) -> String {
 
 /// Sidestep's own questions, then the study's.
 fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec<CheckForm> {
-    let standard = (0..).zip(STANDARD).map(|(i, name)| {
+    let count = if study.comprehension.draw > 0 { STANDARD.len() } else { ASKED_OF_ALL };
+    let standard = (0..).zip(STANDARD).take(count).map(|(i, name)| {
         let sentence = |part: &str| {
             sentences.get(&format!("{}{part}", prefix(name))).cloned().unwrap_or_default()
         };
@@ -88,6 +95,27 @@ fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec
     });
     let standard = study.comprehension.standard.then_some(standard);
     standard.into_iter().flatten().chain(own).collect()
+}
+
+/// The questions that a participant is asked, drawn from these, with their options in another order. Without
+/// a seed, as many questions as they come: nobody is asked yet.
+#[must_use]
+pub fn drawn(check: &[CheckForm], settings: &Comprehension, seed: Option<u64>) -> Vec<CheckForm> {
+    let count = if settings.draw > 0 { settings.draw } else { check.len() };
+    let Some(seed) = seed else { return check.iter().take(count).cloned().collect() };
+    let mut rng = SeededRng::new(seed);
+    let order = rng.permutation(check.len());
+    let forms = order.into_iter().take(count).map(|place| &check[place]);
+    forms
+        .map(|form| {
+            let order = rng.permutation(form.options.len());
+            CheckForm {
+                text: form.text.clone(),
+                options: order.iter().map(|&option| form.options[option].clone()).collect(),
+                answer: order.iter().position(|&option| option == form.answer).unwrap_or_default(),
+            }
+        })
+        .collect()
 }
 
 fn form(question: &Question, language: &str, fallback: &str) -> QuestionForm {
@@ -119,6 +147,35 @@ pub fn consent_hash(texts: &Texts) -> String {
 mod tests {
     use super::*;
     use sidestep::study::CheckQuestion;
+
+    #[test]
+    fn a_participant_is_asked_some_of_the_questions_in_any_order() {
+        let languages = Languages::load(None).unwrap();
+        let mut study = StudyConfig::default();
+        assert_eq!(languages.texts(&study, "en").check.len(), 3);
+        study.comprehension.draw = 2;
+        let all = languages.texts(&study, "en").check;
+        assert_eq!(all.len(), 6);
+        let right = |form: &CheckForm| (form.text.clone(), form.options[form.answer].clone());
+        let known: Vec<_> = all.iter().map(right).collect();
+        let mut asked = [0; 6];
+        let mut places = [0; 3];
+        for seed in 0..6000 {
+            let forms = drawn(&all, &study.comprehension, Some(seed));
+            assert_eq!(forms.len(), 2);
+            assert_ne!(forms[0].text, forms[1].text);
+            for form in &forms {
+                let place = known.iter().position(|known| *known == right(form)).unwrap();
+                asked[place] += 1;
+                places[form.answer] += 1;
+            }
+        }
+        // 12,000 questions: each of 6 is due 2000 times, each of 3 places 4000 times; the standard
+        // deviations are at most 41 and 52.
+        assert!(asked.iter().all(|count| (1800..2200).contains(count)), "{asked:?}");
+        assert!(places.iter().all(|count| (3740..4260).contains(count)), "{places:?}");
+        assert_eq!(drawn(&all, &study.comprehension, None), all[..2]);
+    }
 
     #[test]
     fn texts_of_a_study_in_its_languages() {

@@ -83,6 +83,35 @@ impl Store {
         self.write_enrolment(locks, move |db| enrol(db, &new, gate, token_hash)).await
     }
 
+    /// The participant of a study whom this normalised external id names, if there is one.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn known(
+        &self,
+        study_id: i64,
+        external_key: String,
+    ) -> Result<Option<Participant>, StoreError> {
+        self.read(move |db| find(db, study_id, "external_key", &external_key)).await
+    }
+
+    /// The language in which a participant agreed to take part, if it is known.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn agreed_language(
+        &self,
+        participant_id: &str,
+    ) -> Result<Option<String>, StoreError> {
+        let id = participant_id.to_owned();
+        self.read(move |db| {
+            let mut statement =
+                db.prepare_cached("SELECT consent_language FROM participant WHERE id = ?1")?;
+            Ok(statement.query_row([id], |row| row.get(0)).optional()?.flatten())
+        })
+        .await
+    }
+
     /// Whether as many people take part in a study as its quota allows.
     pub async fn is_full(&self, study_id: i64, gate: Gate) -> Result<bool, StoreError> {
         if gate.quota == 0 {

@@ -128,6 +128,15 @@ impl Visitor {
         })
     }
 
+    /// How often the holder answered the check of understanding.
+    #[must_use]
+    pub fn attempts(&self) -> u32 {
+        match self.scope {
+            Scope::Full => self.participant.comprehension_attempts,
+            Scope::Continue => self.check_attempts,
+        }
+    }
+
     /// Whether the holder may see the completion code: who knows only the external id sees no code that
     /// somebody else was given.
     #[must_use]

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::invalid::Invalid;
 use crate::scene::Scene;
-use crate::study::normalised_id;
+use crate::study::{AfterWrong, normalised_id};
 use crate::trial::Phase;
 use crate::vehicle::Pose;
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,9 @@ pub struct ComprehensionResult {
 pub struct ComprehensionStored {
     /// The participation has ended: the answers were wrong too often.
     pub screened_out: bool,
+    /// What follows a wrong answer, if it has not ended.
+    #[serde(default)]
+    pub after_wrong: AfterWrong,
     /// Where to go, if it has ended and the study names an address.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
@@ -221,7 +224,8 @@ pub struct Progress {
     /// The code, once the participation is complete.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub completion_code: Option<String>,
-    /// Where to go with the code, if the study names an address.
+    /// Where to go once the participation is complete, if the study names an address: with the code, or
+    /// without it for a token that may not see it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
     /// Whether the participation is complete. The code is absent although it is if this token was given

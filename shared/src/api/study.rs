@@ -19,13 +19,20 @@ pub struct StudyInfo {
     pub parameters: SceneParameters,
     /// What will be driven.
     pub phases: Vec<PhaseConfig>,
-    /// Whether somebody new can take part.
+    /// Whether the person who asks can take part; without an external id, somebody new.
     pub admission: Admission,
+    /// Where the person goes who cannot, if the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
     /// The course of every trial.
     pub trials: TrialSettings,
     /// After this many attempts at the check of understanding with a wrong answer, the participation
     /// ends; 0: never.
     pub comprehension_attempts: usize,
+    /// Whether the check of understanding is drawn for each participant: whoever has enrolled asks for the
+    /// texts again.
+    #[serde(default)]
+    pub draws_check: bool,
     /// Parameters of the address that may hold the person's external id.
     pub external_id_parameters: Vec<String>,
     /// Parameters of the address that are stored with the participant.
@@ -45,8 +52,10 @@ impl StudyInfo {
             parameters: study.parameters,
             phases: study.phases.clone(),
             admission,
+            return_url: None,
             trials: study.trials,
             comprehension_attempts: study.comprehension.attempts,
+            draws_check: study.comprehension.is_drawn(),
             external_id_parameters: study.recruitment.external_id.clone(),
             recorded_parameters: study.recruitment.record.clone(),
             requires_external_id: study.recruitment.require_external_id,
@@ -54,7 +63,7 @@ impl StudyInfo {
     }
 }
 
-/// Whether somebody new can take part in a study.
+/// Whether a person can take part in a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -67,6 +76,12 @@ pub enum Admission {
     Closed,
     /// No: the study is over for everybody.
     Archived,
+    /// No: this person has finished.
+    Finished,
+    /// No: this person has withdrawn.
+    Withdrawn,
+    /// No: the check of understanding ended this person's participation.
+    ScreenedOut,
 }
 
 impl From<Status> for Admission {

@@ -60,6 +60,21 @@ impl StudyConfig {
                         their completion code there themselves";
             found.push(("recruitment.completed_url", what.to_owned()));
         }
+        // Whoever sends people back when they have finished has a service to send the others to.
+        if !recruitment.completed_url.is_empty() {
+            let is_missing = |(field, url): &(&str, &str)| {
+                url.is_empty() && (*field != "full_url" || recruitment.quota > 0)
+            };
+            let missing = recruitment.early_urls().into_iter().filter(is_missing);
+            let missing: Vec<_> = missing.map(|(field, _)| field).collect();
+            if !missing.is_empty() {
+                let what = format!(
+                    "no {}, so people whose participation ends so read why, without a way back",
+                    missing.join(", ")
+                );
+                found.push(("recruitment", what));
+            }
+        }
         found
     }
 }
@@ -77,7 +92,28 @@ mod tests {
         assert_eq!(*field, "recruitment.completed_url");
         assert!(what.starts_with("none is given"), "{what}");
         study.recruitment.return_hosts = vec!["app.prolific.com".into()];
-        study.recruitment.completed_url = "https://app.prolific.com/submissions/complete".into();
+        let url = "https://app.prolific.com/submissions/complete";
+        study.recruitment.completed_url = url.into();
+        study.check().unwrap();
+        // Whoever ends in another way has none; no quota, no full study.
+        let [(field, what)] = &study.forgotten()[..] else { panic!("{:?}", study.forgotten()) };
+        assert_eq!(*field, "recruitment");
+        assert!(
+            what.starts_with("no screened_out_url, withdrawn_url, finished_url, closed_url,"),
+            "{what}"
+        );
+        study.recruitment.quota = 9;
+        assert!(study.forgotten()[0].1.contains("full_url"));
+        let recruitment = &mut study.recruitment;
+        for early in [
+            &mut recruitment.screened_out_url,
+            &mut recruitment.withdrawn_url,
+            &mut recruitment.finished_url,
+            &mut recruitment.full_url,
+            &mut recruitment.closed_url,
+        ] {
+            *early = url.into();
+        }
         study.check().unwrap();
         assert_eq!(study.forgotten(), []);
     }

@@ -60,6 +60,11 @@ pub struct Comprehension {
     pub standard: bool,
     /// Further questions.
     pub questions: Vec<CheckQuestion>,
+    /// How many of these questions each participant is asked, drawn at random, 0 to 26; Sidestep has six
+    /// of its own to draw from. Default 0: every question, of Sidestep's the first three.
+    pub draw: usize,
+    /// What follows an attempt with a wrong answer. Default: `mark`.
+    pub after_wrong: AfterWrong,
     /// After this many attempts with a wrong answer, the participation ends and counts as screened
     /// out, 0 to 20. Default 0: as many attempts as it takes.
     pub attempts: usize,
@@ -67,9 +72,48 @@ pub struct Comprehension {
 
 impl Default for Comprehension {
     fn default() -> Self {
-        Self { standard: true, questions: Vec::new(), attempts: 0 }
+        Self {
+            standard: true,
+            questions: Vec::new(),
+            draw: 0,
+            after_wrong: AfterWrong::Mark,
+            attempts: 0,
+        }
     }
 }
+
+/// What follows an attempt at the check of understanding with a wrong answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum AfterWrong {
+    /// Each answer is marked as right or wrong; the participant changes the wrong ones.
+    #[default]
+    Mark,
+    /// The participant is not told which answer was wrong, and answers anew: questions are drawn again,
+    /// and options are in another order.
+    Renew,
+    /// The same, after the participant has read the instructions again.
+    Reread,
+}
+
+impl AfterWrong {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Mark, Self::Renew, Self::Reread];
+
+    /// The word in study files and in JSON.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Mark => "mark",
+            Self::Renew => "renew",
+            Self::Reread => "reread",
+        }
+    }
+}
+
+/// How many questions Sidestep has of its own; the first three are asked unless some are drawn.
+const STANDARD_QUESTIONS: usize = 6;
 
 /// A question with one right answer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -84,6 +128,12 @@ pub struct CheckQuestion {
 }
 
 impl Comprehension {
+    /// Whether participants are asked different questions, or options in different orders.
+    #[must_use]
+    pub fn is_drawn(&self) -> bool {
+        self.draw > 0 || self.after_wrong != AfterWrong::Mark
+    }
+
     pub(super) fn check(&self) -> Result<(), Invalid> {
         if self.attempts > 20 {
             let expected = "a whole number from 0 to 20";
@@ -96,6 +146,12 @@ impl Comprehension {
         if self.attempts > 0 && !self.standard && self.questions.is_empty() {
             let expected = "0, or a check: standard = true or questions";
             return Err(Invalid::new("comprehension.attempts", expected, self.attempts));
+        }
+        let all = self.questions.len() + if self.standard { STANDARD_QUESTIONS } else { 0 };
+        if self.draw > all {
+            let expected =
+                format!("a whole number from 0 to {all}, as many as there are to draw from");
+            return Err(Invalid::new("comprehension.draw", expected, self.draw));
         }
         for (i, question) in self.questions.iter().enumerate() {
             let field = format!("comprehension.questions[{i}]");
@@ -128,6 +184,9 @@ pub struct TrialSettings {
     pub countdown_s: u32,
     /// Seconds for which the last picture stays, 0 to 5. Default: 0.6.
     pub end_s: f64,
+    /// Seconds for which it stays at least, counted from when it is shown, in phases whose scenes end with
+    /// feedback: 1.5 to 10. Default: 1.5.
+    pub feedback_s: f64,
     /// Whether an interrupted trial is driven again after all others, as a further attempt. The first
     /// attempt is kept. Default: false.
     pub repeat_interrupted: bool,
@@ -142,6 +201,7 @@ impl Default for TrialSettings {
         Self {
             countdown_s: 3,
             end_s: 0.6,
+            feedback_s: 1.5,
             repeat_interrupted: false,
             rest_after: 10,
             fullscreen: true,
@@ -150,6 +210,12 @@ impl Default for TrialSettings {
 }
 
 impl TrialSettings {
+    /// For how long the last picture of a scene stays, s, with feedback or without it.
+    #[must_use]
+    pub fn stays_s(&self, feedback: bool) -> f64 {
+        if feedback { self.end_s.max(self.feedback_s) } else { self.end_s }
+    }
+
     pub(super) fn check(&self) -> Result<(), Invalid> {
         if !(1..=10).contains(&self.countdown_s) {
             let expected = "a whole number of seconds from 1 to 10";
@@ -157,6 +223,10 @@ impl TrialSettings {
         }
         if !(0.0..=5.0).contains(&self.end_s) {
             return Err(Invalid::new("trials.end_s", "seconds from 0 to 5", self.end_s));
+        }
+        if !(1.5..=10.0).contains(&self.feedback_s) {
+            let expected = "seconds from 1.5 to 10, long enough to read";
+            return Err(Invalid::new("trials.feedback_s", expected, self.feedback_s));
         }
         if self.rest_after > super::MAX_SCENES {
             let expected = format!("a whole number from 0 to {}", super::MAX_SCENES);

@@ -25,6 +25,14 @@ pub struct Recruitment {
     pub screened_out_url: String,
     /// Where a person goes who withdrew. As `completed_url`, without `{code}`.
     pub withdrawn_url: String,
+    /// Where a person goes who has finished, and opens the study again in a browser that does not know
+    /// their code. As `completed_url`, without `{code}`: anybody who knows the person's id gets it.
+    pub finished_url: String,
+    /// Where a person goes who comes when the study is full. As `completed_url`, without `{code}`.
+    pub full_url: String,
+    /// Where a person goes who comes when the study is closed or archived. As `completed_url`, without
+    /// `{code}`.
+    pub closed_url: String,
     /// Most participants who complete; 0: no limit. Pilots and people who withdrew or were screened
     /// out do not count. Default: 0.
     pub quota: u64,
@@ -45,6 +53,9 @@ impl Default for Recruitment {
             completed_url: String::new(),
             screened_out_url: String::new(),
             withdrawn_url: String::new(),
+            finished_url: String::new(),
+            full_url: String::new(),
+            closed_url: String::new(),
             quota: 0,
             hold_min: 60.0,
         }
@@ -83,12 +94,25 @@ impl Recruitment {
             }
         }
         self.check_url("completed_url", &self.completed_url, &["{code}", "{external_id}"])?;
-        self.check_url("screened_out_url", &self.screened_out_url, &["{external_id}"])?;
-        self.check_url("withdrawn_url", &self.withdrawn_url, &["{external_id}"])?;
+        for (field, url) in self.early_urls() {
+            self.check_url(field, url, &["{external_id}"])?;
+        }
         if !(1.0..=10_080.0).contains(&self.hold_min) {
             return Err(Invalid::new("hold_min", "minutes from 1 to 10080", self.hold_min));
         }
         Ok(())
+    }
+
+    /// The addresses for people who get no code, by the names of their fields.
+    #[must_use]
+    pub fn early_urls(&self) -> [(&'static str, &str); 5] {
+        [
+            ("screened_out_url", &self.screened_out_url),
+            ("withdrawn_url", &self.withdrawn_url),
+            ("finished_url", &self.finished_url),
+            ("full_url", &self.full_url),
+            ("closed_url", &self.closed_url),
+        ]
     }
 
     /// Accepts no address, or an https address on one of the return hosts.

@@ -4,9 +4,10 @@ use futures_util::future::join_all;
 use reqwest::Method;
 use serde_json::{Value, json};
 use sidestep::api::{
-    Admission, Completed, ComprehensionStored, Enrolled, PilotsDeleted, Progress, StudyInfo,
+    Admission, Completed, ComprehensionStored, Enrolled, PilotsDeleted, Progress, StudyInfo, Texts,
     Withdrawn, routes,
 };
+use sidestep::study::AfterWrong;
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Folder, Server, behind, run};
 use std::collections::HashSet;
@@ -213,13 +214,27 @@ async fn wrong_answers_too_often_end_a_participation() {
     assert!(!me.understood);
     check(&driver, 0, true).await.problem(422, "invalid", Some("attempts"));
     let stored: ComprehensionStored = check(&driver, 1, false).await.into(200);
-    assert_eq!(stored, ComprehensionStored { screened_out: false, return_url: None });
+    assert_eq!(
+        stored,
+        ComprehensionStored {
+            screened_out: false,
+            after_wrong: AfterWrong::Mark,
+            return_url: None
+        }
+    );
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!((me.comprehension_attempts, me.understood), (1, false));
     for _ in 0..2 {
         let ended: ComprehensionStored = check(&driver, 2, false).await.into(200);
         let url = "https://app.example.org/out?p=a%2Fb".to_owned();
-        assert_eq!(ended, ComprehensionStored { screened_out: true, return_url: Some(url) });
+        assert_eq!(
+            ended,
+            ComprehensionStored {
+                screened_out: true,
+                after_wrong: AfterWrong::Mark,
+                return_url: Some(url)
+            }
+        );
     }
     // Whoever comes back, in this browser or another, learns where to go.
     for refused in [driver.me(&server).await, driver.complete(&server).await] {
@@ -424,4 +439,131 @@ async fn pilots_are_kept_apart_and_can_be_deleted() {
     }
     pilot.me(&server).await.problem(401, "unauthorized", None);
     assert_eq!(server.export("default").await, export);
+}
+
+const ENDS: &str = r#"
+[recruitment]
+quota = 1
+return_hosts = ["app.example.org"]
+completed_url = "https://app.example.org/done?cc={code}"
+withdrawn_url = "https://app.example.org/left"
+finished_url = "https://app.example.org/again?p={external_id}"
+full_url = "https://app.example.org/full"
+closed_url = "https://app.example.org/closed?p={external_id}"
+"#;
+
+/// What the page learns before consent, about somebody new or with this external id.
+async fn standing(server: &Server, id: &str) -> (Admission, Option<String>) {
+    let query = if id.is_empty() { String::new() } else { format!("?external_id={id}") };
+    let info: StudyInfo = server.get(&(routes::study("default") + &query)).await.into(200);
+    (info.admission, info.return_url)
+}
+
+#[tokio::test]
+async fn whoever_cannot_take_part_learns_it_and_the_way_back_before_consent() {
+    let url = |path: &str| Some(format!("https://app.example.org/{path}"));
+    let server = Server::with_study(&study(ENDS)).await;
+    assert_eq!(standing(&server, "P1").await, (Admission::Open, None));
+    let body = json!({ "consent": true, "external_id": "P1" });
+    let driver = Driver { enrolled: Driver::ask(&server, body.clone()).await.into(201) };
+    // The place is taken; who has begun goes on.
+    assert_eq!(standing(&server, "p1").await, (Admission::Open, None));
+    for id in ["", "P2"] {
+        assert_eq!(standing(&server, id).await, (Admission::Full, url("full")));
+    }
+    let refused = Driver::ask(&server, json!({ "consent": true, "external_id": "P2" })).await;
+    refused.problem(403, "full", None);
+    assert_eq!(refused.body["return_url"], "https://app.example.org/full");
+    driver.drive(&server, 2).await;
+    let done: Completed = driver.complete(&server).await.into(200);
+    // Whoever knows the id alone gets the link, and neither the code nor the link with it.
+    assert_eq!(standing(&server, "%20P1").await, (Admission::Finished, url("again?p=P1")));
+    let again = Driver { enrolled: Driver::ask(&server, body).await.into(200) };
+    let other: Progress = again.me(&server).await.into(200);
+    assert_eq!((other.complete, other.completion_code), (true, None));
+    assert_eq!(other.return_url, url("again?p=P1"));
+    again.complete(&server).await.problem(403, "not_yours", None);
+    again.withdraw(&server, "delete").await.problem(403, "not_yours", None);
+    // The personal link is the token of the browser that enrolled.
+    let me: Progress = driver.me(&server).await.into(200);
+    assert_eq!(me.completion_code.as_deref(), Some(&*done.completion_code));
+    assert_eq!(me.return_url, done.return_url);
+    assert_eq!(driver.withdraw(&server, "keep").await.status, 200);
+    assert_eq!(standing(&server, "P1").await, (Admission::Withdrawn, url("left")));
+    let wrong = server.get(&(routes::study("default") + "?external_id=%3Cb%3E")).await;
+    wrong.problem(422, "invalid", Some("external_id"));
+
+    for (status, code, admission) in
+        [("closed", 403, Admission::Closed), ("archived", 410, Admission::Archived)]
+    {
+        let text = format!("status = \"{status}\"\n{}", study(ENDS));
+        let server = Server::with_study(&text).await;
+        // The link asks for an id.
+        assert_eq!(standing(&server, "").await, (admission, None));
+        assert_eq!(standing(&server, "P3").await, (admission, url("closed?p=P3")));
+        let refused = Driver::ask(&server, json!({ "consent": true, "external_id": "P3" })).await;
+        refused.problem(code, status, None);
+        assert_eq!(refused.body["return_url"], "https://app.example.org/closed?p=P3");
+    }
+}
+
+#[tokio::test]
+async fn a_check_of_understanding_is_drawn_for_each_attempt() {
+    let more = "[comprehension]\ndraw = 2\nafter_wrong = \"renew\"\nattempts = 20\n";
+    let server = Server::with_study(&study(more)).await;
+    let asked = async |driver: &Driver| -> Vec<Vec<String>> {
+        let url = routes::texts("default");
+        let texts: Texts = driver.get(&server, &url).await.into(200);
+        let forms = texts.check.into_iter();
+        forms
+            .map(|form| {
+                let mut words = vec![form.text, form.options[form.answer].clone()];
+                words.extend(form.options);
+                words
+            })
+            .collect()
+    };
+    let driver = Driver::enrol(&server).await;
+    let mut seen = HashSet::new();
+    let mut right = HashSet::new();
+    for attempts in 1..20 {
+        let forms = asked(&driver).await;
+        assert_eq!(forms, asked(&driver).await, "a reload changes nothing");
+        assert_eq!(forms.len(), 2);
+        right.extend(forms.iter().map(|form| (form[0].clone(), form[1].clone())));
+        seen.insert(forms);
+        let body = json!({ "attempts": attempts, "passed": false });
+        let stored: ComprehensionStored =
+            driver.put(&server, routes::COMPREHENSION, &body).await.into(200);
+        assert_eq!((stored.screened_out, stored.after_wrong), (false, AfterWrong::Renew));
+    }
+    // Six questions, each with one right answer whatever the order.
+    assert_eq!(right.len(), 6, "{right:?}");
+    assert!(seen.len() > 15, "{}", seen.len());
+    let me: Progress = driver.me(&server).await.into(200);
+    assert_eq!(me.comprehension_attempts, 19);
+    // Who has not enrolled is told how many questions there are.
+    let texts: Texts = server.get(&routes::texts("default")).await.into(200);
+    assert_eq!(texts.check.len(), 2);
+}
+
+#[tokio::test]
+async fn whoever_began_in_a_language_goes_on_in_it() {
+    let server = Server::with_study(&study("")).await;
+    let body = json!({ "consent": true, "locale": "es" });
+    let driver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
+    // As an earlier version stored it: every language, and a consent in English alone.
+    behind(&server.database())
+        .execute(
+            "UPDATE study_config SET json = replace(json, '\"text\":{}', '\"text\":{\"en\":\"Hello\"}')",
+            [],
+        )
+        .unwrap();
+    let server = server.restarted_with_study(&study("[consent.text]\nen = \"Hello\"\n")).await;
+    let url = routes::texts("default") + "?language=es";
+    let tags = |texts: &Texts| texts.offered.iter().map(|it| it.tag.clone()).collect::<Vec<_>>();
+    let new: Texts = server.get(&url).await.into(200);
+    assert_eq!((&*new.language, tags(&new)), ("en", vec!["en".to_owned()]));
+    let mine: Texts = driver.get(&server, &url).await.into(200);
+    assert_eq!((&*mine.language, tags(&mine)), ("es", vec!["en".to_owned(), "es".to_owned()]));
 }

@@ -248,7 +248,13 @@ async fn a_study_is_made_in_the_form() {
     assert!(page.words("completion-code").await.starts_with("PILOT-"));
     page.is_well().await;
     rehearsal.close().await;
+    // Participants of a service would have no way back: that is said, and opening takes a second press.
     tab.press("set-open").await;
+    tab.until_says("opening", "completed_url").await;
+    tab.press("not-yet").await;
+    tab.until(&format!("!{}", Tab::at("opening"))).await;
+    tab.press("set-open").await;
+    tab.press("open-anyway").await;
     tab.until(&Tab::at("links")).await;
     let first: Enrolled = Driver::ask_in(&server, "in-a-form", body).await.into(201);
     assert_eq!(first.plan.scenes().count(), 18);

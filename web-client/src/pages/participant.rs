@@ -31,6 +31,7 @@ use sidestep::chart::colours;
 use sidestep::picture::stage;
 use sidestep::picture::{Picture, Shape};
 use sidestep::scene::{JointState, Scene};
+use sidestep::study::AfterWrong;
 use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
 use std::rc::Rc;
@@ -52,6 +53,8 @@ pub struct Participant {
     study: Option<StudyInfo>,
     /// The language that was chosen, if one was.
     language: Option<String>,
+    /// Whether the server was asked about the person whom the address names.
+    is_named: bool,
     /// All that is read, in the participant's language.
     texts: Texts,
     session: Option<Session>,
@@ -67,7 +70,9 @@ pub struct Participant {
     held: HeldKeys,
     /// What went wrong last, if it still matters.
     trouble: Option<String>,
-    /// The key of a sentence about the last scene.
+    /// What follows a wrong answer to the check of understanding, once other questions have come.
+    renews: Option<AfterWrong>,
+    /// The key of a sentence about the last scene, or the last answers.
     hint: Option<&'static str>,
     /// Why this browser does not keep what it was given, if so.
     not_kept: Option<NotKept>,
@@ -239,7 +244,14 @@ impl Participant {
     }
 
     fn ask_study(&self) -> Command<Msg> {
-        self.ask("study", "GET", routes::study(&self.link.slug), None, Msg::Study)
+        let mut url = routes::study(&self.link.slug);
+        if let (true, Some(study)) = (self.is_named, &self.study)
+            && let Some(id) = self.link.external_id(study)
+        {
+            // Of the characters of ids, these two mean something else in a query.
+            url.extend(["?external_id=", &id.replace('+', "%2B").replace(' ', "%20")]);
+        }
+        self.ask("study", "GET", url, None, Msg::Study)
     }
 
     /// Asks for the sentences in the language that was chosen, or in one that the browser prefers.
@@ -430,7 +442,7 @@ impl Page for Participant {
                 Some(ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1)))
             }
             Stage::Driving(_, drive) => Some(drive.due_ms()),
-            Stage::Over(_, _, until_ms, _) => Some(*until_ms),
+            Stage::Over(_, _, until_ms, _) => *until_ms,
             _ => None,
         }
     }
@@ -444,7 +456,7 @@ impl Page for Participant {
                 is_next && (self.held.is_empty() || *left_s > 1)
             }
             Stage::Driving(_, drive) => drive.tick(now_ms),
-            Stage::Over(_, _, until_ms, _) => now_ms >= *until_ms,
+            Stage::Over(_, _, until_ms, _) => until_ms.is_some_and(|until_ms| now_ms >= until_ms),
             Stage::Instructions(arena) => {
                 arena.tick(now_ms, &self.steering.keys, &self.held, is_calm);
                 false
@@ -511,8 +523,14 @@ impl Page for Participant {
     }
 
     fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
-        if let Stage::Driving(_, drive) = &mut self.stage {
-            drive.frame_shown(at_ms, work_ms);
+        let trials = self.study.as_ref().map(|study| study.trials).unwrap_or_default();
+        match &mut self.stage {
+            Stage::Driving(_, drive) => drive.frame_shown(at_ms, work_ms),
+            // It stays from when it is seen.
+            Stage::Over(trial, _, until_ms @ None, _) => {
+                *until_ms = Some(at_ms + 1000.0 * trials.stays_s(trial.feedback));
+            }
+            _ => {}
         }
     }
 }

@@ -43,6 +43,8 @@ pub(super) struct ConfigurationPage {
     editor: Editor,
     /// The differences are shown, and storing waits for a second press.
     confirming: bool,
+    /// The study lacks something, and opening it waits for a second press.
+    opening: bool,
     /// The draft was stored just now.
     stored: bool,
     /// Somebody else has stored another configuration since.
@@ -145,6 +147,7 @@ impl ConfigurationPage {
             base: None,
             editor: Editor::new(),
             confirming: false,
+            opening: false,
             stored: false,
             overtaken: false,
             trouble: None,
@@ -265,7 +268,7 @@ impl Page for ConfigurationPage {
             // What is new changes nothing for anybody.
             Msg::Store if self.slug.is_none() => return self.store(),
             Msg::Store => self.confirming = true,
-            Msg::GoOn => self.confirming = false,
+            Msg::GoOn => (self.confirming, self.opening) = (false, false),
             Msg::Confirm => return self.store(),
             Msg::Stored(answer) => match read::<Configuration>(answer) {
                 Ok(stored) => {
@@ -289,7 +292,11 @@ impl Page for ConfigurationPage {
                     self.trouble = Some(failure.sentence);
                 }
             },
+            Msg::Set(Status::Open) if !self.opening && !self.editor.warnings().is_empty() => {
+                self.opening = true;
+            }
             Msg::Set(status) => {
+                self.opening = false;
                 let Some(slug) = &self.slug else { return Vec::new() };
                 let ask = Request::get("status", routes::admin_status(slug), Msg::StatusSet);
                 let body = Some(json::write(&NewStatus { status }));

@@ -1,6 +1,6 @@
 //! The check of understanding, the questions after the last scene, and the withdrawal.
 
-use super::state::Stage;
+use super::state::{Quiz, Stage};
 use super::{Msg, Participant, lifted};
 use crate::form::Form;
 use crate::json;
@@ -9,7 +9,7 @@ use crate::texts::Sentences as _;
 use sidestep::api::{
     Answers, CheckForm, ComprehensionResult, ComprehensionStored, Object, Withdrawn, routes,
 };
-use sidestep::study::QuestionKind;
+use sidestep::study::{AfterWrong, QuestionKind};
 
 /// The answer to a question.
 #[derive(serde::Serialize)]
@@ -22,10 +22,16 @@ enum Given {
 impl Participant {
     pub(super) fn checked(&mut self, form: &Form) -> Commands<Msg> {
         let Stage::Comprehension(quiz) = &mut self.stage else { return Vec::new() };
+        // Other questions are on their way.
+        if self.renews.is_some() {
+            return Vec::new();
+        }
+        self.hint = None;
         let check = &self.texts.check;
         let answer = |place: usize| form.text(&format!("check-{place}")).parse().ok();
         quiz.chosen = (0..check.len()).map(answer).collect();
         quiz.is_incomplete = quiz.chosen.contains(&None);
+        quiz.is_marked = false;
         if quiz.is_incomplete {
             return Vec::new();
         }
@@ -35,6 +41,7 @@ impl Participant {
         }
         let right = |(form, chosen): (&CheckForm, &Option<usize>)| *chosen == Some(form.answer);
         let passed = check.iter().zip(&quiz.chosen).all(right);
+        quiz.is_passed = passed;
         self.submitted = json::write(&ComprehensionResult { attempts: quiz.attempts, passed });
         vec![self.ask_check()]
     }
@@ -44,23 +51,39 @@ impl Participant {
         self.ask("check", "PUT", routes::COMPREHENSION, body, Msg::Understood)
     }
 
-    /// Whether every answer of the check of understanding is right.
-    pub(super) fn has_understood(&self) -> bool {
-        let Stage::Comprehension(quiz) = &self.stage else { return false };
-        let answers = self.texts.check.iter().map(|form| Some(form.answer));
-        quiz.attempts > 0 && answers.eq(quiz.chosen.iter().copied())
-    }
-
     pub(super) fn understood(&mut self, stored: ComprehensionStored) -> Commands<Msg> {
         if stored.screened_out {
             let url = stored.return_url;
             self.stage = Stage::Ended("stuck.screened_out", "stuck.screened_out_why", url);
-        } else if self.has_understood()
-            && let Some(progress) = &mut self.progress
-        {
-            progress.understood = true;
+            return Vec::new();
         }
-        Vec::new()
+        let Stage::Comprehension(quiz) = &mut self.stage else { return Vec::new() };
+        if quiz.is_passed {
+            if let Some(progress) = &mut self.progress {
+                progress.understood = true;
+            }
+            return Vec::new();
+        }
+        if stored.after_wrong == AfterWrong::Mark {
+            quiz.is_marked = true;
+            return Vec::new();
+        }
+        self.renews = Some(stored.after_wrong);
+        vec![self.ask_texts()]
+    }
+
+    /// Other questions have come after a wrong answer.
+    pub(super) fn renewed(&mut self, after_wrong: AfterWrong) {
+        let Stage::Comprehension(quiz) = &self.stage else { return };
+        let attempts = quiz.attempts;
+        if after_wrong == AfterWrong::Reread {
+            self.hint = Some("comprehension.reread");
+            self.show_instructions();
+        } else {
+            self.hint = Some("comprehension.renewed");
+            let drawn_at = attempts;
+            self.stage = Stage::Comprehension(Quiz { attempts, drawn_at, ..Quiz::default() });
+        }
     }
 
     pub(super) fn questions(&mut self, form: &Form) -> Commands<Msg> {

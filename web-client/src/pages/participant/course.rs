@@ -33,6 +33,11 @@ impl Participant {
         self.is_stored(trial) || self.outbox.holds(trial.id())
     }
 
+    /// Whether the scene has begun to move in this browser.
+    pub(super) fn has_begun(&self, trial: &PlannedTrial) -> bool {
+        self.exposures.iter().any(|(id, _)| id == trial.id())
+    }
+
     pub(super) fn is_stored(&self, trial: &PlannedTrial) -> bool {
         self.stored.iter().any(|id| id == trial.id())
     }
@@ -97,7 +102,7 @@ impl Participant {
             }
             // The computer has slept, or the page was frozen: nobody has seen the countdown.
             Stage::Countdown(_, start_ms, _) if self.now_ms > start_ms + ASLEEP_MS => {
-                self.stage = Stage::Ready;
+                self.not_begun();
                 Vec::new()
             }
             Stage::Countdown(trial, start_ms, _) => self.moves(trial, start_ms),
@@ -108,6 +113,12 @@ impl Participant {
                 Vec::new()
             }
         }
+    }
+
+    /// The countdown stops: the scene waits for another start.
+    fn not_begun(&mut self) {
+        self.stage = Stage::Ready;
+        self.hint = Some("ready.not_begun");
     }
 
     /// The countdown is over: the scene moves.
@@ -136,7 +147,6 @@ impl Participant {
 
     pub(super) fn scene_over(&mut self, trial: Box<PlannedTrial>, drive: Drive) -> Commands<Msg> {
         let parameters = self.study.as_ref().map(|study| study.parameters).unwrap_or_default();
-        let end_s = self.study.as_ref().map_or(0.0, |study| study.trials.end_s);
         let exposures = self.exposures.iter().find(|(id, _)| id == trial.id());
         let exposures = exposures.map_or(1, |(_, count)| *count);
         let upload = drive.into_upload(&self.context.screen, exposures);
@@ -157,8 +167,7 @@ impl Participant {
         let last = upload.states.last().copied().unwrap_or_else(|| trial.scene.scene().start());
         let outcome = outcome(&parameters, &upload.inputs, &upload.states);
         let keep = self.outbox.add(trial.id(), json::write(&upload));
-        let until_ms = self.now_ms + 1000.0 * end_s;
-        self.stage = Stage::Over(trial, last, until_ms, outcome);
+        self.stage = Stage::Over(trial, last, None, outcome);
         lifted(Some(keep)).chain(self.go_on()).collect()
     }
 
@@ -185,11 +194,13 @@ impl Participant {
         }
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.key(t_ms, code, down),
-            // The last second begins anew when the keys are up.
+            // Whoever was told to let go of the keys in the last second gets a new countdown.
             Stage::Countdown(_, ends_ms, left_s)
                 if !down && self.held.is_empty() && *ends_ms < t_ms + 1000.0 =>
             {
-                (*ends_ms, *left_s) = (t_ms + 1000.0, 1);
+                let trials = self.study.as_ref().map(|study| study.trials).unwrap_or_default();
+                *left_s = trials.countdown_s;
+                *ends_ms = t_ms + 1000.0 * f64::from(*left_s);
             }
             Stage::Equipment(equipment) if down => {
                 if let Some(steering) = equipment.pressed(&self.steering, code, key) {
@@ -217,7 +228,7 @@ impl Participant {
     pub(super) fn focus_lost(&mut self, t_ms: f64) -> Commands<Msg> {
         // The scene has not moved: it waits.
         if let Stage::Countdown(..) = self.stage {
-            self.stage = Stage::Ready;
+            self.not_begun();
         }
         self.key(t_ms, BLUR, "", false)
     }

@@ -1,6 +1,7 @@
 //! From the link to the first page: the study, its sentences, the enrolment, and where a participant
 //! who returns goes on.
 
+use super::sending::ended;
 use super::state::{PlannedTrial, Quiz, Session, Stage};
 use super::{Msg, Part, Participant, lifted};
 use crate::drive::facts;
@@ -40,7 +41,6 @@ impl Participant {
         if !self.has_texts() || self.session.is_some() {
             return Vec::new();
         }
-        let admission = study.admission;
         self.session = match &self.link.token {
             Some(token) => Some(Session { participant_id: String::new(), token: token.clone() }),
             None => self.kept(&self.session_name()),
@@ -50,23 +50,27 @@ impl Participant {
             self.language = Some(self.texts.language.clone());
             return vec![self.ask_study(), self.ask_texts(), self.ask_progress()];
         }
-        // Who has an external id may have begun in another browser, and a pilot takes nobody's place:
-        // the server decides.
-        let study = self.study.as_ref();
-        let may_be_known = self.link.is_pilot()
-            || study.is_some_and(|study| self.link.external_id(study).is_some());
-        let admission = match admission {
-            Admission::Full | Admission::Closed if may_be_known => Admission::Open,
-            other => other,
-        };
-        let is_incomplete = study.is_some_and(|study| self.link.is_incomplete(study));
-        self.stage = match admission {
-            _ if is_incomplete => self.stuck("no_id"),
+        if self.link.is_incomplete(study) {
+            self.stage = self.stuck("no_id");
+            return Vec::new();
+        }
+        // Who has an external id may have begun, or finished, in another browser: the server knows.
+        let names = !self.link.is_pilot() && self.link.external_id(study).is_some();
+        if names && !std::mem::replace(&mut self.is_named, true) {
+            return vec![self.ask_study()];
+        }
+        let url = study.return_url.clone();
+        self.stage = match study.admission {
+            // A pilot takes nobody's place.
+            Admission::Full | Admission::Closed if self.link.is_pilot() => Stage::Welcome,
             Admission::Open if self.context.touch_only => Stage::Touch,
             Admission::Open => Stage::Welcome,
-            Admission::Full => self.stuck("full"),
-            Admission::Closed => self.stuck("closed"),
-            Admission::Archived => self.stuck("archived"),
+            Admission::Full => ended("full", url),
+            Admission::Closed => ended("closed", url),
+            Admission::Archived => ended("archived", url),
+            Admission::Finished => Stage::Done(None, url),
+            Admission::Withdrawn => ended("withdrawn", url),
+            Admission::ScreenedOut => ended("screened_out", url),
         };
         Vec::new()
     }
@@ -84,6 +88,9 @@ impl Participant {
         self.texts = texts;
         self.names = ["scene.you", "scene.robot"].map(|key| self.say(key).into());
         let mut commands = vec![Command::Language(self.texts.language.clone())];
+        if let Some(after_wrong) = self.renews.take() {
+            self.renewed(after_wrong);
+        }
         commands.extend(self.opened());
         commands
     }
@@ -117,6 +124,9 @@ impl Participant {
         let session = Session { participant_id: enrolled.participant_id, token: enrolled.token };
         let mut commands = self.begin_session(session);
         commands.push(Command::Forget(self.enrolment_name()));
+        if self.study.as_ref().is_some_and(|study| study.draws_check) {
+            commands.push(self.ask_texts());
+        }
         // A participant who returns by external id may have stored trials.
         commands.push(self.ask_progress());
         commands
@@ -159,6 +169,10 @@ impl Participant {
                 Some((id.clone(), kept.1.parse().ok()?))
             };
             self.exposures = ids.iter().filter_map(count).collect();
+        }
+        // Between two scenes, this browser counts none that has begun and is not driven.
+        if is_first && self.next().is_some_and(|trial| self.has_begun(trial)) {
+            self.hint = Some("ready.reloaded");
         }
         let is_over = progress.complete || progress.completion_code.is_some();
         let done = (progress.completion_code.clone(), progress.return_url.clone());
@@ -209,9 +223,13 @@ impl Participant {
                 self.trouble = Some(self.say("trouble.link"));
                 return commands;
             }
-            // The server no longer knows this participant: start again.
-            self.stage = Stage::Welcome;
-            return vec![Command::Forget(self.session_name())];
+            // The server no longer knows this participant: start again, if they can.
+            let name = self.session_name();
+            self.context.kept.retain(|(known, _)| *known != name);
+            self.stage = Stage::Loading;
+            let mut commands = self.opened();
+            commands.push(Command::Forget(name));
+            return commands;
         }
         self.failed(failure, Self::ask_progress, "stuck.ended")
     }

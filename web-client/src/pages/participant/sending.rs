@@ -6,6 +6,18 @@ use crate::outbox::{self, UploadOutcome};
 use crate::runtime::{Command, Commands, Failure};
 use crate::texts::Sentences as _;
 
+/// The end of people who cannot go on, for one of the reasons that the server gives, with where they go.
+pub(super) fn ended(reason: &str, url: Option<String>) -> Stage {
+    let (heading, why) = match reason {
+        "full" => ("stuck.full", "stuck.full_why"),
+        "closed" => ("stuck.closed", "stuck.closed_why"),
+        "archived" => ("stuck.archived", "stuck.archived_why"),
+        "withdrawn" => ("withdraw.done_heading", "withdraw.thanks"),
+        _ => ("stuck.screened_out", "stuck.screened_out_why"),
+    };
+    Stage::Ended(heading, why, url)
+}
+
 impl Participant {
     pub(super) fn outbox(&mut self, message: outbox::Msg) -> Commands<Msg> {
         if let outbox::Msg::Kept(_, Err(reason)) = &message {
@@ -64,9 +76,6 @@ impl Participant {
     /// The end for one of the reasons that the language files know.
     pub(super) fn stuck(&self, reason: &'static str) -> Stage {
         let (heading, why) = match reason {
-            "full" => ("stuck.full", "stuck.full_why"),
-            "closed" => ("stuck.closed", "stuck.closed_why"),
-            "archived" => ("stuck.archived", "stuck.archived_why"),
             "no_id" => ("stuck.no_id", "stuck.no_id_why"),
             "not_found" => ("stuck.not_found", "stuck.not_found_why"),
             _ => ("stuck.outdated", "stuck.outdated_why"),
@@ -78,11 +87,9 @@ impl Participant {
     pub(super) fn end(&mut self, failure: &Failure, heading: &'static str) {
         let url = failure.return_url.clone();
         self.stage = match failure.code.as_str() {
-            "full" => self.stuck("full"),
-            "closed" => self.stuck("closed"),
-            "archived" => self.stuck("archived"),
-            "screened_out" => Stage::Ended("stuck.screened_out", "stuck.screened_out_why", url),
-            "withdrawn" => Stage::Ended("withdraw.done_heading", "withdraw.thanks", url),
+            code @ ("full" | "closed" | "archived" | "screened_out" | "withdrawn") => {
+                ended(code, url)
+            }
             _ if failure.code == "invalid" && self.needs_id() => self.stuck("no_id"),
             _ => Stage::Stuck(heading, self.words(failure)),
         };
@@ -112,7 +119,9 @@ impl Participant {
 
     pub(super) fn completion_failed(&mut self, failure: &Failure) -> Commands<Msg> {
         // The server lacks something that this page took for stored: it knows what.
-        let is_missing = matches!(failure.code.as_str(), "incomplete" | "unanswered");
+        // Or somebody else has completed the participation, and got the code.
+        let code = failure.code.as_str();
+        let is_missing = matches!(code, "incomplete" | "unanswered" | "not_yours");
         if is_missing && !std::mem::replace(&mut self.was_incomplete, true) {
             return vec![self.ask_progress()];
         }

@@ -36,9 +36,15 @@ impl PlannedTrial {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quiz {
     pub(super) attempts: usize,
-    /// The chosen answers; those that are wrong are marked.
+    /// The chosen answers.
     pub(super) chosen: Vec<Option<usize>>,
     pub(super) is_incomplete: bool,
+    /// The number of attempts when these questions came.
+    pub(super) drawn_at: usize,
+    /// Whether all answers of the last attempt were right.
+    pub(super) is_passed: bool,
+    /// Whether right and wrong answers are marked as such.
+    pub(super) is_marked: bool,
 }
 
 /// Where the participant is.
@@ -61,8 +67,8 @@ pub(super) enum Stage {
     /// A scene stands still until this time, ms. The keys must be up before it moves.
     Countdown(Box<PlannedTrial>, f64, u32),
     Driving(Box<PlannedTrial>, Box<Drive>),
-    /// The last picture of a scene stays until this time, ms.
-    Over(Box<PlannedTrial>, JointState, f64, Outcome),
+    /// The last picture of a scene stays until this time, ms, which is known once it is shown.
+    Over(Box<PlannedTrial>, JointState, Option<f64>, Outcome),
     /// The questions after the last scene; the places of those whose required answer is missing.
     Questions(Vec<usize>),
     /// All scenes are driven; the last trials are being uploaded.

@@ -12,12 +12,12 @@ use crate::runtime::{Address, Event, NotKept, Page, PageContext};
 use crate::testing;
 use crate::view::{Child, Node};
 use sidestep::api::{
-    Answers, CheckForm, Completed, ComprehensionResult, ComprehensionStored, Enrolled, Enrolment,
-    Language, Object, Plan, PlannedPhase, PlannedScene, Problem, Progress, QuestionForm, StudyInfo,
-    Texts, TrialStored, TrialUpload, Withdrawn, routes,
+    Admission, Answers, CheckForm, Completed, ComprehensionResult, ComprehensionStored, Enrolled,
+    Enrolment, Language, Object, Plan, PlannedPhase, PlannedScene, Problem, Progress, QuestionForm,
+    StudyInfo, Texts, TrialStored, TrialUpload, Withdrawn, routes,
 };
 use sidestep::scene::{EncounterRange, SceneParameters, generate};
-use sidestep::study::{QuestionKind, Recruitment, Status, StudyConfig};
+use sidestep::study::{AfterWrong, QuestionKind, Recruitment, Status, StudyConfig};
 use sidestep::trial::{PageEventKind, Phase, verify};
 use sidestep::vehicle::TurnInput;
 use std::collections::BTreeMap;
@@ -110,10 +110,13 @@ fn open(kept: BTreeMap<String, String>, study: &StudyConfig) -> Session {
 
 fn open_at(kept: BTreeMap<String, String>, study: &StudyConfig, link: &str) -> Session {
     let mut session = opened(kept, link);
-    // Somebody who has begun asks again, for the study as they began it.
+    // Somebody who has begun asks again, for the study as they began it; whoever has an external id asks
+    // whether they can take part.
     while session.asked.iter().any(|request| request.name == "study") {
         session.send("study", 200, &StudyInfo::of(study, study.status.into()));
-        session.send("texts", 200, &texts());
+        if session.asked.iter().any(|request| request.name == "texts") {
+            session.send("texts", 200, &texts());
+        }
     }
     session
 }

@@ -12,7 +12,7 @@ use crate::json;
 use crate::pages::parts::button;
 use crate::view::{self, el};
 use serde_json::Value;
-use sidestep::api::{Draft, DraftChecked, FormDraft, routes};
+use sidestep::api::{Draft, DraftChecked, FormDraft, Remark, routes};
 use std::cell::RefCell;
 
 type Node = view::Node<Msg>;
@@ -122,6 +122,11 @@ impl Editor {
         let is_ahead = || self.form.as_ref().is_some_and(|form| form.is_ahead);
         let is_other = || self.begun.as_ref() != Some(&self.text);
         self.has_begun() && (is_other() || is_ahead() || !self.is_current())
+    }
+
+    /// What the study lacks, though it is valid.
+    pub(super) fn warnings(&self) -> &[Remark] {
+        self.checked.as_ref().map_or(&[], |checked| &checked.warnings)
     }
 
     /// Whether `checked` is about the draft as it is.

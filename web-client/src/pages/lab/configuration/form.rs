@@ -132,8 +132,8 @@ impl Form<'_> {
             .child(el("legend").text("Languages to choose from"))
             .child(el("div").class("ticks").children(languages))
             .child(el("small").class("quiet").text(
-                "If none is ticked, participants choose among all of them. People who read none of the \
-                 ticked languages get the first of these.",
+                "If none is ticked, participants choose among those in which all texts of the study are \
+                 written. People who read none of the ticked languages get the first of these.",
             ));
         let title =
             fields.line("title", "Title", "The heading of the first page, in every language.");
@@ -285,6 +285,12 @@ impl Form<'_> {
                 fields.number("trials.countdown_s", "Countdown", "s", ""),
                 fields.number("trials.end_s", "The last picture stays for", "s", ""),
                 fields.number(
+                    "trials.feedback_s",
+                    "With feedback, it stays for at least",
+                    "s",
+                    "1.5 s or more.",
+                ),
+                fields.number(
                     "trials.rest_after",
                     "A rest is offered after",
                     "tasks",
@@ -346,6 +352,13 @@ impl Form<'_> {
                 "",
             ),
             fields.number("comprehension.attempts", "Attempts", "", hint),
+            fields.number(
+                "comprehension.draw",
+                "Questions that each participant is asked",
+                "",
+                "Drawn at random from all, with six standard questions. 0: all, with the three standard ones.",
+            ),
+            fields.choice("comprehension.after_wrong", "After a wrong answer", "", &AFTER_WRONG),
         ];
         let focused = format!(".text.{}", fields.language);
         let add = fields.add("comprehension.questions", "Add a question", new_check(), &focused);
@@ -477,6 +490,9 @@ impl Form<'_> {
             link("completed_url", "Return link after completion"),
             link("screened_out_url", "Return link for people who are screened out"),
             link("withdrawn_url", "Return link for people who withdraw"),
+            link("finished_url", "Return link for people who come again after they have finished"),
+            link("full_url", "Return link for people who come when the study is full"),
+            link("closed_url", "Return link for people who come when the study is closed"),
         ];
         let quota = number(self.study(), "recruitment.quota").unwrap_or_default();
         Section {
@@ -493,11 +509,18 @@ impl Form<'_> {
     }
 }
 
-/// The languages in which a study is offered: those it names, else all that the server has.
+/// The languages in which a study's texts can be written: those it names, else all that the server has.
 pub(super) fn offered<'a>(study: &'a Value, all: &'a [String]) -> Vec<&'a str> {
     let named: Vec<_> = list(study, "languages").iter().filter_map(Value::as_str).collect();
     if named.is_empty() { all.iter().map(String::as_str).collect() } else { named }
 }
+
+/// What follows a wrong answer to the check of understanding.
+const AFTER_WRONG: [(&str, &str); 3] = [
+    ("mark", "each answer is marked as right or wrong"),
+    ("renew", "other questions and orders, without saying which was wrong"),
+    ("reread", "the same, after the instructions again"),
+];
 
 /// Length of a scene, s.
 fn scene_s(study: &Value) -> f64 {

@@ -50,6 +50,20 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
             .children(trials.into_iter().flatten())
             .children(choices),
     );
+    let opening = page.opening.then(|| {
+        let missing = page.editor.warnings().iter();
+        let missing = missing.map(|warning| el("li").text(&warning.message));
+        el("div")
+            .class("confirm")
+            .attr("role", "alertdialog")
+            .attr("aria-label", "Open to participants?")
+            .test_id("opening")
+            .child(el("p").text("Before people take part, look at what is missing:"))
+            .child(el("ul").children(missing))
+            .child(button("open-anyway", Msg::Set(Status::Open)).text("Open all the same"))
+            .child(button("not-yet", Msg::GoOn).class("primary").text("Not yet").focus())
+    });
+    let section = section.children(opening);
     let is_open = study.status == Status::Open;
     let links = page.info.as_ref().filter(|_| is_open);
     section.children(links.map(|info| links::links(&page.origin, info)))

@@ -36,7 +36,11 @@ fn understanding_is_checked_before_the_scenes() {
     answer(&mut session, ["0", ""]);
     assert!(session.words("missing").is_some() && sent(&session).is_none());
     assert_eq!(marked(&session, "comprehension"), [false, true]);
-    let open = ComprehensionStored { screened_out: false, return_url: None };
+    let open = ComprehensionStored {
+        screened_out: false,
+        after_wrong: AfterWrong::Mark,
+        return_url: None,
+    };
     answer(&mut session, ["0", "0"]);
     assert_eq!(sent(&session), Some(ComprehensionResult { attempts: 1, passed: false }));
     session.send("check", 200, &open);
@@ -71,7 +75,11 @@ fn marked(session: &Session, form: &str) -> Vec<bool> {
 #[test]
 fn somebody_who_is_screened_out_is_sent_back() {
     let mut session = begun();
-    let stored = ComprehensionStored { screened_out: true, return_url: Some("https://r/".into()) };
+    let stored = ComprehensionStored {
+        screened_out: true,
+        after_wrong: AfterWrong::Mark,
+        return_url: Some("https://r/".into()),
+    };
     let answer = serde_json::to_vec(&stored).unwrap();
     session.tell(Msg::Understood(Ok(answer)));
     assert!(session.words("ended").unwrap().contains("You cannot take part"));
@@ -177,5 +185,60 @@ fn stopping_keeps_or_deletes() {
             if button == "withdraw-keep" { &["sidestep.session.default"] } else { &[] };
         assert_eq!(kept, expected);
         assert!(!session.guarded);
+    }
+}
+
+/// The check of understanding when the study has other questions after a wrong answer.
+#[test]
+fn after_a_wrong_answer_other_questions_come() {
+    for after_wrong in [AfterWrong::Renew, AfterWrong::Reread] {
+        let mut study = StudyConfig::default();
+        study.comprehension.after_wrong = after_wrong;
+        let form = |text: &str, answer| CheckForm {
+            text: text.into(),
+            options: vec!["Yes".into(), "No".into()],
+            answer,
+        };
+        let mut session = opened(BTreeMap::new(), "");
+        session.send("study", 200, &StudyInfo::of(&study, Status::Open.into()));
+        session.send("texts", 200, &Texts { check: vec![form("Anybody’s?", 0)], ..texts() });
+        session.equipped();
+        session.press("continue");
+        session.send("enrol", 201, &enrolled());
+        session.send("texts", 200, &Texts { check: vec![form("One?", 0)], ..texts() });
+        session.send("progress", 200, &Progress { understood: false, ..progress(&[]) });
+        session.press("continue");
+        assert!(session.text().contains("One?"), "{}", session.text());
+        let answer = |session: &mut Session, option: &str| {
+            let field = ("check-0".to_owned(), FieldValue::Text(option.into()));
+            let message = session
+                .page
+                .view()
+                .submit("comprehension", Form::new([field].into_iter().collect()));
+            session.tell(message.unwrap());
+        };
+        let stored = ComprehensionStored { screened_out: false, after_wrong, return_url: None };
+        answer(&mut session, "1");
+        session.send("check", 200, &stored);
+        // Nothing says which answer was wrong, and nothing is counted before other questions have come.
+        answer(&mut session, "0");
+        assert_eq!(session.urls(), ["/api/v1/studies/default/texts"]);
+        assert!(
+            !session.text().contains("That is not right") && !session.text().contains("Right.")
+        );
+        session.send("texts", 200, &Texts { check: vec![form("Two?", 1)], ..texts() });
+        assert!(session.words("hint").unwrap().starts_with("Not all answers were right."));
+        if after_wrong == AfterWrong::Reread {
+            assert!(session.words("comprehension").is_none());
+            session.press("continue");
+        }
+        assert!(session.text().contains("Two?"));
+        answer(&mut session, "1");
+        let sent = session.asked[0].body.as_ref().unwrap();
+        let sent: ComprehensionResult = serde_json::from_str(sent).unwrap();
+        assert_eq!(sent, ComprehensionResult { attempts: 2, passed: true });
+        session.send("check", 200, &stored);
+        session.press("continue");
+        assert!(session.words("start").is_some() && session.words("hint").is_none());
     }
 }

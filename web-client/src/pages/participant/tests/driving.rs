@@ -33,8 +33,8 @@ fn a_scene_waits_until_the_keys_are_up() {
     session.pass(5000.0);
     assert!(session.words("countdown").unwrap().contains("Let go of all keys"));
     session.hear(&key("KeyA", false));
-    assert_eq!(session.words("countdown").as_deref(), Some("1"));
-    session.pass(999.0);
+    assert_eq!(session.words("countdown").as_deref(), Some("3"), "a new countdown");
+    session.pass(2999.0);
     assert!(session.words("countdown").is_some());
     session.pass(10.0);
     assert_eq!(session.words("countdown"), None);
@@ -57,6 +57,37 @@ fn the_countdown_counts_and_waits_for_the_window() {
     session.pass(500.0);
     session.hear(&Event::FocusLost { hidden: true });
     assert!(session.words("start").is_some());
+    assert!(session.words("hint").unwrap().contains("The scene has not begun."));
+}
+
+#[test]
+fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
+    let stays_ms = |feedback: bool, end_s: f64| {
+        let mut study = StudyConfig::default();
+        study.phases.iter_mut().for_each(|phase| phase.feedback = feedback);
+        (study.trials.end_s, study.trials.feedback_s) = (end_s, 2.0);
+        let mut session = open(BTreeMap::new(), &study);
+        session.begin();
+        session.press("start");
+        session.pass(COUNTDOWN_MS + 9_990.0);
+        // The scene ends while nothing is painted: nobody has seen how.
+        session.now_ms += 60.0;
+        let message = session.page.tick(session.now_ms).unwrap();
+        session.tell(message);
+        session.now_ms += 30_000.0;
+        assert!(session.page.tick(session.now_ms).is_none() && session.words("over").is_some());
+        assert_eq!(session.page.due_ms(), None);
+        session.frame();
+        let seen_ms = session.now_ms;
+        while session.words("over").is_some() {
+            session.at(session.now_ms + 10.0).frame();
+        }
+        session.now_ms - seen_ms
+    };
+    assert_eq!(
+        [stays_ms(false, 0.6), stays_ms(true, 0.6), stays_ms(true, 4.0)],
+        [600.0, 2000.0, 4000.0]
+    );
 }
 
 #[test]
@@ -66,6 +97,7 @@ fn a_scene_that_is_shown_again_counts_its_exposures() {
     session.pass(COUNTDOWN_MS + 2000.0);
     let mut session = open(session.kept, &StudyConfig::default());
     session.send("progress", 200, &progress(&[]));
+    assert!(session.words("hint").unwrap().contains("because this page was reloaded or closed"));
     session.drive();
     assert_eq!(session.uploaded("t0").exposures, 2);
     session.stored("t0");

@@ -46,7 +46,15 @@ fn the_result_of_the_check_is_sent_until_it_is_stored() {
     assert!(session.words("trouble").unwrap().contains("keeps trying"));
     session.wake("retry");
     assert_eq!(session.asked[0].body, sent);
-    session.send("check", 200, &ComprehensionStored { screened_out: false, return_url: None });
+    session.send(
+        "check",
+        200,
+        &ComprehensionStored {
+            screened_out: false,
+            after_wrong: AfterWrong::Mark,
+            return_url: None,
+        },
+    );
     assert_eq!(session.words("trouble"), None);
     session.press("continue");
     assert!(session.words("start").is_some());

@@ -28,19 +28,21 @@ fn a_study_that_takes_nobody_says_so() {
         [(Status::Closed, "This study is closed"), (Status::Archived, "This study is over")]
     {
         let session = open(BTreeMap::new(), &StudyConfig { status, ..StudyConfig::default() });
-        assert!(session.words("stuck").unwrap().contains(words));
+        assert!(session.words("ended").unwrap().contains(words));
+        assert!(session.text().contains("You may close this page."), "{words}");
+        let pilot =
+            open_at(BTreeMap::new(), &StudyConfig { status, ..StudyConfig::default() }, "pilot");
+        assert_eq!(pilot.words("consent").is_some(), status == Status::Closed);
     }
-    // Somebody with an external id may have begun in another browser.
-    let closed = StudyConfig { status: Status::Closed, ..StudyConfig::default() };
-    let known = open_at(BTreeMap::new(), &closed, "external_id=P1");
-    assert!(known.words("consent").is_some());
     // It was closed, or became full, while the participant read the consent text.
     for (code, words) in [("closed", "This study is closed"), ("full", "This study is full")] {
         let mut session = welcomed();
         session.equipped();
         session.press("continue");
-        session.send("enrol", 403, &refusal(code));
-        assert!(session.words("stuck").unwrap().contains(words));
+        let full = Problem { return_url: Some("https://r/".into()), ..refusal(code) };
+        session.send("enrol", 403, &full);
+        assert!(session.words("ended").unwrap().contains(words));
+        assert_eq!(goes_to(&session).as_deref(), Some("https://r/"));
     }
     let mut session = opened(BTreeMap::new(), "");
     session.send("texts", 404, &refusal("not_found"));
@@ -48,6 +50,46 @@ fn a_study_that_takes_nobody_says_so() {
         session.words("stuck").unwrap().contains("Check the link")
             || session.words("stuck").unwrap().contains("check the link")
     );
+}
+
+/// Where the page sends the person.
+fn goes_to(session: &Session) -> Option<String> {
+    let view = session.page.view();
+    view.find("return").and_then(|link| link.attribute("href")).map(str::to_owned)
+}
+
+#[test]
+fn whoever_cannot_take_part_reads_so_before_consent_with_the_way_back() {
+    for (admission, words) in [
+        (Admission::Full, "This study is full"),
+        (Admission::Closed, "This study is closed"),
+        (Admission::Archived, "This study is over"),
+        (Admission::Finished, "You have completed this study already"),
+        (Admission::Withdrawn, "You have stopped taking part"),
+        (Admission::ScreenedOut, "You cannot take part"),
+    ] {
+        let study = StudyConfig::default();
+        let mut session = opened(BTreeMap::new(), "PROLIFIC_PID=P+1 x");
+        session.send("texts", 200, &texts());
+        session.send("study", 200, &StudyInfo::of(&study, Status::Open.into()));
+        assert!(session.words("consent").is_none(), "the server is asked about this person first");
+        assert_eq!(session.urls(), ["/api/v1/studies/default?external_id=P%2B1%20x"]);
+        let told = StudyInfo::of(&study, admission);
+        session.send("study", 200, &StudyInfo { return_url: Some("https://r/".into()), ..told });
+        assert!(session.text().contains(words), "{}", session.text());
+        assert_eq!(goes_to(&session).as_deref(), Some("https://r/"));
+        assert!(session.asked.is_empty() && session.kept.is_empty());
+    }
+}
+
+#[test]
+fn somebody_whom_the_server_has_forgotten_is_asked_nothing_in_vain() {
+    let kept = begun().kept;
+    let closed = StudyConfig { status: Status::Closed, ..StudyConfig::default() };
+    let mut session = open(kept, &closed);
+    session.send("progress", 401, &refusal("unauthorized"));
+    assert!(session.words("ended").unwrap().contains("This study is closed"));
+    assert!(session.kept.is_empty());
 }
 
 #[test]
@@ -256,7 +298,7 @@ fn the_language_file_has_the_sentences_of_the_page() {
         let stem = key.strip_suffix(".one").or(key.strip_suffix(".other")).unwrap_or(key);
         // The server reads the check of understanding and the language's name; facts are named in
         // the study.
-        let elsewhere = ["check_robot.", "check_straight.", "check_zone.", "language."];
+        let elsewhere = ["check_", "language."];
         let facts = ["investigator", "institution", "contact", "ethics", "retention"];
         let named = elsewhere.iter().any(|table| stem.starts_with(table))
             || facts.iter().any(|fact| stem == format!("welcome.{fact}"));

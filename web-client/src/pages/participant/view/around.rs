@@ -57,6 +57,11 @@ pub(super) fn keyed(page: &Participant, tag: &'static str, key: &str) -> Node {
     node.text(rest)
 }
 
+/// What to know about the last scene, or the last answers.
+pub(super) fn hint(page: &Participant) -> Option<Node> {
+    page.hint.map(|key| alert("hint", &page.say(key)))
+}
+
 /// That a question lacks its answer.
 pub(super) fn unanswered(page: &Participant) -> Node {
     el("small").class("trouble").text(page.say("page.unanswered"))

@@ -2,7 +2,7 @@
 
 use super::Node;
 use super::around::{
-    alert, button, card, keyed, languages, menu, paragraph, primary, quiet, unanswered,
+    alert, button, card, hint, keyed, languages, menu, paragraph, primary, quiet, unanswered,
 };
 use crate::pages::participant::equipment::Equipment;
 use crate::pages::participant::state::Quiz;
@@ -167,6 +167,7 @@ pub(super) fn instructions(page: &Participant) -> Node {
         .test_id("arena");
     card(&page.say("instructions.heading"))
         .class("card wide")
+        .children(hint(page))
         .child(el("div").class("arena").child(canvas))
         .child(keyed(page, "p", "instructions.try").class("quiet"))
         .child(el("ul").children(points))
@@ -190,7 +191,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     let Some(study) = &page.study else { return card("") };
     let heading = page.say("comprehension.heading");
     let is_stored = page.progress.as_ref().is_some_and(|progress| progress.understood);
-    if page.has_understood() {
+    if quiz.is_passed {
         let words = page.say("comprehension.all_right");
         let go_on = primary("continue", Msg::Go(Part::Ready), &page.say("check.continue"));
         return card(&page.say("comprehension.passed"))
@@ -199,7 +200,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     }
     let question = |(place, form): (usize, &CheckForm)| {
         let chosen = quiz.chosen.get(place).copied().flatten();
-        let result = (!quiz.chosen.is_empty() && !quiz.is_incomplete).then(|| match chosen {
+        let result = quiz.is_marked.then(|| match chosen {
             Some(chosen) if chosen == form.answer => {
                 el("p").class("saved").text(page.say("comprehension.right"))
             }
@@ -210,13 +211,14 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
                 .attrs(&[("type", "radio")])
                 .attr("name", format!("check-{place}"))
                 .attr("value", option)
-                .test_id(&format!("check-{place}-{option}"));
+                .test_id(&format!("check-{place}-{option}"))
+                .attr_if(page.link.simulates() && option == form.answer, "data-right", "");
             el("label").child(input).child(el("span").text(filled(study, page, words)))
         });
         let missing = quiz.is_incomplete && chosen.is_none();
         let legend = el("legend").text(filled(study, page, &form.text));
         el("fieldset")
-            .key(place)
+            .key(format!("{}-{place}", quiz.drawn_at))
             .attr("role", "radiogroup")
             .attr_if(missing, "aria-invalid", "true")
             .child(legend.children(missing.then(|| unanswered(page))))
@@ -232,6 +234,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     let submit = el("button").class("primary").attr("type", "submit").test_id("submit");
     let again = page.say("comprehension.again");
     card(&heading)
+        .children(hint(page))
         .child(paragraph(page.say("comprehension.why")))
         .child(
             el("form")

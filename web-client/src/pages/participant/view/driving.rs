@@ -1,7 +1,7 @@
 //! The scenes, what is said before them, and the rests between them.
 
 use super::Node;
-use super::around::{alert, card, keyed, menu, paragraph, primary};
+use super::around::{card, hint, keyed, menu, paragraph, primary};
 use crate::pages::participant::state::{PlannedTrial, Stage};
 use crate::pages::participant::{Msg, Part, Participant};
 use crate::texts::Sentences as _;
@@ -48,12 +48,11 @@ fn hints(page: &Participant, trial: &PlannedTrial) -> Vec<String> {
 pub(super) fn ready(page: &Participant) -> Node {
     let Some(trial) = page.next() else { return card(&page.say("page.loading")) };
     let phase = phase_words(page, trial);
-    let hint = page.hint.map(|key| alert("hint", &page.say(key)));
     let card = el("main")
         .class("card small")
         .key(&phase)
         .child(el("h1").text(phase))
-        .children(hint)
+        .children(hint(page))
         .child(paragraph(page.join(&hints(page, trial))))
         .child(primary("start", Msg::Start, &page.say("ready.start")).focus())
         .child(keyed(page, "p", "ready.how").class("quiet"))
