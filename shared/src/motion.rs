@@ -66,6 +66,81 @@ pub fn check_step(parameters: &SceneParameters, from: Pose, to: Pose) -> Result<
     StepLimits::of(parameters.human, parameters.step_s).check(from, to)
 }
 
+/// How a step of the human is none that the human's vehicle can drive: [`departure`] finds it. As text it says what was
+/// measured, and what the vehicle does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Departure {
+    /// The human moved at another speed: stood still, for instance.
+    Speed {
+        /// The distance between the two positions by the length of the step, m/s.
+        measured_mps: f64,
+        /// The speed of the vehicle, m/s.
+        vehicle_mps: f64,
+    },
+    /// The human moved to another side than a heading points to.
+    Heading {
+        /// That heading, rad.
+        psi_rad: f64,
+        /// The direction of the motion, rad.
+        direction_rad: f64,
+        /// Whether both headings fit if they are degrees.
+        in_degrees: bool,
+    },
+    /// The human turned faster than the vehicle can.
+    Turn {
+        /// The turn by the length of the step, rad/s.
+        measured_radps: f64,
+        /// The greatest turn rate of the vehicle, rad/s.
+        vehicle_radps: f64,
+    },
+}
+
+impl core::fmt::Display for Departure {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Speed { measured_mps, vehicle_mps } => {
+                write!(
+                    f,
+                    "the human moved at {measured_mps:.2} m/s, the vehicle at {vehicle_mps} m/s"
+                )
+            }
+            Self::Heading { psi_rad, direction_rad, in_degrees } => {
+                let hint = if *in_degrees { ", which fits in degrees" } else { "" };
+                write!(
+                    f,
+                    "the human moved in direction {direction_rad:.4} rad with the heading {psi_rad:.4} \
+                     rad{hint}"
+                )
+            }
+            Self::Turn { measured_radps, vehicle_radps } => write!(
+                f,
+                "the human turned at {measured_radps:.4} rad/s, the vehicle at most at {vehicle_radps} rad/s"
+            ),
+        }
+    }
+}
+
+/// How the human's step is none that the human's vehicle of `parameters` can drive; none if it can, to a millimetre and a
+/// milliradian, as [`check_step`] says. It allocates nothing.
+#[must_use]
+pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<Departure> {
+    let vehicle = parameters.human;
+    Some(match StepLimits::of(vehicle, parameters.step_s).fault(from, to)? {
+        Fault::Way { moved } => Departure::Speed {
+            measured_mps: moved / parameters.step_s,
+            vehicle_mps: vehicle.speed_mps,
+        },
+        Fault::Heading { psi, direction, in_degrees } => {
+            Departure::Heading { psi_rad: psi, direction_rad: direction, in_degrees }
+        }
+        Fault::Turn { turned } => Departure::Turn {
+            measured_radps: turned / parameters.step_s,
+            vehicle_radps: vehicle.turn_rate_radps,
+        },
+    })
+}
+
 /// What a vehicle can do in one step.
 struct StepLimits {
     /// Its way, m.
@@ -82,37 +157,59 @@ impl StepLimits {
 
     /// Accepts the poses before and after a step. A complaint names the wrong ones of x, y and psi.
     fn check(&self, from: Pose, to: Pose) -> Result<(), Invalid> {
+        let Some(fault) = self.fault(from, to) else { return Ok(()) };
+        Err(match fault {
+            Fault::Way { moved } => {
+                let ahead = format!("a position {:.4} m away from the step before", self.way_m);
+                Invalid::new("x, y", ahead, format!("{moved} m"))
+            }
+            Fault::Heading { psi, direction, in_degrees } => {
+                let expected = format!(
+                    "a heading in radians, counter-clockwise from +x, that points where the vehicle \
+                     moves ({direction:.4})"
+                );
+                let hint = if in_degrees { ", which fits in degrees" } else { "" };
+                Invalid::new("psi", expected, format!("{psi}{hint}"))
+            }
+            Fault::Turn { turned } => {
+                let expected = format!("a turn of at most {:.4} rad in a step", self.turn_rad);
+                Invalid::new("psi", expected, format!("{turned:.4} rad"))
+            }
+        })
+    }
+
+    /// What is wrong with the poses before and after a step.
+    fn fault(&self, from: Pose, to: Pose) -> Option<Fault> {
         let half = 0.5 * self.turn_rad;
         let moved = hypot(to.x - from.x, to.y - from.y);
         // The circle has the shortest chord of all ways of this length, up to a whole turn.
         let chord = if half < PI { self.way_m * sinc(half) } else { 0.0 };
         if moved < chord - DISTANCE_ROUNDING || moved > self.way_m + DISTANCE_ROUNDING {
-            let ahead = format!("a position {:.4} m away from the step before", self.way_m);
-            return Err(Invalid::new("x, y", ahead, format!("{moved} m")));
+            return Some(Fault::Way { moved });
         }
         let turned = wrap_angle(to.psi - from.psi).abs();
-        let turns = turned <= self.turn_rad + 2.0 * ROUNDING;
         // Of all ways, the circle leads farthest aside, if it is at most a sixth of a turn.
         let most = half + ROUNDING + asin((DISTANCE_ROUNDING / moved).min(1.0));
         let direction = atan2(to.y - from.y, to.x - from.x);
         let leads = |psi: f64| wrap_angle(direction - psi).abs() <= most;
         let is_bounded = self.turn_rad <= PI / 3.0 && moved > DISTANCE_ROUNDING;
         if is_bounded && !(leads(from.psi) && leads(to.psi)) {
-            let expected = format!(
-                "a heading in radians, counter-clockwise from +x, that points where the vehicle \
-                 moves ({direction:.4})"
-            );
-            let wrong = if leads(from.psi) { to.psi } else { from.psi };
+            let psi = if leads(from.psi) { to.psi } else { from.psi };
             let in_degrees = leads(from.psi.to_radians()) && leads(to.psi.to_radians());
-            let hint = if in_degrees { ", which fits in degrees" } else { "" };
-            return Err(Invalid::new("psi", expected, format!("{wrong}{hint}")));
+            return Some(Fault::Heading { psi, direction, in_degrees });
         }
-        if !turns {
-            let expected = format!("a turn of at most {:.4} rad in a step", self.turn_rad);
-            return Err(Invalid::new("psi", expected, format!("{turned:.4} rad")));
-        }
-        Ok(())
+        (turned > self.turn_rad + 2.0 * ROUNDING).then_some(Fault::Turn { turned })
     }
+}
+
+/// Why a vehicle cannot have driven a step.
+enum Fault {
+    /// The distance between the positions, m.
+    Way { moved: f64 },
+    /// A heading and the direction of the motion, rad; whether both headings fit if they are degrees.
+    Heading { psi: f64, direction: f64, in_degrees: bool },
+    /// The change of the heading, rad.
+    Turn { turned: f64 },
 }
 
 #[cfg(test)]
@@ -143,7 +240,69 @@ mod tests {
             let rates: Vec<f64> = (0..30).map(|_| rng.uniform(-most, most)).collect();
             let states = driven(&parameters, &rates);
             assert_eq!(check_drive(&parameters, &states, &rates), Ok(()), "{case}");
+            let departed =
+                |ends: &[JointState]| departure(&parameters, ends[0].human, ends[1].human);
+            assert!(states.windows(2).all(|ends| departed(ends).is_none()), "{case}");
         }
+    }
+
+    /// Also where the turn rate changes within a step: no drive of the vehicle is called none.
+    #[test]
+    fn a_drive_that_steers_at_any_time_never_departs() {
+        let mut rng = SeededRng::new(17);
+        for case in 0..3000 {
+            let mut parameters = SceneParameters::default();
+            parameters.human.speed_mps = [2.0, 0.3, 8.0][case % 3];
+            parameters.human.turn_rate_radps = [0.5, 1.5, 12.0][case / 3 % 3];
+            parameters.step_s = [0.2, 0.1, 0.4][case / 9 % 3];
+            let most = parameters.human.turn_rate_radps;
+            let from =
+                Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0));
+            let (mut to, mut left_s) = (from, parameters.step_s);
+            while left_s > 0.0 {
+                let held_s = rng.uniform(0.01, 0.1).min(left_s);
+                let rate = rng.uniform(-1.0, 1.0).signum() * most * rng.uniform(0.0, 2.0).min(1.0);
+                to = crate::vehicle::dubins::arc(to, parameters.human.speed_mps, rate, held_s);
+                left_s -= held_s;
+            }
+            let rounded = |at: Pose| {
+                let [x, y, psi] =
+                    [at.x, at.y, at.psi].map(|number| (1000.0 * number).round() / 1000.0);
+                Pose { x, y, psi }
+            };
+            assert_eq!(departure(&parameters, from, to), None, "{case}");
+            assert_eq!(departure(&parameters, rounded(from), rounded(to)), None, "{case}");
+        }
+    }
+
+    /// A departure says what was measured; it is one exactly where a check complains.
+    #[test]
+    fn a_departure_is_what_the_check_refuses() {
+        let (parameters, mut rng) = (SceneParameters::default(), SeededRng::new(5));
+        let from = Pose::new(0.0, 0.0, 0.0);
+        let mut found = [0; 2];
+        for _ in 0..4000 {
+            let way_m = 0.4 * rng.uniform(0.99, 1.01);
+            let aside = rng.uniform(-0.08, 0.08);
+            let to = Pose::new(way_m, aside * way_m, rng.uniform(-0.15, 0.15));
+            let departed = departure(&parameters, from, to);
+            assert_eq!(departed.is_some(), check_step(&parameters, from, to).is_err());
+            found[usize::from(departed.is_some())] += 1;
+        }
+        assert!(found[0] > 100 && found[1] > 100, "{found:?}");
+        let said = |to: Pose| departure(&parameters, from, to).unwrap().to_string();
+        assert_eq!(said(from), "the human moved at 0.00 m/s, the vehicle at 2 m/s");
+        // 15 % slower and faster, as people who walk are.
+        assert_eq!(
+            said(Pose::new(0.34, 0.0, 0.0)),
+            "the human moved at 1.70 m/s, the vehicle at 2 m/s"
+        );
+        assert_eq!(
+            said(Pose::new(0.46, 0.0, 0.0)),
+            "the human moved at 2.30 m/s, the vehicle at 2 m/s"
+        );
+        let turned = said(Pose::new(0.4, 0.0, 0.104));
+        assert!(turned.starts_with("the human moved in direction 0.0000 rad with"), "{turned}");
     }
 
     #[test]

@@ -61,5 +61,5 @@ mod online;
 pub use clearance::{Clearance, ClearanceSettings, Clearances};
 pub use coverage::{CollisionBound, CoverageBounds};
 pub use finder::{ClearanceFinder, HumanFuture};
-pub use online::{Continuity, OnlinePredictor};
+pub use online::{Continuity, NextSteps, OnlinePredictor};
 pub use plan::{Footprint, Plan, PlanLimits};

@@ -1,6 +1,7 @@
 //! Clearances, and how exactly they are found.
 
 use crate::invalid::Invalid;
+use crate::motion::Departure;
 
 /// How near the human may come to the robot in one step of a plan, at any instant of it: the distance
 /// between the footprint and the human's position at the same instant.
@@ -23,6 +24,9 @@ impl Clearance {
     }
 
     pub(super) const NONE: Self = Self { at_least_m: f64::INFINITY, at_most_m: f64::INFINITY };
+
+    /// Nothing is known.
+    const UNPROVED: Self = Self { at_least_m: f64::NEG_INFINITY, at_most_m: f64::NEG_INFINITY };
 }
 
 /// The clearance of a plan from each set, in each step.
@@ -31,6 +35,7 @@ pub struct Clearances {
     pub(super) steps: usize,
     /// Set by set.
     pub(super) all: Vec<Clearance>,
+    pub(super) unproved: Option<Departure>,
 }
 
 impl Clearances {
@@ -63,6 +68,19 @@ impl Clearances {
     #[must_use]
     pub fn of(&self, set: usize) -> Clearance {
         self.by_step(set).iter().fold(Clearance::NONE, |all, step| all.and(*step))
+    }
+
+    /// Why nothing is proved, and every clearance −∞: the human's last step was none that the human's vehicle can drive, so
+    /// that the sets say nothing of the next ones. None if the clearances hold.
+    #[must_use]
+    pub fn unproved(&self) -> Option<Departure> {
+        self.unproved
+    }
+
+    /// Makes them those of a human of whom nothing is known.
+    pub(super) fn prove_nothing(&mut self, why: Departure) {
+        self.all.fill(Clearance::UNPROVED);
+        self.unproved = Some(why);
     }
 
     /// The largest set, counted from 0, of which the plan stays clear by more than `margin_m` ≥ 0

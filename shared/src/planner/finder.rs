@@ -6,9 +6,12 @@ use super::search::{Search, Setting};
 use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
 use crate::math::PI;
+use crate::motion::Departure;
 use crate::vehicle::Pose;
 
-/// Where the human may be: the nested sets that a prediction gives.
+/// Where the human may be: the nested sets that a prediction gives, for a human who drives on as the vehicle does.
+/// ([`OnlinePredictor`](super::OnlinePredictor) checks the last step; whoever makes a future calls
+/// [`departure`](crate::motion::departure).)
 #[derive(Clone, Copy, Debug)]
 pub struct HumanFuture<'a> {
     /// The human's pose now, world frame.
@@ -137,7 +140,7 @@ impl ClearanceFinder {
     ) -> Result<&Clearances, Invalid> {
         future.check(plan)?;
         let (settings, steps) = (self.settings, plan.steps());
-        self.found.steps = steps;
+        (self.found.steps, self.found.unproved) = (steps, None);
         self.found.all.clear();
         self.found.all.resize(future.sets.len() * steps, Clearance::NONE);
         let (mut left, mut undecided) = (settings.most_work, future.sets.len() * steps);
@@ -162,6 +165,26 @@ impl ClearanceFinder {
             let all = &mut self.found.all[i];
             all.at_most_m = all.at_most_m.min(smaller);
         }
+        Ok(&self.found)
+    }
+
+    /// [`Self::find`] for a human who did not drive like the vehicle in the last step, if `departed` says so: then every
+    /// clearance is −∞, and [`Clearances::unproved`] says why.
+    ///
+    /// # Errors
+    /// As for [`Self::find`].
+    pub fn find_unless(
+        &mut self,
+        departed: Option<Departure>,
+        future: &HumanFuture<'_>,
+        plan: &Plan,
+        footprint: &Footprint,
+    ) -> Result<&Clearances, Invalid> {
+        let Some(why) = departed else { return self.find(future, plan, footprint) };
+        future.check(plan)?;
+        self.found.steps = plan.steps();
+        self.found.all.resize(future.sets.len() * plan.steps(), Clearance::NONE);
+        self.found.prove_nothing(why);
         Ok(&self.found)
     }
 }

@@ -6,7 +6,7 @@ use super::plan::{Footprint, Plan};
 use crate::bounds::{Algorithm1, BoundsSettings, InputBounds, Motion, Rollout};
 use crate::invalid::Invalid;
 use crate::math::{hypot, wrap_angle};
-use crate::motion::check_step;
+use crate::motion::{Departure, check_step, departure};
 use crate::predict::Predictor;
 use crate::safety::SafetyLevels;
 use crate::scene::{JointState, SceneParameters};
@@ -17,11 +17,27 @@ use std::sync::Arc;
 
 /// Whether a state followed from those before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Continuity {
     /// The history goes on, or begins.
     Continues,
-    /// The human jumped: the history was forgotten and begins with this state.
+    /// The history goes on, but the human's vehicle cannot have driven this step: no plan is clear until the next one
+    /// ([`OnlinePredictor::departure`]).
+    Departed,
+    /// The human jumped: the history was forgotten and begins with this state. No plan is clear until the next one.
     Restarted,
+}
+
+/// What is known of the human's next steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NextSteps {
+    /// Those of the vehicle, if the last step was one. After another one, a person who stood still for instance, no plan is
+    /// clear: every clearance is −∞.
+    #[default]
+    LikeLast,
+    /// Those of the vehicle, whatever the last step was. Clearances then hold for a human who drives like the vehicle from now
+    /// on, and for nobody else; of somebody who stands in the way they can be positive.
+    AssumeVehicle,
 }
 
 /// A prediction that owns what it needs and keeps its own history: push each new state, then predict,
@@ -42,6 +58,7 @@ pub struct OnlinePredictor {
     finder: ClearanceFinder,
     /// Whether the algorithm ran on the present history.
     predicted: bool,
+    next: NextSteps,
 }
 
 /// A human who gets on or turns more than this many times as much as the vehicle can in a step jumps.
@@ -84,6 +101,7 @@ impl OnlinePredictor {
             algorithm: Algorithm1::default(),
             finder: ClearanceFinder::default(),
             predicted: false,
+            next: NextSteps::default(),
         })
     }
 
@@ -117,6 +135,12 @@ impl OnlinePredictor {
         Self { finder: ClearanceFinder::new(settings), ..self }
     }
 
+    /// The same with another assumption about the human's next steps.
+    #[must_use]
+    pub fn with_next_steps(self, next: NextSteps) -> Self {
+        Self { next, ..self }
+    }
+
     /// The settings of the sets.
     #[must_use]
     pub fn settings(&self) -> &BoundsSettings {
@@ -141,6 +165,18 @@ impl OnlinePredictor {
         &self.history
     }
 
+    /// The human's pose one step before the last state; none before the second state.
+    #[must_use]
+    pub fn before(&self) -> Option<Pose> {
+        self.before
+    }
+
+    /// Whether there is a prediction of the latest state.
+    #[must_use]
+    pub fn is_predicted(&self) -> bool {
+        self.predicted
+    }
+
     /// Forgets all states.
     pub fn reset(&mut self) {
         self.history.clear();
@@ -151,7 +187,9 @@ impl OnlinePredictor {
     /// Appends the state one step, `step_s` of the parameters, after the last one. If the human moved or turned more than twice as
     /// much as the vehicle can in a step, the states before are forgotten. Where a state was missed, call [`Self::reset`] and
     /// begin anew. Sets assume that the human goes on at the speed of the parameters and within its turn rate: for one who
-    /// stands still, or moves slower or faster, they prove nothing. [`Self::check_human`] tells.
+    /// stands still, or moves slower or faster, they prove nothing. So a step that the human's vehicle cannot have driven, to a
+    /// millimetre and a milliradian, is told, and no plan is clear until the next step ([`Self::departure`]). Positions with
+    /// more noise than that need [`NextSteps::AssumeVehicle`].
     ///
     /// # Errors
     /// [`Invalid`] if a coordinate is not finite or beyond [`Pose::MOST`](crate::vehicle::Pose::MOST); the history is then
@@ -168,11 +206,25 @@ impl OnlinePredictor {
             self.history.remove(0);
         }
         self.history.push(state);
-        Ok(if jumped { Continuity::Restarted } else { Continuity::Continues })
+        Ok(match (jumped, self.departure()) {
+            (true, _) => Continuity::Restarted,
+            (false, Some(_)) => Continuity::Departed,
+            (false, None) => Continuity::Continues,
+        })
+    }
+
+    /// Why the sets say nothing of the human's next steps: the last step was none that the human's vehicle of the parameters
+    /// can drive, to a millimetre and a milliradian. None if it was, if one state alone is known, or with
+    /// [`NextSteps::AssumeVehicle`].
+    #[must_use]
+    pub fn departure(&self) -> Option<Departure> {
+        let (before, last) = (self.before?, self.history.last()?);
+        let found = departure(&self.parameters, before, last.human);
+        found.filter(|_| self.next == NextSteps::LikeLast)
     }
 
     /// Whether the human moved in the last step as the human's vehicle of the parameters can, to a millimetre and a milliradian.
-    /// The sets, and what is said of their probability, assume that the next steps are such.
+    /// The sets, and what is said of their probability, assume that the next steps are such. [`NextSteps`] changes nothing here.
     ///
     /// # Errors
     /// [`Invalid`] if not ([`check_step`]). One state alone has no step: it passes.
@@ -189,7 +241,8 @@ impl OnlinePredictor {
         moved > JUMP * human.speed_mps * step_s || turned > JUMP * human.turn_rate_radps * step_s
     }
 
-    /// The bounds of each set F_1 ⊆ F_2 ⊆ … from the states so far.
+    /// The bounds of each set F_1 ⊆ F_2 ⊆ … from the states so far: turn rates of a human who drives like the vehicle, which
+    /// [`Self::departure`] may contradict.
     ///
     /// # Errors
     /// [`Invalid`] if there are fewer states than the features need, or Algorithm 1 fails
@@ -211,7 +264,8 @@ impl OnlinePredictor {
         Ok(&found.sets)
     }
 
-    /// The clearance of a plan that begins now from each predicted set, in each step.
+    /// The clearance of a plan that begins now from each predicted set, in each step. It is −∞ after a step of a human who does
+    /// not drive like the vehicle, who stands still for instance: [`Clearances::unproved`] says why.
     ///
     /// # Errors
     /// [`Invalid`] if there is no prediction since the last state was pushed; and the errors of
@@ -220,6 +274,7 @@ impl OnlinePredictor {
         if !self.predicted {
             return Err(Invalid::new("predict", "a call since the latest state", "none"));
         }
+        let departed = self.departure();
         let found = self.algorithm.found();
         let future = HumanFuture {
             start: found.low[0].human,
@@ -227,6 +282,6 @@ impl OnlinePredictor {
             speed_mps: self.parameters.human.speed_mps,
             step_s: self.parameters.step_s,
         };
-        self.finder.find(&future, plan, footprint)
+        self.finder.find_unless(departed, &future, plan, footprint)
     }
 }

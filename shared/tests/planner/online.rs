@@ -5,8 +5,10 @@ use sidestep::bounds::{
 };
 use sidestep::features::FeatureSet;
 use sidestep::math::{SeededRng, sin_cos};
+use sidestep::motion::Departure;
 use sidestep::planner::{
-    ClearanceFinder, Continuity, CoverageBounds, Footprint, HumanFuture, OnlinePredictor, Plan,
+    Clearance, ClearanceFinder, Continuity, CoverageBounds, Footprint, HumanFuture, NextSteps,
+    OnlinePredictor, Plan,
 };
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
@@ -125,11 +127,72 @@ fn a_human_at_another_speed_is_noticed() {
     // Stands, is slower and faster, jumps; at 2 m/s a step of 0.2 s is 0.4 m.
     for way_m in [0.0, 0.2, 0.396, 0.404, 0.7, 3.0] {
         let mut online = online.clone();
-        online.push(moved(way_m)).unwrap();
+        assert_ne!(online.push(moved(way_m)), Ok(Continuity::Continues));
         assert_eq!(online.check_human().unwrap_err().field, "state.human.x, y", "{way_m} m");
+        let said = online.departure().unwrap().to_string();
+        assert!(said.contains(&format!("moved at {:.2} m/s", way_m / 0.2)), "{said}");
     }
     online.push(moved(0.4)).unwrap();
-    assert_eq!(online.check_human(), Ok(()));
+    assert_eq!((online.check_human(), online.departure()), (Ok(()), None));
+}
+
+/// Somebody stands where the robot drives. In step 8 the robot is over them, at a distance of 3 − 8 · 0.4 = −0.2 m along its
+/// way; sets of a human at 2 m/s are 2 m away by then.
+#[test]
+fn nobody_who_stands_still_is_driven_over() {
+    let parameters = SceneParameters::default();
+    let constant = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.2, 0.6, 0.2]);
+    let choice = ActionChoice::TopK(vec![1; STEPS]);
+    let settings = BoundsSettings::new(vec![0.0, 1.0], choice, Rollout::Base, 3).unwrap();
+    let safety = safety(&parameters);
+    let online = OnlinePredictor::new(constant.unwrap(), safety, parameters, settings).unwrap();
+    let robot = Pose::new(3.0, 0.0, core::f64::consts::PI);
+    let plan = Plan::driven(robot, &[(2.0, 0.0); STEPS], 0.2, super::FREE).unwrap();
+    let footprint = Footprint::disc(0.5).unwrap();
+    let stands = JointState { human: Pose::new(0.0, 0.0, 0.0), robot };
+
+    let mut assumed = online.clone().with_next_steps(NextSteps::AssumeVehicle);
+    let mut online = online;
+    assert_eq!(online.push(stands), Ok(Continuity::Continues));
+    for _ in 0..2 {
+        assert_eq!(online.push(stands), Ok(Continuity::Departed));
+        assert_eq!(assumed.push(stands), Ok(Continuity::Continues));
+    }
+    online.predict().unwrap();
+    let found = online.clear(&plan, &footprint).unwrap();
+    let nothing = |clearance: &Clearance| clearance.at_least_m == f64::NEG_INFINITY;
+    assert!(found.sets() == 2 && (0..2).all(|set| found.by_step(set).len() == STEPS));
+    assert!((0..2).all(|set| found.by_step(set).iter().all(nothing)));
+    assert_eq!((found.largest_clear(0.0), found.of(0).at_most_m), (None, f64::NEG_INFINITY));
+    let why = Departure::Speed { measured_mps: 0.0, vehicle_mps: 2.0 };
+    assert_eq!((found.unproved(), online.departure()), (Some(why), Some(why)));
+    // A bound on the probability of a collision says nothing either.
+    let scores = Scores::new(vec![0.0; 100]).unwrap();
+    let tolerance = Tolerance::default();
+    let bounds =
+        CoverageBounds::of_scores(&scores, &[0.0, 1.0], 0.05, &parameters, tolerance, STEPS);
+    let found = online.clear(&plan, &footprint).unwrap();
+    let bound = bounds.unwrap().collision(found).unwrap();
+    assert_eq!((bound.at_most, bound.set), (1.0, None));
+    let other = Plan::driven(robot, &[(2.0, 0.0); STEPS], 0.1, super::FREE).unwrap();
+    assert_eq!(online.clear(&other, &footprint).unwrap_err().field, "plan.step_s");
+
+    // Whoever wants the sets of the vehicle all the same says so, and gets those numbers.
+    assumed.predict().unwrap();
+    let found = assumed.clear(&plan, &footprint).unwrap();
+    assert_eq!((found.unproved(), assumed.departure()), (None, None));
+    assert!(found.by_step(1)[8].at_least_m > 1.9 && assumed.check_human().is_err());
+
+    // Whoever walks on like the vehicle is predicted again.
+    let walks = JointState { human: Pose::new(0.4, 0.0, 0.0), robot };
+    assert_eq!(online.push(walks), Ok(Continuity::Continues));
+    online.predict().unwrap();
+    assert!(online.clear(&plan, &footprint).unwrap().unproved().is_none());
+    // A jump forgets the history and proves nothing either.
+    let away = JointState { human: Pose::new(4.0, 0.0, 0.0), robot };
+    assert_eq!(online.push(away), Ok(Continuity::Restarted));
+    online.predict().unwrap();
+    assert!(online.clear(&plan, &footprint).unwrap().unproved().is_some());
 }
 
 #[test]
