@@ -3,6 +3,7 @@
 pub mod check;
 pub mod languages;
 pub mod hash_key;
+mod degrees;
 mod solving;
 pub mod copy;
 pub mod backup;

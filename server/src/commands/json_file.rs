@@ -62,7 +62,7 @@ pub(super) struct Document<'a>(pub(super) &'a Path);
 
 impl Document<'_> {
     /// The name that errors give it.
-    fn name(self) -> String {
+    pub(super) fn name(self) -> String {
         if self.is_stdin() { "stdin".to_owned() } else { self.0.display().to_string() }
     }
 

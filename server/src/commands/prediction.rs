@@ -1,6 +1,7 @@
 //! Documents of `sidestep bounds`, and Algorithm 1 on them: for commands that predict.
 
 use super::CommandError;
+use super::degrees::Degrees;
 use super::json_file::Document;
 use super::solving::{Interrupt, safety_levels};
 use serde::Deserialize;
@@ -43,6 +44,22 @@ struct Input {
     danger_radius: Option<f64>,
     #[serde(default)]
     history: Vec<JointState>,
+}
+
+impl Input {
+    /// Tells of headings that may be in degrees.
+    fn warn_of_degrees(&self, document: Document<'_>) {
+        let mut degrees = Degrees::of(document.name());
+        for (name, pose) in [("human", self.human), ("robot", self.robot)] {
+            degrees.look(pose.psi, || format!("{name}[2]"));
+        }
+        for (i, state) in self.history.iter().enumerate() {
+            for (name, pose) in [("human", state.human), ("robot", state.robot)] {
+                degrees.look(pose.psi, || format!("history[{i}].{name}[2]"));
+            }
+        }
+        degrees.warn();
+    }
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -164,6 +181,7 @@ impl Prediction {
         };
         let safety = safety_levels(&scene, &Interrupt::listen()).await?;
         let bounds = problem.bounds(predictor, &safety).map_err(|e| source.complain(e))?;
+        input.warn_of_degrees(document);
         Ok(Self {
             now: JointState { human: input.human, robot: input.robot },
             motion: problem.motion,

@@ -1,6 +1,7 @@
 //! `sidestep reach`.
 
 use super::CommandError;
+use super::degrees::Degrees;
 use super::json_file::JsonArgs;
 use serde::{Deserialize, Serialize};
 use sidestep::bounds::InputBounds;
@@ -150,6 +151,14 @@ fn named(invalid: Invalid) -> Invalid {
 pub async fn run(args: ReachArgs) -> Result<(), CommandError> {
     let input: Input = args.files.read()?;
     let answer = answer(&input).map_err(|invalid| args.files.document().complain(&invalid))?;
+    let mut degrees = Degrees::of(args.files.document().name());
+    degrees.look(input.initial.psi, || "initial[2]".to_owned());
+    for (j, set) in input.sets.iter().enumerate() {
+        for (q, query) in set.queries.iter().enumerate() {
+            degrees.look(query.state.psi, || format!("sets[{j}].queries[{q}].state[2]"));
+        }
+    }
+    degrees.warn();
     args.files.answer(&answer)
 }
 

@@ -1,5 +1,6 @@
 //! `sidestep value`.
 
+use super::degrees::Degrees;
 use super::game::FunctionArgs;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
@@ -20,7 +21,8 @@ pub struct ValueArgs {
     #[command(flatten)]
     function: FunctionArgs,
     /// CSV file with the columns x, y (m) and psi (rad) in any order: the pursuer in
-    /// the evader's frame. Other columns are ignored.
+    /// the evader's frame. Other columns are ignored. A psi of more than a full turn is told, since
+    /// it may be in degrees.
     #[arg(long, value_name = "FILE.csv")]
     states: PathBuf,
     /// File to write, one row for each state in the same order: x, y, psi, value (m),
@@ -59,10 +61,12 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     let function = args.function.function(&interrupt).await?;
     let (mut rows, mut outside) = (0_u64, 0_u64);
+    let mut degrees = Degrees::of(name.as_str());
     atomic_file::write(&args.out, &interrupt.token, |out| -> Result<(), Fault> {
         let mut writer = Writer::from_writer(out);
         writer.write_record(COLUMNS.iter().chain(&RESULTS))?;
-        read(&states, |state| {
+        read(&states, |line, state| {
+            degrees.look(state[2], || format!("line {line}, psi"));
             let found = evaluated(&function, state)?;
             rows += 1;
             outside += u64::from(!found.inside);
@@ -76,6 +80,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
         Fault::Disk(error) => interrupt.unwritten(&args.out, &error),
         Fault::State(invalid) => CommandError::failure(invalid),
     })?;
+    degrees.warn();
     print_json(&serde_json::json!({ "states": rows, "outside": outside, "file": args.out }))
 }
 
@@ -105,8 +110,11 @@ impl From<Invalid> for Fault {
     }
 }
 
-/// Hands every state of the file to `each`.
-fn read(file: &[u8], mut each: impl FnMut([f64; 3]) -> Result<(), Fault>) -> Result<(), Fault> {
+/// Hands every state of the file to `each`, with its line.
+fn read(
+    file: &[u8],
+    mut each: impl FnMut(u64, [f64; 3]) -> Result<(), Fault>,
+) -> Result<(), Fault> {
     let at = |line: u64| move |what: Invalid| Fault::Line(LineError { line, what });
     let (mut records, header) = Records::of(file).map_err(Fault::Line)?;
     let columns = columns(&header).map_err(at(1))?;
@@ -121,7 +129,7 @@ fn read(file: &[u8], mut each: impl FnMut([f64; 3]) -> Result<(), Fault>) -> Res
                 .ok_or_else(|| Invalid::new(name, "a finite number", format!("{text:?}")))
                 .map_err(at(line))?;
         }
-        each(state).map_err(|fault| match fault {
+        each(line, state).map_err(|fault| match fault {
             Fault::State(invalid) => at(line)(invalid),
             other => other,
         })?;
