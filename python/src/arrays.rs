@@ -4,14 +4,25 @@
 //! float64 or fit into it without loss. It is copied, because another thread of Python may write to it while
 //! the interpreter is released.
 
+use std::f64::consts::TAU;
+use std::ffi::CString;
+
 use numpy::{Element, IntoPyArray, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
-use pyo3::types::PyList;
+use pyo3::types::{PyBool, PyFloat, PyInt, PyList, PyTuple};
 use sidestep::invalid::Invalid;
 use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
 
 use crate::error::Error;
+
+pyo3::create_exception!(
+    sidestep,
+    AngleWarning,
+    PyUserWarning,
+    "A heading of more than a full turn: it may be in degrees. The result is that of radians."
+);
 
 /// An array of any shape.
 pub(crate) type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -44,8 +55,13 @@ pub(crate) fn numbers(
     })?;
     let kind = array.getattr("dtype")?;
     let fits = numpy.call_method1("can_cast", (&kind, "f8", "safe"))?.is_truthy()?;
-    if !fits {
+    // NumPy takes a boolean for 0 or 1, also one among numbers.
+    let boolean = kind.getattr("kind")?.extract::<char>()? == 'b';
+    if !fits || boolean {
         return Err(Invalid::new(field, expected(), format!("dtype {kind}")).into());
+    }
+    if has_boolean(object, MOST_AXES)? {
+        return Err(Invalid::new(field, expected(), "a boolean").into());
     }
     let array = numpy.call_method1("require", (array, "f8", PyList::new(py, ["C", "A"])?))?;
     let array = array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?.readonly();
@@ -56,6 +72,50 @@ pub(crate) fn numbers(
         return Err(Invalid::new(place, "a finite number", values[position]).into());
     }
     Ok(Numbers { shape, values })
+}
+
+/// NumPy's arrays have at most so many axes.
+const MOST_AXES: usize = 64;
+
+/// Whether a list, in lists up to this depth, has a boolean in it.
+fn has_boolean(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<bool> {
+    if object.is_instance_of::<PyBool>() {
+        return Ok(true);
+    }
+    // Most entries; asking further would take longer.
+    if object.is_exact_instance_of::<PyFloat>() || object.is_exact_instance_of::<PyInt>() {
+        return Ok(false);
+    }
+    let listed = object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>();
+    if !listed || depth == 0 {
+        // NumPy's own booleans.
+        let kind = object.getattr_opt("dtype")?.map(|dtype| dtype.getattr("kind")).transpose()?;
+        return Ok(kind.is_some_and(|kind| kind.eq("b").unwrap_or(false)));
+    }
+    for entry in object.try_iter()? {
+        if has_boolean(&entry?, depth - 1)? {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// Warns of the first heading that may be in degrees: more than a full turn. They are every `width`-th number.
+fn warn_of_degrees(
+    py: Python<'_>,
+    field: &str,
+    Numbers { shape, values }: &Numbers,
+    width: usize,
+) -> PyResult<()> {
+    let beyond = |at: &usize| values[*at].abs() > TAU * (1.0 + 1e-9);
+    let Some(at) = (width - 1..values.len()).step_by(width).find(beyond) else { return Ok(()) };
+    let (place, psi) = (place(field, at, shape), values[at]);
+    let radians = psi.to_radians();
+    let said = format!(
+        "{place}: {psi} is more than a full turn; headings are in radians ({psi}° are {radians:.4})"
+    );
+    let said = CString::new(said).unwrap_or_default();
+    PyErr::warn(py, &py.get_type::<AngleWarning>(), &said, 1)
 }
 
 /// `states[17, 1]`: where in an array the entry is.
@@ -96,13 +156,17 @@ impl<const W: usize> Rows<W> {
     }
 }
 
-/// An array of shape (…, W).
+/// An array of shape (…, W). Rows of three numbers are poses x, y, ψ.
 pub(crate) fn rows<const W: usize>(
     field: &str,
     object: &Bound<'_, PyAny>,
 ) -> Result<Rows<W>, Error> {
     let Numbers { shape, values } = rows_of(field, W, object)?;
-    Ok(Rows { shape, values })
+    let whole = Numbers { shape: [&shape[..], &[W]].concat(), values };
+    if W == 3 {
+        warn_of_degrees(object.py(), field, &whole, W)?;
+    }
+    Ok(Rows { shape, values: whole.values })
 }
 
 /// An array of shape (…, width); the shape that is returned leaves out the last axis.
@@ -174,11 +238,13 @@ pub(crate) fn joint_states(
     object: &Bound<'_, PyAny>,
 ) -> Result<Vec<JointState>, Error> {
     let expected = format!("(n, 2, 3) with n ≥ {least}");
-    let Numbers { shape, values } = numbers(field, &expected, object)?;
-    match shape[..] {
+    let found = numbers(field, &expected, object)?;
+    match found.shape[..] {
         [n, 2, 3] if n >= least => {}
-        _ => return Err(wrong_shape(field, &expected, &shape)),
+        _ => return Err(wrong_shape(field, &expected, &found.shape)),
     }
+    warn_of_degrees(object.py(), field, &found, 3)?;
+    let values = found.values;
     let pairs = values.as_chunks::<3>().0.as_chunks::<2>().0;
     let states =
         pairs.iter().map(|&[human, robot]| JointState { human: human.into(), robot: robot.into() });

@@ -1,5 +1,7 @@
 //! The level ε at which sets hold what people do, from recorded trajectories.
 
+use std::path::PathBuf;
+
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use sidestep::bounds::{BoundsSettings, Rollout};
@@ -14,9 +16,11 @@ use sidestep::shfrs::window::{Window, WindowChoice};
 
 use crate::error::Error;
 use crate::function::SafetyLevels;
-use crate::human::{Human, Model};
+use crate::human::{Arguments, Human, Model};
+use crate::kept::{self, CalibrationFile, CalibrationFormat};
 use crate::online::OnlinePredictor;
 use crate::plan::Asked;
+use crate::predictor::Predictor;
 use crate::scalars::{real, seed, some_real};
 use crate::shfrs::{Shfrs, ShfrsSettings};
 use crate::trajectory::Trajectory;
@@ -45,7 +49,8 @@ pub(crate) struct Calibration {
 }
 
 /// A bound on the probability that the human touches a robot that drives a plan.
-#[pyclass(frozen, module = "sidestep")]
+#[pyclass(frozen, eq, module = "sidestep")]
+#[derive(PartialEq)]
 pub(crate) struct CollisionBound {
     /// The human comes within the footprint at some instant of the plan with at most this probability.
     #[pyo3(get)]
@@ -63,6 +68,25 @@ pub(crate) struct CollisionBound {
 
 #[pymethods]
 impl CollisionBound {
+    /// The bound with these parts.
+    #[staticmethod]
+    #[pyo3(name = "_of")]
+    fn of(at_most: f64, set: Option<usize>, margin_m: f64, statement: String) -> Self {
+        Self { at_most, set, margin_m, statement }
+    }
+
+    #[allow(clippy::type_complexity, reason = "the parts")]
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (f64, Option<usize>, f64, String))> {
+        let Self { at_most, set, margin_m, statement } = slf.get();
+        Ok((slf.get_type().getattr("_of")?, (*at_most, *set, *margin_m, statement.clone())))
+    }
+
+    fn __hash__(&self) -> usize {
+        self.set.map_or(0, |set| set + 1)
+    }
+
     fn __repr__(&self) -> String {
         let set = self.set.map_or("None".to_owned(), |set| set.to_string());
         format!("CollisionBound(at_most={}, set={set}): {}", self.at_most, self.statement)
@@ -75,6 +99,100 @@ impl Calibration {
     #[getter]
     fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.scores.sorted().to_vec().into_pyarray(py)
+    }
+
+    /// Writes the calibration as JSON: the scores, the settings, the parameters and the model.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If the model is an `ActionModel`, since no file holds a function of Python. `pickle` keeps such a calibration if
+    ///     it can keep the function.
+    fn save(&self, path: PathBuf) -> Result<(), Error> {
+        let Some(predictor) = self.human.predictor() else {
+            let expected =
+                "a Predictor, which a file can hold (pickle a calibration of a function)";
+            return Err(Invalid::new("model", expected, "an ActionModel").into());
+        };
+        let file = CalibrationFile {
+            format: CalibrationFormat::V1,
+            p: self.p,
+            delta: self.delta,
+            epsilon: self.epsilon,
+            scores: self.scores.sorted().to_vec(),
+            settings: self.settings.file(),
+            parameters: self.human.parameters,
+            predictor: predictor.file(),
+        };
+        kept::saved("calibration", &path, &file)
+    }
+
+    /// Reads what `save` wrote.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    /// safety : SafetyLevels, optional
+    ///     Needed if the vehicles differ and a feature of the model is a safety level: the file has none.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If it is malformed, has a format of another version, or its ε is not that of its scores.
+    #[staticmethod]
+    #[pyo3(signature = (path, *, safety=None))]
+    fn load(py: Python<'_>, path: PathBuf, safety: Option<SafetyLevels>) -> Result<Self, Error> {
+        let file: CalibrationFile = kept::loaded("calibration", &path)?;
+        let within = |invalid: Invalid| invalid.within("calibration");
+        file.parameters.check().map_err(|invalid| within(invalid.within("parameters")))?;
+        let settings = ShfrsSettings::of_file(&file.settings);
+        let settings = settings.map_err(|invalid| within(invalid.within("settings")))?;
+        let predictor = Predictor::of_file(file.predictor).map_err(|error| match error {
+            Error::Invalid(invalid) => within(invalid).into(),
+            raised => raised,
+        })?;
+        let model = Model::Trained(Bound::new(py, predictor)?);
+        let human = Human::new(model, &file.parameters, safety)?;
+        let found = Self::new(human, &settings, file.scores, file.p, file.delta).map_err(within)?;
+        if found.epsilon != file.epsilon || found.settings != settings {
+            let expected = format!("{}, which the scores give, for F_1", found.epsilon);
+            return Err(within(Invalid::new("epsilon", expected, file.epsilon)).into());
+        }
+        Ok(found)
+    }
+
+    /// The calibration of these scores.
+    #[staticmethod]
+    #[pyo3(name = "_of")]
+    fn of(
+        scores: Vec<f64>,
+        p: f64,
+        delta: Option<f64>,
+        settings: &ShfrsSettings,
+        human: (Model<'_>, SceneParameters, Option<SafetyLevels>),
+    ) -> Result<Self, Error> {
+        let (model, parameters, safety) = human;
+        let human = Human::new(model, &parameters.0, safety)?;
+        Ok(Self::new(human, settings, scores, p, delta)?)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
+        let it = slf.get();
+        let scores = it.scores.sorted().to_vec();
+        let human = it.human.arguments(slf.py());
+        let parts = (scores, it.p, it.delta, it.settings.clone(), human);
+        Ok((slf.get_type().getattr("_of")?, parts))
+    }
+
+    /// The same scores, guarantee, settings, model and parameters.
+    fn __eq__(&self, other: &Self) -> bool {
+        (self.p, self.delta, &self.scores) == (other.p, other.delta, &other.scores)
+            && self.settings == other.settings
+            && self.human.same(&other.human)
+    }
+
+    fn __hash__(&self) -> usize {
+        self.scores.len()
     }
 
     /// A bound on the probability that the human touches the robot during a plan.
@@ -101,7 +219,7 @@ impl Calibration {
     /// ValueError
     ///     If the sets were predicted otherwise, or there is no `delta`; if the human's last step was none that the
     ///     human's vehicle of the parameters can drive, to a millimetre and a milliradian (one who stands still, for
-    ///     instance), since no trajectory of the calibration was like that; and as for `Shfrs.clear`.
+    ///     instance), since no trajectory of the calibration was like that, with `assume_vehicle`, too; and as for `Shfrs.clear`.
     #[pyo3(signature = (prediction, plan, radius_m, *, delta=None, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=None))]
     #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
     fn collision<'py>(
@@ -165,6 +283,28 @@ impl Calibration {
 
     fn __repr__(&self) -> String {
         format!("Calibration(epsilon={}, p={}): {}", self.epsilon, self.p, self.statement)
+    }
+}
+
+/// Scores, p, δ, settings, and what makes the human.
+type Parts<'py> = (Vec<f64>, f64, Option<f64>, ShfrsSettings, Arguments<'py>);
+
+impl Calibration {
+    /// The level of these scores, with its guarantee.
+    fn new(
+        human: Human,
+        settings: &ShfrsSettings,
+        scores: Vec<f64>,
+        p: f64,
+        delta: Option<f64>,
+    ) -> Result<Self, Invalid> {
+        let guarantee = delta.map_or(Guarantee::Conformal, |delta| Guarantee::Pac { delta });
+        let scores = Scores::new(scores)?;
+        let epsilon = guarantee.level(&scores, p)?;
+        let everything = 2.0 * human.parameters.human.turn_rate_radps;
+        let settings = settings.with(vec![epsilon, everything.max(epsilon)]);
+        let statement = guarantee.statement(p, scores.len());
+        Ok(Self { epsilon, p, delta, statement, settings, scores, human })
     }
 }
 
@@ -322,16 +462,5 @@ pub(crate) fn calibrate(
             ShfrsFamily::new(prediction, settings.choice())?.score(window)
         })?);
     }
-    let scores = Scores::new(scores)?;
-    let epsilon = guarantee.level(&scores, p)?;
-    let everything = 2.0 * human.parameters.human.turn_rate_radps;
-    Ok(Calibration {
-        epsilon,
-        p,
-        delta,
-        statement: guarantee.statement(p, scores.len()),
-        settings: settings.with(vec![epsilon, everything.max(epsilon)]),
-        scores,
-        human,
-    })
+    Ok(Calibration::new(human, settings, scores, p, delta)?)
 }

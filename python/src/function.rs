@@ -195,10 +195,23 @@ impl ValueFunction {
 
     /// Writes the function to a file, which `load`, the command `sidestep` and the laboratory read.
     ///
-    /// Values on the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m). So what is read
-    /// again is not `==` to what was solved, but to itself, however often. `pickle` and `copy` do not round.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
-        py.detach(|| write(&path, &self.0.encode_with_checksum()))
+    /// What `load` reads is `==` to this function, unless `rounded` asks for a file of a third of the size: there, values on
+    /// the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m), and what is read is `==` to
+    /// itself, however often it is saved. The closed form is never rounded.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    /// rounded : bool
+    ///     Whether to round, as the laboratory's files are.
+    #[pyo3(signature = (path, *, rounded=false))]
+    fn save(&self, py: Python<'_>, path: PathBuf, rounded: bool) -> Result<(), Error> {
+        let function = &self.0;
+        py.detach(|| {
+            let bytes =
+                if rounded { function.encode_with_checksum() } else { function.encode_unrounded() };
+            write(&path, &bytes)
+        })
     }
 
     /// Reads a function that `save` wrote.
@@ -344,6 +357,19 @@ impl SafetyLevels {
         let parameters = parameters.0;
         let solve = |report: &mut Report<'_>| safety::SafetyLevels::solve(&parameters, report);
         watched(py, progress.as_ref(), solve).map(Self)
+    }
+
+    /// Those of these two functions.
+    #[staticmethod]
+    #[pyo3(name = "_of")]
+    fn of(human: ValueFunction, robot: ValueFunction) -> Self {
+        Self(safety::SafetyLevels { human: human.0, robot: robot.0 })
+    }
+
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (ValueFunction, ValueFunction))> {
+        Ok((slf.get_type().getattr("_of")?, (slf.get().human(), slf.get().robot())))
     }
 
     /// V_HR: the human evades; its states are the robot's poses in the human's frame.

@@ -13,6 +13,7 @@ use crate::arrays::{list, states_array};
 use crate::error::Error;
 use crate::function::{SafetyLevels, levels};
 use crate::predictor::Predictor;
+use crate::vehicles::SceneParameters;
 
 /// A model of your own: a function that says how likely each action of the human is.
 ///
@@ -54,6 +55,19 @@ impl ActionModel {
         self.actions.clone()
     }
 
+    /// The same turn rates, and functions that Python calls equal.
+    fn __eq__(&self, py: Python<'_>, other: &Self) -> PyResult<bool> {
+        Ok(self.actions == other.actions && self.probabilities.bind(py).eq(&other.probabilities)?)
+    }
+
+    fn __hash__(&self) -> usize {
+        self.actions.len()
+    }
+
+    fn __getnewargs__(&self, py: Python<'_>) -> (Vec<f64>, Py<PyAny>) {
+        (self.actions.clone(), self.probabilities.clone_ref(py))
+    }
+
     fn __repr__(&self) -> String {
         format!("ActionModel(actions={:?}, …)", self.actions)
     }
@@ -67,6 +81,9 @@ pub(crate) enum Model<'py> {
     /// A function of Python.
     Own(Bound<'py, ActionModel>),
 }
+
+/// A model, the parameters of its scene, and the safety levels if it needs them.
+pub(crate) type Arguments<'py> = (Bound<'py, PyAny>, SceneParameters, Option<SafetyLevels>);
 
 /// A model in its scene, which outlives the call that made it.
 pub(crate) struct Human {
@@ -126,10 +143,35 @@ impl Human {
     pub(crate) fn same(&self, other: &Self) -> bool {
         let model = match (&self.model, &other.model) {
             (Kept::Trained(one, _), Kept::Trained(other, _)) => one.get() == other.get(),
-            (Kept::Own(one), Kept::Own(other)) => one.is(other),
+            (Kept::Own(one), Kept::Own(other)) => Python::attach(|py| {
+                one.is(other) || one.get().__eq__(py, other.get()).unwrap_or(false)
+            }),
             _ => false,
         };
         model && self.parameters == other.parameters
+    }
+
+    /// What makes it anew: the model, the parameters, and the safety levels if it needs them.
+    pub(crate) fn arguments<'py>(&self, py: Python<'py>) -> Arguments<'py> {
+        let parameters = SceneParameters(self.parameters);
+        match &self.model {
+            Kept::Trained(predictor, safety) => {
+                let features = predictor.get().predictor.features();
+                let alike = self.parameters.game(scene::Evader::Human).identical();
+                let needed = features.of_game().is_some() && !alike;
+                let safety = needed.then(|| SafetyLevels((**safety).clone()));
+                (predictor.bind(py).clone().into_any(), parameters, safety)
+            }
+            Kept::Own(model) => (model.bind(py).clone().into_any(), parameters, None),
+        }
+    }
+
+    /// The trained predictor; none for a function of Python.
+    pub(crate) fn predictor(&self) -> Option<&Predictor> {
+        match &self.model {
+            Kept::Trained(predictor, _) => Some(predictor.get()),
+            Kept::Own(_) => None,
+        }
     }
 
     /// How many actions the model has.

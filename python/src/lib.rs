@@ -11,6 +11,7 @@ mod interrupt;
 mod scalars;
 mod arrays;
 mod files;
+mod kept;
 mod vehicles;
 mod value;
 mod function;
@@ -38,6 +39,8 @@ mod native {
     use super::PyModuleMethods;
     use super::PyResult;
 
+    #[pymodule_export]
+    use crate::arrays::AngleWarning;
     #[pymodule_export]
     use crate::bounds::bounds;
     #[pymodule_export]

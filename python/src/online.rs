@@ -3,13 +3,14 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use sidestep::bounds::{BoundsSettings, InputBounds};
 use sidestep::invalid::Invalid;
-use sidestep::planner::{self, ClearanceSettings, Clearances, Continuity};
-use sidestep::reach;
+use sidestep::planner::{self, ClearanceSettings, Clearances, Continuity, NextSteps};
 use sidestep::scene::{self, JointState};
+use sidestep::shfrs;
 
-use crate::arrays::{Array, Numbers, numbers, states_array, wrong_shape};
+use crate::arrays::{Array, Numbers, joint_states, numbers, states_array, wrong_shape};
 use crate::bounds::stacked;
 use crate::error::Error;
 use crate::function::{SafetyLevels, levels};
@@ -36,24 +37,31 @@ use crate::vehicles::SceneParameters;
 ///     Needed if the vehicles differ and a feature of the model is a safety level.
 /// accuracy_m : float
 ///     How far a clearance may be below the true one, m; 10⁻⁴ to 10.
+/// assume_vehicle : bool
+///     Whether clearances assume that the human drives on like the vehicle of the parameters, even after a step that it cannot
+///     have driven (`departure`): they can then be positive for somebody who stands in the way.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct OnlinePredictor {
     model: Py<Predictor>,
     pub(crate) settings: BoundsSettings,
     parameters: scene::SceneParameters,
+    safety: Option<SafetyLevels>,
+    accuracy_m: f64,
+    assume_vehicle: bool,
     online: Mutex<planner::OnlinePredictor>,
 }
 
 #[pymethods]
 impl OnlinePredictor {
     #[new]
-    #[pyo3(signature = (model, settings=None, *, parameters=None, safety=None, accuracy_m=0.02))]
+    #[pyo3(signature = (model, settings=None, *, parameters=None, safety=None, accuracy_m=0.02, assume_vehicle=false))]
     fn new(
         model: Model<'_>,
         settings: Option<ShfrsSettings>,
         parameters: Option<SceneParameters>,
         safety: Option<SafetyLevels>,
         #[pyo3(from_py_with = real)] accuracy_m: f64,
+        assume_vehicle: bool,
     ) -> Result<Self, Error> {
         let Model::Trained(model) = model else {
             let expected = "a Predictor; use ShfrsPredictor for an ActionModel";
@@ -61,22 +69,27 @@ impl OnlinePredictor {
         };
         let parameters = parameters.unwrap_or_default().0;
         let predictor = model.get().of_turns()?;
-        let safety = levels(predictor.features(), &parameters, safety)?;
+        let levels = levels(predictor.features(), &parameters, safety.clone())?;
         let actions = predictor.classes().len();
         let settings = match settings {
             Some(settings) => settings.bounds(actions)?,
             None => usual(actions, &parameters)?.bounds,
         };
         let kept = settings.clone();
-        let online = planner::OnlinePredictor::new(predictor.clone(), safety, parameters, kept)
+        let next = if assume_vehicle { NextSteps::AssumeVehicle } else { NextSteps::LikeLast };
+        let online = planner::OnlinePredictor::new(predictor.clone(), levels, parameters, kept)
             .map_err(|invalid| invalid.within("model"))?
-            .with_clearance(ClearanceSettings::new(accuracy_m)?);
-        Ok(Self { model: model.unbind(), settings, parameters, online: Mutex::new(online) })
+            .with_clearance(ClearanceSettings::new(accuracy_m)?)
+            .with_next_steps(next);
+        let (model, online) = (model.unbind(), Mutex::new(online));
+        Ok(Self { model, settings, parameters, safety, accuracy_m, assume_vehicle, online })
     }
 
     /// Appends the state one step, `step_s` of the parameters, after the last one. Where one was missed, call `reset` and begin
     /// anew. Sets assume that the human goes on at the speed of the parameters and within its turn rate: for one who stands still,
-    /// or moves slower or faster, they prove nothing. `Calibration.collision` refuses such a last step.
+    /// or moves slower or faster, they prove nothing. So a step that the human's vehicle cannot have driven, to a millimetre and a
+    /// milliradian, is told: `departure` says what was measured, `clear` is −∞ until the next step, and `Calibration.collision`
+    /// refuses it. Positions with more noise than that need `assume_vehicle`.
     ///
     /// Parameters
     /// ----------
@@ -86,8 +99,8 @@ impl OnlinePredictor {
     /// Returns
     /// -------
     /// bool
-    ///     Whether it follows from the states before. If not, because the human moved or turned more than twice as
-    ///     much as the vehicle can in a step, they are forgotten.
+    ///     Whether it follows from the state before as the human's vehicle drives. If not, `departure` says why; if the human
+    ///     moved or turned more than twice as much as the vehicle can in a step, the states before are forgotten, too.
     fn push(&self, state: &Bound<'_, PyAny>) -> Result<bool, Error> {
         let Numbers { shape, values } = numbers("state", "(2, 3)", state)?;
         let (&[human, robot], [2, 3]) = (values.as_chunks::<3>().0, &shape[..]) else {
@@ -96,6 +109,14 @@ impl OnlinePredictor {
         let pushed = JointState { human: human.into(), robot: robot.into() };
         let continuity = state.py().detach(|| self.lock().push(pushed))?;
         Ok(continuity == Continuity::Continues)
+    }
+
+    /// Why the sets say nothing of the human's next steps: the last step was none that the human's vehicle of the parameters
+    /// can drive, to a millimetre and a milliradian; in words, with what was measured. `None` if it was, if one state alone is
+    /// known, or with `assume_vehicle`.
+    #[getter]
+    fn departure(&self, py: Python<'_>) -> Option<String> {
+        py.detach(|| self.lock().departure()).map(|found| found.to_string())
     }
 
     /// Forgets all states.
@@ -116,7 +137,8 @@ impl OnlinePredictor {
         py.detach(|| self.lock().states_needed())
     }
 
-    /// Bounds on the human's turn rate from the states so far.
+    /// Bounds on the human's turn rate from the states so far; of a human who drives like the vehicle, which `departure` may
+    /// contradict.
     ///
     /// Returns
     /// -------
@@ -151,8 +173,8 @@ impl OnlinePredictor {
             present(&online).map(|now| (now.human, sets))
         })?;
         let (speed_mps, step_s) = (self.parameters.human.speed_mps, self.parameters.step_s);
-        let set = |bounds| reach::ReachableSet::new(now, bounds, speed_mps, step_s);
-        Ok(sets.iter().map(|bounds| set(bounds).map(ReachableSet)).collect::<Result<_, _>>()?)
+        let set = |bounds| ReachableSet::of(now, bounds, speed_mps, step_s);
+        Ok(sets.into_iter().map(set).collect::<Result<_, _>>()?)
     }
 
     /// How far a plan that begins now stays clear of where the human may be.
@@ -165,7 +187,7 @@ impl OnlinePredictor {
     /// Returns
     /// -------
     /// array of float64, shape (m, T)
-    ///     As `Shfrs.clear` returns.
+    ///     As `Shfrs.clear` returns: −∞ throughout if `departure` is not `None`.
     ///
     /// Raises
     /// ------
@@ -182,6 +204,46 @@ impl OnlinePredictor {
     ) -> Result<Array<'py>, Error> {
         let asked = Asked { plan, radius_m, corners, most_speed_mps, most_turn_rate_radps };
         Ok(proved(plan.py(), &self.clearances(plan.py(), &asked)?)?)
+    }
+
+    fn __getnewargs_ex__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<((Py<Predictor>, ShfrsSettings), Bound<'py, PyDict>)> {
+        let named = PyDict::new(py);
+        named.set_item("parameters", SceneParameters(self.parameters))?;
+        named.set_item("safety", self.safety.clone())?;
+        named.set_item("accuracy_m", self.accuracy_m)?;
+        named.set_item("assume_vehicle", self.assume_vehicle)?;
+        let settings = ShfrsSettings::of(&shfrs::ShfrsSettings::new(self.settings.clone()));
+        Ok(((self.model.clone_ref(py), settings), named))
+    }
+
+    /// The states that it knows, to push again, and whether it predicted.
+    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, bool)> {
+        let (states, predicted) = py.detach(|| {
+            let online = self.lock();
+            let mut states = online.history().to_vec();
+            // Of the state before the history, the robot does not matter.
+            if let ([only], Some(human)) = (&states[..], online.before()) {
+                states.insert(0, JointState { human, ..*only });
+            }
+            (states, online.is_predicted())
+        });
+        Ok((states_array(py, &states)?, predicted))
+    }
+
+    fn __setstate__(&self, py: Python<'_>, state: (Bound<'_, PyAny>, bool)) -> Result<(), Error> {
+        let (states, predicted) = state;
+        let states = joint_states("states", 0, &states)?;
+        Ok(py.detach(|| {
+            let mut online = self.lock();
+            online.reset();
+            for state in states {
+                online.push(state)?;
+            }
+            if predicted { online.predict().map(drop) } else { Ok(()) }
+        })?)
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

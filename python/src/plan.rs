@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 use sidestep::bounds::InputBounds;
 use sidestep::invalid::{Invalid, positive};
 use sidestep::math::PI;
+use sidestep::motion::Departure;
 use sidestep::planner::{
     ClearanceFinder, ClearanceSettings, Clearances, Footprint, HumanFuture, Plan, PlanLimits,
 };
@@ -37,6 +38,15 @@ impl Asked<'_, '_> {
         parameters: &scene::SceneParameters,
     ) -> Result<Planned, Error> {
         let mut ahead = poses("plan", self.plan)?;
+        // What `drive` makes knows its steps.
+        let made_for = self.plan.getattr_opt("step_s")?.filter(|step_s| !step_s.is_none());
+        if let Some(step_s) = made_for.map(|step_s| real(&step_s)).transpose()?
+            && (step_s - parameters.step_s).abs() > 1e-9 * parameters.step_s
+        {
+            let expected = format!("steps of {} s, those of the prediction", parameters.step_s);
+            let found = format!("steps of {step_s} s");
+            return Err(Invalid::new("plan", expected, found).into());
+        }
         ahead.insert(0, now);
         let robot = parameters.robot;
         let limits = PlanLimits::new(
@@ -88,18 +98,19 @@ fn of_array(mut invalid: Invalid, poses: usize) -> Invalid {
 }
 
 impl Planned {
-    /// The clearance from each of the sets of a human who is at `now`.
+    /// The clearance from each of the sets of a human who is at `now`, and may have `departed` from what the vehicle drives.
     pub(crate) fn clearances(
         &self,
         now: Pose,
         sets: &[InputBounds],
         parameters: &scene::SceneParameters,
         settings: ClearanceSettings,
+        departed: Option<Departure>,
     ) -> Result<Clearances, Invalid> {
         let speed_mps = parameters.human.speed_mps;
         let future = HumanFuture { start: now, sets, speed_mps, step_s: parameters.step_s };
         let mut finder = ClearanceFinder::new(settings);
-        finder.find(&future, &self.plan, &self.footprint).cloned()
+        finder.find_unless(departed, &future, &self.plan, &self.footprint).cloned()
     }
 }
 
@@ -110,7 +121,7 @@ pub(crate) fn proved<'py>(py: Python<'py>, found: &Clearances) -> PyResult<Array
     shaped(py, all, &[found.sets(), found.steps()])
 }
 
-/// The plan of a robot that holds a speed and a turn rate in each step, for `Shfrs.clear` and the like.
+/// The plan of a robot that holds a speed and a turn rate in each step: `sidestep.drive` adds the length of the steps.
 ///
 /// Parameters
 /// ----------
@@ -121,8 +132,7 @@ pub(crate) fn proved<'py>(py: Python<'py>, found: &Clearances) -> PyResult<Array
 /// turn_rates : array of float64, shape (…, T), T ≥ 1
 ///     Turn rate in each step, rad/s, left positive; at most half a turn a step, of which `clear` refuses exactly half.
 /// step_s : float
-///     Length of a step > 0, s: that of the parameters of the prediction. The poses do not contain it, so `clear` does not
-///     notice another one.
+///     Length of a step > 0, s: that of the parameters of the prediction.
 ///
 /// Returns
 /// -------
@@ -175,7 +185,8 @@ pub(crate) fn drive_all<'py>(
 /// Parameters
 /// ----------
 /// clearances : array of float64, shape (m, T)
-///     As `Shfrs.clear` and `OnlinePredictor.clear` return them, m: for each set, the smallest first, and each step.
+///     As `Shfrs.clear` and `OnlinePredictor.clear` return them, m: for each set, the smallest first, and each step. −∞ is
+///     clear of nothing.
 /// margin_m : float
 ///     A plan is clear of a set if its clearance exceeds this, m, ≥ 0.
 ///
@@ -189,7 +200,7 @@ pub(crate) fn largest_clear(
     clearances: &Bound<'_, PyAny>,
     #[pyo3(from_py_with = real)] margin_m: f64,
 ) -> Result<Option<usize>, Error> {
-    let Numbers { shape, values } = numbers("clearances", "(m, T)", clearances)?;
+    let Numbers { shape, values } = clearances_or_nothing(clearances)?;
     let steps = match shape[..] {
         [_, steps] if steps > 0 => steps,
         _ => return Err(wrong_shape("clearances", "(m, T) with T ≥ 1", &shape)),
@@ -199,4 +210,12 @@ pub(crate) fn largest_clear(
     }
     let clear = |set: &[f64]| set.iter().all(|&clearance_m| clearance_m > margin_m);
     Ok(values.chunks_exact(steps).rposition(clear))
+}
+
+/// Clearances, among which −∞ is one.
+fn clearances_or_nothing(clearances: &Bound<'_, PyAny>) -> Result<Numbers, Error> {
+    let numpy = clearances.py().import("numpy")?;
+    // Whatever is no array of numbers is refused below.
+    let bounded = numpy.call_method1("maximum", (clearances, f64::MIN));
+    numbers("clearances", "(m, T)", bounded.as_ref().unwrap_or(clearances))
 }

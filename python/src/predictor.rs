@@ -46,15 +46,7 @@ impl Predictor {
     /// The predictor that a text in the form of predictor.json describes.
     #[staticmethod]
     fn from_json(text: &str) -> Result<Self, Error> {
-        let file: PredictorFile =
-            from_json(text).map_err(|unread| Error::unread("predictor", unread))?;
-        let experiment = file.experiment;
-        if let Some(other) = experiment.filter(|number| !(1..=2).contains(number)) {
-            let expected = "1, the direction of a turn, 2, whether the human avoids, or none";
-            return Err(Invalid::new("predictor.experiment", expected, other).into());
-        }
-        let predictor = file.try_into().map_err(|invalid: Invalid| invalid.within("predictor"))?;
-        Ok(Self { predictor, experiment })
+        Self::of_file(from_json(text).map_err(|unread| Error::unread("predictor", unread))?)
     }
 
     /// The predictor that gives the same probabilities in every state.
@@ -102,9 +94,7 @@ impl Predictor {
 
     /// The text of predictor.json.
     fn to_json(&self) -> Result<String, Error> {
-        let file =
-            PredictorFile { experiment: self.experiment, ..PredictorFile::from(&self.predictor) };
-        serde_json::to_string(&file)
+        serde_json::to_string(&self.file())
             .map_err(|error| Invalid::new("predictor", "numbers that JSON has", error).into())
     }
 
@@ -186,6 +176,22 @@ impl Predictor {
 }
 
 impl Predictor {
+    /// The predictor of a file.
+    pub(crate) fn of_file(file: PredictorFile) -> Result<Self, Error> {
+        let experiment = file.experiment;
+        if let Some(other) = experiment.filter(|number| !(1..=2).contains(number)) {
+            let expected = "1, the direction of a turn, 2, whether the human avoids, or none";
+            return Err(Invalid::new("predictor.experiment", expected, other).into());
+        }
+        let predictor = file.try_into().map_err(|invalid: Invalid| invalid.within("predictor"))?;
+        Ok(Self { predictor, experiment })
+    }
+
+    /// What the file of it holds.
+    pub(crate) fn file(&self) -> PredictorFile {
+        PredictorFile { experiment: self.experiment, ..PredictorFile::from(&self.predictor) }
+    }
+
     /// The predictor, if its classes are turns.
     pub(crate) fn of_turns(&self) -> Result<&predict::Predictor, Error> {
         if self.experiment == Some(2) {

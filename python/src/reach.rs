@@ -27,8 +27,15 @@ use crate::scalars::{real, whole};
 ///     > 0, m/s; a step is at most 100 m. The paper's by default.
 /// step_s : float
 ///     Length of a step > 0, s; the paper's by default.
-#[pyclass(frozen, module = "sidestep")]
-pub(crate) struct ReachableSet(pub(crate) reach::ReachableSet);
+#[pyclass(frozen, eq, module = "sidestep")]
+#[derive(PartialEq)]
+pub(crate) struct ReachableSet {
+    pub(crate) set: reach::ReachableSet,
+    /// What it was made of.
+    pub(crate) bounds: InputBounds,
+    pub(crate) speed_mps: f64,
+    pub(crate) step_s: f64,
+}
 
 #[pymethods]
 impl ReachableSet {
@@ -48,7 +55,7 @@ impl ReachableSet {
     /// Number of steps, T.
     #[getter]
     fn steps(&self) -> usize {
-        self.0.steps()
+        self.set.steps()
     }
 
     /// The positions reachable at any instant up to the last step, as a polygon.
@@ -83,7 +90,7 @@ impl ReachableSet {
     ) -> PyResult<Bound<'py, PyAny>> {
         let settings = drawn(accuracy_m, conservative)?;
         let draw =
-            |work: &mut Workspace, into: &mut _| self.0.tube_polygon_into(settings, work, into);
+            |work: &mut Workspace, into: &mut _| self.set.tube_polygon_into(settings, work, into);
         polygon(py, return_margin, draw)
     }
 
@@ -115,7 +122,7 @@ impl ReachableSet {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (step, settings) = (self.step(step)?, drawn(accuracy_m, conservative)?);
         let draw = |work: &mut Workspace, into: &mut _| {
-            self.0.step_polygon_into(step, settings, work, into)
+            self.set.step_polygon_into(step, settings, work, into)
         };
         polygon(py, return_margin, draw)
     }
@@ -148,7 +155,7 @@ impl ReachableSet {
         let py = states.py();
         let states = poses("states", states)?;
         let (step, tolerance) = (self.step(step)?, tolerance(position_m, heading_rad)?);
-        let inside = |i: usize| self.0.contains_state(step, states[i], tolerance);
+        let inside = |i: usize| self.set.contains_state(step, states[i], tolerance);
         Ok(each(py, states.len(), inside)?.into_pyarray(py))
     }
 
@@ -172,15 +179,25 @@ impl ReachableSet {
         #[pyo3(from_py_with = real)] heading_rad: f64,
     ) -> Result<Bound<'py, PyArray1<bool>>, Error> {
         let py = states.py();
-        let states = drive("states", self.0.steps(), states)?;
+        let states = drive("states", self.set.steps(), states)?;
         let tolerance = tolerance(position_m, heading_rad)?;
-        let found = py.detach(|| self.0.contains_states(&states, tolerance));
+        let found = py.detach(|| self.set.contains_states(&states, tolerance));
         Ok(found.into_pyarray(py))
     }
 
+    fn __hash__(&self) -> usize {
+        self.set.steps()
+    }
+
+    #[allow(clippy::type_complexity, reason = "the arguments of `new`")]
+    fn __getnewargs__(&self) -> ([f64; 3], Vec<f64>, Vec<f64>, f64, f64) {
+        let (lo, hi) = (self.bounds.lo().to_vec(), self.bounds.hi().to_vec());
+        (self.set.start().into(), lo, hi, self.speed_mps, self.step_s)
+    }
+
     fn __repr__(&self) -> String {
-        let start: [f64; 3] = self.0.start().into();
-        format!("ReachableSet(start={start:?}, steps={})", self.0.steps())
+        let start: [f64; 3] = self.set.start().into();
+        format!("ReachableSet(start={start:?}, steps={})", self.set.steps())
     }
 }
 
@@ -193,16 +210,26 @@ impl ReachableSet {
         step_s: f64,
     ) -> Result<Self, Error> {
         few_steps("lo", lo.len())?;
-        let bounds = InputBounds::new(lo, hi, (f64::MIN, f64::MAX))?;
-        Ok(Self(reach::ReachableSet::new(start, &bounds, speed_mps, step_s)?))
+        Ok(Self::of(start, InputBounds::new(lo, hi, (f64::MIN, f64::MAX))?, speed_mps, step_s)?)
+    }
+
+    /// The set of a vehicle at `start`.
+    pub(crate) fn of(
+        start: Pose,
+        bounds: InputBounds,
+        speed_mps: f64,
+        step_s: f64,
+    ) -> Result<Self, Invalid> {
+        let set = reach::ReachableSet::new(start, &bounds, speed_mps, step_s)?;
+        Ok(Self { set, bounds, speed_mps, step_s })
     }
 
     fn step(&self, step: i64) -> Result<usize, Error> {
         let found = count("step", 0, step)?;
-        if found <= self.0.steps() {
+        if found <= self.set.steps() {
             return Ok(found);
         }
-        Err(Invalid::new("step", format!("0 to {}", self.0.steps()), step).into())
+        Err(Invalid::new("step", format!("0 to {}", self.set.steps()), step).into())
     }
 }
 

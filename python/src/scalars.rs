@@ -1,11 +1,15 @@
 //! Numbers from Python. Whole numbers of any size are accepted where they are too large for a machine's number:
 //! the largest one stands for them, and infinity among real numbers, so that whoever checks the argument names it.
 
-use pyo3::exceptions::{PyOverflowError, PyValueError};
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyBool;
 
 /// A real number.
 pub(crate) fn real(object: &Bound<'_, PyAny>) -> PyResult<f64> {
+    if object.is_instance_of::<PyBool>() {
+        return Err(PyTypeError::new_err("must be real number, not bool"));
+    }
     or_largest(object, [f64::NEG_INFINITY, f64::INFINITY])
 }
 

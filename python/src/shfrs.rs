@@ -1,24 +1,27 @@
 //! Stochastic human forward reachable sets, predicted and calibrated.
 
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout, in_proportion};
 use sidestep::invalid::{Invalid, positive};
-use sidestep::motion::check_step;
+use sidestep::motion::{Departure, check_step, departure};
 use sidestep::planner::{ClearanceSettings, Clearances};
-use sidestep::reach::ReachableSet as Reachable;
+use sidestep::reach::{PolygonSettings, ReachableSet as Reachable};
 use sidestep::scene::{self, JointState};
 use sidestep::shfrs;
-use sidestep::shfrs::file::PRESETS;
+use sidestep::shfrs::file::{MOST_STEPS, PRESETS};
 
-use crate::arrays::{Array, joint_states, list, points};
+use crate::arrays::{Array, joint_states, list, numbers, points, states_array, wrong_shape};
 use crate::bounds::{choice, rolled_out, stacked};
 use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
 use crate::interrupt::{Watch, each};
+use crate::kept::{self, SettingsFile};
 use crate::plan::{Asked, proved};
 use crate::reach::{ReachableSet, drawn, drive, margin_m, tolerance};
 use crate::scalars::{real, some_real, some_whole, some_wholes};
@@ -44,8 +47,8 @@ use crate::vehicles::SceneParameters;
 ///     Of the polygons, m; 10⁻⁶ to 1.
 /// by_step : bool
 ///     Whether to draw the positions after each step too, besides the tube.
-#[pyclass(frozen, from_py_object, module = "sidestep")]
-#[derive(Clone)]
+#[pyclass(frozen, eq, from_py_object, module = "sidestep")]
+#[derive(Clone, PartialEq)]
 pub(crate) struct ShfrsSettings {
     epsilon: Vec<f64>,
     choice: ActionChoice,
@@ -112,7 +115,7 @@ impl ShfrsSettings {
             epsilon: in_proportion(bounds.epsilon(), turn_rate_radps),
             choice: bounds.choice().clone(),
             rollout: bounds.rollout(),
-            accuracy_m: 1e-3,
+            accuracy_m: USUAL_ACCURACY_M,
             by_step,
         })
     }
@@ -147,6 +150,42 @@ impl ShfrsSettings {
         self.rollout.word()
     }
 
+    /// Writes the settings as JSON. The laboratory's explorer and `sidestep shfrs --settings` read it, too, unless `accuracy_m`
+    /// or `by_step` was given, or there are more than ten sets.
+    fn save(&self, path: PathBuf) -> Result<(), Error> {
+        kept::saved("settings", &path, &self.file())
+    }
+
+    /// Reads what `save`, or the laboratory's explorer, wrote.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     If it is malformed, has values that are not accepted, or a format of another version.
+    #[staticmethod]
+    fn load(path: PathBuf) -> Result<Self, Error> {
+        let file: SettingsFile = kept::loaded("settings", &path)?;
+        Ok(Self::of_file(&file).map_err(|invalid| invalid.within("settings"))?)
+    }
+
+    fn __hash__(&self) -> usize {
+        self.steps()
+    }
+
+    fn __getnewargs_ex__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<((Bound<'py, PyArray1<f64>>,), Bound<'py, PyDict>)> {
+        let named = PyDict::new(py);
+        named.set_item("k", self.k())?;
+        named.set_item("tau", self.tau())?;
+        named.set_item("steps", self.steps())?;
+        named.set_item("rollout", self.rollout())?;
+        named.set_item("accuracy_m", self.accuracy_m)?;
+        named.set_item("by_step", self.by_step)?;
+        Ok(((self.epsilon(py),), named))
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "ShfrsSettings(epsilon={:?}, {}, steps={})",
@@ -162,6 +201,42 @@ impl ShfrsSettings {
         BoundsSettings::new(self.epsilon.clone(), self.choice.clone(), self.rollout, actions)
     }
 
+    /// The settings of a prediction.
+    pub(crate) fn of(settings: &shfrs::ShfrsSettings) -> Self {
+        let bounds = &settings.bounds;
+        Self {
+            epsilon: bounds.epsilon().to_vec(),
+            choice: bounds.choice().clone(),
+            rollout: bounds.rollout(),
+            accuracy_m: settings.polygon.accuracy_m(),
+            by_step: settings.by_step,
+        }
+    }
+
+    /// What the file of them holds.
+    pub(crate) fn file(&self) -> SettingsFile {
+        let (epsilon, steps) = (self.epsilon.clone(), self.steps());
+        let mut file = SettingsFile::new(epsilon, self.k(), self.tau(), steps, self.rollout);
+        file.accuracy_m = (self.accuracy_m != USUAL_ACCURACY_M).then_some(self.accuracy_m);
+        file.by_step = self.by_step;
+        file
+    }
+
+    /// The settings of a file.
+    pub(crate) fn of_file(file: &SettingsFile) -> Result<Self, Invalid> {
+        let choice = file.choice()?;
+        if choice.steps() > MOST_STEPS {
+            let expected = format!("at most {MOST_STEPS} steps");
+            return Err(Invalid::new("steps", expected, choice.steps()));
+        }
+        let accuracy_m = file.accuracy_m.unwrap_or(USUAL_ACCURACY_M);
+        PolygonSettings::new(accuracy_m, 8)?;
+        let (rollout, by_step) = (file.rollout, file.by_step);
+        let settings = Self { epsilon: file.epsilon.clone(), choice, rollout, accuracy_m, by_step };
+        settings.bounds(usize::MAX)?;
+        Ok(settings)
+    }
+
     pub(crate) fn choice(&self) -> &ActionChoice {
         &self.choice
     }
@@ -171,6 +246,9 @@ impl ShfrsSettings {
         Self { epsilon, rollout: Rollout::Base, ..self.clone() }
     }
 }
+
+/// Of polygons, m, unless something else is asked for.
+const USUAL_ACCURACY_M: f64 = 1e-3;
 
 /// The paper's settings for a model with this number of actions and the human of these parameters.
 pub(crate) fn usual(
@@ -187,7 +265,7 @@ pub(crate) fn usual(
 /// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far.
 ///
 /// They assume that the human goes on at the speed of the parameters and within its turn rate: for one who stands still, or
-/// moves slower or faster, they prove nothing.
+/// moves slower or faster, they prove nothing. `departure` says if the last step was such a one; `clear` is then −∞.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Shfrs {
     pub(crate) found: shfrs::Shfrs,
@@ -202,6 +280,7 @@ pub(crate) struct Shfrs {
 pub(crate) struct Source {
     pub(crate) human: Human,
     pub(crate) settings: shfrs::ShfrsSettings,
+    assume_vehicle: bool,
 }
 
 #[pymethods]
@@ -261,10 +340,26 @@ impl Shfrs {
         margins.collect::<Vec<_>>().into_pyarray(py).reshape([sets.len(), steps])
     }
 
+    /// Why the sets say nothing of the human's next steps: the last step of the history was none that the human's vehicle of
+    /// the parameters can drive, to a millimetre and a milliradian; in words, with what was measured. `None` if it was, if the
+    /// history has one state, or with `assume_vehicle`.
+    #[getter]
+    fn departure(&self) -> Option<String> {
+        self.departed().map(|found| found.to_string())
+    }
+
     /// The sets themselves, m of them, for other polygons and for states.
     #[getter]
     fn sets(&self) -> Vec<ReachableSet> {
-        self.reachable.iter().cloned().map(ReachableSet).collect()
+        let (human, step_s) = (self.source.human.parameters.human, self.step_s());
+        let sets = self.reachable.iter().zip(self.bounds());
+        sets.map(|(set, bounds)| ReachableSet {
+            set: set.clone(),
+            bounds: bounds.clone(),
+            speed_mps: human.speed_mps,
+            step_s,
+        })
+        .collect()
     }
 
     /// Whether a drive is inside each set at every one of its steps. What is not decided within a bounded amount of work counts
@@ -322,13 +417,13 @@ impl Shfrs {
     /// -------
     /// array of float64, shape (m, T)
     ///     For each set and step: nobody who drives within the set comes nearer to the robot, m. At ≤ 0 they may touch; how far
-    ///     below 0 says nothing.
-    ///     `largest_clear` takes it.
+    ///     below 0 says nothing. −∞ throughout if the human's last step was none that the vehicle can drive: `departure` says
+    ///     why. `largest_clear` takes it.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If the plan has another shape than (T, 3), or jumps; it says where.
+    ///     If the plan has another shape than (T, 3), jumps (it says where), or was made by `drive` for other steps.
     #[pyo3(signature = (plan, radius_m, *, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=0.02))]
     fn clear<'py>(
         &self,
@@ -348,12 +443,70 @@ impl Shfrs {
         self.found.sets.len()
     }
 
+    /// The same sets, predicted in the same way.
+    fn __eq__(&self, other: &Self) -> bool {
+        self.found == other.found
+            && (self.now, self.before) == (other.now, other.before)
+            && self.source.settings == other.source.settings
+            && self.source.assume_vehicle == other.source.assume_vehicle
+            && self.source.human.same(&other.source.human)
+    }
+
+    fn __hash__(&self) -> usize {
+        self.found.sets.len()
+    }
+
+    /// The sets that `predictor` predicted after these states, the last one or two, as bounds of shape (m, T).
+    #[staticmethod]
+    #[pyo3(name = "_of")]
+    fn of(
+        predictor: &Bound<'_, ShfrsPredictor>,
+        states: &Bound<'_, PyAny>,
+        lo: &Bound<'_, PyAny>,
+        hi: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let source = Arc::clone(&predictor.get().source);
+        let states = joint_states("states", 1, states)?;
+        let [lo, hi] = [("lo", lo), ("hi", hi)].map(|(name, object)| {
+            let found = numbers(name, "(m, T)", object)?;
+            match found.shape[..] {
+                [_, steps] if steps > 0 => Ok((steps, found.values)),
+                _ => Err(wrong_shape(name, "(m, T) with T ≥ 1", &found.shape)),
+            }
+        });
+        let ((steps, lo), (_, hi)) = (lo?, hi?);
+        let rows = lo.chunks(steps).zip(hi.chunks(steps));
+        let bounds =
+            rows.map(|(lo, hi)| InputBounds::new(lo.to_vec(), hi.to_vec(), (f64::MIN, f64::MAX)));
+        let bounds = bounds.collect::<Result<Vec<_>, _>>()?;
+        let (now, before) = (states[states.len() - 1], states.len().checked_sub(2));
+        let parameters = &source.human.parameters;
+        let (speed_mps, step_s) = (parameters.human.speed_mps, parameters.step_s);
+        let found = shfrs::Shfrs::redrawn(now.human, &bounds, speed_mps, step_s, &source.settings)?;
+        let set = |bounds| Reachable::new(now.human, bounds, speed_mps, step_s);
+        let reachable = bounds.iter().map(set).collect::<Result<_, _>>()?;
+        Ok(Self { found, reachable, now, before: before.map(|at| states[at]), source })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<(Bound<'py, PyAny>, Drawn<'py>), Error> {
+        let (py, sets) = (slf.py(), slf.get());
+        let source = Arc::clone(&sets.source);
+        let predictor = Bound::new(py, ShfrsPredictor { source, frames: Mutex::default() })?;
+        let states: Vec<_> = sets.before.into_iter().chain([sets.now]).collect();
+        let (lo, hi) = (sets.lo(py)?, sets.hi(py)?);
+        let made = (predictor, states_array(py, &states)?, lo, hi);
+        Ok((slf.get_type().getattr("_of")?, made))
+    }
+
     fn __repr__(&self) -> String {
         let areas: Vec<_> =
             self.found.sets.iter().map(|set| format!("{:.2}", set.area_m2)).collect();
         format!("Shfrs(areas_m2=[{}])", areas.join(", "))
     }
 }
+
+/// The predictor, the last states and the bounds of sets.
+type Drawn<'py> = (Bound<'py, ShfrsPredictor>, Array<'py>, Array<'py>, Array<'py>);
 
 impl Shfrs {
     /// The clearance of a plan from each set.
@@ -366,7 +519,19 @@ impl Shfrs {
         let parameters = &self.source.human.parameters;
         let planned = asked.check(self.now.robot, parameters)?;
         let sets: Vec<InputBounds> = self.bounds().cloned().collect();
-        Ok(py.detach(|| planned.clearances(self.now.human, &sets, parameters, settings))?)
+        let departed = self.departed();
+        let find = || planned.clearances(self.now.human, &sets, parameters, settings, departed);
+        Ok(py.detach(find)?)
+    }
+
+    /// How the last step was none of the vehicle.
+    fn departed(&self) -> Option<Departure> {
+        let before = self.before.filter(|_| !self.source.assume_vehicle)?;
+        departure(&self.source.human.parameters, before.human, self.now.human)
+    }
+
+    fn step_s(&self) -> f64 {
+        self.source.human.parameters.step_s
     }
 
     /// Whether the human drove like the vehicle in the last step.
@@ -393,6 +558,9 @@ impl Shfrs {
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
 ///     Needed if the vehicles differ and a feature of the model is a safety level.
+/// assume_vehicle : bool
+///     Whether clearances assume that the human drives on like the vehicle of the parameters, even after a step that it cannot
+///     have driven (`Shfrs.departure`): they can then be positive for somebody who stands in the way.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ShfrsPredictor {
     source: Arc<Source>,
@@ -403,12 +571,13 @@ pub(crate) struct ShfrsPredictor {
 #[pymethods]
 impl ShfrsPredictor {
     #[new]
-    #[pyo3(signature = (model, settings=None, *, parameters=None, safety=None))]
+    #[pyo3(signature = (model, settings=None, *, parameters=None, safety=None, assume_vehicle=false))]
     fn new(
         model: Model<'_>,
         settings: Option<ShfrsSettings>,
         parameters: Option<SceneParameters>,
         safety: Option<SafetyLevels>,
+        assume_vehicle: bool,
     ) -> Result<Self, Error> {
         let human = Human::new(model, &parameters.unwrap_or_default().0, safety)?;
         let settings = match settings {
@@ -417,8 +586,20 @@ impl ShfrsPredictor {
                 .with_polygon(drawn(given.accuracy_m, false)?)
                 .with_by_step(given.by_step),
         };
-        let source = Arc::new(Source { human, settings });
+        let source = Arc::new(Source { human, settings, assume_vehicle });
         Ok(Self { source, frames: Mutex::default() })
+    }
+
+    fn __getnewargs_ex__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<((Bound<'py, PyAny>, ShfrsSettings), Bound<'py, PyDict>)> {
+        let (model, parameters, safety) = self.source.human.arguments(py);
+        let named = PyDict::new(py);
+        named.set_item("parameters", parameters)?;
+        named.set_item("safety", safety)?;
+        named.set_item("assume_vehicle", self.source.assume_vehicle)?;
+        Ok(((model, ShfrsSettings::of(&self.source.settings)), named))
     }
 
     /// The sets that follow from the states so far.
@@ -435,7 +616,7 @@ impl ShfrsPredictor {
     fn predict(&self, history: &Bound<'_, PyAny>) -> Result<Shfrs, Error> {
         let py = history.py();
         let history = joint_states("history", 1, history)?;
-        let Source { human, settings } = &*self.source;
+        let Source { human, settings, .. } = &*self.source;
         let parameters = &human.parameters;
         let mut watch = Watch::new();
         let predicted = human.work(py, |learned| {

@@ -1,8 +1,10 @@
 //! What is found on a grid: V as a function of state and time.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::cartesian::{self, Direction, Kind};
 use sidestep::reachability::{self, AffineArrays};
@@ -158,7 +160,7 @@ impl Solution {
         Ok((shaped(py, u, &wide(m))?, shaped(py, d, &wide(k))?))
     }
 
-    /// Writes the values to an .npz file, which `load`, `numpy.load` and the Rust library read. The game is not kept.
+    /// Writes the values to an .npz file, which `load`, `numpy.load` and the Rust library read. The game is not kept; `pickle` keeps it.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
         py.detach(|| write(&path, &self.solved.npz()?))
     }
@@ -186,6 +188,40 @@ impl Solution {
         })
     }
 
+    /// The solution in these bytes of a file, with the game as its arrays.
+    #[staticmethod]
+    #[pyo3(name = "_of")]
+    fn of(py: Python<'_>, bytes: Cow<'_, [u8]>, game: Option<GameArrays>) -> Result<Self, Error> {
+        py.detach(|| {
+            let mut answer = decoded::<1>(&bytes, game.as_ref());
+            for next in [decoded::<2>, decoded::<3>, decoded::<4>] {
+                if !answer.as_ref().is_err_and(|invalid| invalid.field == "meta.axes") {
+                    break;
+                }
+                answer = next(&bytes, game.as_ref());
+            }
+            Ok(answer.map_err(|invalid| invalid.within("solution"))?)
+        })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<(Bound<'py, PyAny>, Kept<'py>), Error> {
+        let solved = &slf.get().solved;
+        let bytes = PyBytes::new(slf.py(), &solved.npz()?);
+        Ok((slf.get_type().getattr("_of")?, (bytes, solved.game())))
+    }
+
+    /// The same values on the same nodes, of the same game if both know it.
+    fn __eq__(&self, other: &Self) -> Result<bool, Error> {
+        let same = self.grid == other.grid && self.solved.march() == other.solved.march();
+        Ok(same
+            && self.solved.npz()? == other.solved.npz()?
+            && self.solved.game() == other.solved.game())
+    }
+
+    fn __hash__(&self) -> usize {
+        self.grid.len()
+    }
+
     fn __repr__(&self) -> String {
         let horizon_s = self.solved.times_s().last().copied().unwrap_or_default();
         format!(
@@ -209,10 +245,24 @@ impl Solution {
     }
 }
 
+/// The bytes of a file, and the game.
+type Kept<'py> = (Bound<'py, PyBytes>, Option<GameArrays>);
+
+/// A game as arrays: the ranges of u and of d, and the rates at the nodes, row-major.
+pub(crate) type GameArrays = (Vec<[f64; 2]>, Vec<[f64; 2]>, Vec<f64>);
+
 fn loaded<const D: usize>(bytes: &[u8]) -> Result<Solution, Invalid> {
+    decoded::<D>(bytes, None)
+}
+
+fn decoded<const D: usize>(bytes: &[u8], game: Option<&GameArrays>) -> Result<Solution, Invalid> {
     let solution = cartesian::Solution::<f32, D>::from_npz(bytes)?;
     let grid = Grid { axes: solution.grid.axes.to_vec() };
-    Ok(Solution { grid, solved: Box::new(OnGrid { solution, game: None }) })
+    let of_arrays = |(u, d, rates): &GameArrays| {
+        AffineArrays::of_rates(solution.grid, u.clone(), d.clone(), rates)
+    };
+    let game = game.map(of_arrays).transpose()?;
+    Ok(Solution { grid, solved: Box::new(OnGrid { solution, game }) })
 }
 
 /// The word of an entry.
@@ -231,6 +281,8 @@ pub(crate) trait Solved: Send + Sync {
     /// Direction, kind, steps and the largest change of V per second at the end.
     fn march(&self) -> (Direction, Kind, usize, f64);
     fn npz(&self) -> Result<Vec<u8>, Invalid>;
+    /// The game, if it is known.
+    fn game(&self) -> Option<GameArrays>;
     /// V or its gradient (D numbers) at states, row by row.
     fn samples(&self, py: Python<'_>, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Error>;
     /// The optimal inputs u and d at states, and how many there are of each.
@@ -314,6 +366,13 @@ impl<const D: usize> Solved for OnGrid<D> {
 
     fn npz(&self) -> Result<Vec<u8>, Invalid> {
         self.solution.npz()
+    }
+
+    fn game(&self) -> Option<GameArrays> {
+        let game = self.game.as_ref()?;
+        let ranges = game.ranges();
+        let (u, d) = (ranges.minimiser.to_vec(), ranges.maximiser.to_vec());
+        Some((u, d, game.rates().as_flattened().to_vec()))
     }
 
     fn samples(&self, py: Python<'_>, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Error> {

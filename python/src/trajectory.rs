@@ -18,8 +18,8 @@ use crate::scalars::{seed, whole};
 ///     The poses (x, y, ψ) of the human and of the robot before each step and after the last, world frame, m, m, rad.
 /// turn_rates : array of float64, shape (T,)
 ///     The human's turn rate in each step, rad/s, left positive.
-#[pyclass(frozen, from_py_object, module = "sidestep")]
-#[derive(Clone)]
+#[pyclass(frozen, eq, from_py_object, module = "sidestep")]
+#[derive(Clone, PartialEq)]
 pub(crate) struct Trajectory(pub(crate) window::Trajectory);
 
 #[pymethods]
@@ -46,6 +46,10 @@ impl Trajectory {
     #[getter]
     fn turn_rates<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.0.turn_rates().to_vec().into_pyarray(py)
+    }
+
+    fn __hash__(&self) -> usize {
+        self.0.steps()
     }
 
     fn __getnewargs__<'py>(

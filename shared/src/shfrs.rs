@@ -18,6 +18,7 @@ pub mod pareto;
 #[cfg(feature = "study")]
 pub mod panels;
 pub mod tuning;
+mod redrawn;
 
 use crate::bounds::{
     ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout,

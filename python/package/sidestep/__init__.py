@@ -17,7 +17,7 @@ make a plan of speeds and turn rates       `drive`
 predict in a robot's loop                  `OnlinePredictor`
 is a plan clear of the human               `OnlinePredictor.clear`, `Shfrs.clear`, `largest_clear`
 how probable is a collision, at most       `Calibration.collision`
-choose ε with a guarantee                  `calibrate`
+choose ε with a guarantee                  `calibrate`; `Calibration.save` keeps it
 choose k or τ                              the command `sidestep shfrs` (in Rust: `tune`)
 learn from recorded trials                 `features`, `from_sklearn`, `Predictor`, `ActionModel`
 trials to try things with                  `simulate`
@@ -27,15 +27,21 @@ draw figures                               `sidestep.plots` (needs matplotlib)
 
 The human is a point that moves at one constant speed and turns at most at a given rate (a Dubins car), as participants
 drive it. Reachable sets, predictions and clearances hold for such a human, and say nothing of one who stops or walks at
-another speed. SHFRS: stochastic human forward reachable sets, nested regions F_1 ⊆ F_2 ⊆ … with probabilities.
+another speed. After a step that such a human cannot have driven, to a millimetre and a milliradian, `clear` is −∞ and `departure`
+says what was measured, unless `assume_vehicle` was asked for. SHFRS: stochastic human forward reachable sets, nested regions F_1 ⊆ F_2 ⊆ … with probabilities.
 
 A value that is not accepted raises a `ValueError` that names the argument, what was expected and what was found; an
-argument of another type may raise a `TypeError` instead.
+argument of another type may raise a `TypeError` instead. A heading of more than a full turn is computed with, and an
+`AngleWarning` says that it may be in degrees.
+
+All objects can be pickled, copied and compared, but for the functions of an `ActionModel` that Python itself cannot pickle, such as
+a lambda. Predictors (`ShfrsPredictor`, `OnlinePredictor`) are pickled with their history, and are equal to themselves alone.
 """
 
 from ._sidestep import (
     FEATURES,
     ActionModel,
+    AngleWarning,
     Calibration,
     CollisionBound,
     Grid,
@@ -55,7 +61,6 @@ from ._sidestep import (
     __version__,
     bounds,
     calibrate,
-    drive,
     features,
     hj_solve,
     largest_clear,
@@ -67,14 +72,17 @@ from ._sidestep import (
     value,
 )
 from .learn import SidestepClassifier, from_sklearn
+from .plan import Plan, drive
 
 __all__ = [
     "FEATURES",
     "ActionModel",
+    "AngleWarning",
     "Calibration",
     "CollisionBound",
     "Grid",
     "OnlinePredictor",
+    "Plan",
     "Predictor",
     "PursuitGame",
     "ReachableSet",

@@ -155,6 +155,39 @@ impl<const D: usize> AffineArrays<D> {
         Ok(Self { grid, minimiser, maximiser, rates })
     }
 
+    /// The rates at the nodes, as they are kept: for each node f with both inputs in the middle of their ranges, then what half
+    /// a range of each of the maximiser's inputs adds, then the minimiser's. [`Self::of_rates`] takes them.
+    #[must_use]
+    pub fn rates(&self) -> &[[f64; D]] {
+        &self.rates
+    }
+
+    /// The game with these ranges of inputs and what [`Self::rates`] gave, row-major.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a bad grid, a range whose ends are not finite or in order, or another number of rates.
+    pub fn of_rates(
+        grid: Grid<D>,
+        minimiser: Vec<[f64; 2]>,
+        maximiser: Vec<[f64; 2]>,
+        rates: &[f64],
+    ) -> Result<Self, Invalid> {
+        let stride = 1 + minimiser.len() + maximiser.len();
+        check_grid(&grid, stride)?;
+        for (name, ranges) in [("minimiser", &minimiser), ("maximiser", &maximiser)] {
+            let ordered =
+                |[low, high]: &[f64; 2]| low.is_finite() && high.is_finite() && low <= high;
+            if let Some(n) = ranges.iter().position(|range| !ordered(range)) {
+                let expected = "two finite numbers, the lower one first";
+                let found = format!("{:?}", ranges[n]);
+                return Err(Invalid::new(format!("{name}.range[{n}]"), expected, found));
+            }
+        }
+        length("rates", grid.len() * stride * D, rates.len())?;
+        all_finite("rates", rates)?;
+        Ok(Self { grid, minimiser, maximiser, rates: rates.as_chunks::<D>().0.to_vec() })
+    }
+
     /// The grid whose nodes it knows.
     #[must_use]
     pub fn grid(&self) -> Grid<D> {

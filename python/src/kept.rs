@@ -1,0 +1,108 @@
+//! Settings and calibrations as files: JSON whose first entry names the format and its version.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use sidestep::bounds::{ActionChoice, Rollout};
+use sidestep::document::from_json;
+use sidestep::invalid::{Invalid, length};
+use sidestep::predict::PredictorFile;
+use sidestep::scene;
+
+use crate::error::Error;
+use crate::files::{read, write};
+
+/// The settings of sets, as the laboratory's explorer saves them and `sidestep shfrs --settings` reads them. How polygons are
+/// drawn is in the file only if it is not the usual way; then this package alone reads it.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SettingsFile {
+    format: SettingsFormat,
+    steps: usize,
+    pub(crate) epsilon: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    k: Option<Vec<usize>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    tau: Option<f64>,
+    #[serde(default = "base")]
+    pub(crate) rollout: Rollout,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) accuracy_m: Option<f64>,
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub(crate) by_step: bool,
+}
+
+#[derive(Serialize, Deserialize)]
+enum SettingsFormat {
+    #[serde(rename = "sidestep-shfrs/1")]
+    V1,
+}
+
+fn base() -> Rollout {
+    Rollout::Base
+}
+
+impl SettingsFile {
+    /// The file for this choice of actions, `k` or `tau`; polygons are drawn as usual.
+    pub(crate) fn new(
+        epsilon: Vec<f64>,
+        k: Option<Vec<usize>>,
+        tau: Option<f64>,
+        steps: usize,
+        rollout: Rollout,
+    ) -> Self {
+        let format = SettingsFormat::V1;
+        Self { format, steps, epsilon, k, tau, rollout, accuracy_m: None, by_step: false }
+    }
+
+    /// Which actions count.
+    pub(crate) fn choice(&self) -> Result<ActionChoice, Invalid> {
+        match (&self.k, self.tau) {
+            (Some(k), None) => {
+                length("k", self.steps, k.len())?;
+                Ok(ActionChoice::TopK(k.clone()))
+            }
+            (None, Some(tau)) => Ok(ActionChoice::Adaptive { tau, steps: self.steps }),
+            (Some(_), Some(tau)) => Err(Invalid::new("tau", "none beside k", tau)),
+            (None, None) => Err(Invalid::new("k", "a list, or tau instead", "neither")),
+        }
+    }
+}
+
+/// A calibration: what was scored, and what its sets are predicted with.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct CalibrationFile {
+    pub(crate) format: CalibrationFormat,
+    /// The probability that a trajectory stays inside.
+    pub(crate) p: f64,
+    /// How often the calibration may fail; `null` for a guarantee on average.
+    pub(crate) delta: Option<f64>,
+    /// What follows from the scores, rad/s.
+    pub(crate) epsilon: f64,
+    /// The least ε of each window, rad/s, rising.
+    pub(crate) scores: Vec<f64>,
+    pub(crate) settings: SettingsFile,
+    pub(crate) parameters: scene::SceneParameters,
+    pub(crate) predictor: PredictorFile,
+}
+
+#[derive(Serialize, Deserialize)]
+pub(crate) enum CalibrationFormat {
+    #[serde(rename = "sidestep-calibration/1")]
+    V1,
+}
+
+/// Reads a file of this form; complaints call it `name`.
+pub(crate) fn loaded<T: DeserializeOwned>(name: &str, path: &Path) -> Result<T, Error> {
+    let text = String::from_utf8(read(path)?);
+    let text = text.map_err(|error| Invalid::new(name, "UTF-8", error))?;
+    from_json(&text).map_err(|unread| Error::unread(name, unread))
+}
+
+/// Writes a file.
+pub(crate) fn saved(name: &str, path: &Path, file: &impl Serialize) -> Result<(), Error> {
+    let text = serde_json::to_string(file);
+    let text = text.map_err(|error| Invalid::new(name, "numbers that JSON has", error))?;
+    write(path, text.as_bytes())
+}
