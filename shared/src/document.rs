@@ -2,8 +2,11 @@
 //! everywhere: field, expected, found. It is built from the parts that serde reports, so that no code
 //! parses the English sentences of a parser. The one exception is a number that is too large.
 
+mod nearest;
+
 use crate::invalid::{Invalid, SEPARATOR};
 use core::fmt;
+pub use nearest::{did_you_mean, nearest};
 use serde::de::value::{MapAccessDeserializer, MapDeserializer, SeqDeserializer, StrDeserializer};
 use serde::de::{
     DeserializeOwned, Deserializer, Expected, IgnoredAny, IntoDeserializer, SeqAccess, Unexpected,
@@ -192,6 +195,9 @@ impl<'de> Deserializer<'de> for Node<'de> {
     }
 }
 
+/// Characters of a name that a complaint repeats.
+const MOST_SHOWN: usize = 60;
+
 /// A complaint on its way through serde.
 #[derive(Debug)]
 struct Misfit(Invalid);
@@ -233,11 +239,10 @@ impl serde::de::Error for Misfit {
 
     /// The path ends with the field.
     fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
-        let typos = |known: &&&str| strsim::damerau_levenshtein(field, known);
-        let nearest = expected.iter().min_by_key(typos).filter(|known| typos(known) <= 2);
-        let meant = nearest.map_or_else(String::new, |known| format!("; did you mean {known}?"));
+        let meant = did_you_mean(field, expected.iter().copied());
         let expected = format!("one of the fields {}", one_of(expected));
-        Self(Invalid::new("", expected, format!("another one{meant}")))
+        let found: String = field.chars().take(MOST_SHOWN).collect();
+        Self(Invalid::new("", expected, format!("{found:?}{meant}")))
     }
 
     fn missing_field(field: &'static str) -> Self {
@@ -392,12 +397,12 @@ mod tests {
             (r#"{"start": "here"}"#, "start: expected an object, {…}, found \"here\""),
             (
                 r#"{"stops": 3}"#,
-                "stops: expected one of the fields turns, pace, start or steps, found another one; did \
+                "stops: expected one of the fields turns, pace, start or steps, found \"stops\"; did \
                  you mean steps?",
             ),
             (
                 r#"{"velocity": 3}"#,
-                "velocity: expected one of the fields turns, pace, start or steps, found another one",
+                "velocity: expected one of the fields turns, pace, start or steps, found \"velocity\"",
             ),
             ("3", "expected an object, {…}, found 3"),
             (

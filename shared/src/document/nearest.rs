@@ -1,0 +1,113 @@
+//! What somebody meant who wrote a name that there is not.
+
+/// Of the known names, those that a wrong one most likely stands for; none rather than a bad guess.
+///
+/// They are the ones with the fewest typing errors (Damerau and Levenshtein's distance): at most one in five
+/// characters, two in eleven, else three; capitals, hyphens and spaces are none. If no name is so near, they are
+/// those that have the given words among theirs, as `danger_radius_m` has `radius`. More than three are no help.
+#[must_use]
+pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+    const MOST: usize = 3;
+    let fits = known.into_iter().filter_map(|name| Some((misfit(wrong, name)?, name)));
+    let mut fits: Vec<_> = fits.collect();
+    let least = fits.iter().map(|(misfit, _)| *misfit).min();
+    fits.retain(|(misfit, _)| Some(*misfit) == least);
+    let mut names: Vec<_> = fits.into_iter().map(|(_, name)| name).collect();
+    names.sort_unstable();
+    names.dedup();
+    if names.len() > MOST { Vec::new() } else { names }
+}
+
+/// The same as the end of a complaint: `; did you mean kind?`, or nothing.
+#[must_use]
+pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    match &nearest(wrong, known)[..] {
+        [] => String::new(),
+        names => format!("; did you mean {}?", names.join(" or ")),
+    }
+}
+
+/// How badly a name fits: the number of typing errors, or more than any for one that only has the words.
+fn misfit(wrong: &str, name: &str) -> Option<usize> {
+    const HAS_THE_WORDS: usize = usize::MAX;
+    let [wrong, name] = [words(wrong), words(name)];
+    if wrong == name {
+        return Some(0);
+    }
+    let [one, other] = [wrong.concat(), name.concat()];
+    let length = one.chars().count().max(other.chars().count());
+    let most = match length {
+        0..=5 => 1,
+        6..=11 => 2,
+        _ => 3,
+    };
+    let errors = strsim::damerau_levenshtein(&one, &other);
+    if errors <= most && errors < length {
+        return Some(errors);
+    }
+    let is_long = wrong.iter().any(|word| word.chars().count() >= 3);
+    let has_them = name.windows(wrong.len().max(1)).any(|part| part == wrong);
+    (is_long && has_them).then_some(HAS_THE_WORDS)
+}
+
+/// The words of a name, in lower case.
+fn words(name: &str) -> Vec<String> {
+    let parts = name.split(['_', '-', ' ', '.']).filter(|part| !part.is_empty());
+    parts.map(str::to_lowercase).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FIELDS: [&str; 9] = [
+        "name",
+        "kind",
+        "text",
+        "required",
+        "options",
+        "from",
+        "to",
+        "max_chars",
+        "danger_radius_m",
+    ];
+
+    #[test]
+    fn a_name_with_a_typing_error_is_proposed_and_no_other() {
+        for (wrong, expected) in [
+            ("knid", "kind"),
+            ("opt", ""),
+            ("txt", "text"),
+            ("form", "from"),
+            ("o", "to"),
+            ("Max-Chars", "max_chars"),
+            ("maxchars", "max_chars"),
+            ("radius", "danger_radius_m"),
+            ("danger_radius", "danger_radius_m"),
+            // Nothing is near: "kind" is as far from it as any.
+            ("id", ""),
+            ("answer", ""),
+            ("x", ""),
+            ("", ""),
+            ("colour", ""),
+        ] {
+            assert_eq!(nearest(wrong, FIELDS).join(" "), expected, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn names_that_fit_equally_are_all_proposed_unless_they_are_many() {
+        assert_eq!(nearest("hp", ["hx", "hy", "rx"]), ["hx", "hy"]);
+        assert_eq!(did_you_mean("hp", ["hx", "hy"]), "; did you mean hx or hy?");
+        assert_eq!(nearest("hp", ["hx", "hy", "ha", "hb"]), [""; 0]);
+        // Fewer errors fit better, whatever the order.
+        assert_eq!(
+            nearest("steps", ["strops", "step", "steps2", "stepps"]),
+            ["step", "stepps", "steps2"]
+        );
+        assert_eq!(
+            nearest("start", ["max_start_m", "min_start_m"]),
+            ["max_start_m", "min_start_m"]
+        );
+    }
+}
