@@ -9,7 +9,7 @@ use sidestep::invalid::Invalid;
 use sidestep::planner::{ClearanceSettings, Clearances, CoverageBounds};
 use sidestep::reach::Tolerance;
 use sidestep::shfrs::family::Family;
-use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::guarantee::{Guarantee, Unit};
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::{Scores, ShfrsFamily};
 use sidestep::shfrs::window::{Window, WindowChoice};
@@ -303,7 +303,7 @@ impl Calibration {
         let epsilon = guarantee.level(&scores, p)?;
         let everything = 2.0 * human.parameters.human.turn_rate_radps;
         let settings = settings.with(vec![epsilon, everything.max(epsilon)]);
-        let statement = guarantee.statement(p, scores.len());
+        let statement = guarantee.statement(p, scores.len(), Unit::Trajectories);
         Ok(Self { epsilon, p, delta, statement, settings, scores, human })
     }
 }
