@@ -233,7 +233,7 @@ async fn studies_that_take_nobody_say_so() {
         }
         let late = Browser::start().await;
         let second = late.open(&url).await;
-        assert!(second.words("stuck").await.contains(words));
+        assert!(second.words("ended").await.contains(words));
         second.is_accessible().await;
         late.close().await;
         browser.close().await;

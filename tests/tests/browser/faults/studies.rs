@@ -65,7 +65,7 @@ async fn a_study_that_is_closed_in_the_middle_lets_people_finish_and_an_archived
         if words.is_empty() {
             complete(&tab, &server, 2).await;
         } else {
-            assert!(tab.words("stuck").await.contains(words));
+            assert!(tab.words("ended").await.contains(words));
             assert_eq!(stored(&server).await.len(), 1);
             // After a reload too.
             tab.reload().await;

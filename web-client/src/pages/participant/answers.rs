@@ -57,17 +57,19 @@ impl Participant {
             self.stage = Stage::Ended("stuck.screened_out", "stuck.screened_out_why", url);
             return Vec::new();
         }
-        let Stage::Comprehension(quiz) = &mut self.stage else { return Vec::new() };
-        if quiz.is_passed {
-            if let Some(progress) = &mut self.progress {
-                progress.understood = true;
+        if let Stage::Comprehension(quiz) = &mut self.stage {
+            if quiz.is_passed {
+                if let Some(progress) = &mut self.progress {
+                    progress.understood = true;
+                }
+                return Vec::new();
             }
-            return Vec::new();
+            quiz.is_marked = stored.after_wrong == AfterWrong::Mark;
         }
         if stored.after_wrong == AfterWrong::Mark {
-            quiz.is_marked = true;
             return Vec::new();
         }
+        // Also for somebody who looks at the instructions meanwhile.
         self.renews = Some(stored.after_wrong);
         vec![self.ask_texts()]
     }
