@@ -5,6 +5,7 @@ pub mod languages;
 pub mod hash_key;
 mod degrees;
 mod solving;
+mod table_file;
 pub mod copy;
 pub mod backup;
 pub mod retention;
@@ -36,7 +37,8 @@ use crate::store::studies::StoredStudy;
 use crate::store::{OpenError, Store, StoreError};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
-use std::io::Write;
+use sidestep::document::did_you_mean;
+use std::io::{self, Write};
 use std::path::Path;
 
 /// Why a command did not do what was asked: one line that names the input and
@@ -49,6 +51,9 @@ pub enum CommandError {
     /// Anything else: exit code 1.
     #[error("{0}")]
     Failure(String),
+    /// Whoever reads the output has read enough, as `head` does: exit code 0, and nothing is said.
+    #[error("nobody reads the output")]
+    Unread,
 }
 
 impl CommandError {
@@ -57,12 +62,30 @@ impl CommandError {
         Self::Failure(error.to_string())
     }
 
-    /// 2 for usage and bad input, else 1.
+    /// An error of stdout.
+    pub fn of_stdout(error: &io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::BrokenPipe => Self::Unread,
+            _ => Self::Failure(format!("stdout: {error}")),
+        }
+    }
+
+    /// 2 for usage and bad input, 0 if nobody reads the output, else 1.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Input(_) => 2,
             Self::Failure(_) => 1,
+            Self::Unread => 0,
+        }
+    }
+
+    /// What is said of it on stderr, if anything is.
+    #[must_use]
+    pub fn said(&self) -> Option<&str> {
+        match self {
+            Self::Input(said) | Self::Failure(said) => Some(said),
+            Self::Unread => None,
         }
     }
 }
@@ -112,12 +135,13 @@ async fn study_named(store: &Store, slug: &str) -> Result<StoredStudy, CommandEr
         return Ok(study);
     }
     let known = store.slugs().await?;
+    let meant = did_you_mean(slug, known.iter().map(String::as_str));
     let known = match known.len() {
         0 => "no study".to_owned(),
         _ => known.join(", "),
     };
     Err(CommandError::Input(format!(
-        "--study {slug}: no such study in {}, which has {known}",
+        "--study {slug}: no such study in {}, which has {known}{meant}",
         store.name()
     )))
 }
@@ -137,5 +161,5 @@ fn print_line(line: &str) -> Result<(), CommandError> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}")
         .and_then(|()| out.flush())
-        .map_err(|e| CommandError::Failure(format!("stdout: {e}")))
+        .map_err(|error| CommandError::of_stdout(&error))
 }

@@ -9,7 +9,7 @@ use crate::bytes::{pack, pack_inputs, pack_states};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use sidestep::scene::{JointState, Scene, SceneParameters};
-use sidestep::trial::{Flag, PageEvent, flags, page_flags};
+use sidestep::trial::{Flag, PageEvent, Record, RecordedKey, flags, page_flags};
 use sidestep::vehicle::TurnInput;
 use std::io::{self, Write};
 
@@ -45,7 +45,7 @@ impl Content {
     /// flagged if it was recorded.
     ///
     /// # Errors
-    /// If the page's events or the display are not such JSON.
+    /// If the keys, the page's events or the display are not such JSON.
     pub fn flags(
         &self,
         parameters: &SceneParameters,
@@ -56,16 +56,35 @@ impl Content {
             #[serde(default)]
             frame_gap_median_ms: serde_json::Value,
         }
+        #[derive(Deserialize)]
+        struct Key {
+            t_ms: f64,
+            down: bool,
+        }
         let times = self.sampled_at_ms();
         let mut found = flags(parameters, scene, &self.inputs, &self.states, times);
-        if let (Some(events), Some(exposures)) = (&self.page_events, self.exposures) {
-            let events: Vec<PageEvent> = serde_json::from_str(events)?;
+        let events = self.page_events.as_deref().unwrap_or("[]");
+        let events: Vec<PageEvent> = serde_json::from_str(events)?;
+        if let (Some(_), Some(exposures)) = (&self.page_events, self.exposures) {
             let Frames { frame_gap_median_ms } = serde_json::from_str(&self.display)?;
             let gap = frame_gap_median_ms.as_f64();
             let of_page = page_flags(parameters, times, exposures, &events, gap);
             found.retain(|flag| !of_page.contains(flag));
             found.extend(of_page);
         }
+        let keys: Vec<Key> = serde_json::from_str(&self.key_events)?;
+        let keys: Vec<_> =
+            keys.into_iter().map(|Key { t_ms, down }| RecordedKey { t_ms, down }).collect();
+        let record = Record {
+            started_at_ms: self.started_at_ms,
+            sampled_at_ms: times,
+            keys: &keys,
+            page_events: &events,
+            replaced: [&self.key_events, &self.display]
+                .iter()
+                .any(|json| json.contains('\u{fffd}')),
+        };
+        found.extend(record.flags());
         Ok(found)
     }
 }

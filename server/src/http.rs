@@ -15,6 +15,7 @@ pub mod app;
 pub mod openapi;
 pub mod listen;
 pub mod json;
+pub mod evidence;
 pub mod params;
 pub mod endings;
 pub mod auth;

@@ -118,6 +118,9 @@ impl Languages {
     /// One line naming the file, the line, the field, what was expected and found.
     pub fn read_study(&self, path: &Path) -> Result<StudyFile, String> {
         let file = StudyFile::read(path)?;
+        if let Some(remark) = file.encoding_remark() {
+            eprintln!("{remark}");
+        }
         self.check(file.config()).map_err(|invalid| file.complaint(&invalid))?;
         for (field, what) in self.remarks(file.config()) {
             eprintln!("{}", file.warning(&field, &what));

@@ -68,7 +68,9 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("sidestep: {error}");
+            if let Some(said) = error.said() {
+                eprintln!("sidestep: {said}");
+            }
             ExitCode::from(error.exit_code())
         }
     }

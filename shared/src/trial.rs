@@ -2,12 +2,16 @@
 
 #[cfg(feature = "study")]
 mod fingerprint;
+mod flag;
+mod record;
 
 use crate::math::{hypot, wrap_angle};
 use crate::scene::{JointState, Scene, SceneParameters, closest_within_step};
 use crate::vehicle::TurnInput;
 #[cfg(feature = "study")]
 pub use fingerprint::simulation_fingerprint;
+pub use flag::Flag;
+pub use record::{FASTEST_PRESSES, LAST_MS, Record, RecordedKey, is_right_clock};
 use serde::{Deserialize, Serialize};
 
 /// The part of a study that a scene belongs to. Only tasks are analysed.
@@ -155,35 +159,6 @@ pub fn outcome(
     Outcome { closest_m, first_step_in_danger, avoidance }
 }
 
-/// Something about a trial that an analyst should know. Flags mark evidence;
-/// they never change or refuse it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum Flag {
-    /// The first state is not the scene's start.
-    StartMismatch,
-    /// The states do not follow from the inputs.
-    ReplayMismatch,
-    /// An input was sampled more than [`LATE_SAMPLE_MS`] before or after it was due.
-    LateSample,
-    /// The trial was read from a file, without evidence of timing and keys.
-    Imported,
-    /// The participant could not drive all of it: the page lost the focus or was hidden, an input was
-    /// sampled more than [`INTERRUPTED_MS`] late, or the scene had been shown before.
-    Interrupted,
-    /// The page lost the focus or was hidden.
-    FocusLost,
-    /// The scene had been shown before: the page was reloaded or closed during an earlier showing.
-    ShownBefore,
-    /// The window changed its size.
-    Resized,
-    /// The participant left the full screen.
-    LeftFullscreen,
-    /// The screen showed fewer than [`LOW_FRAME_RATE_HZ`] frames per second.
-    LowFrameRate,
-}
-
 /// An input that was sampled later than this, ms, interrupts a trial.
 pub const INTERRUPTED_MS: f64 = 100.0;
 
@@ -257,51 +232,6 @@ pub fn page_flags(
     .into_iter()
     .filter_map(|(seen, flag)| seen.then_some(flag))
     .collect()
-}
-
-impl Flag {
-    /// Every flag.
-    pub const ALL: [Self; 10] = [
-        Self::StartMismatch,
-        Self::ReplayMismatch,
-        Self::LateSample,
-        Self::Imported,
-        Self::Interrupted,
-        Self::FocusLost,
-        Self::ShownBefore,
-        Self::Resized,
-        Self::LeftFullscreen,
-        Self::LowFrameRate,
-    ];
-
-    /// The word used in files, rows and on the wire.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::StartMismatch => "start_mismatch",
-            Self::ReplayMismatch => "replay_mismatch",
-            Self::LateSample => "late_sample",
-            Self::Imported => "imported",
-            Self::Interrupted => "interrupted",
-            Self::FocusLost => "focus_lost",
-            Self::ShownBefore => "shown_before",
-            Self::Resized => "resized",
-            Self::LeftFullscreen => "left_fullscreen",
-            Self::LowFrameRate => "low_frame_rate",
-        }
-    }
-
-    /// Whether these flags question a trial: one says more than that the trial was imported.
-    #[must_use]
-    pub fn question(flags: &[Self]) -> bool {
-        flags.iter().any(|flag| *flag != Self::Imported)
-    }
-
-    /// The flag of that word.
-    #[must_use]
-    pub fn from_word(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|flag| flag.word() == word)
-    }
 }
 
 /// Largest difference, ms, between when an input was sampled and when it was due that is not flagged. Both

@@ -4,7 +4,7 @@ use super::json_file::Document;
 use super::solving::{Interrupt, bar, safety_levels};
 use super::trials_file::Faults;
 use super::trials_source::TrialsArgs;
-use super::{CommandError, print_json, unwritable};
+use super::{CommandError, print_json, table_file, unwritable};
 use crate::formats::atomic_folder::Draft;
 use crate::formats::features_csv;
 use crate::jobs::analysis::{AnalysisTask, TaskError};
@@ -12,8 +12,6 @@ use crate::jobs::fit_cache::FolderCache;
 use crate::report;
 use sidestep::comparison::{AnalysisError, DataError, Progress, Request};
 use sidestep::dataset::GivenFeatures;
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -176,7 +174,9 @@ impl AnalyzeArgs {
 
 fn read_features(path: &Path) -> Result<GivenFeatures, CommandError> {
     let complain =
-        |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", path.display()));
-    let file = File::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
-    features_csv::read(BufReader::new(file)).map_err(|e| complain(&e))
+        |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", table_file::name(path)));
+    let file = table_file::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
+    let (features, dialect) = features_csv::read(file).map_err(|e| complain(&e))?;
+    table_file::tell(path, dialect);
+    Ok(features)
 }

@@ -2,23 +2,125 @@
 
 use super::{CommandError, print_line};
 use crate::secrets::chosen;
+use std::io::{self, BufRead, IsTerminal, Write};
 
 /// Hash an experimenter's key that you chose.
 ///
-/// Reads the key, at least 16 characters, from the first line of stdin and prints its Argon2 hash. Give the hash to
-/// `sidestep serve` as SIDESTEP_ADMIN_KEY, so that no file holds the key itself; sign in with the key.
+/// On a terminal it asks for the key twice, and does not show it. Otherwise it reads the key, at least 16 characters,
+/// from the first line of stdin. It prints the key's Argon2 hash. Give the hash to `sidestep serve` as
+/// SIDESTEP_ADMIN_KEY, so that no file holds the key itself; sign in with the key.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct HashKeyArgs {}
 
 /// Prints the hash.
 ///
 /// # Errors
-/// [`CommandError`] if the key is too short (input), or cannot be read or hashed (failure).
+/// [`CommandError`] if the key is too short or typed in two ways (input), or cannot be read or hashed (failure).
 pub fn run() -> Result<(), CommandError> {
-    let mut line = String::new();
-    std::io::stdin().read_line(&mut line).map_err(CommandError::failure)?;
-    let key = line.trim_end_matches(['\r', '\n']);
-    let hash = chosen::hashed(key)
-        .map_err(|why| CommandError::Input(format!("the key on stdin: {why}")))?;
+    let (key, origin) = match io::stdin().is_terminal() {
+        true => (asked_twice()?, "the key"),
+        false => (line(b"\n")?, "the key on stdin"),
+    };
+    let hash =
+        chosen::hashed(&key).map_err(|why| CommandError::Input(format!("{origin}: {why}")))?;
     print_line(&hash)
+}
+
+fn asked_twice() -> Result<String, CommandError> {
+    let hidden = terminal::Hidden::begin().map_err(CommandError::failure)?;
+    let key = asked("Key, at least 16 characters (it is not shown): ")?;
+    // A key that is refused anyway need not be typed again.
+    chosen::check_length(&key).map_err(|why| CommandError::Input(format!("the key: {why}")))?;
+    let again = asked("The same key again: ")?;
+    drop(hidden);
+    if again != key {
+        return Err(CommandError::Input("the key: expected it twice, found two keys".to_owned()));
+    }
+    Ok(key)
+}
+
+/// What is typed on the terminal. The questions go to stderr, since the answer on stdout may go to a file.
+fn asked(question: &str) -> Result<String, CommandError> {
+    eprint!("{question}");
+    io::stderr().flush().map_err(CommandError::failure)?;
+    let typed = line(&[b'\n', terminal::CTRL_C]);
+    eprintln!();
+    let typed = typed?;
+    match typed.bytes().any(|byte| byte == terminal::CTRL_C) {
+        true => Err(CommandError::Failure("stopped".to_owned())),
+        false => Ok(typed),
+    }
+}
+
+/// The next line of stdin, up to one of these bytes.
+fn line(ends: &[u8]) -> Result<String, CommandError> {
+    let mut stdin = io::stdin().lock();
+    let mut line = Vec::new();
+    loop {
+        let piece = stdin.fill_buf().map_err(CommandError::failure)?;
+        let end = piece.iter().position(|byte| ends.contains(byte)).map(|at| at + 1);
+        let taken = end.unwrap_or(piece.len());
+        line.extend_from_slice(&piece[..taken]);
+        stdin.consume(taken);
+        if end.is_some() || taken == 0 {
+            break;
+        }
+    }
+    let line = String::from_utf8(line).map_err(CommandError::failure)?;
+    Ok(line.trim_end_matches(['\r', '\n']).to_owned())
+}
+
+#[cfg(unix)]
+mod terminal {
+    //! A terminal that does not show what is typed.
+
+    use rustix::io;
+    use rustix::termios::{
+        LocalModes, OptionalActions, SpecialCodeIndex, Termios, tcgetattr, tcsetattr,
+    };
+
+    /// What Ctrl-C sends.
+    pub(super) const CTRL_C: u8 = 3;
+
+    /// As long as this lives, the terminal shows nothing of what is typed. Ctrl-C sends no signal, which would end the
+    /// program before it could undo this, but ends the line.
+    pub(super) struct Hidden {
+        before: Termios,
+    }
+
+    impl Hidden {
+        pub(super) fn begin() -> io::Result<Self> {
+            let before = tcgetattr(std::io::stdin())?;
+            let mut hidden = before.clone();
+            hidden.local_modes -= LocalModes::ECHO | LocalModes::ECHONL | LocalModes::ISIG;
+            hidden.special_codes[SpecialCodeIndex::VEOL] = CTRL_C;
+            // What was typed before the question is no answer to it.
+            tcsetattr(std::io::stdin(), OptionalActions::Flush, &hidden)?;
+            Ok(Self { before })
+        }
+    }
+
+    impl Drop for Hidden {
+        fn drop(&mut self) {
+            // There is nobody to tell if this fails.
+            let _ = tcsetattr(std::io::stdin(), OptionalActions::Flush, &self.before);
+        }
+    }
+}
+
+#[cfg(not(unix))]
+mod terminal {
+    //! A terminal that this program cannot change.
+
+    /// What Ctrl-C sends.
+    pub(super) const CTRL_C: u8 = 3;
+
+    /// Nothing.
+    pub(super) struct Hidden;
+
+    impl Hidden {
+        pub(super) fn begin() -> std::io::Result<Self> {
+            Ok(Self)
+        }
+    }
 }

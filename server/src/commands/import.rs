@@ -3,7 +3,7 @@
 mod source;
 
 use super::solving::Interrupt;
-use super::{CommandError, print_json};
+use super::{CommandError, print_json, table_file};
 use crate::clock::now_ms;
 use crate::content::{Content, Recipe};
 use crate::jobs::safety;
@@ -18,7 +18,7 @@ use sidestep::recording::{Fault, RecordedParticipant, RecordedTrial};
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
 use sidestep::synthetic;
-use sidestep::trial::{Flag, flags, outcome};
+use sidestep::trial::{Flag, Record, flags, outcome};
 use source::Source;
 use std::fmt::Display;
 use std::ops::ControlFlow;
@@ -45,7 +45,8 @@ pub struct ImportArgs {
     pub study: String,
     /// CSV file with at least the columns
     /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order, such as steps.csv of an
-    /// export. Memory does not grow with the file if the rows of each participant are together. If
+    /// export; - reads stdin. Columns may be separated by semicolons or tabs, with decimal commas, as spreadsheets
+    /// write them. Memory does not grow with the file if the rows of each participant are together. If
     /// there is a manifest.json beside it that names the file, its SHA-256 must be that of the manifest.
     #[arg(long, value_name = "FILE")]
     pub trials: PathBuf,
@@ -70,7 +71,7 @@ pub struct Imported {
 /// [`CommandError`] for a file that is not a trials.csv (input, with the line), or a
 /// database that refuses (failure).
 pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
-    let name = args.trials.display().to_string();
+    let name = table_file::name(&args.trials);
     let complain = |error: &dyn Display| CommandError::Input(format!("{name}: {error}"));
     let source = Source::open(&args.trials).map_err(|e| complain(&format!("cannot read: {e}")))?;
     let wanted = StudyConfig { slug: args.study.clone(), ..StudyConfig::default() };
@@ -91,7 +92,8 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let (parameters, only_synthetic) = (config.parameters, config.synthetic);
     let checking = tokio::task::spawn_blocking(move || source.checked(&parameters));
     let checked = interrupt.unless_stopped(checking).await?.map_err(CommandError::failure)?;
-    let file = checked.map_err(|error| complain(&error))?;
+    let (file, dialect) = checked.map_err(|error| complain(&error))?;
+    table_file::tell(&args.trials, dialect);
     let store = match present {
         Some(store) => store,
         None => Store::open(&args.database, Purpose::Create).await?,
@@ -308,6 +310,8 @@ fn planned(
 fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &RecordedTrial) -> Vec<Flag> {
     let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
     let mut flags = flags(parameters, scene, &trial.inputs, &trial.states, times);
+    let started_at_ms = trial.started_at_ms;
+    flags.extend(Record { started_at_ms, sampled_at_ms: times, ..Record::default() }.flags());
     flags.extend(&trial.flags);
     flags.push(Flag::Imported);
     flags.sort_unstable();

@@ -1,7 +1,7 @@
 //! JSON documents of commands: where they come from and where the answer goes.
 
-use super::{CommandError, print_json, print_line, unwritable};
-use crate::formats::atomic_file;
+use super::{CommandError, print_json, print_line, table_file, unwritable};
+use crate::formats::{atomic_file, text};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sidestep::document::{Unread, object_from_json};
@@ -63,23 +63,25 @@ pub(super) struct Document<'a>(pub(super) &'a Path);
 impl Document<'_> {
     /// The name that errors give it.
     pub(super) fn name(self) -> String {
-        if self.is_stdin() { "stdin".to_owned() } else { self.0.display().to_string() }
+        table_file::name(self.0)
     }
 
     pub(super) fn is_stdin(self) -> bool {
-        self.0 == Path::new("-")
+        table_file::is_stdin(self.0)
     }
 
     pub(super) fn read<T: DeserializeOwned>(self) -> Result<T, CommandError> {
         let refused =
             |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", self.name()));
-        let mut text = String::new();
-        let read = if self.is_stdin() {
-            std::io::stdin().lock().read_to_string(&mut text).map(drop)
-        } else {
-            std::fs::read_to_string(self.0).map(|content| text = content)
-        };
-        read.map_err(|e| refused(&format!("cannot read: {e}")))?;
+        let mut bytes = Vec::new();
+        table_file::open(self.0)
+            .and_then(|mut file| file.read_to_end(&mut bytes))
+            .map_err(|e| refused(&format!("cannot read: {e}")))?;
+        let (text, encoding) =
+            text::whole(&bytes).map_err(|found| refused(&format!("not JSON: found {found}")))?;
+        if let Some(encoding) = encoding.remark() {
+            eprintln!("sidestep: {}: read as {encoding}", self.name());
+        }
         object_from_json(&text).map_err(|unread| match unread {
             Unread::NotJson(why) => refused(&format!("not JSON: {why}")),
             Unread::Invalid(invalid) => self.complain(&invalid),

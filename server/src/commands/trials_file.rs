@@ -1,9 +1,9 @@
 //! The tasks in a trials.csv as a recording, for commands that learn from them.
 
-use super::CommandError;
 use super::game::GameArgs;
 use super::solving::flagged;
-use crate::formats::csv_lines::LineError;
+use super::{CommandError, table_file};
+use crate::formats::csv_lines::{LineError, Records};
 use crate::formats::trials_csv::{self, Contents, ParticipantFault};
 use sidestep::invalid::Invalid;
 use sidestep::math::{PI, atan2, hypot, sinc, wrap_angle};
@@ -16,8 +16,7 @@ use sidestep::synthetic;
 use sidestep::trial::Flag;
 use sidestep::vehicle::{Pose, VehicleModel};
 use std::collections::HashMap;
-use std::fs::File;
-use std::io::BufReader;
+use std::io::Read;
 use std::path::Path;
 
 /// The vehicles and steps of a file's trials: the human is the evader.
@@ -180,8 +179,7 @@ pub(super) fn participant(
     scene: &SceneParameters,
     name: &str,
 ) -> Result<RecordedParticipant, CommandError> {
-    let Contents { mut participants, faults } =
-        trials_csv::read_each(open(path)?, scene).map_err(|e| faulty(path, &e))?;
+    let Contents { mut participants, faults, .. } = read_each(path, scene)?;
     if let Some(fault) = faults.iter().find(|fault| fault.participant == name) {
         return Err(faulty(path, &fault.error));
     }
@@ -203,8 +201,7 @@ pub(super) fn recording(
     scene: &SceneParameters,
     wanted: Faults,
 ) -> Result<Recording, CommandError> {
-    let Contents { mut participants, faults } =
-        trials_csv::read_each(open(path)?, scene).map_err(|e| faulty(path, &e))?;
+    let Contents { mut participants, faults, .. } = read_each(path, scene)?;
     check_motion(&participants, scene).map_err(|e| complaint(path, &e))?;
     let exclusion = |ParticipantFault { participant, error }: ParticipantFault| {
         Exclusion::of_fault(&participant, &error.into())
@@ -216,7 +213,7 @@ pub(super) fn recording(
     let excluded: Vec<Exclusion> = experimenters
         .map(|person| Exclusion::by_experimenter(&person.name, &reasons[&person.name]))
         .collect();
-    let origin = Origin::File(path.display().to_string());
+    let origin = Origin::File(table_file::name(path));
     let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
     let mut recording =
         Recording { provenance, scene: *scene, participants, exclusions: Vec::new() };
@@ -260,32 +257,35 @@ fn excluded_beside(path: &Path) -> Result<HashMap<String, String>, CommandError>
     if path.file_name().is_none_or(|name| name != "steps.csv") || !table.is_file() {
         return Ok(HashMap::new());
     }
-    let unreadable = |error: csv::Error| complaint(&table, &format!("cannot read: {error}"));
-    let mut rows = csv::Reader::from_path(&table).map_err(unreadable)?;
-    let header = rows.headers().map_err(unreadable)?.clone();
+    let unreadable = |error: LineError| complaint(&table, &error);
+    let (mut rows, header) = Records::of(open(&table)?).map_err(unreadable)?;
     let column = |name: &str| header.iter().position(|known| known == name);
     let (Some(name), Some(reason)) = (column("participant"), column("exclusion_reason")) else {
         return Ok(HashMap::new());
     };
     let mut excluded = HashMap::new();
-    for row in rows.records() {
-        let row = row.map_err(unreadable)?;
-        if let (Some(name), Some(reason)) = (row.get(name), row.get(reason))
-            && !reason.is_empty()
-        {
-            excluded.insert(name.to_owned(), reason.to_owned());
+    while let Some((_, row)) = rows.read().map_err(unreadable)? {
+        if !row[reason].is_empty() {
+            excluded.insert(row[name].to_owned(), row[reason].to_owned());
         }
     }
+    table_file::tell(&table, rows.dialect());
     Ok(excluded)
 }
 
-fn open(path: &Path) -> Result<BufReader<File>, CommandError> {
-    let file = File::open(path).map_err(|e| complaint(path, &format!("cannot read: {e}")))?;
-    Ok(BufReader::new(file))
+/// The participants of the file. What is unusual about how it is written down is said on stderr.
+fn read_each(path: &Path, scene: &SceneParameters) -> Result<Contents, CommandError> {
+    let contents = trials_csv::read_each(open(path)?, scene).map_err(|e| faulty(path, &e))?;
+    table_file::tell(path, contents.dialect);
+    Ok(contents)
+}
+
+fn open(path: &Path) -> Result<Box<dyn Read + Send>, CommandError> {
+    table_file::open(path).map_err(|e| complaint(path, &format!("cannot read: {e}")))
 }
 
 fn complaint(path: &Path, what: &dyn std::fmt::Display) -> CommandError {
-    CommandError::Input(format!("{}: {what}", path.display()))
+    CommandError::Input(format!("{}: {what}", table_file::name(path)))
 }
 
 fn faulty(path: &Path, error: &LineError) -> CommandError {

@@ -1,7 +1,7 @@
 //! Where commands that learn from trials take them from: a file or a study.
 
 use super::trials_file::{self, Faults, SceneArgs};
-use super::{CommandError, study_named};
+use super::{CommandError, study_named, table_file};
 use crate::recordings;
 use crate::store::{Purpose, Store};
 use sidestep::motion;
@@ -26,7 +26,8 @@ pub(super) struct TrialsArgs {
 struct Source {
     /// CSV file with at least the columns
     /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order, as `sidestep export`
-    /// writes it. Only tasks count.
+    /// writes it; - reads stdin. Columns may be separated by semicolons or tabs, with decimal commas. Only tasks
+    /// count.
     #[arg(long, value_name = "FILE.csv")]
     trials: Option<PathBuf>,
     /// Database: sqlite: and a file.
@@ -58,7 +59,7 @@ impl TrialsArgs {
     /// The file or the study, in messages.
     pub(super) fn name(&self) -> String {
         match &self.source.trials {
-            Some(path) => path.display().to_string(),
+            Some(path) => table_file::name(path),
             None => format!("study {}", self.study),
         }
     }

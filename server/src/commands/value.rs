@@ -3,13 +3,13 @@
 use super::degrees::Degrees;
 use super::game::FunctionArgs;
 use super::solving::Interrupt;
-use super::{CommandError, print_json, unwritable};
+use super::{CommandError, print_json, table_file, unwritable};
 use crate::formats::atomic_file;
-use crate::formats::csv_lines::{LineError, Record, Records};
+use crate::formats::csv_lines::{Dialect, LineError, Record, Records};
 use csv::Writer;
-use sidestep::invalid::Invalid;
+use sidestep::invalid::{Invalid, finite};
 use sidestep::reachability::{ValueFunction, ValueState};
-use std::io;
+use std::io::{self, Read};
 use std::path::PathBuf;
 
 /// Evaluate the value function, its gradient and both optimal turns at given states.
@@ -21,8 +21,8 @@ pub struct ValueArgs {
     #[command(flatten)]
     function: FunctionArgs,
     /// CSV file with the columns x, y (m) and psi (rad) in any order: the pursuer in
-    /// the evader's frame. Other columns are ignored. A psi of more than a full turn is told, since
-    /// it may be in degrees.
+    /// the evader's frame; - reads stdin. Other columns are ignored. A psi of more than a full turn is
+    /// told, since it may be in degrees.
     #[arg(long, value_name = "FILE.csv")]
     states: PathBuf,
     /// File to write, one row for each state in the same order: x, y, psi, value (m),
@@ -54,8 +54,10 @@ const RESULTS: [&str; 8] = [
 /// [`CommandError`] for bad flags or a file that is wrong, with its line and column
 /// (input), or one that cannot be written (failure).
 pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
-    let name = args.states.display().to_string();
-    let states = std::fs::read(&args.states)
+    let name = table_file::name(&args.states);
+    let mut states = Vec::new();
+    table_file::open(&args.states)
+        .and_then(|mut file| file.read_to_end(&mut states))
         .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
     atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
@@ -65,7 +67,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     atomic_file::write(&args.out, &interrupt.token, |out| -> Result<(), Fault> {
         let mut writer = Writer::from_writer(out);
         writer.write_record(COLUMNS.iter().chain(&RESULTS))?;
-        read(&states, |line, state| {
+        let dialect = read(&states, |line, state| {
             degrees.look(state[2], || format!("line {line}, psi"));
             let found = evaluated(&function, state)?;
             rows += 1;
@@ -73,6 +75,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
             writer.write_record(fields(state, &found))?;
             Ok(())
         })?;
+        table_file::tell(&args.states, dialect);
         Ok(writer.flush()?)
     })
     .map_err(|fault| match fault {
@@ -110,31 +113,26 @@ impl From<Invalid> for Fault {
     }
 }
 
-/// Hands every state of the file to `each`, with its line.
+/// Hands every state of the file to `each`, with its line, and returns how the file is written down.
 fn read(
     file: &[u8],
     mut each: impl FnMut(u64, [f64; 3]) -> Result<(), Fault>,
-) -> Result<(), Fault> {
+) -> Result<Dialect, Fault> {
     let at = |line: u64| move |what: Invalid| Fault::Line(LineError { line, what });
     let (mut records, header) = Records::of(file).map_err(Fault::Line)?;
     let columns = columns(&header).map_err(at(1))?;
     while let Some((line, record)) = records.read().map_err(Fault::Line)? {
         let mut state = [0.0; 3];
         for (d, name) in COLUMNS.into_iter().enumerate() {
-            let text = record[columns[d]].trim();
-            state[d] = text
-                .parse()
-                .ok()
-                .filter(|number: &f64| number.is_finite())
-                .ok_or_else(|| Invalid::new(name, "a finite number", format!("{text:?}")))
-                .map_err(at(line))?;
+            let number = record.number(columns[d], name);
+            state[d] = number.and_then(|number| finite(name, number)).map_err(at(line))?;
         }
         each(line, state).map_err(|fault| match fault {
             Fault::State(invalid) => at(line)(invalid),
             other => other,
         })?;
     }
-    Ok(())
+    Ok(records.dialect())
 }
 
 /// Where x, y and psi are.

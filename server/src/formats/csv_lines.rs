@@ -1,15 +1,22 @@
-//! CSV files, with the line on which each record begins as an editor counts them.
+//! CSV files, with the line on which each record begins as an editor counts them. The header says what separates the
+//! columns: commas, or else semicolons or tabs, as spreadsheets write where a comma is the decimal mark.
 //!
-//! Lines without a quotation mark are split at commas, which is several times as fast as a whole parser.
+//! Lines without a quotation mark are split there, which is several times as fast as a whole parser.
 //! From the first quotation mark on (or a carriage return within a line), the csv crate reads the file. It
 //! counts lines from where it began to read, which differs after empty lines and after CR LF; so they are
 //! counted here.
 
+mod quoted;
+mod record;
+
+use super::text::{Decoder, Encoding, MARK, TextBytes, opened};
+use quoted::Quoted;
+use record::Decimal;
+pub use record::Record;
 use sidestep::invalid::Invalid;
 use sidestep::recording::Fault;
-use std::collections::VecDeque;
-use std::io::{self, Chain, Cursor, Read};
-use std::ops::{Index, Range};
+use std::io::{self, Read};
+use std::ops::Range;
 
 /// An error in a line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -27,76 +34,42 @@ impl From<LineError> for Fault {
     }
 }
 
-/// The fields of a row.
-#[derive(Clone, Debug, Default)]
-pub struct Record {
-    text: String,
-    /// The end of each field in the text, and the beginning of the next one.
-    fields: Vec<(usize, usize)>,
+/// How a table is written down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dialect {
+    /// How its characters are bytes.
+    pub encoding: Encoding,
+    /// What separates its columns: a comma, a semicolon or a tab.
+    pub separator: u8,
+    /// Whether its numbers have decimal commas.
+    pub decimal_comma: bool,
 }
 
-impl Record {
-    /// The number of fields.
+impl Dialect {
+    /// What to tell the user of a table that is not UTF-8 with commas between its columns.
     #[must_use]
-    pub fn len(&self) -> usize {
-        self.fields.len()
-    }
-
-    /// Whether there is no field.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.fields.is_empty()
-    }
-
-    /// The field at a place, if there is one.
-    #[must_use]
-    pub fn get(&self, place: usize) -> Option<&str> {
-        let (end, _) = *self.fields.get(place)?;
-        let begin = if place == 0 { 0 } else { self.fields[place - 1].1 };
-        Some(&self.text[begin..end])
-    }
-
-    /// The fields in order.
-    pub fn iter(&self) -> impl Iterator<Item = &str> {
-        (0..self.len()).map(|place| &self[place])
-    }
-
-    fn clear(&mut self) {
-        self.text.clear();
-        self.fields.clear();
-    }
-
-    /// Takes a line without quotation marks.
-    fn split(&mut self, line: &str) {
-        self.clear();
-        self.text.push_str(line);
-        self.fields.extend(memchr::memchr_iter(b',', line.as_bytes()).map(|at| (at, at + 1)));
-        self.fields.push((line.len(), line.len()));
-    }
-
-    fn copy(&mut self, record: &csv::StringRecord) {
-        self.clear();
-        for field in record {
-            self.text.push_str(field);
-            self.fields.push((self.text.len(), self.text.len()));
-        }
-    }
-}
-
-impl Index<usize> for Record {
-    type Output = str;
-
-    fn index(&self, place: usize) -> &str {
-        self.get(place).unwrap_or_else(|| panic!("field {place} of {}", self.len()))
+    pub fn remark(self) -> Option<String> {
+        let encoding = self.encoding.remark().map(str::to_owned);
+        let columns = match self.separator {
+            b';' => Some("columns between semicolons".to_owned()),
+            b'\t' => Some("columns between tabs".to_owned()),
+            _ => None,
+        };
+        let decimals = self.decimal_comma.then(|| "decimal commas".to_owned());
+        let parts: Vec<_> = [encoding, columns, decimals].into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| format!("read as a table with {}", parts.join(", ")))
     }
 }
 
 /// The records of a file.
 pub struct Records<R> {
-    source: Source<R>,
+    source: Source<TextBytes<R>>,
     record: Record,
     /// The number of fields of the header.
     fields: usize,
+    separator: u8,
+    decoder: Decoder,
+    is_wide: bool,
 }
 
 enum Source<R> {
@@ -114,8 +87,18 @@ impl<R: Read> Records<R> {
     /// # Errors
     /// [`LineError`] for a header that is not text.
     pub fn of(file: R) -> Result<(Self, Record), LineError> {
-        let mut records =
-            Self { source: Source::Plain(Lines::new(file)), record: Record::default(), fields: 0 };
+        let failed = |line, found: String| LineError { line, what: not_text(found) };
+        let (bytes, is_wide) = opened(file).map_err(|error| failed(1, error.to_string()))?;
+        let mut lines = Lines::new(bytes);
+        let separator = lines.separator().map_err(|(line, found)| failed(line, found))?;
+        let mut records = Self {
+            source: Source::Plain(lines),
+            record: Record::separated_by(separator),
+            fields: 0,
+            separator,
+            decoder: Decoder::default(),
+            is_wide,
+        };
         let header = match records.next()? {
             Some(_) => records.record.clone(),
             None => Record::default(),
@@ -124,11 +107,20 @@ impl<R: Read> Records<R> {
         Ok((records, header))
     }
 
+    /// How the file is written down, as far as it was read.
+    #[must_use]
+    pub fn dialect(&self) -> Dialect {
+        Dialect {
+            encoding: if self.is_wide { Encoding::Utf16 } else { self.decoder.encoding() },
+            separator: self.separator,
+            decimal_comma: self.record.decimal() == Some(Decimal::Comma),
+        }
+    }
+
     /// The next record and its line; none at the end.
     ///
     /// # Errors
-    /// [`LineError`] for text that is not UTF-8, or a row with another number of fields than the
-    /// header has.
+    /// [`LineError`] for what is not text, or a row with another number of fields than the header has.
     pub fn read(&mut self) -> Result<Option<(u64, &Record)>, LineError> {
         let Some(line) = self.next()? else { return Ok(None) };
         if self.record.len() != self.fields {
@@ -143,15 +135,10 @@ impl<R: Read> Records<R> {
         if let Source::Plain(lines) = &mut self.source {
             loop {
                 let begins_at = lines.line;
-                let failed = |what| LineError { line: begins_at, what };
-                let next = lines.next().map_err(|error| failed(not_text(error.to_string())))?;
+                let failed = |found: String| LineError { line: begins_at, what: not_text(found) };
+                let next = lines.next().map_err(|error| failed(error.to_string()))?;
                 let Some(range) = next else { return Ok(None) };
-                let bytes = &lines.buffer[range.clone()];
-                let text = bytes.strip_suffix(b"\r").unwrap_or(bytes);
-                let text = match begins_at {
-                    1 => text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text),
-                    _ => text,
-                };
+                let text = without_ends(&lines.buffer[range.clone()], begins_at);
                 if text.is_empty() {
                     continue;
                 }
@@ -160,24 +147,33 @@ impl<R: Read> Records<R> {
                     lines.line = begins_at;
                     break;
                 }
-                let broken = |_| failed(not_text("bytes that are not UTF-8".to_owned()));
-                self.record.split(std::str::from_utf8(text).map_err(broken)?);
+                let line = self.decoder.text(text).map_err(failed)?;
+                self.record.split(&line, self.separator);
                 return Ok(Some(begins_at));
             }
         }
         self.source = match std::mem::replace(&mut self.source, Source::None) {
-            Source::Plain(lines) => Source::Quoted(Box::new(lines.quoted())),
+            Source::Plain(lines) => Source::Quoted(Box::new(lines.quoted(self.separator))),
             other => other,
         };
         match &mut self.source {
-            Source::Quoted(quoted) => quoted.next(&mut self.record),
+            Source::Quoted(quoted) => quoted.next(&mut self.record, &mut self.decoder),
             Source::Plain(_) | Source::None => Ok(None),
         }
     }
 }
 
 fn not_text(found: String) -> Invalid {
-    Invalid::new("row", "comma-separated UTF-8 text", found)
+    Invalid::new("row", "UTF-8 text", found)
+}
+
+/// A line without carriage return and, if it is the first one, without mark.
+fn without_ends(line: &[u8], number: u64) -> &[u8] {
+    let text = line.strip_suffix(b"\r").unwrap_or(line);
+    match number {
+        1 => text.strip_prefix(MARK).unwrap_or(text),
+        _ => text,
+    }
 }
 
 /// The lines of a file.
@@ -221,86 +217,55 @@ impl<R: Read> Lines<R> {
         }
     }
 
-    /// The same file from the next line on, with quotation marks.
-    fn quoted(self) -> Quoted<R> {
-        let rest = self.buffer[self.begin..].to_vec();
-        let file = Watched::new(Cursor::new(rest).chain(self.file), self.line);
-        let reader = csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(file);
-        Quoted { reader, record: csv::StringRecord::new() }
-    }
-}
-
-/// The rest of a file as the csv crate reads it.
-struct Quoted<R> {
-    reader: csv::Reader<Watched<Chain<Cursor<Vec<u8>>, R>>>,
-    record: csv::StringRecord,
-}
-
-impl<R: Read> Quoted<R> {
-    fn next(&mut self, record: &mut Record) -> Result<Option<u64>, LineError> {
-        let (byte, what) = match self.reader.read_record(&mut self.record) {
-            Ok(false) => return Ok(None),
-            Ok(true) => {
-                record.copy(&self.record);
-                let begin = self.record.position().map_or(0, csv::Position::byte);
-                return Ok(Some(self.reader.get_mut().line_of(begin)));
-            }
-            Err(error) => {
-                let found = match error.kind() {
-                    csv::ErrorKind::Utf8 { .. } => "bytes that are not UTF-8".to_owned(),
-                    csv::ErrorKind::Io(error) => error.to_string(),
-                    other => format!("{other:?}"),
-                };
-                (error.position().map_or(0, csv::Position::byte), not_text(found))
-            }
-        };
-        Err(LineError { line: self.reader.get_mut().line_of(byte), what })
-    }
-}
-
-/// Records where the lines that are not empty begin, while they are read.
-struct Watched<R> {
-    file: R,
-    /// Number of bytes read, and the line after them.
-    read: u64,
-    line: u64,
-    /// Whether that line is empty so far.
-    empty: bool,
-    /// The first byte and the number of each line that is not empty, from the last requested line on.
-    begins: VecDeque<(u64, u64)>,
-}
-
-impl<R> Watched<R> {
-    /// The file from this line on.
-    fn new(file: R, line: u64) -> Self {
-        Self { file, read: 0, line, empty: true, begins: VecDeque::new() }
-    }
-
-    /// The first line from this byte on that is not empty. Requests are in rising order.
-    fn line_of(&mut self, byte: u64) -> u64 {
-        while self.begins.len() > 1 && self.begins[0].0 < byte {
-            self.begins.pop_front();
-        }
-        self.begins.front().map_or(1, |(_, line)| *line)
-    }
-}
-
-impl<R: Read> Read for Watched<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = self.file.read(buffer)?;
-        for byte in &buffer[..count] {
-            match byte {
-                b'\n' => (self.line, self.empty) = (self.line + 1, true),
-                b'\r' => {}
-                _ if self.empty => {
-                    self.begins.push_back((self.read, self.line));
-                    self.empty = false;
+    /// What separates the columns of the header, which comes next. Spreadsheets may say so in a line before it,
+    /// `sep=;`, which is left out then.
+    fn separator(&mut self) -> Result<u8, (u64, String)> {
+        loop {
+            let begins_at = self.line;
+            let next = self.next().map_err(|error| (begins_at, error.to_string()))?;
+            let Some(range) = next else { return Ok(b',') };
+            let line = without_ends(&self.buffer[range.clone()], begins_at);
+            match line {
+                [] => continue,
+                [b's', b'e', b'p', b'=', separator @ (b',' | b';' | b'\t')] => {
+                    return Ok(*separator);
+                }
+                _ if line.contains(&0) => {
+                    let found = "NUL, as UTF-16 without a mark has; save the file as UTF-8";
+                    return Err((begins_at, found.to_owned()));
                 }
                 _ => {}
             }
-            self.read += 1;
+            let separator = separator_of(line);
+            (self.begin, self.line) = (range.start, begins_at);
+            return Ok(separator);
         }
-        Ok(count)
+    }
+
+    /// The same file from the next line on, with quotation marks.
+    fn quoted(self, separator: u8) -> Quoted<R> {
+        Quoted::of(self.buffer[self.begin..].to_vec(), self.file, self.line, separator)
+    }
+}
+
+/// What separates the names of a header: commas if it has any outside of quotation marks, else semicolons or tabs,
+/// whichever are more.
+fn separator_of(header: &[u8]) -> u8 {
+    let mut quoted = false;
+    let [mut commas, mut semicolons, mut tabs] = [0; 3];
+    for byte in header {
+        match byte {
+            b'"' => quoted = !quoted,
+            b',' if !quoted => commas += 1,
+            b';' if !quoted => semicolons += 1,
+            b'\t' if !quoted => tabs += 1,
+            _ => {}
+        }
+    }
+    match (commas, semicolons, tabs) {
+        (0, 0, 0) | (1.., ..) => b',',
+        (_, semicolons, tabs) if semicolons >= tabs => b';',
+        _ => b'\t',
     }
 }
 
@@ -308,6 +273,7 @@ impl<R: Read> Read for Watched<R> {
 mod tests {
     use super::*;
     use sidestep::math::SeededRng;
+    use std::io::Cursor;
 
     fn lines(text: &str) -> Result<Vec<(u64, String)>, LineError> {
         let (mut records, _) = Records::of(text.as_bytes())?;
@@ -316,6 +282,89 @@ mod tests {
             found.push((line, record[0].to_owned()));
         }
         Ok(found)
+    }
+
+    /// All numbers of a file, or what is wrong with it, and how it is written down.
+    fn numbers(bytes: &[u8]) -> (Result<Vec<f64>, String>, Option<String>) {
+        let (mut records, header) = Records::of(bytes).unwrap();
+        let names: Vec<String> = header.iter().map(str::to_owned).collect();
+        let mut read = || {
+            let mut found = Vec::new();
+            while let Some((line, record)) = records.read()? {
+                let at = |what| LineError { line, what };
+                for (place, name) in names.iter().enumerate() {
+                    found.push(record.number(place, name).map_err(at)?);
+                }
+            }
+            Ok(found)
+        };
+        let found = read().map_err(|error: LineError| error.to_string());
+        (found, records.dialect().remark())
+    }
+
+    fn wide(text: &str) -> Vec<u8> {
+        "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(u16::to_le_bytes).collect()
+    }
+
+    #[test]
+    fn tables_are_read_as_spreadsheets_write_them() {
+        let check = |bytes: &[u8], expected: &[f64], remark: &str| {
+            let (found, said) = numbers(bytes);
+            assert_eq!(found.as_deref(), Ok(expected), "{}", String::from_utf8_lossy(bytes));
+            assert_eq!(said.unwrap_or_default(), remark);
+        };
+        let values = [1.5, -2.0, 1234.25, 1e-7];
+        let semicolons = "read as a table with columns between semicolons";
+        let commas = format!("{semicolons}, decimal commas");
+        let tabs = "read as a table with columns between tabs, decimal commas";
+        check(b"a,b\n1.5,-2\n1234.25,1e-7\n", &values, "");
+        check(b"\xef\xbb\xbfa,b\r\n1.5,-2\r\n1234.25,1E-07", &values, "");
+        check(b"a;b\r\n1,5;-2\r\n1234,25;1E-07\r\n", &values, &commas);
+        check(b"a;b\n1.5;-2\n1234.25;1e-7\n", &values, semicolons);
+        check(b"sep=;\r\na;b\r\n1,5;-2,0\r\n\"1234,25\";\"1e-7\"\r\n", &values, &commas);
+        check(b"\"a\"\t\"b;,c\"\n1,5\t-2\n1234,25\t1e-7", &values, tabs);
+        let utf_16 = "read as a table with UTF-16, columns between tabs, decimal commas";
+        check(&wide("a\tb\r\n1,5\t-2\r\n1234,25\t1e-7\r\n"), &values, utf_16);
+        let latin = "read as a table with Windows-1252 (Latin-1), columns between semicolons";
+        check(b"\xe4;b\n1;2\n", &[1.0, 2.0], latin);
+        check(b"\xe4;b\n\"1\";2\n", &[1.0, 2.0], latin);
+    }
+
+    #[test]
+    fn what_can_be_read_in_two_ways_is_refused_with_line_and_column() {
+        let check = |text: &str, words: &str| {
+            assert_eq!(numbers(text.as_bytes()).0.unwrap_err(), words, "{text}");
+        };
+        check(
+            "a;b\r\n1,5;2\r\n\r\n3;4.5\r\n",
+            "line 4: b: expected a decimal comma, as the numbers before have, found \"4.5\"",
+        );
+        check(
+            "a;b\n1.5;2,5\n",
+            "line 2: b: expected a decimal point, as the numbers before have, found \"2,5\"",
+        );
+        check(
+            "a;b\n1.234,5;2\n",
+            "line 2: a: expected a number without marks between thousands, found \"1.234,5\"",
+        );
+        check("a;b\n1,234,567;2\n", "line 2: a: expected a number, found \"1,234,567\"");
+        check("a,b\n1,5,2\n", "line 2: row: expected 2 fields, as in the header, found 3");
+        let (found, _) = numbers(b"a,b\n\"1,5\",2\n");
+        assert_eq!(found.unwrap_err(), "line 2: a: expected a number, found \"1,5\"");
+        let bare: Vec<u8> = "a;b\n1;2".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        let said = Records::of(&bare[..]).err().unwrap().to_string();
+        let expected = "line 1: row: expected UTF-8 text, found NUL, as UTF-16 without a mark has; save \
+                        the file as UTF-8";
+        assert_eq!(said, expected);
+        let mixed = [&"a;ä\n1;2\n"[..]].concat().into_bytes();
+        let (mut records, _) =
+            Records::of(Cursor::new([&mixed[..], b"\xe4;1\n"].concat())).unwrap();
+        records.read().unwrap();
+        let said = records.read().unwrap_err().to_string();
+        assert!(
+            said.starts_with("line 3: row: expected UTF-8 text, found UTF-8 and another"),
+            "{said}"
+        );
     }
 
     #[test]
@@ -339,10 +388,14 @@ mod tests {
                 .records()
                 .map(|record| record.unwrap().iter().map(str::to_owned).collect())
                 .collect();
+            let (bytes, is_wide) = opened(text.as_bytes()).unwrap();
             let mut records = Records {
-                source: Source::Plain(Lines::new(text.as_bytes())),
+                source: Source::Plain(Lines::new(bytes)),
                 record: Record::default(),
                 fields: 0,
+                separator: b',',
+                decoder: Decoder::default(),
+                is_wide,
             };
             let mut found = Vec::new();
             while records.next().unwrap().is_some() {
@@ -357,7 +410,7 @@ mod tests {
         let short = lines("a,b\r\n1,2\r\n\r\n3\r\n").unwrap_err();
         let said = "line 4: row: expected 2 fields, as in the header, found 1";
         assert_eq!(short.to_string(), said);
-        let (mut records, _) = Records::of(&b"a\r\n1\r\n\xff\r\n"[..]).unwrap();
+        let (mut records, _) = Records::of(&b"a\r\n1\r\n\x81\r\n"[..]).unwrap();
         records.read().unwrap();
         assert_eq!(records.read().unwrap_err().line, 3);
         let (_, header) = Records::of(&b""[..]).unwrap();

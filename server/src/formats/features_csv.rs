@@ -1,6 +1,6 @@
 //! Writing and reading features.csv, with a row for each step.
 
-use crate::formats::csv_lines::{LineError, Record, Records};
+use crate::formats::csv_lines::{Dialect, LineError, Record, Records};
 use csv::Writer;
 use sidestep::dataset::{Dataset, GivenFeatures, GivenRow, StepKey};
 use sidestep::features::{FEATURES, FeatureSet};
@@ -76,11 +76,11 @@ pub fn write(
 
 /// Reads either form, by its header: this program's, or the reference's
 /// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are ignored. An impossible value or a repeated row
-/// is the fault of one participant, which [`GivenFeatures::replace`] returns.
+/// is the fault of one participant, which [`GivenFeatures::replace`] returns. Also how the file is written down.
 ///
 /// # Errors
 /// [`LineError`] for a missing column, or text that is not a table.
-pub fn read(file: impl Read) -> Result<GivenFeatures, LineError> {
+pub fn read(file: impl Read) -> Result<(GivenFeatures, Dialect), LineError> {
     let at = |line: u64| move |what: Invalid| LineError { line, what };
     let (mut records, header) = Records::of(file)?;
     let columns = Columns::of(&header).map_err(at(1))?;
@@ -105,7 +105,7 @@ pub fn read(file: impl Read) -> Result<GivenFeatures, LineError> {
             Err(what) => fault(what),
         }
     }
-    Ok(GivenFeatures { features: columns.features, rows, faults })
+    Ok((GivenFeatures { features: columns.features, rows, faults }, records.dialect()))
 }
 
 struct Columns {
@@ -162,17 +162,16 @@ impl Columns {
             let text = field(self.row[i]);
             text.parse().map_err(|_| wrong(ROW[i], "a whole number ≥ 0", text))
         };
-        let turn = field(self.turn);
-        let turn = turn
-            .parse::<f64>()
+        let turn = record
+            .number(self.turn, TURN[0])
             .ok()
             .and_then(|sign| TurnInput::ALL.into_iter().find(|t| f64::from(t.sign()) == sign))
-            .ok_or_else(|| wrong(TURN[0], "-1, 0 or 1", turn))?;
-        let values = self.places.iter().zip(self.features.features()).map(|(&place, feature)| {
-            let text = field(place);
-            let value = text.parse().map_err(|_| wrong(feature.name, "a number", text))?;
-            finite(feature.name, value)
-        });
+            .ok_or_else(|| wrong(TURN[0], "-1, 0 or 1", field(self.turn)))?;
+        let values = self
+            .places
+            .iter()
+            .zip(self.features.features())
+            .map(|(&place, feature)| finite(feature.name, record.number(place, feature.name)?));
         let key = (self.participant(record).to_owned(), count(1)?, count(2)?);
         Ok((key, turn, values.collect::<Result<_, _>>()?))
     }

@@ -1,5 +1,7 @@
 //! Study files: TOML that overrides the paper's protocol.
 
+use super::field_tables::{explained, tables};
+use super::text::{self, Encoding};
 use super::toml_lines::{Complaint, TomlLines, one_line};
 use serde::Deserialize;
 use sidestep::document::from_value;
@@ -14,6 +16,7 @@ use toml::{Table, Value};
 pub struct StudyFile {
     name: String,
     text: String,
+    encoding: Encoding,
     config: StudyConfig,
 }
 
@@ -25,9 +28,20 @@ impl StudyFile {
     /// One line naming the file, the line, the field, what was expected and found.
     pub fn read(file: &Path) -> Result<Self, String> {
         let name = file.display().to_string();
-        let text = std::fs::read_to_string(file)
-            .map_err(|e| format!("{name}: cannot read the study file: {e}"))?;
-        Self::of(name.clone(), text).map_err(|complaint| format!("{name}:{complaint}"))
+        let bytes =
+            std::fs::read(file).map_err(|e| format!("{name}: cannot read the study file: {e}"))?;
+        let (text, encoding) = text::whole(&bytes)
+            .map_err(|found| format!("{name}: expected UTF-8 text, found {found}"))?;
+        let read = Self::of(name.clone(), text);
+        read.map(|file| Self { encoding, ..file })
+            .map_err(|complaint| format!("{name}:{complaint}"))
+    }
+
+    /// What to tell the user of a file that is not UTF-8.
+    #[must_use]
+    pub fn encoding_remark(&self) -> Option<String> {
+        let encoding = self.encoding.remark()?;
+        Some(format!("{}: warning: read as {encoding}; save it as UTF-8 to be sure", self.name))
     }
 
     /// The study in a text, under a name for complaints.
@@ -36,7 +50,7 @@ impl StudyFile {
     /// [`Complaint`] naming the line, the field, what was expected and found.
     pub fn of(name: String, text: String) -> Result<Self, Complaint> {
         let config = parse(&text)?;
-        Ok(Self { name, text, config })
+        Ok(Self { name, text, encoding: Encoding::Utf8, config })
     }
 
     /// The line of a field, from 1.
@@ -107,7 +121,7 @@ pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
     StudyConfig::deserialize(Value::Table(table.clone())).or_else(|error| {
         let document = serde_json::to_value(table).map_err(|e| whole(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
-            Err(invalid) => Err(located(invalid)),
+            Err(invalid) => Err(located(explained(invalid, &tables::<StudyConfig>()))),
             // TOML has numbers and dates that JSON does not have.
             Ok(_) => {
                 let what = one_line(&error.to_string());

@@ -8,6 +8,7 @@ pub mod participants;
 use super::table::Column;
 use crate::store::trials::StoredTrial;
 use sidestep::scene::SceneParameters;
+use sidestep::trial::Flag;
 
 /// A trial of a participant with what its rows need.
 #[derive(Clone, Copy, Debug)]
@@ -28,4 +29,11 @@ fn participant_column() -> Column {
 fn trial_column() -> Column {
     let meaning = "number of the trial among all of the participant, from 0";
     Column::new("trial", super::table::Kind::Whole, meaning)
+}
+
+/// The column of a trial's flags.
+fn flags_column() -> Column {
+    let meaning = "what an analyst should know, words joined by semicolons";
+    let words = Flag::ALL.map(Flag::word).join(", ");
+    Column::new("flags", super::table::Kind::Word, meaning).range(words)
 }

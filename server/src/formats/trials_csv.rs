@@ -1,12 +1,12 @@
 //! Reading trials.csv: whole trials, or an error with its line.
 //!
-//! A file is refused as a whole unless every row can be assigned to a participant: it is
-//! comma-separated UTF-8 text with as many fields in every row as the header has, and each row
+//! A file is refused as a whole unless every row can be assigned to a participant: it is a table
+//! of text with as many fields in every row as the header has, and each row
 //! names a participant. Any other fault concerns one participant only.
 
 mod row;
 
-use crate::formats::csv_lines::{LineError, Records};
+use crate::formats::csv_lines::{Dialect, LineError, Records};
 use row::{Parser, Row};
 use sidestep::invalid::{Invalid, length};
 use sidestep::recording::{RecordedParticipant, RecordedTrial};
@@ -27,6 +27,8 @@ pub struct Contents {
     pub participants: Vec<RecordedParticipant>,
     /// The other participants, in the order of lines.
     pub faults: Vec<ParticipantFault>,
+    /// How the file is written down.
+    pub dialect: Dialect,
 }
 
 /// A participant with a wrong row or trial.
@@ -46,7 +48,7 @@ pub fn read(
     file: impl Read,
     parameters: &SceneParameters,
 ) -> Result<Vec<RecordedParticipant>, LineError> {
-    let Contents { participants, faults } = read_each(file, parameters)?;
+    let Contents { participants, faults, .. } = read_each(file, parameters)?;
     faults.into_iter().next().map_or(Ok(participants), |fault| Err(fault.error))
 }
 
@@ -81,7 +83,8 @@ pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Conten
         people[place].add(line, row);
         current = Some(place);
     }
-    let mut contents = Contents { participants: Vec::new(), faults: Vec::new() };
+    let dialect = rows.records.dialect();
+    let mut contents = Contents { participants: Vec::new(), faults: Vec::new(), dialect };
     for person in people {
         match person.recorded(parameters) {
             Ok(person) => contents.participants.push(person),
@@ -101,21 +104,21 @@ pub enum Order {
     Scattered,
 }
 
-/// Checks a file as [`read`] does, in memory for one participant. A scattered file is not checked to its
-/// end.
+/// Checks a file as [`read`] does, in memory for one participant, and says how it is written down. A scattered file
+/// is not checked to its end.
 ///
 /// # Errors
 /// As [`read`].
-pub fn check(file: impl Read, parameters: &SceneParameters) -> Result<Order, LineError> {
+pub fn check(file: impl Read, parameters: &SceneParameters) -> Result<(Order, Dialect), LineError> {
     let mut fault = None;
-    let order = people(file, parameters, |found| {
+    let (order, dialect) = people(file, parameters, |found| {
         // A row that cannot be assigned to a participant is worse than this: the search goes on.
         fault = fault.take().or(found.err().map(|fault| fault.error));
         ControlFlow::Continue(())
     })?;
     match (order, fault) {
         (Order::Together, Some(fault)) => Err(fault),
-        (order, _) => Ok(order),
+        (order, _) => Ok((order, dialect)),
     }
 }
 
@@ -129,7 +132,7 @@ pub fn each(
     mut to: impl FnMut(RecordedParticipant) -> ControlFlow<()>,
 ) -> Result<(), LineError> {
     let mut fault = None;
-    let order = people(file, parameters, |found| match found {
+    let (order, _) = people(file, parameters, |found| match found {
         Ok(person) => to(person),
         Err(found) => {
             fault = Some(found.error);
@@ -151,19 +154,19 @@ fn people(
     file: impl Read,
     parameters: &SceneParameters,
     mut to: impl FnMut(Result<RecordedParticipant, ParticipantFault>) -> ControlFlow<()>,
-) -> Result<Order, LineError> {
+) -> Result<(Order, Dialect), LineError> {
     let mut rows = Rows::of(file, parameters)?;
     let mut before: HashSet<String> = HashSet::new();
     let mut current: Option<Person> = None;
     while let Some((line, name, row)) = rows.next()? {
         if current.as_ref().is_none_or(|person| person.name != name) {
             if !before.insert(name.to_owned()) {
-                return Ok(Order::Scattered);
+                return Ok((Order::Scattered, rows.records.dialect()));
             }
             if let Some(person) = current.replace(Person::new(name))
                 && to(person.recorded(parameters)).is_break()
             {
-                return Ok(Order::Together);
+                return Ok((Order::Together, rows.records.dialect()));
             }
         }
         if let Some(person) = &mut current {
@@ -173,7 +176,7 @@ fn people(
     if let Some(person) = current {
         let _ = to(person.recorded(parameters));
     }
-    Ok(Order::Together)
+    Ok((Order::Together, rows.records.dialect()))
 }
 
 /// The rows of a file.

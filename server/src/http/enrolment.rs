@@ -4,7 +4,7 @@ use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::endings::{newcomers_url, over};
 use crate::http::error::ApiError;
-use crate::http::json::JsonBody;
+use crate::http::evidence::EvidenceBody;
 use crate::http::params::PathText;
 use crate::http::studies::{gate, named};
 use crate::secrets;
@@ -31,7 +31,7 @@ use uuid::Uuid;
 pub async fn enrol(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
-    JsonBody(body): JsonBody<Enrolment>,
+    EvidenceBody(body): EvidenceBody<Enrolment>,
 ) -> Result<(StatusCode, Json<Enrolled>), ApiError> {
     body.check()?;
     let study = named(&app.store, &slug).await?;

@@ -23,10 +23,17 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, _: &S) -> Result<Self, ApiError> {
-        check_headers(&request)?;
-        let bytes = read(request.into_body()).await?;
-        parse(&bytes).map(Self)
+        parse(&body(request).await?).map(Self)
     }
+}
+
+/// The bytes of a body that is announced as JSON.
+///
+/// # Errors
+/// 400, 413 or 415, as [`JsonBody`] says.
+pub async fn body(request: Request) -> Result<Vec<u8>, ApiError> {
+    check_headers(&request)?;
+    read(request.into_body()).await
 }
 
 impl<T: JsonSchema> Input for JsonBody<T> {

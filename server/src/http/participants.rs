@@ -6,6 +6,7 @@ use crate::http::auth::{Me, MeOrGone, Writer, check_study};
 use crate::http::endings::{completed_url, screened_out_url, standing, withdrawn_url};
 use crate::http::enrolment::plan;
 use crate::http::error::ApiError;
+use crate::http::evidence::EvidenceBody;
 use crate::http::json::JsonBody;
 use crate::http::params::Params;
 use crate::secrets;
@@ -98,7 +99,7 @@ pub async fn check_understanding(
 pub async fn answer(
     State(app): State<Arc<App>>,
     Writer(visitor): Writer,
-    JsonBody(Answers { answers }): JsonBody<Answers>,
+    EvidenceBody(Answers { answers }): EvidenceBody<Answers>,
 ) -> Result<StatusCode, ApiError> {
     let me = &visitor.participant;
     let config = app.store.config(&me.config_hash).await?;

@@ -5,7 +5,7 @@ use crate::content::{Content, Recipe};
 use crate::http::app::App;
 use crate::http::auth::Assigned;
 use crate::http::error::ApiError;
-use crate::http::json::JsonBody;
+use crate::http::evidence::EvidenceBody;
 use crate::http::params::Params;
 use crate::store::trials::{AssignedScene, NewTrial, PutTrial};
 use anyhow::Context;
@@ -35,7 +35,7 @@ pub async fn store(
     State(app): State<Arc<App>>,
     Assigned { participant_id, config, trial_id, scene }: Assigned,
     Params(UploadParams { waiting }): Params<UploadParams>,
-    JsonBody(upload): JsonBody<TrialUpload>,
+    EvidenceBody(upload): EvidenceBody<TrialUpload>,
 ) -> Result<(StatusCode, Json<TrialStored>), ApiError> {
     upload.check(&config.parameters)?;
     let waiting = waiting.min(most_trials(&config));

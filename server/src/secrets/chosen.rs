@@ -141,7 +141,11 @@ fn check_costs(hash: &str) -> Result<(), String> {
     ))
 }
 
-fn check_length(key: &str) -> Result<(), String> {
+/// Refuses a key that can be guessed.
+///
+/// # Errors
+/// How long it must be, and how long it is.
+pub fn check_length(key: &str) -> Result<(), String> {
     match key.trim().chars().count() {
         count if count < SHORTEST => {
             Err(format!("expected {SHORTEST} characters or more, found {count}"))

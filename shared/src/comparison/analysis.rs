@@ -18,6 +18,7 @@ use crate::invalid::Invalid;
 use crate::recording::{Exclusion, RecordedParticipant, Recording, flagged};
 use crate::safety::{SafetyLevels, SafetyQuality};
 use crate::scene::{JointState, SceneParameters};
+use crate::trial::is_right_clock;
 use core::ops::ControlFlow;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -330,10 +331,11 @@ fn hash(participants: &[&RecordedParticipant]) -> String {
     hex::encode(hash.finalize())
 }
 
-/// When the first and the last of these participants' trials started.
+/// When the first and the last of these participants' trials started, by clocks that can be right.
 fn driven_at_ms(participants: &[&RecordedParticipant]) -> Option<[f64; 2]> {
     let trials = participants.iter().flat_map(|participant| &participant.trials);
-    let started = || trials.clone().filter_map(|trial| trial.started_at_ms);
+    let told = || trials.clone().filter_map(|trial| trial.started_at_ms);
+    let started = || told().filter(|&ms| is_right_clock(ms));
     Some([started().reduce(f64::min)?, started().reduce(f64::max)?])
 }
 

@@ -1,5 +1,7 @@
 //! The file of an import: checked to its end, and then read again.
 
+use crate::commands::table_file;
+use crate::formats::csv_lines::Dialect;
 use crate::formats::exports::MANIFEST;
 use crate::formats::trials_csv::{self, Order};
 use serde::Deserialize;
@@ -21,22 +23,31 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// Opens the file. What can be read only once, such as a pipe, is copied.
+    /// Opens the file; - is stdin. What can be read only once, such as a pipe, is copied.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
-        let mut file = File::open(path)?;
-        if !file.metadata()?.is_file() {
+        let copied = |mut from: &mut dyn Read| {
             let mut copy = tempfile::tempfile()?;
-            io::copy(&mut file, &mut copy)?;
-            file = copy;
-        }
+            io::copy(&mut from, &mut copy)?;
+            io::Result::Ok(copy)
+        };
+        let file = match table_file::is_stdin(path) {
+            true => copied(&mut io::stdin())?,
+            false => {
+                let mut file = File::open(path)?;
+                if file.metadata()?.is_file() { file } else { copied(&mut file)? }
+            }
+        };
         Ok(Self { file, sha256: expected_hash(path) })
     }
 
-    /// The checked file.
+    /// The checked file, and how it is written down.
     ///
     /// # Errors
     /// What is wrong with it, with its line.
-    pub(super) fn checked(self, parameters: &SceneParameters) -> Result<Checked, String> {
+    pub(super) fn checked(
+        self,
+        parameters: &SceneParameters,
+    ) -> Result<(Checked, Dialect), String> {
         let mut file = Hashing { file: self.rewound()?, hash: Sha256::new() };
         let order = trials_csv::check(&mut file, parameters);
         if let Some(expected) = &self.sha256 {
@@ -50,12 +61,15 @@ impl Source {
                 return Err(format!("{}; {hint}", Invalid::new("SHA-256", expected, found)));
             }
         }
-        match order.map_err(said)? {
-            Order::Together => Ok(Checked::Together(self)),
+        let (order, dialect) = order.map_err(said)?;
+        let checked = match order {
+            Order::Together => Checked::Together(self),
             Order::Scattered => {
-                trials_csv::read(self.rewound()?, parameters).map(Checked::Scattered).map_err(said)
+                let people = trials_csv::read(self.rewound()?, parameters).map_err(said)?;
+                Checked::Scattered(people)
             }
-        }
+        };
+        Ok((checked, dialect))
     }
 
     fn rewound(&self) -> Result<&File, String> {

@@ -16,7 +16,7 @@ pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> 
         let mut stdout = BufWriter::new(io::stdout().lock());
         return content(args, &mut stdout)
             .and_then(|_| stdout.flush())
-            .map_err(|e| CommandError::Failure(format!("stdout: {e}")));
+            .map_err(|error| CommandError::of_stdout(&error));
     }
     let path = Path::new(out);
     let interrupt = Interrupt::listen();

@@ -5,10 +5,11 @@ use crate::formats::table::{Batch, Column, Kind};
 use crate::store::roster::RosterEntry;
 use serde_json::Value;
 use sidestep::study::{Question, QuestionKind, StudyConfig};
+use sidestep::trial::Flag;
 use std::collections::BTreeSet;
 
 /// Name, kind, unit and meaning of the columns that every study has.
-const FIXED: [(&str, Kind, &str, &str); 25] = [
+const FIXED: [(&str, Kind, &str, &str); 26] = [
     ("participant", Whole, "", "the participant's number in the study, from 1"),
     ("participant_id", Word, "", "the participant's id on the server"),
     ("external_id", Text, "", "the recruiting service's id of the person, as it came"),
@@ -38,6 +39,12 @@ const FIXED: [(&str, Kind, &str, &str); 25] = [
         Whole,
         "",
         "1 if the study takes programs and no people, else 0; pilots may be people",
+    ),
+    (
+        "flags",
+        Word,
+        "",
+        "replaced_characters if an answer or parameter held a character that no file can hold, with U+FFFD in its place",
     ),
 ];
 
@@ -148,6 +155,7 @@ impl<'a> Participants<'a> {
             row.whole(|_| person.exclusion.as_ref().map(|(at_ms, _)| *at_ms));
             row.text(person.exclusion.as_ref().map(|(_, reason)| reason.as_str()));
             row.whole(|_| Some(i64::from(self.study.synthetic)));
+            row.text(if is_replaced(person) { Flag::ReplacedCharacters.word() } else { "" });
             for name in &self.extra.parameters {
                 row.text(person.parameters.get(name).map(String::as_str));
             }
@@ -167,6 +175,13 @@ impl<'a> Participants<'a> {
         }
         batch
     }
+}
+
+/// Whether a text of this person holds the character that stands for one that no file can hold.
+fn is_replaced(person: &RosterEntry) -> bool {
+    let answers = person.answers.values().filter_map(Value::as_str);
+    let mut texts = answers.chain(person.parameters.values().map(String::as_str));
+    texts.any(|text| text.contains(char::REPLACEMENT_CHARACTER))
 }
 
 fn kind_of(question: &Question) -> (Kind, Option<String>) {

@@ -1,6 +1,6 @@
 //! A row for each step: the state before it and the input held in it.
 
-use super::{Driven, participant_column, trial_column};
+use super::{Driven, flags_column, participant_column, trial_column};
 use crate::formats::table::Kind::{Number, Time, Whole, Word};
 use crate::formats::table::{Batch, Column};
 use crate::store::trials::flag_words;
@@ -40,7 +40,7 @@ pub fn columns() -> Vec<Column> {
         Column::new("attempt", Whole, "1; 2 if the scene was driven again after an interruption"),
         Column::new("trial_id", Word, "the trial's id on the server"),
         Column::new("participant_id", Word, "as in the table of participants"),
-        Column::new("flags", Word, "what an analyst should know, words joined by semicolons"),
+        flags_column(),
         Column::new("started_at_ms", Time, "start of the scene by the participant's clock")
             .unit("ms since 1970"),
         Column::new(

@@ -1,6 +1,6 @@
 //! A row for each trial: where it belongs, its scene, its outcome and its record.
 
-use super::{Driven, participant_column, trial_column};
+use super::{Driven, flags_column, participant_column, trial_column};
 use crate::formats::table::Kind::{Hash, Json, Number, Time, Whole, Word};
 use crate::formats::table::{Batch, Column};
 use crate::store::trials::flag_words;
@@ -27,7 +27,7 @@ pub fn columns() -> Vec<Column> {
             .range("familiarisation, practice, task"),
         Column::new("phase_index", Whole, "place of the scene within its phase, from 0"),
         Column::new("attempt", Whole, "1; 2 if the scene was driven again after an interruption"),
-        Column::new("flags", Word, "what an analyst should know, words joined by semicolons"),
+        flags_column(),
         Column::new("synthetic", Whole, "1 if a program drove, else 0").range("0, 1"),
         Column::new("exposures", Whole, "how often the scene was shown, this time included"),
         Column::new("started_at_ms", Time, "start of the scene by the participant's clock")

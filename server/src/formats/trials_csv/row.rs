@@ -37,7 +37,7 @@ impl Columns {
                 let expected = format!("the columns {}", REQUIRED.join(","));
                 let found: String = names.join(",").chars().take(60).collect();
                 let hint = match &names[..] {
-                    [_] if found.contains([';', '\t']) => "; separate columns by commas",
+                    [_] => "; separate columns by commas, semicolons or tabs",
                     _ if find("closest_m").is_some() => "; the steps of an export are in steps.csv",
                     _ => "",
                 };
@@ -115,13 +115,16 @@ impl Parser {
     pub(super) fn row(&mut self, record: &Record) -> Result<Row, Invalid> {
         let columns = &self.columns;
         let field = |i: usize| record.get(columns.required[i]).unwrap_or("").trim();
-        let real = |i: usize| number(REQUIRED[i], field(i));
+        let finite_at = |place, name: &str| finite(name, record.number(place, name)?);
+        let real = |i: usize| finite_at(columns.required[i], REQUIRED[i]);
         let coordinate = |i: usize| Pose::checked(REQUIRED[i], real(i)?);
         let optional = |place: Option<usize>| {
             let text = record.get(place?)?.trim();
             (!text.is_empty()).then_some(text)
         };
-        let time = |name, place| optional(place).map(|text| number(name, text)).transpose();
+        let time = |name, place: Option<usize>| {
+            place.filter(|_| optional(place).is_some()).map(|at| finite_at(at, name)).transpose()
+        };
         Ok(Row {
             trial: count("trial", field(1))?,
             step: count("step", field(2))?,
@@ -154,11 +157,6 @@ fn repeated<T: Clone + Default>(
         *last = (text.to_owned(), parse(text)?);
     }
     Ok(last.1.clone())
-}
-
-fn number(field: &str, text: &str) -> Result<f64, Invalid> {
-    let number = text.parse().map_err(|_| quoted(field, "a number", text))?;
-    finite(field, number)
 }
 
 fn count(field: &str, text: &str) -> Result<u64, Invalid> {

@@ -1,0 +1,98 @@
+//! A table with quotation marks, with the line on which each record begins.
+
+use super::{Decoder, LineError, Record, not_text};
+use std::collections::VecDeque;
+use std::io::{self, Chain, Cursor, Read};
+
+/// The rest of a file as the csv crate reads it.
+pub(super) struct Quoted<R> {
+    reader: csv::Reader<Watched<Chain<Cursor<Vec<u8>>, R>>>,
+    record: csv::ByteRecord,
+}
+
+impl<R: Read> Quoted<R> {
+    /// What was read of a file already and the rest of it, from this line on.
+    pub(super) fn of(read: Vec<u8>, file: R, line: u64, separator: u8) -> Self {
+        let file = Watched::new(Cursor::new(read).chain(file), line);
+        let mut reader = csv::ReaderBuilder::new();
+        let reader = reader.has_headers(false).flexible(true).delimiter(separator);
+        Self { reader: reader.from_reader(file), record: csv::ByteRecord::new() }
+    }
+
+    /// Reads the next record and returns its line; none at the end.
+    pub(super) fn next(
+        &mut self,
+        record: &mut Record,
+        decoder: &mut Decoder,
+    ) -> Result<Option<u64>, LineError> {
+        let (byte, found) = match self.reader.read_byte_record(&mut self.record) {
+            Ok(false) => return Ok(None),
+            Ok(true) => {
+                record.clear();
+                let copied = self.record.iter().try_for_each(|field| {
+                    record.push(&decoder.text(field)?);
+                    Ok::<(), String>(())
+                });
+                let begin = self.record.position().map_or(0, csv::Position::byte);
+                match copied {
+                    Ok(()) => return Ok(Some(self.reader.get_mut().line_of(begin))),
+                    Err(found) => (begin, found),
+                }
+            }
+            Err(error) => {
+                let found = match error.kind() {
+                    csv::ErrorKind::Io(error) => error.to_string(),
+                    other => format!("{other:?}"),
+                };
+                (error.position().map_or(0, csv::Position::byte), found)
+            }
+        };
+        Err(LineError { line: self.reader.get_mut().line_of(byte), what: not_text(found) })
+    }
+}
+
+/// Records where the lines that are not empty begin, while they are read.
+struct Watched<R> {
+    file: R,
+    /// Number of bytes read, and the line after them.
+    read: u64,
+    line: u64,
+    /// Whether that line is empty so far.
+    empty: bool,
+    /// The first byte and the number of each line that is not empty, from the last requested line on.
+    begins: VecDeque<(u64, u64)>,
+}
+
+impl<R> Watched<R> {
+    /// The file from this line on.
+    fn new(file: R, line: u64) -> Self {
+        Self { file, read: 0, line, empty: true, begins: VecDeque::new() }
+    }
+
+    /// The first line from this byte on that is not empty. Requests are in rising order.
+    fn line_of(&mut self, byte: u64) -> u64 {
+        while self.begins.len() > 1 && self.begins[0].0 < byte {
+            self.begins.pop_front();
+        }
+        self.begins.front().map_or(1, |(_, line)| *line)
+    }
+}
+
+impl<R: Read> Read for Watched<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        for byte in &buffer[..count] {
+            match byte {
+                b'\n' => (self.line, self.empty) = (self.line + 1, true),
+                b'\r' => {}
+                _ if self.empty => {
+                    self.begins.push_back((self.read, self.line));
+                    self.empty = false;
+                }
+                _ => {}
+            }
+            self.read += 1;
+        }
+        Ok(count)
+    }
+}

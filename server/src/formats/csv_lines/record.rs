@@ -1,0 +1,131 @@
+//! The fields of a row.
+
+use sidestep::invalid::Invalid;
+use std::cell::Cell;
+use std::ops::Index;
+
+/// What separates the whole of a number from its fraction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Decimal {
+    Point,
+    Comma,
+}
+
+/// The fields of a row.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    text: String,
+    /// The end of each field in the text, and the beginning of the next one.
+    fields: Vec<(usize, usize)>,
+    /// Whether commas separate no columns, so that numbers can have them.
+    decimals_vary: bool,
+    /// What the file's numbers so far have.
+    decimal: Cell<Option<Decimal>>,
+}
+
+impl Record {
+    /// A row of a file whose columns this separates.
+    pub(super) fn separated_by(separator: u8) -> Self {
+        Self { decimals_vary: separator != b',', ..Self::default() }
+    }
+
+    /// The number of fields.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.fields.len()
+    }
+
+    /// Whether there is no field.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.fields.is_empty()
+    }
+
+    /// The field at a place, if there is one.
+    #[must_use]
+    pub fn get(&self, place: usize) -> Option<&str> {
+        let (end, _) = *self.fields.get(place)?;
+        let begin = if place == 0 { 0 } else { self.fields[place - 1].1 };
+        Some(&self.text[begin..end])
+    }
+
+    /// The fields in order.
+    pub fn iter(&self) -> impl Iterator<Item = &str> {
+        (0..self.len()).map(|place| &self[place])
+    }
+
+    /// The number at a place, of the column `name`. Where commas separate no columns, it may have a decimal comma;
+    /// then all numbers of the file that have decimals have one.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the column.
+    pub fn number(&self, place: usize, name: &str) -> Result<f64, Invalid> {
+        let text = self.get(place).unwrap_or("").trim();
+        let refused = |expected: &str| {
+            let found: String = text.chars().take(60).collect();
+            Err(Invalid::new(name, expected, format!("{found:?}")))
+        };
+        let parsed = |text: &str| match text.parse() {
+            Ok(number) => Ok(number),
+            Err(_) => refused("a number"),
+        };
+        if !self.decimals_vary {
+            return parsed(text);
+        }
+        let found = match (text.contains(','), text.contains('.')) {
+            (false, false) => return parsed(text),
+            (true, true) => return refused("a number without marks between thousands"),
+            (true, false) => Decimal::Comma,
+            (false, true) => Decimal::Point,
+        };
+        let number = match found {
+            Decimal::Point => parsed(text)?,
+            Decimal::Comma => match text.replacen(',', ".", 1).parse() {
+                Ok(number) => number,
+                Err(_) => return refused("a number"),
+            },
+        };
+        match self.decimal.replace(Some(found)) {
+            Some(before) if before != found => {
+                self.decimal.set(Some(before));
+                refused(match before {
+                    Decimal::Point => "a decimal point, as the numbers before have",
+                    Decimal::Comma => "a decimal comma, as the numbers before have",
+                })
+            }
+            _ => Ok(number),
+        }
+    }
+
+    /// What the file's numbers so far have.
+    pub(super) fn decimal(&self) -> Option<Decimal> {
+        self.decimal.get()
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.text.clear();
+        self.fields.clear();
+    }
+
+    /// Takes a line without quotation marks.
+    pub(super) fn split(&mut self, line: &str, separator: u8) {
+        self.clear();
+        self.text.push_str(line);
+        self.fields.extend(memchr::memchr_iter(separator, line.as_bytes()).map(|at| (at, at + 1)));
+        self.fields.push((line.len(), line.len()));
+    }
+
+    /// Adds a field.
+    pub(super) fn push(&mut self, field: &str) {
+        self.text.push_str(field);
+        self.fields.push((self.text.len(), self.text.len()));
+    }
+}
+
+impl Index<usize> for Record {
+    type Output = str;
+
+    fn index(&self, place: usize) -> &str {
+        self.get(place).unwrap_or_else(|| panic!("field {place} of {}", self.len()))
+    }
+}
