@@ -169,14 +169,12 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
         "line 1: header: expected the columns participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega";
     let heading = text(&header.replace("hpsi", "heading"), &rows);
     refused(heading.into(), &format!("{columns}, found no column hpsi")).await;
-    let semicolons = format!("{columns}, found no column participant in \"participant;trial;");
-    refused(all.replace(',', ";").into(), &semicolons).await;
     refused(
-        all.replace(',', ";").into(),
+        all.replace(',', "|").into(),
         &format!(
             "{columns}, found no column participant in {:?}; \
-        separate columns by commas",
-            header.replace(',', ";").chars().take(60).collect::<String>()
+        separate columns by commas, semicolons or tabs",
+            header.replace(',', "|").chars().take(60).collect::<String>()
         ),
     )
     .await;
@@ -201,7 +199,7 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     refused(with(402, &long), "line 402: participant: expected a name or number").await;
     let mut bytes = all.clone().into_bytes();
     bytes.insert(all.len() - 3, 0xff);
-    refused(bytes, "line 601: row: expected comma-separated UTF-8 text, found bytes").await;
+    refused(bytes, "line 601: row: expected UTF-8 text, found a byte 0xff").await;
     let practice: Vec<String> = rows.iter().map(|row| format!("{row},practice")).collect();
     let practice = text(&format!("{header},phase"), &practice);
     refused(practice.into(), "expected at least one task, found none").await;

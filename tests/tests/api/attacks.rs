@@ -45,7 +45,7 @@ cases! {
         case_05_numbers_that_are_none;
     trials:
         case_06_recordings_that_do_not_replay
-        case_07_wrong_counts_and_unordered_times
+        case_07_wrong_counts_and_missing_times
         case_08_unknown_inputs_trials_and_fields
         case_09_the_same_trial_again
         case_10_the_same_trial_with_other_content

@@ -91,10 +91,9 @@ pub(super) async fn case_05_numbers_that_are_none(server: &Server) {
         put(server, &driver, JSON, body).await.problem(400, "malformed", None);
     }
     type Change = fn(&mut Value);
-    let changes: [(Change, &str); 4] = [
+    let changes: [(Change, &str); 3] = [
         (|t| t["states"][3]["robot"][0] = json!(-1e308), "states[3].robot.x"),
         (|t| t["states"][3]["robot"][1] = json!("1"), "states[3].robot[1]"),
-        (|t| t["started_at_ms"] = json!(-1), "started_at_ms"),
         (|t| t["started_at_ms"] = json!(null), "started_at_ms"),
     ];
     for (change, field) in changes {
