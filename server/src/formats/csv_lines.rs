@@ -6,8 +6,8 @@
 //! counts lines from where it began to read, which differs after empty lines and after CR LF; so they are
 //! counted here.
 
-mod quoted;
 mod record;
+mod quoted;
 
 use super::text::{Decoder, Encoding, MARK, TextBytes, opened};
 use quoted::Quoted;
