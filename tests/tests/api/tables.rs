@@ -60,11 +60,13 @@ async fn trials_are_read_however_a_spreadsheet_writes_them() {
         std::fs::remove_file(folder.path("study.db")).unwrap();
     }
     let mixed = rewritten(&text, ";", ",").replacen(",0;", ".0;", 1);
-    let number = mixed.lines().position(|line| line.contains(".0;")).unwrap() + 1;
+    // The first number of the first row has a point, and the next one a comma.
     let file = folder.file("mixed.csv", mixed.as_str());
     let said = run(&["import", "--database", &folder.database("x.db"), "--trials", &file]).await;
-    said.refused(2, &["mixed.csv", "decimal"]);
-    assert!(number >= 2);
+    said.refused(
+        2,
+        &["mixed.csv: line 2: hx: expected a decimal point, as the numbers before have"],
+    );
     let bare = &utf_16(&text)[2..];
     let file = folder.file("bare.csv", bare);
     let said = run(&["import", "--database", &folder.database("x.db"), "--trials", &file]).await;
