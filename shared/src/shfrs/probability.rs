@@ -310,6 +310,36 @@ mod tests {
     use crate::shfrs::testing::{Always, drive};
     use crate::stats::clopper_pearson;
 
+    /// Studies of 8 people with 50 tasks each. Tasks of four fifths of the people stay inside with probability
+    /// 0.97, those of the others with 0.3: of new people, a share 0.8 · 0.97 + 0.2 · 0.3 = 0.836 stays inside. The
+    /// interval with people as observations holds it as often as it says; with tasks as observations, as if they
+    /// were 400 people, it misses more often than not.
+    #[test]
+    fn intervals_for_new_people_need_people_as_observations() {
+        let mut rng = SeededRng::new(12);
+        let (people, tasks, studies, confidence) = (8, 50, 2000_u32, 0.95);
+        let truth = 0.8 * 0.97 + 0.2 * 0.3;
+        let mut holds = [0_u32; 2];
+        for _ in 0..studies {
+            let mut by_person = Vec::new();
+            let mut by_task = Vec::new();
+            for _ in 0..people {
+                let p = if rng.unit() < 0.2 { 0.3 } else { 0.97 };
+                let hits: Vec<usize> = (0..tasks).map(|_| usize::from(rng.unit() < p)).collect();
+                by_person.push(Tally { hits: hits.iter().sum(), of: tasks });
+                by_task.extend(hits.into_iter().map(|hits| Tally { hits, of: 1 }));
+            }
+            for (holds, tallies) in holds.iter_mut().zip([by_person, by_task]) {
+                let found = share(&tallies, confidence).unwrap();
+                *holds += u32::from((found.low..=found.high).contains(&truth));
+            }
+        }
+        let share = holds.map(|holds| f64::from(holds) / f64::from(studies));
+        let error = (confidence * (1.0 - confidence) / f64::from(studies)).sqrt();
+        assert!(share[0] >= confidence - 3.0 * error, "{share:?}");
+        assert!(share[1] < 0.5, "tasks as people: {share:?}");
+    }
+
     #[test]
     fn regions_are_differences_and_sum_to_one() {
         let mut rng = SeededRng::new(1);
