@@ -61,6 +61,25 @@ def test_figure_3_shows_the_regions(people):
     figure.canvas.draw()
 
 
+@pytest.mark.parametrize("robot", [(0, 30, 0), (25, 3, 3), (-8, 0.5, 0), (6, -7, 1), (-9, 9, 0), (2, 0.5, 0)])
+@pytest.mark.parametrize("psi", [0.2, 1.6, 3.0, -1.2])
+def test_words_of_figure_3_stay_in_their_panel_and_in_the_figure(robot, psi):
+    states = np.array([[[0, 0, psi], robot]])
+    predictor = sidestep.ShfrsPredictor(constant([0.2, 0.6, 0.2]), sidestep.ShfrsSettings.paper())
+    figure = plots.figure3([predictor.predict(states)] * 3, states[-1], ["left", "middle", "right"])
+    figure.canvas.draw()
+    whole, panels = figure.bbox, [axes.get_window_extent() for axes in figure.axes]
+    for axes, panel in zip(figure.axes, panels, strict=True):
+        words = [text for text in axes.texts if text.get_text()]
+        assert words[0].get_text() == "human" and len(words) <= 2
+        for text in [*words, axes.title]:
+            box = text.get_window_extent()
+            assert panel.x0 <= box.x0 and box.x1 <= panel.x1, text.get_text()
+            assert whole.y0 <= box.y0 and box.y1 <= whole.y1, text.get_text()
+        legend = axes.get_legend().get_window_extent()
+        assert whole.y0 <= legend.y0 and legend.y1 < panel.y0
+
+
 def test_an_arrowhead_is_where_the_vehicle_is_and_points_ahead():
     axes = plt.figure().subplots()
     plots.scene(axes, [[1.0, 2.0, np.pi / 2], [5.0, 3.0, np.pi]])

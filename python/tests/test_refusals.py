@@ -119,6 +119,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
 @pytest.mark.parametrize(("call", "complaint"), REFUSED, ids=[complaint for _, complaint in REFUSED])
 def test_a_refusal_names_argument_expected_and_found(call, complaint):
     with pytest.raises(ValueError, match=complaint) as raised:
@@ -157,6 +158,7 @@ ANY = arrays.arrays(
 )
 
 
+@pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
 @settings(derandomize=True, max_examples=400, deadline=None)
 @given(ANY)
 def test_any_array_gives_an_answer_or_a_value_error(array):
@@ -184,6 +186,7 @@ def test_any_array_gives_an_answer_or_a_value_error(array):
 
 
 @settings(derandomize=True, max_examples=300, deadline=None)
+@pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
 @given(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3))
 def test_any_finite_state_has_a_value(state):
     value, gradient, turns, _ = sidestep.state(state, GAME)

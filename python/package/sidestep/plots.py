@@ -259,11 +259,21 @@ def figure3(
     if outside:
         # Beyond the sets there is room for an arrow.
         ahead = away / distance
-        beyond = human[:2] + ahead * (float(((points - human[:2]) @ ahead).max()) + 0.2 * extent)
+        # Not on the human's own arrow.
+        reach = max(float(((points - human[:2]) @ ahead).max()), 0.15 * extent)
+        beyond = human[:2] + ahead * (reach + 0.2 * extent)
         points = np.vstack([points, beyond])
     heading, right = np.array([[np.cos(human[2]), np.sin(human[2])], [np.sin(human[2]), -np.cos(human[2])]])
-    _alike(panels[0], np.vstack([points, human[:2] - 0.15 * extent * heading]))
     side = "left" if right[0] > 0.3 else "right" if right[0] < -0.3 else "center"
+    # Room for the word, which is no wider than 42 points: a panel is at least 150 points wide.
+    begins = {"left": 0, "right": -42, "center": -21}[side]
+    word = 11 * right - 14 * heading + np.array([[begins, -6], [begins + 42, 6]])
+    points = np.vstack([points, human[:2] - 0.15 * extent * heading, human[:2] + word * extent / 150])
+    low, high = _alike(panels[0], points)
+    # As high as a panel of this shape is, with titles and the legend.
+    wide, high_m = high - low
+    legend = 0.18 * max(len(prediction) for prediction in predictions)
+    figure.set_size_inches(size[0], min(2.9 * high_m / wide, 7) + 1.6 + legend)
     for axes in panels[0]:
         axes.annotate(
             "human", human[:2], 11 * right - 14 * heading, textcoords="offset points", color=_DARK, fontsize="small",
@@ -274,14 +284,12 @@ def figure3(
                 "", beyond, beyond - 0.14 * extent * ahead,
                 arrowprops={"arrowstyle": "-|>", "color": _GREY, "lw": 1.4, "shrinkA": 0, "shrinkB": 0},
             )
-            text = f"robot, {distance:.1f} m away"
-            middle = beyond - 0.07 * extent * ahead
-            place = {"textcoords": "offset points", "color": _GREY, "fontsize": "small"}
-            # Along the side on which there is room.
-            if abs(ahead[0]) > 0.7:
-                axes.annotate(text, middle, (0, 8), ha="center", va="bottom", rotation=90, **place)
-            else:
-                axes.annotate(text, middle, (8, 0), ha="left", va="center", **place)
+            # Below the title, where nothing else is.
+            axes.set_title(axes.get_title(), pad=20)
+            axes.annotate(
+                f"robot, {distance:.1f} m away", (0.5, 1), (0, 4), xycoords="axes fraction",
+                textcoords="offset points", color=_GREY, fontsize="small", ha="center", va="bottom",
+            )
     return figure
 
 

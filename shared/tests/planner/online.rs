@@ -180,8 +180,8 @@ fn nobody_who_stands_still_is_driven_over() {
     // Whoever wants the sets of the vehicle all the same says so, and gets those numbers.
     assumed.predict().unwrap();
     let found = assumed.clear(&plan, &footprint).unwrap();
-    assert_eq!((found.unproved(), assumed.departure()), (None, None));
-    assert!(found.by_step(1)[8].at_least_m > 1.9 && assumed.check_human().is_err());
+    assert!(found.unproved().is_none() && found.by_step(1)[8].at_least_m > 1.9);
+    assert!(assumed.departure().is_none() && assumed.check_human().is_err());
 
     // Whoever walks on like the vehicle is predicted again.
     let walks = JointState { human: Pose::new(0.4, 0.0, 0.0), robot };
