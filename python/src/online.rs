@@ -19,7 +19,7 @@ use crate::plan::{Asked, proved};
 use crate::predictor::Predictor;
 use crate::reach::ReachableSet;
 use crate::scalars::{real, some_real};
-use crate::shfrs::{ShfrsSettings, usual};
+use crate::shfrs::{New, ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
 
 /// Predicts a human in a robot's loop: push each new state, then predict, then ask whether plans are clear. It draws
@@ -209,7 +209,7 @@ impl OnlinePredictor {
     fn __getnewargs_ex__<'py>(
         &self,
         py: Python<'py>,
-    ) -> PyResult<((Py<Predictor>, ShfrsSettings), Bound<'py, PyDict>)> {
+    ) -> PyResult<New<'py, (Py<Predictor>, ShfrsSettings)>> {
         let named = PyDict::new(py);
         named.set_item("parameters", SceneParameters(self.parameters))?;
         named.set_item("safety", self.safety.clone())?;

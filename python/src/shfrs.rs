@@ -175,7 +175,7 @@ impl ShfrsSettings {
     fn __getnewargs_ex__<'py>(
         &self,
         py: Python<'py>,
-    ) -> PyResult<((Bound<'py, PyArray1<f64>>,), Bound<'py, PyDict>)> {
+    ) -> PyResult<New<'py, (Bound<'py, PyArray1<f64>>,)>> {
         let named = PyDict::new(py);
         named.set_item("k", self.k())?;
         named.set_item("tau", self.tau())?;
@@ -505,6 +505,9 @@ impl Shfrs {
     }
 }
 
+/// Arguments by place and by name.
+pub(crate) type New<'py, T> = (T, Bound<'py, PyDict>);
+
 /// The predictor, the last states and the bounds of sets.
 type Drawn<'py> = (Bound<'py, ShfrsPredictor>, Array<'py>, Array<'py>, Array<'py>);
 
@@ -593,7 +596,7 @@ impl ShfrsPredictor {
     fn __getnewargs_ex__<'py>(
         &self,
         py: Python<'py>,
-    ) -> PyResult<((Bound<'py, PyAny>, ShfrsSettings), Bound<'py, PyDict>)> {
+    ) -> PyResult<New<'py, (Bound<'py, PyAny>, ShfrsSettings)>> {
         let (model, parameters, safety) = self.source.human.arguments(py);
         let named = PyDict::new(py);
         named.set_item("parameters", parameters)?;
