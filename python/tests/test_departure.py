@@ -141,5 +141,5 @@ def test_booleans_are_no_numbers():
         ):
             with pytest.raises(ValueError, match="expected.*found"):
                 call()
-    with pytest.raises(TypeError, match="speed_mps.*bool"):
+    with pytest.raises(TypeError, match="bool"):
         sidestep.VehicleModel(True, 0.5)
