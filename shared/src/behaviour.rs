@@ -3,7 +3,7 @@
 
 use crate::recording::{RecordedParticipant, RecordedTrial};
 use crate::scene::SceneParameters;
-use crate::stats::{Estimate, Tally, share};
+use crate::stats::{Estimate, Tally, mean_share, share};
 use crate::trial::outcome;
 use crate::vehicle::TurnInput;
 use crate::vehicle::dubins::relative_state;
@@ -145,6 +145,9 @@ pub struct Behaviour {
     /// Share of all tasks in which the human was in the danger zone, with a 95 % interval for which the
     /// tasks of one participant count as one observation.
     pub danger: Estimate,
+    /// Mean over participants of their share of tasks in the danger zone, with a 95 % interval for people
+    /// like these.
+    pub danger_of_people: Estimate,
 }
 
 impl Behaviour {
@@ -174,7 +177,10 @@ impl Behaviour {
         let tasks: Vec<TaskBehaviour> =
             people.iter().flat_map(|person| person.tasks.iter().cloned()).collect();
         let danger = share(&tallies, CONFIDENCE).unwrap_or(unknown);
-        Self { danger, all: BehaviourSummary::of(&tasks), people }
+        let share = |of: &Tally| of.hits as f64 / of.of as f64;
+        let shares: Vec<f64> = tallies.iter().map(share).collect();
+        let danger_of_people = mean_share(&shares, CONFIDENCE).unwrap_or(unknown);
+        Self { danger, danger_of_people, all: BehaviourSummary::of(&tasks), people }
     }
 
     /// For each of [`PARTS`] parts of the tasks, a number of each participant for whom `value` gives one,
@@ -254,6 +260,8 @@ mod tests {
         assert_eq!(turning[2..], [(vec![0.0], 0.0), (vec![], 0.0), (vec![0.1], 0.1)]);
         assert_eq!(found.danger.value, 0.5);
         assert!(found.danger.low < 0.1 && found.danger.high > 0.9, "one person says little");
+        let of_people = found.danger_of_people;
+        assert_eq!((of_people.low, of_people.value, of_people.high), (0.0, 0.5, 1.0));
     }
 
     #[test]

@@ -18,14 +18,17 @@ mod plan;
 mod cost;
 pub mod importance;
 mod run;
+mod power;
 pub mod gains;
 pub mod generalisation;
 pub mod decision_map;
 pub mod findings;
+mod copies;
 mod analysis;
 mod fingerprint;
 
 pub use analysis::{Analysis, Counts, DataSummary, analyse};
+pub use copies::CopiedTrials;
 pub use cost::Cost;
 pub use fingerprint::learning_fingerprints;
 pub use plan::{DataError, ParticipantData};

@@ -4,6 +4,7 @@
 //! computes with `libm` and therefore returns the same bits on every platform.
 
 pub mod rank;
+pub mod power;
 
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
@@ -151,10 +152,90 @@ pub fn share(tallies: &[Tally], confidence: f64) -> Result<Estimate, Invalid> {
     Ok(Estimate { value, low: low.min(value), high: high.max(value) })
 }
 
+/// The mean of the shares of some people, each from 0 to 1, with an interval that takes the people as
+/// drawn from a population and assumes nothing else. It is Student's interval of their mean after half a
+/// person with share 0 and half a person with share 1 were added, within [0, 1].
+///
+/// Without the two halves, people who nearly all have the same small share would make the interval too
+/// short: in simulations with 5 to 50 people of 10 or 50 tasks, with mean shares of 0.03 to 0.5 and people who
+/// were alike or not, Student's interval of 95 % covered in 84 to 94 % on average and 50 % at worst, the
+/// bootstrap in 76 to 93 % and 48 %, Korn and Graubard's with their degrees of freedom in 95 to 97 % and
+/// 73 %. This one covered in at least 95 % everywhere, and is a fifth to half shorter than that of [`share`].
+///
+/// Without a person the share is unknown: value 0 in [0, 1].
+///
+/// # Errors
+/// [`Invalid`] if `confidence` is not in (0, 1), or a share is not from 0 to 1.
+pub fn mean_share(shares: &[f64], confidence: f64) -> Result<Estimate, Invalid> {
+    open_probability("confidence", confidence)?;
+    if let Some(i) = shares.iter().position(|share| !(0.0..=1.0).contains(share)) {
+        return Err(Invalid::new(format!("shares[{i}]"), "a number from 0 to 1", shares[i]));
+    }
+    if shares.is_empty() {
+        return Ok(Estimate { value: 0.0, low: 0.0, high: 1.0 });
+    }
+    let (n, sum) = (shares.len() as f64, shares.iter().sum::<f64>());
+    let (value, middle) = (sum / n, (sum + 0.5) / (n + 1.0));
+    let square = |share: f64| (share - middle) * (share - middle);
+    let squares: f64 = shares.iter().map(|share| square(*share)).sum();
+    let variance = (squares + 0.5 * (square(0.0) + square(1.0))) / n;
+    let half = student(confidence, n) * (variance / (n + 1.0)).sqrt();
+    let (low, high) = ((middle - half).max(0.0), (middle + half).min(1.0));
+    Ok(Estimate { value, low: low.min(value), high: high.max(value) })
+}
+
+/// The t with P(|T| ≤ t) = `probability` for Student's T with `freedom` degrees of freedom.
+fn student(probability: f64, freedom: f64) -> f64 {
+    // T²/(T² + freedom) has a beta distribution.
+    let part = beta_quantile(probability, 0.5, 0.5 * freedom);
+    (freedom * part / (1.0 - part)).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::math::{SeededRng, exp, ln};
+
+    /// `scipy.stats.t.ppf` 1.17, and the interval computed from it with NumPy.
+    #[test]
+    fn intervals_over_people_have_the_values_of_scipy() {
+        let quantiles = [
+            (1.0, 12.706_204_736_174_694),
+            (5.0, 2.570_581_835_636_314),
+            (30.0, 2.042_272_456_301_238),
+        ];
+        for (freedom, expected) in quantiles {
+            assert!((student(0.95, freedom) / expected - 1.0).abs() < 1e-9, "{freedom}");
+        }
+        let found = mean_share(&[0.0, 0.1, 0.2, 0.1, 0.6, 0.0, 0.05, 0.15], 0.95).unwrap();
+        assert!((found.value - 0.15).abs() < 1e-15 && found.low == 0.0, "{found:?}");
+        assert!((found.high - 0.403_547_076_936_435).abs() < 1e-9, "{found:?}");
+        assert_eq!(mean_share(&[], 0.95).unwrap(), Estimate { value: 0.0, low: 0.0, high: 1.0 });
+        let one = mean_share(&[0.5], 0.95).unwrap();
+        assert_eq!((one.low, one.value, one.high), (0.0, 0.5, 1.0));
+        assert_eq!(mean_share(&[0.5, 1.5], 0.95).unwrap_err().field, "shares[1]");
+        assert_eq!(mean_share(&[0.5], 1.0).unwrap_err().field, "confidence");
+    }
+
+    /// A fifth of the people are often in danger, the others seldom: 0.2 · 0.6 + 0.8 · 0.05.
+    #[test]
+    fn the_interval_over_people_covers_where_few_differ_from_all_others() {
+        let (mut rng, draws, truth) = (SeededRng::new(11), 2000, 0.16);
+        for people in [5, 8, 20, 50] {
+            let mut person = || {
+                let share = if rng.unit() < 0.2 { 0.6 } else { 0.05 };
+                (0..50).filter(|_| rng.unit() < share).count() as f64 / 50.0
+            };
+            let covers = |_: &usize| {
+                let shares: Vec<f64> = (0..people).map(|_| person()).collect();
+                let found = mean_share(&shares, 0.95).unwrap();
+                found.low <= truth && truth <= found.high
+            };
+            let covered = (0..draws).filter(covers).count() as f64 / draws as f64;
+            // Two standard errors.
+            assert!(covered > 0.95 - 0.01, "{people}: {covered}");
+        }
+    }
 
     /// The quantile's x and P(X ≤ x) there, by mpmath with 30 digits.
     #[test]

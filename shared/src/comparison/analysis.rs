@@ -2,6 +2,7 @@
 //! only print what is here.
 
 use super::cell::{Baseline, Experiment, ModelName};
+use super::copies::{CopiedTrials, copied_trials, same_trials};
 use super::decision_map::{DecisionMap, decision_maps};
 use super::findings::Findings;
 use super::gains::{Ablation, Gain, GainFamily, Test, ablation, papers_tests};
@@ -17,7 +18,7 @@ use crate::dataset::GivenFeatures;
 use crate::invalid::Invalid;
 use crate::recording::{Exclusion, RecordedParticipant, Recording, flagged};
 use crate::safety::{SafetyLevels, SafetyQuality};
-use crate::scene::{JointState, SceneParameters};
+use crate::scene::SceneParameters;
 use crate::trial::is_right_clock;
 use core::ops::ControlFlow;
 use serde::Serialize;
@@ -76,6 +77,8 @@ pub struct DataSummary {
     /// The participants who are compared and have the same trials as another one: one person under
     /// several names would count several times.
     pub same_trials: Vec<String>,
+    /// The participants who are compared and have the same trial several times.
+    pub copied_trials: Vec<CopiedTrials>,
     /// SHA-256 of the trials that are compared, as hexadecimal digits: two analyses with the same number
     /// used the same data.
     pub sha256: String,
@@ -142,7 +145,8 @@ pub fn analyse(
         synthetic: recording.provenance.synthetic.clone(),
         exclusions,
         flagged: flagged(recorded.iter().copied()),
-        same_trials: same_trials(&recorded, &results.comparison),
+        same_trials: same_trials(&recorded, &results.comparison.participants),
+        copied_trials: copied_trials(&recorded, &results.comparison.participants),
         sha256: hash(&recorded),
         driven_at_ms: driven_at_ms(&recorded),
         safety: Some(quality(&people, safety)),
@@ -284,31 +288,6 @@ fn pooled(comparison: &Comparison, baselines: &[Baseline]) -> Vec<Pooled> {
         }
     }
     pooled
-}
-
-/// The participants of `comparison` who have the same trials as another one, to the last bit.
-fn same_trials(participants: &[&RecordedParticipant], comparison: &Comparison) -> Vec<String> {
-    let bits = |name: &str| {
-        let mut all = Vec::new();
-        let of = participants.iter().find(|participant| participant.name == name);
-        for trial in of.iter().flat_map(|participant| &participant.trials) {
-            all.extend(trial.inputs.iter().map(|input| f64::from(input.sign()).to_bits()));
-            for JointState { human, robot } in &trial.states {
-                let numbers = [human.x, human.y, human.psi, robot.x, robot.y, robot.psi];
-                all.extend(numbers.map(f64::to_bits));
-            }
-        }
-        all
-    };
-    let mut places_by_bits: BTreeMap<Vec<u64>, Vec<usize>> = BTreeMap::new();
-    let compared = &comparison.participants;
-    for (place, participant) in compared.iter().enumerate() {
-        places_by_bits.entry(bits(&participant.name)).or_default().push(place);
-    }
-    let several = places_by_bits.into_values().filter(|places| places.len() > 1);
-    let mut several: Vec<usize> = several.flatten().collect();
-    several.sort_unstable();
-    several.into_iter().map(|place| compared[place].name.clone()).collect()
 }
 
 /// The hash of these participants' trials, in the order of names.

@@ -2,12 +2,13 @@
 
 use super::cell::{Cell, Experiment, ModelName};
 use super::fit::Grids;
-use super::gains::{Gain, GainFamily, LEVEL, Power, Test};
+use super::gains::{Gain, GainFamily, Power, Test};
 use super::metrics::Calibration;
 use super::rollout::{Horizon, Simple};
 use super::run::RolloutsOf;
 use super::tables::{Comparison, Metric, Pooled};
 use crate::features::HISTORY_SET;
+use crate::stats::rank::is_shown;
 use serde::Serialize;
 
 /// How sure an answer is.
@@ -30,11 +31,11 @@ impl Verdict {
             (raw.min(gain.paired.p), corrected.min(gain.holm))
         };
         let (raw, corrected) = gains.into_iter().fold((1.0, 1.0), least);
-        if corrected < LEVEL {
+        if is_shown(corrected) {
             Self::Shown
         } else if power.is_too_low() {
             Self::TooFew
-        } else if raw < LEVEL {
+        } else if is_shown(raw) {
             Self::Hint
         } else {
             Self::NotShown

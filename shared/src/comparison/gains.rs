@@ -3,12 +3,12 @@
 
 use super::cell::{Experiment, ModelName, PAPERS_SETS};
 use super::tables::{Comparison, Metric, Pooled, mean};
-use crate::invalid::Invalid;
-use crate::stats::rank::{hodges_lehmann, holm, mann_whitney, rank_biserial, wilcoxon};
+use crate::invalid::{Invalid, length};
+use crate::stats::rank::{SignedRank, TIE, holm, is_shown, mann_whitney};
 use serde::Serialize;
 
-/// A difference is shown where the p-value is below this.
-pub const LEVEL: f64 = 0.05;
+pub use super::power::Power;
+pub use crate::stats::rank::LEVEL;
 
 /// How much better the first of two lists of numbers is, a number each participant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -17,10 +17,14 @@ pub struct Paired {
     pub gains: Vec<f64>,
     /// Mean over participants.
     pub mean: f64,
+    /// How many participants gain or lose. The paired test, the typical gain, its interval and the
+    /// effect size are of these; the others do equally well with both.
+    pub differing: usize,
     /// The typical gain (Hodges–Lehmann), which the paired test is about.
     pub typical: f64,
-    /// The typical gains that the paired test does not reject at 5 %; none where participants are
-    /// too few for it to reject anything.
+    /// The typical gains that the paired test does not reject at 5 %; none where too few participants
+    /// differ for it to reject anything. It contains [`Self::typical`], and 0 exactly if the test does
+    /// not reject.
     pub interval: Option<[f64; 2]>,
     /// p-value of Wilcoxon's signed-rank test, two-sided.
     pub p: f64,
@@ -29,8 +33,8 @@ pub struct Paired {
     pub rank_biserial: f64,
     /// How many participants gain.
     pub better: usize,
-    /// Whether p is below [`LEVEL`] and the mean points the other way than the typical gain, as a
-    /// few participants can turn it.
+    /// Whether p is below [`LEVEL`] and the mean points the other way than the test, as large changes
+    /// of a few participants can turn it.
     pub contrary: bool,
 }
 
@@ -38,52 +42,44 @@ impl Paired {
     /// Of these numbers of the same participants, more being better.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no participant.
+    /// [`Invalid`] if there is no participant, or the lists differ in length.
     pub fn of(first: &[f64], second: &[f64]) -> Result<Self, Invalid> {
-        let p = wilcoxon(first, second)?;
+        length("second", first.len(), second.len())?;
         let gains: Vec<f64> = first.iter().zip(second).map(|(a, b)| a - b).collect();
-        let (mean, typical) = (mean(gains.iter().copied()), hodges_lehmann(&gains));
-        let interval = interval(&gains);
-        let better = gains.iter().filter(|gain| **gain > 1e-12).count();
-        let contrary = p < LEVEL && mean * typical <= 0.0;
-        let rank_biserial = rank_biserial(first, second);
-        Ok(Self { gains, mean, typical, interval, p, rank_biserial, better, contrary })
+        let test = SignedRank::of(&gains)?;
+        let mean = untied(mean(gains.iter().copied()));
+        let better = gains.iter().filter(|gain| **gain > TIE).count();
+        let against = mean * test.rank_biserial < 0.0;
+        Ok(Self {
+            gains,
+            mean,
+            differing: test.differing,
+            typical: test.typical,
+            interval: test.interval,
+            p: test.p,
+            rank_biserial: test.rank_biserial,
+            better,
+            contrary: is_shown(test.p) && against,
+        })
     }
-}
 
-/// All shifts of the differences that the test does not reject (Hodges and Lehmann, Annals of
-/// Mathematical Statistics 34, 1963): between two of the means of pairs of differences, where
-/// alone the rank sums change.
-fn interval(differences: &[f64]) -> Option<[f64; 2]> {
-    let pairs = differences.iter().enumerate();
-    let mut means: Vec<f64> =
-        pairs.flat_map(|(i, a)| differences[i..].iter().map(move |b| 0.5 * (a + b))).collect();
-    means.sort_by(f64::total_cmp);
-    means.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
-    let rejected = |shift: f64| {
-        let shifted: Vec<f64> = differences.iter().map(|d| d - shift).collect();
-        wilcoxon(&shifted, &vec![0.0; shifted.len()]).is_ok_and(|p| p <= LEVEL)
-    };
-    let (first, last) = (*means.first()?, *means.last()?);
-    if !rejected(first - 1.0) || !rejected(last + 1.0) {
-        return None;
+    /// What the test says with this p-value, its own or a corrected one.
+    fn direction(&self, p: f64) -> Direction {
+        match is_shown(p) {
+            true if self.rank_biserial > 0.0 => Direction::Better,
+            true => Direction::Worse,
+            false => Direction::Open,
+        }
     }
-    let between = |pair: &[f64]| rejected(0.5 * (pair[0] + pair[1]));
-    let gaps: Vec<&[f64]> = means.windows(2).collect();
-    // Rejected, then not, then rejected: only below and above the middle is it sorted.
-    let (below, above) = gaps.split_at(gaps.len() / 2);
-    let lowest = below.partition_point(|gap| between(gap));
-    let highest = gaps.len() / 2 + above.partition_point(|gap| !between(gap));
-    Some([means[lowest], means[highest]])
 }
 
 /// What a test says of a gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
-    /// p is below [`LEVEL`], and the typical gain is positive.
+    /// p is below [`LEVEL`], and the ranks of gains exceed those of losses.
     Better,
-    /// p is below [`LEVEL`], and the typical gain is negative.
+    /// p is below [`LEVEL`], and the ranks of losses exceed those of gains.
     Worse,
     /// p is not below [`LEVEL`].
     Open,
@@ -112,12 +108,7 @@ pub struct Gain {
 pub(super) fn corrected(of: Vec<(ModelName, Experiment, Metric, Paired)>) -> Vec<Gain> {
     let p_values: Vec<f64> = of.iter().map(|(.., paired)| paired.p).collect();
     let gain = |((model, experiment, metric, paired), holm): ((_, _, _, Paired), f64)| {
-        let direction = |p: f64| match p < LEVEL {
-            true if paired.typical > 0.0 => Direction::Better,
-            true => Direction::Worse,
-            false => Direction::Open,
-        };
-        let (before, after) = (direction(paired.p), direction(holm));
+        let (before, after) = (paired.direction(paired.p), paired.direction(holm));
         Gain { model, experiment, metric, paired, holm, before, after }
     };
     of.into_iter().zip(holm(&p_values)).map(gain).collect()
@@ -154,43 +145,6 @@ impl GainFamily {
             }
         }
         Ok(Self { first, second, gains: corrected(all) })
-    }
-}
-
-/// What the paired test can show at all with some number of participants.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Power {
-    /// How many participants there are.
-    pub participants: usize,
-    /// How many tests are corrected together.
-    pub family: usize,
-    /// The smallest p-value that the test can give.
-    pub least_p: f64,
-    /// The same after Holm's correction over the family.
-    pub least_p_after_holm: f64,
-    /// The fewest participants with whom that is below [`LEVEL`].
-    pub needed: usize,
-}
-
-impl Power {
-    /// For this number of participants and a family of this number of tests.
-    #[must_use]
-    pub fn of(participants: usize, family: usize) -> Self {
-        let least = |people: usize| (0..people.min(1000)).fold(2.0, |p: f64, _| 0.5 * p).min(1.0);
-        let enough = |people: &usize| least(*people) * family.max(1) as f64 <= LEVEL;
-        Self {
-            participants,
-            family,
-            least_p: least(participants),
-            least_p_after_holm: (least(participants) * family as f64).min(1.0),
-            needed: (1..60).find(enough).unwrap_or(60),
-        }
-    }
-
-    /// Whether no paired test of this number of participants can show anything.
-    #[must_use]
-    pub fn is_too_low(&self) -> bool {
-        self.least_p >= LEVEL
     }
 }
 
@@ -281,7 +235,12 @@ pub fn papers_tests(comparison: &Comparison) -> Result<Vec<Test>, Invalid> {
 /// means beside it.
 fn paired(first: &[f64], second: &[f64]) -> Result<Paired, Invalid> {
     let [one, other] = [first, second].map(|of| mean(of.iter().copied()));
-    Ok(Paired { mean: one - other, ..Paired::of(first, second)? })
+    Ok(Paired { mean: untied(one - other), ..Paired::of(first, second)? })
+}
+
+/// A mean without what rounding leaves of none.
+fn untied(mean: f64) -> f64 {
+    if mean.abs() > TIE { mean } else { 0.0 }
 }
 
 /// A model on a feature set, beside the same model on B_d; or the baseline.
@@ -350,6 +309,7 @@ pub(super) fn ablation(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stats::rank::wilcoxon;
 
     /// Of 21 means of pairs none can be excluded with six participants, so that the interval is
     /// the range of the gains.
@@ -371,7 +331,8 @@ mod tests {
             (found.p < LEVEL, found.typical > 0.0, found.contrary)
         };
         assert_eq!(with_losses(8.0), (true, true, false));
-        assert_eq!([9.0, 30.0].map(with_losses), [(true, true, true); 2]);
+        assert_eq!(with_losses(9.0), (true, true, false), "a mean of 0 points nowhere");
+        assert_eq!([9.5, 30.0].map(with_losses), [(true, true, true); 2]);
         assert!(!Paired::of(&[1.0, 1.0, -30.0], &[0.0; 3]).unwrap().contrary);
     }
 
@@ -379,7 +340,7 @@ mod tests {
     #[test]
     fn the_interval_is_what_the_test_does_not_reject() {
         let gains = [3.0, -1.0, 2.5, 7.0, 0.5, 4.2, 3.3, 1.9, -0.4, 6.1];
-        let [low, high] = interval(&gains).unwrap();
+        let [low, high] = Paired::of(&gains, &[0.0; 10]).unwrap().interval.unwrap();
         let p = |shift: f64| wilcoxon(&gains.map(|gain| gain - shift), &[0.0; 10]).unwrap();
         for i in 0..400 {
             let shift = -3.0 + 0.0301 * f64::from(i);
@@ -387,10 +348,21 @@ mod tests {
         }
     }
 
+    /// 18 of 24 people do equally well with both sets, all others gain: p = 2/2⁶.
     #[test]
-    fn participants_that_a_test_needs() {
-        assert_eq!([5, 6].map(|n| Power::of(n, 1).least_p), [0.0625, 0.03125]);
-        assert_eq!([5, 6].map(|n| Power::of(n, 1).is_too_low()), [true, false]);
-        assert_eq!([1, 48].map(|family| Power::of(9, family).needed), [6, 11]);
+    fn the_direction_is_that_of_the_test() {
+        let gains: Vec<f64> =
+            (0..24).map(|i| if i < 6 { 10.0 + f64::from(i) } else { 0.0 }).collect();
+        let turned = |gains: &[f64]| {
+            let paired = Paired::of(gains, &[0.0; 24]).unwrap();
+            let all = vec![(ModelName::Lr, Experiment::Avoidance, Metric::Accuracy, paired)];
+            corrected(all).remove(0)
+        };
+        let gain = turned(&gains);
+        assert_eq!((gain.before, gain.paired.contrary), (Direction::Better, false));
+        assert_eq!((gain.paired.differing, gain.paired.better), (6, 6));
+        let losses: Vec<f64> = gains.iter().map(|gain| -gain).collect();
+        assert_eq!(turned(&losses).after, Direction::Worse);
+        assert_eq!(turned(&[0.0; 24]).before, Direction::Open);
     }
 }

@@ -5,16 +5,29 @@
 //! all assignments of the observed ranks. For many numbers they are the normal approximation with the
 //! correction for ties, as in `scipy.stats`.
 
+mod signed;
+
+pub use signed::{SignedRank, hodges_lehmann, rank_biserial, wilcoxon};
+
 use super::upper_tail;
-use crate::invalid::{Invalid, all_finite, length};
+use crate::invalid::{Invalid, all_finite};
 
 /// Most numbers, of both lists together, for which p-values are exact. For more numbers, the normal
 /// approximation is accurate to about 10⁻³ of a p-value that is not tiny.
 const MOST_COUNTED: usize = 60;
 
 /// Numbers that differ by at most this are tied, so that rounding does not separate equal
-/// proportions.
+/// proportions. A difference of at most this is none.
 pub(crate) const TIE: f64 = 1e-12;
+
+/// A difference is shown where [`is_shown`] says so: where the p-value is below this.
+pub const LEVEL: f64 = 0.05;
+
+/// Whether a test with this p-value rejects: p < [`LEVEL`]. Verdicts and intervals ask only this.
+#[must_use]
+pub fn is_shown(p: f64) -> bool {
+    p < LEVEL
+}
 
 /// The p-value of the Mann–Whitney test (Annals of Mathematical Statistics 18, 1947): the probability
 /// that a random split of the numbers gives rank sums at least as far apart. Exact up to 60 numbers;
@@ -35,63 +48,6 @@ pub fn mann_whitney(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
     let (u, mean) = (0.5 * of_first as f64 - 0.5 * n * (n + 1.0), 0.5 * n * m);
     let variance = n * m / 12.0 * ((total + 1.0) - tie_term(&ranks) / (total * (total - 1.0)));
     Ok(normal_two_sided((u - mean).abs() - 0.5, variance))
-}
-
-/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs; equal pairs are
-/// omitted. It is the probability that random signs give the differences' ranks a sum at least as far
-/// from its mean. Exact up to 60 pairs; above, normal with the correction for ties. 1 if all pairs are
-/// equal.
-///
-/// # Errors
-/// [`Invalid`] if the lists are empty or differ in length, or a number is not finite.
-pub fn wilcoxon(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
-    check("first", first)?;
-    check("second", second)?;
-    length("second", first.len(), second.len())?;
-    let pairs = first.iter().zip(second);
-    let differences: Vec<f64> = pairs.map(|(a, b)| a - b).filter(|d| d.abs() > TIE).collect();
-    let sizes: Vec<f64> = differences.iter().map(|d| d.abs()).collect();
-    let ranks = doubled_ranks(&sizes);
-    let positive = ranks.iter().zip(&differences).filter(|(_, d)| **d > 0.0);
-    let sum: usize = positive.map(|(rank, _)| rank).sum();
-    if ranks.len() <= MOST_COUNTED {
-        return Ok(two_sided(&ways_to_sign(&ranks), sum));
-    }
-    let n = ranks.len() as f64;
-    let variance = n * (n + 1.0) * (2.0 * n + 1.0) / 24.0 - tie_term(&ranks) / 48.0;
-    Ok(normal_two_sided((0.5 * sum as f64 - 0.25 * n * (n + 1.0)).abs(), variance))
-}
-
-/// The matched-pairs rank-biserial correlation, the effect size that belongs to [`wilcoxon`]: the sum of
-/// ranks of the pairs in which `first` is larger, less that of the others, over the sum of all ranks
-/// (Kerby, Comprehensive Psychology 3, 2014). From −1 (`second` is larger in every pair) to 1; equal
-/// pairs are omitted, and 0 if all are.
-#[must_use]
-pub fn rank_biserial(first: &[f64], second: &[f64]) -> f64 {
-    let pairs = first.iter().zip(second);
-    let differences: Vec<f64> = pairs.map(|(a, b)| a - b).filter(|d| d.abs() > TIE).collect();
-    let sizes: Vec<f64> = differences.iter().map(|d| d.abs()).collect();
-    let ranks = doubled_ranks(&sizes);
-    let signed = |(rank, d): (&usize, &f64)| if *d > 0.0 { *rank as f64 } else { -(*rank as f64) };
-    let sum: f64 = ranks.iter().zip(&differences).map(signed).sum();
-    sum / ranks.iter().sum::<usize>().max(1) as f64
-}
-
-/// The Hodges–Lehmann estimate of a typical difference: the median of the means of all pairs of
-/// differences, each paired with itself too (Annals of Mathematical Statistics 34, 1963). It belongs
-/// to [`wilcoxon`]: if that test rejects, the estimate has the sign of the larger rank sum. 0 for an
-/// empty list.
-#[must_use]
-pub fn hodges_lehmann(differences: &[f64]) -> f64 {
-    let pairs = differences.iter().enumerate();
-    let mut means: Vec<f64> =
-        pairs.flat_map(|(i, a)| differences[i..].iter().map(move |b| 0.5 * (a + b))).collect();
-    means.sort_by(f64::total_cmp);
-    match means.len() {
-        0 => 0.0,
-        n if n % 2 == 1 => means[n / 2],
-        n => 0.5 * (means[n / 2 - 1] + means[n / 2]),
-    }
 }
 
 /// p-values with Holm's correction (Scandinavian Journal of Statistics 6, 1979), in the given order:
@@ -186,29 +142,6 @@ fn normal_two_sided(deviation: f64, variance: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::math::SeededRng;
-
-    /// By hand: the ranks of |3|, |1|, |2| are 3, 1, 2, and the second pair is the other way.
-    #[test]
-    fn the_effect_size_is_the_balance_of_ranks() {
-        assert!((rank_biserial(&[5.0, 1.0, 4.0], &[2.0, 2.0, 2.0]) - 4.0 / 6.0).abs() < 1e-15);
-        assert_eq!(rank_biserial(&[1.0, 2.0], &[0.0, 0.0]), 1.0);
-        assert_eq!(rank_biserial(&[0.0, 1.0], &[1.0, 2.0]), -1.0);
-        assert_eq!(rank_biserial(&[1.0, 2.0], &[1.0, 2.0]), 0.0);
-        assert_eq!(rank_biserial(&[], &[]), 0.0);
-    }
-
-    #[test]
-    fn the_typical_difference_is_no_mean() {
-        assert_eq!(hodges_lehmann(&[]), 0.0);
-        assert_eq!(hodges_lehmann(&[3.0]), 3.0);
-        // Walsh averages 1, 1.5, 2, 2.5, 3, 4 of 1, 2, 4: their median by hand.
-        assert_eq!(hodges_lehmann(&[4.0, 1.0, 2.0]), 2.25);
-        // One who loses much does not turn nineteen who gain.
-        let mut gains = vec![2.0; 19];
-        gains.push(-100.0);
-        assert!(gains.iter().sum::<f64>() < 0.0);
-        assert_eq!(hodges_lehmann(&gains), 2.0);
-    }
 
     fn close(found: f64, expected: f64, relative: f64) {
         assert!((found / expected - 1.0).abs() < relative, "{found} {expected}");

@@ -92,6 +92,7 @@ pub(super) fn made_up_but(
         exclusions: vec![excluded],
         flagged: BTreeMap::new(),
         same_trials: Vec::new(),
+        copied_trials: Vec::new(),
         sha256: "0".repeat(64),
         driven_at_ms: Some([0.0, 90_000_000.0]),
         safety: None,
