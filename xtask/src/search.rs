@@ -33,7 +33,7 @@ pub(crate) struct Options {
 /// When the sources cannot be read or the tests cannot be built.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let mut all = Vec::new();
-    for folder in ["shared/src", "shared/tests"] {
+    for folder in ["shared/src", "shared/tests", "server/src"] {
         collect(&workspace.path(folder), &mut all)?;
     }
     let wanted = options.name.as_deref().unwrap_or_default();

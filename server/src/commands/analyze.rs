@@ -130,6 +130,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
         "excluded": data.exclusions,
         "flagged": data.flagged,
         "same_trials": data.same_trials,
+        "copied_trials": data.copied_trials,
         "safety": data.safety,
         "cells": analysis.comparison.cells.len(),
         "models": analysis.counts().models,

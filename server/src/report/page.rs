@@ -2,12 +2,14 @@
 //! are in `templates/`; here are the numbers that the templates print.
 
 #[cfg(test)]
+mod sentences;
+#[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
 
 use super::charts::Figure;
-use super::text::{self, count, fixed, grouped, signed};
+use super::text::{self, beside_zero, count, fixed, grouped, p_places, signed};
 use crate::clock::date_time;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::{Serde, Value};
@@ -17,7 +19,7 @@ use sidestep::comparison::Analysis;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::fit::Grids;
 use sidestep::comparison::gains::Power;
-use sidestep::comparison::tables::are_best;
+use sidestep::comparison::tables::{Metric, are_best};
 use sidestep::scene::Evader;
 
 const TEMPLATES: [(&str, &str); 7] = [
@@ -74,6 +76,8 @@ fn rendered(name: &str, numbers: serde_json::Value) -> Result<String, Error> {
     environment.set_formatter(write);
     environment.add_filter("fixed", fixed);
     environment.add_filter("signed", signed);
+    environment.add_filter("beside_zero", beside_zero);
+    environment.add_filter("p_places", p_places);
     environment.add_filter("grouped", grouped);
     environment.add_filter("count", count);
     environment.add_filter("tex", text::tex);
@@ -133,11 +137,17 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
     });
     let is_own = |name: &str| !PAPERS_SETS.contains(&name) && !body_sets.contains(&name);
     let own_sets = settings.sets.iter().filter(|set| is_own(&set.name));
+    let tested = analysis.tests.iter().filter(|test| test.gain.metric == Metric::Accuracy).count();
     let exclusions = data.exclusions.iter().map(|who| (&who.participant, who.why()));
     json!({
         "data": data,
         "counts": analysis.counts(),
         "few": Power::of(comparison.participants.len(), 1).is_too_low(),
+        "study_power": Power::of(comparison.participants.len(), tested),
+        "effect": Power::EFFECT,
+        "aim": Power::AIM,
+        "most_people": Power::MOST,
+        "leaking_tasks": data.copied_trials.iter().map(|of| of.leaking).sum::<usize>(),
         "exclusions": exclusions.collect::<Vec<_>>(),
         "doubtful_levels": doubtful_levels(analysis),
         "sets": settings.sets,

@@ -113,16 +113,24 @@ fn table2(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, &header, rows)
 }
 
-/// The ends of an interval; empty where participants are too few for one.
+/// The ends of an interval; empty where too few participants differ for one.
 fn ends(paired: &Paired) -> [String; 2] {
-    paired.interval.map_or_else(Default::default, |ends| ends.map(places))
+    paired.interval.map_or_else(Default::default, |ends| ends.map(signed_places))
+}
+
+/// Four places, but what is not zero is not printed as zero: whether an interval contains 0 is what its test
+/// says.
+fn signed_places(number: f64) -> String {
+    /// The least number of four places.
+    const LEAST: f64 = 1e-4;
+    places(if number == 0.0 { 0.0 } else { number.abs().max(LEAST).copysign(number) })
 }
 
 fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = "model,experiment,metric,first,second,gain,mann_whitney_persons,\
                   mann_whitney_trajectories,wilcoxon_persons,mann_whitney_persons_holm,\
                   mann_whitney_trajectories_holm,wilcoxon_persons_holm,typical_gain,gain_low,\
-                  gain_high,rank_biserial";
+                  gain_high,rank_biserial,differing";
     let rows = analysis.tests.iter().map(|test| {
         let Gain { model, experiment, metric, paired, holm, .. } = &test.gain;
         let p_values = [
@@ -135,8 +143,9 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         ];
         (
             (model.word(), experiment.number(), metric.word(), test.first, test.second),
-            (places(paired.mean), p_values.map(p_value), places(paired.typical), ends(paired)),
-            places(paired.rank_biserial),
+            (places(paired.mean), p_values.map(p_value)),
+            (signed_places(paired.typical), ends(paired)),
+            (places(paired.rank_biserial), paired.differing),
         )
     });
     write(out, header, rows)
@@ -145,13 +154,14 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
 /// The families of tests beside the paper's.
 fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = "model,experiment,first,second,gain,typical_gain,gain_low,gain_high,\
-                  wilcoxon_persons,wilcoxon_persons_holm,rank_biserial";
+                  wilcoxon_persons,wilcoxon_persons_holm,rank_biserial,differing";
     let rows = analysis.families.iter().flat_map(|family| {
         family.gains.iter().map(|Gain { model, experiment, paired, holm, .. }| {
             (
                 (model.word(), experiment.number(), family.first, family.second),
-                (places(paired.mean), places(paired.typical), ends(paired)),
+                (places(paired.mean), signed_places(paired.typical), ends(paired)),
                 (p_value(paired.p), p_value(*holm), places(paired.rank_biserial)),
+                paired.differing,
             )
         })
     });

@@ -2,6 +2,7 @@
 
 use sidestep::chart;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, ModelName, PAPERS_SETS};
+use sidestep::comparison::gains::LEVEL;
 use sidestep::features::HISTORY_SET;
 
 /// A text with everything escaped that means something in HTML and XML, attributes included.
@@ -80,6 +81,24 @@ pub(super) fn signed(number: f64, places: usize) -> String {
     if is_zero || text.starts_with('−') { text } else { format!("+{text}") }
 }
 
+/// Likewise, but a number that is not zero is not printed as zero: it is beside it.
+pub(super) fn beside_zero(number: f64, places: usize) -> String {
+    let text = signed(number, places);
+    match text.chars().all(|c| "0.".contains(c)) {
+        true if number > 0.0 => "just above 0".to_owned(),
+        true if number < 0.0 => "just below 0".to_owned(),
+        _ => text,
+    }
+}
+
+/// A p-value with three places, or with more if rounding would put it on the other side of [`LEVEL`].
+pub(super) fn p_places(p: f64) -> String {
+    let told = |places: &usize| {
+        format!("{p:.places$}").parse().is_ok_and(|told: f64| (told < LEVEL) == (p < LEVEL))
+    };
+    fixed(p, (3..15).find(told).unwrap_or(15))
+}
+
 /// A number with a narrow space between thousands.
 pub(super) fn grouped(number: usize) -> String {
     let digits = number.to_string();
@@ -143,6 +162,15 @@ mod tests {
         assert_eq!(text, expected);
         assert_eq!(tex("a<b|c ≥ 1…"), "a$<$b$|$c $\\ge$ 1\\ldots{}");
         assert_eq!(tex("Zoë ψ"), "Zoë \\orcode{ψ}{03C8}");
+    }
+
+    /// Rounding contradicts neither an interval nor a verdict.
+    #[test]
+    fn numbers_stay_on_their_side() {
+        let beside = [0.04, -0.04, 0.0, 0.05, -2.0].map(|number| beside_zero(number, 1));
+        assert_eq!(beside, ["just above 0", "just below 0", "0.0", "+0.1", "−2.0"]);
+        let p = [0.0312, 0.0496, 0.04999, 0.05, 0.0504, 1.0].map(p_places);
+        assert_eq!(p, ["0.031", "0.0496", "0.04999", "0.050", "0.050", "1.000"]);
     }
 
     #[test]

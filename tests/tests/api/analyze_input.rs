@@ -141,6 +141,29 @@ async fn one_person_under_several_names_is_told() {
     );
 }
 
+/// Two of the first tasks again as the last ones, which test.
+#[tokio::test]
+async fn trials_copied_within_one_person_are_told() {
+    let folder = TempDir::new().unwrap();
+    let (header, mut rows) = some_trials(&["0"], 10);
+    let again = some_trials(&["0"], 2).1;
+    let renumbered = |row: &String| {
+        let number = if row.starts_with("0,0,") { "10" } else { "11" };
+        changed(row, 1, number)
+    };
+    rows.extend(again.iter().map(renumbered));
+    let trials = written(&folder, "trials.csv", &header, &rows);
+    let out = folder.path().join("out");
+    let (code, line, said) = analyze(&["--trials", &trials], &out).await;
+    assert_eq!(code, Some(0), "{said}");
+    let line: Value = serde_json::from_str(&line).unwrap();
+    let expected = json!([{"participant": "0", "trials": [[0, 10], [1, 11]], "leaking": 2}]);
+    assert_eq!((&line["copied_trials"], &line["same_trials"]), (&expected, &json!([])));
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(report.contains("1 person</b>: 0 (trials 0 = 10, 1 = 11)."), "{report}");
+    assert!(report.contains("2 tasks of the test are among those"));
+}
+
 #[tokio::test]
 async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     let folder = TempDir::new().unwrap();

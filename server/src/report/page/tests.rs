@@ -143,7 +143,9 @@ fn words_follow_the_numbers() {
     );
     assert!(seven.contains("p = 0.016, after Holm over 48 tests 0.750"));
     assert!(seven.contains("look better than distance alone in 6 of 6 comparisons, but not after"));
-    assert!(seven.contains("no comparison could be shown. At least 11 people are needed"));
+    assert!(seven.contains(
+        "no comparison could be shown. Fewer than 11 people can show nothing. 11 are not enough"
+    ));
     let four = said(4);
     assert!(four.contains("Too few people to show whether safety levels predict better"));
     assert!(four.contains("With 4 people the paired test cannot reach p < 0.05 at all"));
@@ -404,9 +406,9 @@ fn a_mean_that_points_the_other_way_is_told() {
             }
         }
     });
-    let told = "the mean points the other way";
+    let told = "the mean points the other way than the test";
     let text = words(&read(&html(&analysis)));
-    assert!(text.contains(&format!("In DT II {told} than most people’s gains")), "{text}");
+    assert!(text.contains(&format!("In DT II {told}")), "{text}");
     assert!(!words(&read(&html(&made_up(40, None)))).contains(told));
 }
 
@@ -431,7 +433,7 @@ fn printing_computes_no_statistics() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report");
     let printing = files(&folder).into_iter().filter(|path| {
         let name = path.file_name().unwrap().to_str().unwrap();
-        name.ends_with(".rs") && !["tests.rs", "testing.rs"].contains(&name)
+        name.ends_with(".rs") && !["tests.rs", "testing.rs", "sentences.rs"].contains(&name)
     });
     let mut seen = Vec::new();
     for path in printing {

@@ -57,7 +57,7 @@ pub(super) fn learning(analysis: &Analysis, out: &mut dyn Write) -> io::Result<(
 
 pub(super) fn unseen(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = "model,experiment,features,participant,accuracy_percent,own_accuracy_percent,\
-                  wilcoxon_persons,wilcoxon_persons_holm,rank_biserial";
+                  wilcoxon_persons,wilcoxon_persons_holm,rank_biserial,differing";
     let people = &analysis.comparison.participants;
     let rows = analysis.unseen.iter().flat_map(|of| {
         let each = people.iter().zip(of.accuracies.iter().zip(&of.own.paired.gains));
@@ -67,6 +67,7 @@ pub(super) fn unseen(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()>
                 (own.model.word(), own.experiment.number(), &of.features, &person.name),
                 (places(*accuracy), places(accuracy + gain)),
                 (p_value(own.paired.p), p_value(own.holm), places(own.paired.rank_biserial)),
+                own.paired.differing,
             )
         })
     });
