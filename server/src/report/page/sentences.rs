@@ -584,8 +584,8 @@ fn random(people: usize, tied: f64, lean: usize, seed: u64) -> Analysis {
 
 #[test]
 fn sentences_are_what_the_files_say() {
-    for people in [1, 2, 5, 7, 12, 24] {
-        for lean in [0, 1, 2] {
+    for people in [2, 7, 24] {
+        for lean in [0, 2] {
             check(&random(people, 0.3, lean, people as u64));
         }
         check(&made_up_but(people, None, |_| {}));
