@@ -1,6 +1,7 @@
 //! Rectangular grids of one to four dimensions.
 
 use pyo3::prelude::*;
+use pyo3::types::PyBool;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{Axis, Boundary, Grid as OfDimension};
 
@@ -17,8 +18,11 @@ use crate::scalars::wholes;
 /// nodes : list of int, D of them, each ≥ 3
 ///     How many nodes each axis has: from `lo` to `hi`, both included. On a periodic axis `hi` is the same place as
 ///     `lo`, and the last node is one spacing before it. Neighbouring nodes must differ by more than rounding errors.
-/// periodic : list of int
-///     Which axes close on themselves, from 0, such as headings; none by default.
+/// periodic : list of int, or of bool, shape (D,), optional
+///     Which axes close on themselves, such as headings: their numbers from 0, or for each axis whether it does.
+/// constant_ends : list of int, or of bool, shape (D,), optional
+///     Beyond the ends of which axes V stays what it is at the end. Beyond all others it continues with the slope at the
+///     end, with the sign that leads away from 0, so that nothing that enters from outside looks like a target.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Grid {
@@ -31,12 +35,13 @@ const MOST_NODES: usize = 1 << 28;
 #[pymethods]
 impl Grid {
     #[new]
-    #[pyo3(signature = (lo, hi, nodes, *, periodic=Vec::new()))]
+    #[pyo3(signature = (lo, hi, nodes, *, periodic=None, constant_ends=None))]
     fn new(
         lo: &Bound<'_, PyAny>,
         hi: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = wholes)] nodes: Vec<i64>,
-        #[pyo3(from_py_with = wholes)] periodic: Vec<i64>,
+        periodic: Option<&Bound<'_, PyAny>>,
+        constant_ends: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
         let (lo, hi) = (list("lo", lo)?, list("hi", hi)?);
         if !(1..=4).contains(&lo.len()) {
@@ -53,13 +58,15 @@ impl Grid {
             let nodes = count(&format!("nodes[{d}]"), 3, nodes)?;
             axes.push(Axis::bounded(lo[d], hi[d], nodes));
         }
-        for (i, d) in periodic.into_iter().enumerate() {
-            let axis = usize::try_from(d).ok().and_then(|d| axes.get_mut(d));
-            let Some(axis) = axis else {
-                let expected = format!("an axis, from 0 to {}", lo.len() - 1);
-                return Err(Invalid::new(format!("periodic[{i}]"), expected, d).into());
-            };
-            axis.boundary = Boundary::Periodic;
+        for d in chosen("periodic", periodic, axes.len())? {
+            axes[d].boundary = Boundary::Periodic;
+        }
+        for d in chosen("constant_ends", constant_ends, axes.len())? {
+            if axes[d].is_periodic() {
+                let found = format!("axis {d}, which is periodic");
+                return Err(Invalid::new("constant_ends", "axes with ends", found).into());
+            }
+            axes[d].boundary = Boundary::Constant;
         }
         Self::of_axes(axes)
     }
@@ -91,8 +98,13 @@ impl Grid {
     /// Which axes close on themselves.
     #[getter]
     fn periodic(&self) -> Vec<usize> {
-        let closed = |d: &usize| self.axes[*d].boundary == Boundary::Periodic;
-        (0..self.axes.len()).filter(closed).collect()
+        self.axes_with(Boundary::Periodic)
+    }
+
+    /// Beyond the ends of which axes V stays what it is at the end.
+    #[getter]
+    fn constant_ends(&self) -> Vec<usize> {
+        self.axes_with(Boundary::Constant)
     }
 
     /// The coordinates of the nodes of each axis: D arrays of shape (nodes,).
@@ -120,13 +132,18 @@ impl Grid {
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<NewArguments<'py>> {
         let named = pyo3::types::PyDict::new(py);
         named.set_item("periodic", self.periodic())?;
+        named.set_item("constant_ends", self.constant_ends())?;
         Ok(((self.lo(py)?, self.hi(py)?, self.nodes()), named))
     }
 
     pub(crate) fn __repr__(&self) -> String {
         let ends = |end: fn(&Axis) -> f64| self.axes.iter().map(end).collect::<Vec<_>>();
+        let constant = match &self.constant_ends()[..] {
+            [] => String::new(),
+            axes => format!(", constant_ends={axes:?}"),
+        };
         format!(
-            "Grid(lo={:?}, hi={:?}, nodes={:?}, periodic={:?})",
+            "Grid(lo={:?}, hi={:?}, nodes={:?}, periodic={:?}{constant})",
             ends(|axis| axis.low),
             ends(|axis| axis.high),
             self.nodes(),
@@ -151,6 +168,10 @@ impl Grid {
             return Err(Invalid::new("nodes", format!("at most {MOST_NODES} in all"), nodes).into());
         }
         Ok(Self { axes })
+    }
+
+    fn axes_with(&self, boundary: Boundary) -> Vec<usize> {
+        (0..self.axes.len()).filter(|d| self.axes[*d].boundary == boundary).collect()
     }
 
     /// Number of nodes.
@@ -203,6 +224,48 @@ impl Grid {
             Err(wrong_shape(field, &expected, &shape))
         }
     }
+}
+
+/// The axes that an argument names: by their numbers, or by a boolean for each. Python takes `True` for 1, so that a list of
+/// booleans has to be told from one of numbers.
+fn chosen(
+    field: &str,
+    object: Option<&Bound<'_, PyAny>>,
+    axes: usize,
+) -> Result<Vec<usize>, Error> {
+    let Some(object) = object else { return Ok(Vec::new()) };
+    let entries: Vec<Bound<'_, PyAny>> = object.extract()?;
+    let is_boolean = |entry: &Bound<'_, PyAny>| {
+        let dtype = entry.getattr("dtype").and_then(|of| of.getattr("kind")?.extract::<char>());
+        entry.is_instance_of::<PyBool>() || dtype.is_ok_and(|kind| kind == 'b')
+    };
+    let booleans = entries.iter().filter(|entry| is_boolean(entry)).count();
+    if booleans > 0 {
+        if booleans < entries.len() {
+            let expected = "numbers of axes, or a boolean for each axis";
+            return Err(Invalid::new(field, expected, "both in one list").into());
+        }
+        if booleans != axes {
+            let expected = format!("{axes} booleans, one for each axis, or numbers of axes");
+            return Err(Invalid::new(field, expected, booleans).into());
+        }
+        let mut named = Vec::new();
+        for (d, entry) in entries.iter().enumerate() {
+            if entry.is_truthy()? {
+                named.push(d);
+            }
+        }
+        return Ok(named);
+    }
+    let mut named = Vec::new();
+    for (i, d) in wholes(object)?.into_iter().enumerate() {
+        let Some(d) = usize::try_from(d).ok().filter(|d| *d < axes) else {
+            let expected = format!("an axis, from 0 to {}", axes - 1);
+            return Err(Invalid::new(format!("{field}[{i}]"), expected, d).into());
+        };
+        named.push(d);
+    }
+    Ok(named)
 }
 
 /// Reserves memory for `count` numbers of the argument `field`.

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use pyo3::exceptions::PyFutureWarning;
 use pyo3::prelude::*;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::cartesian::{
@@ -39,8 +40,10 @@ use crate::value::checked;
 /// times : float or array of float64, shape (nt,)
 ///     The horizon > 0, s; or the instants at which V is kept, s, which rise from 0 to the horizon in equal steps.
 ///     They are times of the march: the time left, or with `direction="forward"` the time since the beginning.
+/// avoid : array of float64 or callable or None, shape (*nodes,)
+///     g(x), < 0 in what must not be entered: V ≥ -g. Best a distance, negative inside, as for the target.
 /// obstacle : array of float64 or callable or None, shape (*nodes,)
-///     Positive in what must not be entered: V ≥ obstacle.
+///     The same with the other sign, **positive** inside, as in earlier versions: use `avoid`. Warns.
 /// kind : {"tube", "set"}
 ///     Whether a state counts that reaches the target at any time up to the horizon, or exactly at the horizon.
 /// direction : {"backward", "forward"}
@@ -61,13 +64,21 @@ use crate::value::checked;
 /// -------
 /// Solution
 ///
+/// Notes
+/// -----
+/// A tube's V is between the least l at any node and max(l, -g), at every node.
+///
+/// Beyond the grid nothing is known. There V continues as `Grid` says, and where paths leave the grid, V depends on that:
+/// `Solution.depends_on_outside` marks such nodes. If they matter, take a larger grid.
+///
 /// Raises
 /// ------
 /// ValueError
-///     If an array has another shape or dtype or a number that is not finite, a box has its ends in the wrong order,
+///     If an obstacle covers all of the grid or of the target, or V is not finite (numbers too large for single
+///     precision). If an array has another shape or dtype or a number that is not finite, a box has its ends in the wrong order,
 ///     the instants are not evenly spaced, or the grid needs too much memory or is too small for the scheme.
 #[pyfunction]
-#[pyo3(signature = (grid, f0, Gu, Gd, u_box, d_box, target, times, *, obstacle=None, kind="tube", direction="backward", scheme="weno5", cfl=None, tolerance=None, threads=None, progress=None))]
+#[pyo3(signature = (grid, f0, Gu, Gd, u_box, d_box, target, times, *, avoid=None, obstacle=None, kind="tube", direction="backward", scheme="weno5", cfl=None, tolerance=None, threads=None, progress=None))]
 #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
 #[allow(non_snake_case, reason = "the names of the field")]
 pub(crate) fn hj_solve(
@@ -80,6 +91,7 @@ pub(crate) fn hj_solve(
     d_box: Option<&Bound<'_, PyAny>>,
     target: &Bound<'_, PyAny>,
     times: &Bound<'_, PyAny>,
+    avoid: Option<&Bound<'_, PyAny>>,
     obstacle: Option<&Bound<'_, PyAny>>,
     kind: &str,
     direction: &str,
@@ -98,7 +110,7 @@ pub(crate) fn hj_solve(
         minimiser: inputs(grid, ["Gu", "u_box"], Gu, u_box)?,
         maximiser: inputs(grid, ["Gd", "d_box"], Gd, d_box)?,
         target: Grid::at_nodes(grid, "target", &[], target)?,
-        obstacle: obstacle.map(|of| Grid::at_nodes(grid, "obstacle", &[], of)).transpose()?,
+        avoid: avoided(grid, avoid, obstacle)?,
         kind: named("kind", KINDS, kind)?,
         direction: named("direction", DIRECTIONS, direction)?,
         horizon: horizon(horizon_s, slices, tolerance)?,
@@ -199,6 +211,32 @@ fn inputs(
     Ok((Grid::at_nodes(grid, matrix_name, &tail, matrix)?, ranges))
 }
 
+/// What must not be entered, and whether the function is negative inside.
+fn avoided(
+    grid: &Bound<'_, Grid>,
+    avoid: Option<&Bound<'_, PyAny>>,
+    obstacle: Option<&Bound<'_, PyAny>>,
+) -> Result<Option<(Vec<f64>, bool)>, Error> {
+    match (avoid, obstacle) {
+        (None, None) => Ok(None),
+        (Some(avoid), None) => Ok(Some((Grid::at_nodes(grid, "avoid", &[], avoid)?, true))),
+        (None, Some(obstacle)) => {
+            let kind = grid.py().get_type::<PyFutureWarning>();
+            PyErr::warn(
+                grid.py(),
+                &kind,
+                c"obstacle: it is taken as positive inside, unlike the target. \
+                  Use avoid=-obstacle, which is negative inside, as the target is",
+                1,
+            )?;
+            Ok(Some((Grid::at_nodes(grid, "obstacle", &[], obstacle)?, false)))
+        }
+        (Some(_), Some(_)) => {
+            Err(Invalid::new("obstacle", "None beside avoid", "both of them").into())
+        }
+    }
+}
+
 /// A complaint in the names of the arguments.
 fn of_arguments(mut invalid: Invalid) -> Invalid {
     for (theirs, ours) in [
@@ -225,7 +263,8 @@ struct Task {
     minimiser: OfPlayer,
     maximiser: OfPlayer,
     target: Vec<f64>,
-    obstacle: Option<Vec<f64>>,
+    /// With whether it is negative inside.
+    avoid: Option<(Vec<f64>, bool)>,
     kind: Kind,
     direction: Direction,
     horizon: Horizon,
@@ -243,13 +282,17 @@ impl Task {
             .minimiser(&self.minimiser.0, &self.minimiser.1)?
             .maximiser(&self.maximiser.0, &self.maximiser.1)?;
         let target = |state| at(&grid, &self.target, state);
-        let obstacle = self.obstacle.as_ref();
-        let obstacle = obstacle.map(|obstacle| move |state| at(&grid, obstacle, state));
-        let obstacle = obstacle.as_ref();
+        let avoid =
+            |state| self.avoid.as_ref().map_or(f64::NAN, |(avoid, _)| at(&grid, avoid, state));
         let problem = Problem::new(&game, grid, Region::Static(&target), self.horizon)
-            .with_obstacle(obstacle.map(|obstacle| Region::Static(obstacle)))
             .with_kind(self.kind)
             .with_direction(self.direction);
+        let problem = match &self.avoid {
+            None => problem,
+            Some((_, true)) => problem.with_avoid(Region::Static(&avoid)),
+            #[allow(deprecated, reason = "so is the argument")]
+            Some((_, false)) => problem.with_obstacle(Region::Static(&avoid)),
+        };
         let solution = cartesian::solve::<f32, D, _>(&problem, &self.settings, report)?;
         Ok(Box::new(OnGrid { solution, game: Some(game) }))
     }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyString};
 use sidestep::invalid::Invalid;
 use sidestep::reachability::cartesian::{self, Direction, Kind};
 use sidestep::reachability::{self, AffineArrays};
@@ -12,8 +12,9 @@ use sidestep::reachability::{self, AffineArrays};
 use crate::arrays::{Array, Numbers, place, rows_of, shaped};
 use crate::error::Error;
 use crate::files::{read, write};
+use crate::function::named;
 use crate::grid::Grid;
-use crate::scalars::{some_real, some_whole};
+use crate::scalars::{real, some_real, some_whole};
 use crate::value::{checked, in_parts};
 
 /// Values on the nodes.
@@ -22,7 +23,8 @@ type Values<'py> = Bound<'py, numpy::PyArrayDyn<f32>>;
 /// What `hj_solve` found: V on the nodes, and by interpolation at any state of the grid.
 ///
 /// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences at both ends
-/// of an edge; between instants it is linear in time. Outside the grid there is no value: a state there is refused.
+/// of an edge; between instants it is linear in time. Outside the grid there is no value: a state there is refused, or
+/// has NaN on request.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Solution {
     pub(crate) grid: Grid,
@@ -86,6 +88,8 @@ impl Solution {
     ///     On the grid; any real along periodic axes.
     /// tau_s : float, optional
     ///     The time of the march, s, as in `times`; the horizon by default.
+    /// outside : {"raise", "nan"}
+    ///     Whether a state outside the grid is refused, or has NaN.
     /// threads : int, optional
     ///     The greatest number of threads; by default as many as the machine has processors.
     ///
@@ -93,14 +97,16 @@ impl Solution {
     /// -------
     /// array of float64, shape (…,)
     ///     V; at ≤ 0 the state belongs to the tube or set.
-    #[pyo3(signature = (states, *, tau_s=None, threads=None))]
+    #[pyo3(signature = (states, *, tau_s=None, outside="raise", threads=None))]
     fn value<'py>(
         &self,
         states: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
+        outside: &str,
         #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
-        let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
+        let instant = tau_s.map_or(Instant::End, Instant::At);
+        let (py, asked) = (states.py(), self.asked(states, instant, outside, threads)?);
         let found = self.solved.samples(py, &asked, false)?;
         Ok(shaped(py, found, &asked.shape)?)
     }
@@ -109,21 +115,23 @@ impl Solution {
     ///
     /// Parameters
     /// ----------
-    /// states, tau_s, threads
+    /// states, tau_s, outside, threads
     ///     As for `value`.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (…, D)
     ///     ∂V/∂x_d, in the unit of V per unit of the coordinate; one-sided where V has a kink.
-    #[pyo3(signature = (states, *, tau_s=None, threads=None))]
+    #[pyo3(signature = (states, *, tau_s=None, outside="raise", threads=None))]
     fn gradient<'py>(
         &self,
         states: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
+        outside: &str,
         #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
-        let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
+        let instant = tau_s.map_or(Instant::End, Instant::At);
+        let (py, asked) = (states.py(), self.asked(states, instant, outside, threads)?);
         let found = self.solved.samples(py, &asked, true)?;
         Ok(shaped(py, found, &[&asked.shape[..], &[self.grid.axes.len()]].concat())?)
     }
@@ -133,8 +141,11 @@ impl Solution {
     ///
     /// Parameters
     /// ----------
-    /// states, tau_s, threads
+    /// states, outside, threads
     ///     As for `value`.
+    /// tau_s : float or "first", optional
+    ///     As for `value`; or for each state the first of `times` at which it belongs to the tube (the horizon if it never
+    ///     does). Long before the horizon V is flat inside a tube, and inputs at the horizon follow rounding errors.
     ///
     /// Returns
     /// -------
@@ -146,18 +157,89 @@ impl Solution {
     /// Raises
     /// ------
     /// ValueError
-    ///     As for `value`; and for a solution that was loaded, which does not know the game.
-    #[pyo3(signature = (states, *, tau_s=None, threads=None))]
+    ///     As for `value`, or `time_to_reach` with "first"; and for a solution that was loaded, which does not know the
+    ///     game.
+    #[pyo3(signature = (states, *, tau_s=None, outside="raise", threads=None))]
     fn inputs<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
+        tau_s: Option<&Bound<'py, PyAny>>,
+        outside: &str,
         #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<(Array<'py>, Array<'py>), Error> {
-        let (py, asked) = (states.py(), self.asked(states, tau_s, threads)?);
+        let instant = match tau_s {
+            None => Instant::End,
+            Some(word) if word.is_instance_of::<PyString>() => {
+                let word: String = word.extract()?;
+                if word != "first" {
+                    return Err(Invalid::new("tau_s", "a number, or \"first\"", word).into());
+                }
+                Instant::First
+            }
+            Some(tau_s) => Instant::At(real(tau_s)?),
+        };
+        let (py, asked) = (states.py(), self.asked(states, instant, outside, threads)?);
         let [(u, m), (d, k)] = self.solved.inputs(py, &asked)?;
         let wide = |width: usize| [&asked.shape[..], &[width]].concat();
         Ok((shaped(py, u, &wide(m))?, shaped(py, d, &wide(k))?))
+    }
+
+    /// The first time of the march at which states belong to the tube: backward the time that they need to the
+    /// target, forward the time after which they are reached.
+    ///
+    /// Parameters
+    /// ----------
+    /// states, threads
+    ///     As for `value`.
+    /// outside : {"nan", "raise"}
+    ///     Whether a state outside the grid has NaN, or is refused.
+    ///
+    /// Returns
+    /// -------
+    /// array of float64, shape (…,)
+    ///     s; 0 in the target, inf where the horizon is too short. Between the instants of `times` V is linear.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     As for `value`; for a set, which is no tube, and where `times` was one number.
+    #[pyo3(signature = (states, *, outside="nan", threads=None))]
+    fn time_to_reach<'py>(
+        &self,
+        states: &Bound<'py, PyAny>,
+        outside: &str,
+        #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
+    ) -> Result<Array<'py>, Error> {
+        let (py, asked) = (states.py(), self.asked(states, Instant::First, outside, threads)?);
+        let found = self.solved.first_times(py, &asked)?;
+        Ok(shaped(py, found, &asked.shape)?)
+    }
+
+    /// Where V may depend on what lies beyond the ends of the grid: a path from there can leave the grid in the time
+    /// marched, if each coordinate changes as fast as anywhere on the grid with that coordinate, for any inputs. The paths that
+    /// matter may leave much later. Where it is False, V is that of a larger grid.
+    ///
+    /// Parameters
+    /// ----------
+    /// tau_s : float, optional
+    ///     The time of the march, s; the horizon by default.
+    ///
+    /// Returns
+    /// -------
+    /// array of bool, shape (*nodes,)
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     For a time that is not from 0 to the horizon, and for a file of an earlier version, which does not say.
+    #[pyo3(signature = (*, tau_s=None))]
+    fn depends_on_outside<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
+    ) -> Result<Bound<'py, numpy::PyArrayDyn<bool>>, Error> {
+        let marked = self.solved.depends_on_outside(tau_s)?;
+        Ok(shaped(py, marked, &self.grid.nodes())?)
     }
 
     /// Writes the values to an .npz file, which `load`, `numpy.load` and the Rust library read. The game is not kept; `pickle` keeps it.
@@ -237,11 +319,13 @@ impl Solution {
     fn asked(
         &self,
         states: &Bound<'_, PyAny>,
-        tau_s: Option<f64>,
+        instant: Instant,
+        outside: &str,
         threads: Option<i64>,
     ) -> Result<Asked, Error> {
+        let is_refused = named("outside", &[("raise", true, ""), ("nan", false, "")], outside)?;
         let Numbers { shape, values } = rows_of("states", self.grid.axes.len(), states)?;
-        Ok(Asked { shape, states: values, tau_s, threads: checked(threads)? })
+        Ok(Asked { shape, states: values, instant, is_refused, threads: checked(threads)? })
     }
 }
 
@@ -285,8 +369,23 @@ pub(crate) trait Solved: Send + Sync {
     fn game(&self) -> Option<GameArrays>;
     /// V or its gradient (D numbers) at states, row by row.
     fn samples(&self, py: Python<'_>, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Error>;
+    /// When states first belong to the tube, s.
+    fn first_times(&self, py: Python<'_>, asked: &Asked) -> Result<Vec<f64>, Error>;
+    /// Which nodes depend on what is beyond the grid, after this time or the horizon.
+    fn depends_on_outside(&self, tau_s: Option<f64>) -> Result<Vec<bool>, Invalid>;
     /// The optimal inputs u and d at states, and how many there are of each.
     fn inputs(&self, py: Python<'_>, asked: &Asked) -> Result<OptimalInputs, Error>;
+}
+
+/// When a solution is looked at.
+#[derive(Clone, Copy)]
+pub(crate) enum Instant {
+    /// At the end of the march.
+    End,
+    /// After so many s of it.
+    At(f64),
+    /// At the first stored instant at which a state belongs to the tube.
+    First,
 }
 
 /// Where a solution is looked at.
@@ -294,7 +393,9 @@ pub(crate) struct Asked {
     /// The shape of the states without their last axis.
     shape: Vec<usize>,
     states: Vec<f64>,
-    tau_s: Option<f64>,
+    instant: Instant,
+    /// Whether states outside the grid are refused; else they have NaN.
+    is_refused: bool,
     threads: usize,
 }
 
@@ -308,10 +409,10 @@ pub(crate) struct OnGrid<const D: usize> {
 }
 
 impl<const D: usize> OnGrid<D> {
-    fn at(&self, tau_s: Option<f64>) -> Result<cartesian::Snapshot<'_, f32, D>, Invalid> {
-        match tau_s {
-            None => Ok(self.solution.end()),
-            Some(tau_s) => {
+    fn at(&self, instant: Instant) -> Result<cartesian::Snapshot<'_, f32, D>, Invalid> {
+        match instant {
+            Instant::End | Instant::First => Ok(self.solution.end()),
+            Instant::At(tau_s) => {
                 let horizon_s = self.solution.horizon_s;
                 if self.solution.earlier.is_empty() && tau_s != horizon_s {
                     let expected = format!("{horizon_s} s, since `times` was one number");
@@ -322,17 +423,20 @@ impl<const D: usize> OnGrid<D> {
         }
     }
 
-    /// One result for each state.
-    fn each<T: Send + Clone>(
+    /// One result for each state; `outside` for one outside the grid, if that is not refused.
+    fn each<T: Send + Sync + Clone>(
         &self,
         py: Python<'_>,
         asked: &Asked,
-        unseen: T,
+        outside: T,
         of: impl Fn([f64; D]) -> Result<T, Invalid> + Sync,
     ) -> Result<Vec<T>, Error> {
         let states = asked.states.as_chunks::<D>().0;
-        in_parts(py, states, asked.threads, unseen, |first, states, found| {
+        in_parts(py, states, asked.threads, outside, |first, states, found| {
             for (i, (found, &state)) in found.iter_mut().zip(states).enumerate() {
+                if !asked.is_refused && !self.solution.grid.contains(state) {
+                    continue;
+                }
                 *found = of(state).map_err(|mut invalid| {
                     // The library names a coordinate of the state; the array has many.
                     let coordinate = invalid.field.strip_prefix("state[");
@@ -376,23 +480,40 @@ impl<const D: usize> Solved for OnGrid<D> {
     }
 
     fn samples(&self, py: Python<'_>, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Error> {
-        let then = self.at(asked.tau_s)?;
+        let then = self.at(asked.instant)?;
         if gradient {
-            let found = self.each(py, asked, [0.0; D], |state| Ok(then.sample(state)?.gradient))?;
+            let outside = [f64::NAN; D];
+            let found = self.each(py, asked, outside, |state| Ok(then.sample(state)?.gradient))?;
             return Ok(found.into_flattened());
         }
-        self.each(py, asked, 0.0, |state| then.value(state))
+        self.each(py, asked, f64::NAN, |state| then.value(state))
+    }
+
+    fn first_times(&self, py: Python<'_>, asked: &Asked) -> Result<Vec<f64>, Error> {
+        self.each(py, asked, f64::NAN, |state| self.solution.time_to_reach(state))
+    }
+
+    fn depends_on_outside(&self, tau_s: Option<f64>) -> Result<Vec<bool>, Invalid> {
+        let marked = self.solution.depends_on_outside(tau_s.unwrap_or(self.solution.horizon_s))?;
+        let expected = "a solution that knows how soon paths leave the grid";
+        marked.ok_or_else(|| Invalid::new("solution", expected, "a file of an earlier version"))
     }
 
     fn inputs(&self, py: Python<'_>, asked: &Asked) -> Result<OptimalInputs, Error> {
-        let then = self.at(asked.tau_s)?;
+        let then = self.at(asked.instant)?;
         let Some(game) = &self.game else {
             let expected = "one that hj_solve returned: a file keeps V, not the game";
             return Err(Invalid::new("solution", expected, "one that was loaded").into());
         };
-        let nobody = reachability::Inputs { minimiser: Vec::new(), maximiser: Vec::new() };
-        let found = self.each(py, asked, nobody, |state| then.inputs(game, state))?;
         let ranges = game.ranges();
+        let outside = reachability::Inputs {
+            minimiser: vec![f64::NAN; ranges.minimiser.len()],
+            maximiser: vec![f64::NAN; ranges.maximiser.len()],
+        };
+        let found = self.each(py, asked, outside, |state| match asked.instant {
+            Instant::First => self.solution.first_inputs(game, state),
+            Instant::End | Instant::At(_) => then.inputs(game, state),
+        })?;
         let (mut u, mut d) = (Vec::new(), Vec::new());
         for inputs in found {
             u.extend(inputs.minimiser);

@@ -44,6 +44,21 @@ def test_a_grid_is_what_it_says():
     assert (grid.nodes, grid.periodic) == ([5, 8], [1]) and pickle.loads(pickle.dumps(grid)) == grid
 
 
+def test_a_mask_of_axes_is_not_their_numbers():
+    def grid(**ends):
+        return sidestep.Grid([0, 0, 0], [1, 1, 1], [4, 5, 6], **ends)
+
+    for name in ("periodic", "constant_ends"):
+        for mask in ([False, True, True], (False, True, True), np.array([False, True, True]), list(np.array([0, 1, 1]) > 0)):
+            assert getattr(grid(**{name: mask}), name) == [1, 2]
+        for numbers in ([1, 2], np.array([2, 1]), [np.int32(1), 2]):
+            assert getattr(grid(**{name: numbers}), name) == [1, 2]
+        assert getattr(grid(**{name: [False] * 3}), name) == getattr(grid(**{name: []}), name) == []
+    both = grid(periodic=[0], constant_ends=[False, True, False])
+    assert (both.periodic, both.constant_ends) == ([0], [1]) and pickle.loads(pickle.dumps(both)) == both
+    assert both != grid(periodic=[0]) and "constant_ends=[1]" in repr(both)
+
+
 def peer():
     """hj_reachability, which warns while it is imported."""
     import warnings
@@ -92,10 +107,10 @@ def test_a_double_integrator_with_an_obstacle_as_hj_reachability_has_it(plane):
 
     x = plane.states
     target = np.hypot(x[..., 0], x[..., 1]) - 0.5
-    obstacle = 0.4 - np.hypot(x[..., 0] - 1.2, x[..., 1] + 0.5)
-    theirs = peer_values(hj, jnp, Dynamics(), plane, target, obstacle, 1.0)
+    avoid = np.hypot(x[..., 0] - 1.2, x[..., 1] + 0.5) - 0.4
+    theirs = peer_values(hj, jnp, Dynamics(), plane, target, -avoid, 1.0)
     ours = sidestep.hj_solve(
-        plane, double_integrator, PUSH, [[0.0], [0.3]], [[-1, 1]], [[-1, 1]], target, 1.0, obstacle=obstacle
+        plane, double_integrator, PUSH, [[0.0], [0.3]], [[-1, 1]], [[-1, 1]], target, 1.0, avoid=avoid
     ).values[-1]
     moved = np.abs(ours - target) > 0.1
     assert moved.mean() > 0.1
@@ -122,6 +137,85 @@ def test_a_pursuit_as_hj_reachability_has_it():
     assert np.abs(ours - target).max() > 1
     # The spacing is 0.5 m.
     assert gap.max() < 0.15 and gap.mean() < 0.01, (gap.max(), gap.mean())
+
+
+def test_an_obstacle_of_the_old_convention_still_is_one(plane):
+    x = plane.states
+    avoid = np.hypot(x[..., 0] - 1.2, x[..., 1] + 0.5) - 0.4
+
+    def solved(**obstacle):
+        return sidestep.hj_solve(plane, double_integrator, PUSH, None, [[-1, 1]], None, strip, 0.5, **obstacle).values
+
+    with pytest.warns(FutureWarning, match="positive inside, unlike the target. Use avoid=-obstacle"):
+        old = solved(obstacle=-avoid)
+    np.testing.assert_array_equal(old, solved(avoid=avoid))
+    assert (old >= -avoid.astype(np.float32)).all() and not np.array_equal(old, solved())
+
+
+def test_an_obstacle_may_be_an_indicator(plane):
+    """With ±10⁶ beside distances the tube is that of the distance, but for cells beside the obstacle."""
+    x = plane.states
+    distance = np.hypot(x[..., 0] - 1.2, x[..., 1] + 0.5) - 0.4
+
+    def inside(avoid):
+        solution = sidestep.hj_solve(plane, double_integrator, PUSH, None, [[-1, 1]], None, strip, 1.0, avoid=avoid)
+        assert solution.values.min() >= -0.5
+        return solution.values[-1] <= 0
+
+    expected, found = inside(distance), inside(np.where(distance < 0, -1e6, 1e6))
+    assert (found <= expected).all() or (found & ~expected).sum() <= 5
+    assert (found >= inside(distance - 0.4)).all()
+
+
+def test_ends_of_a_grid(plane):
+    """ẋ = -1: V(x, T) is l(x - T), with l = x beyond the end or constant there."""
+    x = np.linspace(-1, 2, 61)
+    for ends, lowest in (([], -1.5), ([0], -1.0)):
+        grid = sidestep.Grid([-1], [2], [61], constant_ends=ends)
+        solution = sidestep.hj_solve(grid, [-1.0], None, None, None, None, lambda x: x[..., 0], 0.5, kind="set")
+        np.testing.assert_allclose(solution.values[-1], np.maximum(x - 0.5, lowest), atol=0.06)
+        marked = solution.depends_on_outside()
+        np.testing.assert_array_equal(marked[[0, 9, 11, 49, 51, 60]], [True, True, False, False, True, True])
+        assert not solution.depends_on_outside(tau_s=0.0).any()
+
+
+def test_states_outside_have_nan_on_request(solution):
+    states = np.array([[0.9, 0.1], [3.0001, 0.0], [0.0, -2.5]])
+    for found in (
+        solution.value(states, outside="nan"),
+        solution.gradient(states, outside="nan")[:, 1],
+        solution.inputs(states, outside="nan")[0][:, 0],
+        solution.time_to_reach(states),
+    ):
+        np.testing.assert_array_equal(np.isnan(found), [False, True, True])
+    for call in (solution.value, solution.gradient, solution.inputs):
+        with pytest.raises(ValueError, match=r"states\[1, 0\]: expected a number from -3 to 3.*found 3.0001"):
+            call(states)
+    with pytest.raises(ValueError, match=r"states\[1, 0\]: expected a number"):
+        solution.time_to_reach(states, outside="raise")
+
+
+def test_inputs_at_the_first_time_arrive():
+    """A car that needs 3.5 to 5 s, though 12 s were solved for."""
+    grid = sidestep.Grid([-6, -6, 0], [6, 6, 2 * np.pi], [41, 41, 32], periodic=[2])
+
+    def drift(states):
+        return np.stack([np.cos(states[..., 2]), np.sin(states[..., 2]), 0 * states[..., 2]], axis=-1)
+
+    solution = sidestep.hj_solve(
+        grid, drift, [[0], [0], [1]], None, [[-1, 1]], None,
+        lambda x: np.hypot(x[..., 0], x[..., 1]) - 0.5, np.linspace(0, 12, 49),
+    )
+    state = np.array([[-4.5, 0.5, 0.1], [1.0, 4.2, -np.pi / 2], [2.5, -2.5, np.pi]])
+    needed = solution.time_to_reach(state)
+    assert ((3.4 < needed) & (needed < 5.1)).all(), needed
+    arrived = np.full(3, np.inf)
+    for step in range(300):
+        u, _ = solution.inputs(state, tau_s="first")
+        state = state + 0.02 * (drift(state) + u * [0, 0, 1])
+        there = np.hypot(state[:, 0], state[:, 1]) <= 0.5
+        arrived = np.minimum(arrived, np.where(there, 0.02 * (step + 1), np.inf))
+    assert (arrived < needed + 0.3).all(), (arrived, needed)
 
 
 def test_straight_motion_is_known():
@@ -301,6 +395,13 @@ REFUSED = [
     (lambda: sidestep.Grid([0, 1], [1, 1], [3, 3]), r"hi\[1\]: expected above the lower end 1, found 1"),
     (lambda: sidestep.Grid([0], [1], [2]), r"nodes\[0\]: expected at least 3, found 2"),
     (lambda: sidestep.Grid([0], [1], [3], periodic=[1]), r"periodic\[0\]: expected an axis, from 0 to 0, found 1"),
+    (lambda: sidestep.Grid([0, 0], [1, 1], [3, 3], periodic=[True, 1]), "periodic: expected numbers of axes, or a boolean"),
+    (lambda: sidestep.Grid([0, 0], [1, 1], [3, 3], periodic=[True]), "periodic: expected 2 booleans, .*found 1"),
+    (lambda: sidestep.Grid([0], [1], [3], constant_ends=[-1]), r"constant_ends\[0\]: expected an axis, from 0 to 0, found -1"),
+    (
+        lambda: sidestep.Grid([0], [1], [3], periodic=[0], constant_ends=[0]),
+        "constant_ends: expected axes with ends, found axis 0, which is periodic",
+    ),
     (lambda: sidestep.Grid([0] * 4, [1] * 4, [10**6] * 4), "nodes: expected at most 268435456 in all"),
     (lambda: solve(f0=np.zeros(3)), r"f0: expected an array of shape \(5, 4, 2\) or \(2,\), found shape \(3,\)"),
     (lambda: solve(f0=[0.0, np.nan]), r"f0\[1\]: expected a finite number, found NaN"),
@@ -311,7 +412,10 @@ REFUSED = [
     (lambda: solve(u_box=[1.0, 2.0]), r"u_box: expected an array of shape \(m, 2\) with m ≥ 1, found shape \(2,\)"),
     (lambda: solve(u_box=[[1.0, -1.0]]), r"u_box\[0\]\[1\]: expected 1 or more, the lower end, found -1"),
     (lambda: solve(target=np.zeros((4, 5))), r"target: expected an array of shape \(5, 4\), found shape \(4, 5\)"),
-    (lambda: solve(obstacle=lambda x: x), r"obstacle: expected an array of shape \(5, 4\), found shape \(5, 4, 2\)"),
+    (lambda: solve(avoid=lambda x: x), r"avoid: expected an array of shape \(5, 4\), found shape \(5, 4, 2\)"),
+    (lambda: solve(avoid=lambda x: x[..., 0], obstacle=np.zeros((5, 4))), "obstacle: expected None beside avoid, found both"),
+    (lambda: solve(avoid=lambda x: 0.5 - x[..., 0] - 1), "avoid: .*negative in the obstacle.*found one that covers all of the grid"),
+    (lambda: solve(avoid=lambda x: x[..., 0] - 0.3), "avoid: .*negative in the obstacle.*found one that covers all of the target"),
     (lambda: solve(times=0.0), "times: expected a finite number > 0, found 0"),
     (lambda: solve(times=[0, 0.4, 1]), r"times\[1\]: expected 0.5: they rise from 0 in equal steps, found 0.4"),
     (lambda: solve(times=[0, -1]), r"times\[0\]: expected a last one > 0"),
@@ -326,6 +430,11 @@ REFUSED = [
     (lambda: solve().value([0.0, 0.0, 0.0]), r"states: expected an array of shape \(…, 2\), found shape \(3,\)"),
     (lambda: solve().value([[[0.5, 0.5]], [[0.5, 9.0]]]), r"states\[1, 0, 1\]: expected a number from 0 to 1.*found 9"),
     (lambda: solve().gradient([0.5, 0.5], tau_s=0.05), "tau_s: expected 0.1 s, since `times` was one number, found 0.05"),
+    (lambda: solve().value([0.5, 9.0], outside="clip"), "outside: expected one of raise, nan, found clip"),
+    (lambda: solve().inputs([0.5, 0.5], tau_s="last"), 'tau_s: expected a number, or "first", found last'),
+    (lambda: solve().time_to_reach([0.5, 0.5]), "solution: expected several stored instants .*found only the end"),
+    (lambda: solve(kind="set").time_to_reach([0.5, 0.5]), "kind: expected a tube, .*found a set"),
+    (lambda: solve().depends_on_outside(tau_s=1.0), "tau_s: expected a time from 0 to the horizon"),
     (lambda: solve(times=[0, 0.1]).inputs([0.5, 0.5], tau_s=1.0), "tau_s: expected a time from 0 to the horizon"),
 ]
 

@@ -30,6 +30,11 @@ pub trait Real:
     /// |self|.
     #[must_use]
     fn abs(self) -> Self;
+    /// The largest power of two that is at most `self`, which is not negative, and its reciprocal: products with
+    /// them round nothing. Below the smallest normal number the power is 0; where the reciprocal would be below it, that is
+    /// 0.
+    #[must_use]
+    fn power_of_two(self) -> [Self; 2];
     /// The larger of the two. A plain comparison, which is one instruction in any lane width; unlike
     /// `f64::max`, it does not avoid NaN.
     #[must_use]
@@ -63,9 +68,42 @@ macro_rules! real {
             fn abs(self) -> Self {
                 <$type>::abs(self)
             }
+            #[inline(always)]
+            fn power_of_two(self) -> [Self; 2] {
+                // The bits of the exponent alone; those of a number and its reciprocal add up to twice those of 1.
+                let power = self.to_bits() & <$type>::INFINITY.to_bits();
+                let reciprocal = (2 * <$type>::to_bits(1.0)).wrapping_sub(power);
+                [power, reciprocal].map(<$type>::from_bits)
+            }
         }
     };
 }
 
 real!(f32);
 real!(f64);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check<T: Real>(exponents: core::ops::RangeInclusive<i32>) {
+        let two = T::from_f64(2.0);
+        for exponent in exponents {
+            let expected = (0..exponent.abs())
+                .fold(1.0, |power, _| if exponent > 0 { 2.0 * power } else { 0.5 * power });
+            for share in [1.0, 1.37, 1.999] {
+                let [power, reciprocal] = T::from_f64(share * expected).power_of_two();
+                assert_eq!([power.to_f64(), (power * reciprocal).to_f64()], [expected, 1.0]);
+            }
+        }
+        let [power, reciprocal] = T::ZERO.power_of_two();
+        assert!(power == T::ZERO && reciprocal > two && reciprocal.to_f64().is_finite());
+    }
+
+    #[test]
+    fn powers_of_two_are_exact_and_have_exact_reciprocals() {
+        check::<f32>(-126..=126);
+        check::<f64>(-1022..=1022);
+        assert_eq!(f32::MAX.power_of_two(), [1.701_411_8e38, 0.0]);
+    }
+}

@@ -168,7 +168,13 @@ class SafetyLevels:
 @final
 class Grid:
     def __new__(
-        cls, lo: ArrayLike, hi: ArrayLike, nodes: Sequence[int], *, periodic: Sequence[int] = ...
+        cls,
+        lo: ArrayLike,
+        hi: ArrayLike,
+        nodes: Sequence[int],
+        *,
+        periodic: Sequence[int] | NDArray[np.bool_] | None = None,
+        constant_ends: Sequence[int] | NDArray[np.bool_] | None = None,
     ) -> Self: ...
     @property
     def lo(self) -> _Floats: ...
@@ -180,6 +186,8 @@ class Grid:
     def nodes(self) -> list[int]: ...
     @property
     def periodic(self) -> list[int]: ...
+    @property
+    def constant_ends(self) -> list[int]: ...
     @property
     def axes(self) -> list[_Floats]: ...
     @property
@@ -204,11 +212,34 @@ class Solution:
     def steps(self) -> int: ...
     @property
     def residual(self) -> float: ...
-    def value(self, states: ArrayLike, *, tau_s: float | None = None, threads: int | None = None) -> _Floats: ...
-    def gradient(self, states: ArrayLike, *, tau_s: float | None = None, threads: int | None = None) -> _Floats: ...
+    def value(
+        self,
+        states: ArrayLike,
+        *,
+        tau_s: float | None = None,
+        outside: Literal["raise", "nan"] = "raise",
+        threads: int | None = None,
+    ) -> _Floats: ...
+    def gradient(
+        self,
+        states: ArrayLike,
+        *,
+        tau_s: float | None = None,
+        outside: Literal["raise", "nan"] = "raise",
+        threads: int | None = None,
+    ) -> _Floats: ...
     def inputs(
-        self, states: ArrayLike, *, tau_s: float | None = None, threads: int | None = None
+        self,
+        states: ArrayLike,
+        *,
+        tau_s: float | Literal["first"] | None = None,
+        outside: Literal["raise", "nan"] = "raise",
+        threads: int | None = None,
     ) -> tuple[_Floats, _Floats]: ...
+    def time_to_reach(
+        self, states: ArrayLike, *, outside: Literal["nan", "raise"] = "nan", threads: int | None = None
+    ) -> _Floats: ...
+    def depends_on_outside(self, *, tau_s: float | None = None) -> NDArray[np.bool_]: ...
     def save(self, path: _Path) -> None: ...
     @staticmethod
     def load(path: _Path) -> Solution: ...
@@ -229,6 +260,7 @@ def hj_solve(
     target: _OnNodes,
     times: ArrayLike,
     *,
+    avoid: _OnNodes | None = None,
     obstacle: _OnNodes | None = None,
     kind: Literal["tube", "set"] = "tube",
     direction: Literal["backward", "forward"] = "backward",

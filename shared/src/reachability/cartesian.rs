@@ -12,6 +12,7 @@ mod layout;
 mod kernel;
 mod solution;
 mod mirror;
+mod speeds;
 mod march;
 
 use super::game::Game;
@@ -76,6 +77,20 @@ impl<const D: usize> Region<'_, D> {
     }
 }
 
+/// What must not be entered.
+struct Avoid<'a, const D: usize> {
+    region: Region<'a, D>,
+    /// What makes it positive inside: V is at least sign · region.
+    sign: f64,
+}
+
+impl<const D: usize> Avoid<'_, D> {
+    /// The name of what set it.
+    fn name(&self) -> &'static str {
+        if self.sign < 0.0 { "avoid" } else { "obstacle" }
+    }
+}
+
 /// When the march ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -100,8 +115,7 @@ pub struct Problem<'a, const D: usize, G> {
     pub grid: Grid<D>,
     /// l(x): the target is {l ≤ 0}; V starts as l.
     pub target: Region<'a, D>,
-    /// The states that must not be entered: positive inside, V ≥ obstacle (reach-avoid).
-    pub obstacle: Option<Region<'a, D>>,
+    avoid: Option<Avoid<'a, D>>,
     /// Tube or set.
     pub kind: Kind,
     /// Backward or forward.
@@ -114,7 +128,7 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
     /// A backward tube of `target` without obstacle.
     pub fn new(game: &'a G, grid: Grid<D>, target: Region<'a, D>, horizon: Horizon) -> Self {
         let (kind, direction) = (Kind::Tube, Direction::Backward);
-        Self { game, grid, target, obstacle: None, kind, direction, horizon }
+        Self { game, grid, target, avoid: None, kind, direction, horizon }
     }
 
     /// From which states is the target {l ≤ 0} reached within `seconds`? A backward tube without
@@ -128,10 +142,20 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
         Self::new(game, grid, Region::Static(target), Horizon::Finite(seconds))
     }
 
-    /// Sets [`Self::obstacle`], the obstacle; none for none.
+    /// Sets the obstacle g(x), whose inside {g < 0} must not be entered; none for none. As the target it is negative
+    /// inside, best a distance: V ≥ −g.
+    #[must_use]
+    pub fn with_avoid(self, avoid: impl Into<Option<Region<'a, D>>>) -> Self {
+        let avoid = avoid.into().map(|region| Avoid { region, sign: -1.0 });
+        Self { avoid, ..self }
+    }
+
+    /// The same with the other sign: V ≥ obstacle, which is **positive** inside.
+    #[deprecated(note = "use `with_avoid`, whose function is negative inside as the target is")]
     #[must_use]
     pub fn with_obstacle(self, obstacle: impl Into<Option<Region<'a, D>>>) -> Self {
-        Self { obstacle: obstacle.into(), ..self }
+        let avoid = obstacle.into().map(|region| Avoid { region, sign: 1.0 });
+        Self { avoid, ..self }
     }
 
     /// Sets [`Self::kind`], tube or set.
@@ -232,13 +256,25 @@ impl Settings {
 
 /// Solves `problem`.
 ///
+/// # Bounds
+/// A tube's V is the least value of the target along a path, or what the obstacle adds. So at every node
+/// min l ≤ V ≤ max(l, −g), where min l is the least value of the target at any node so far. Schemes of higher order
+/// undershoot beside kinks; each stage brings V back to min l, as it does to l and −g. What no scheme does in one
+/// stage is no undershoot but an error.
+///
+/// # Where the grid ends
+/// Beyond an end nothing is known, and [`Boundary`](super::Boundary) says what is taken instead. Where the flow leaves
+/// the grid, V depends on that. [`Solution::earliest_exit_s`] has the time before which no path leaves: V of a shorter march
+/// does not depend on it.
+///
 /// The solve calls `progress` after every step; it may cancel the solve.
 ///
 /// # Errors
 /// [`SolveError::Invalid`] for a grid that is too small for the scheme or too large
 /// for the memory, a horizon that is not > 0, a `cfl` outside (0, 1], a target, an
-/// obstacle or speed bounds that are not finite at a node (which is named), a game that makes V
-/// infinite or NaN, or stored instants or a clock without a finite horizon;
+/// obstacle or speed bounds that are not finite at a node (which is named), an obstacle that covers all of the grid or
+/// of the target, a game that makes V infinite, NaN or change faster than its speed bounds say, or stored instants or a
+/// clock without a finite horizon;
 /// [`SolveError::Cancelled`] if `progress` cancels it.
 pub fn solve<T: Real, const D: usize, G: Game<D>>(
     problem: &Problem<'_, D, G>,

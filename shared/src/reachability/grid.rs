@@ -13,6 +13,9 @@ pub enum Boundary {
     /// Values continue with the slope at the edge, with the sign that moves them away from zero, so
     /// that nothing that enters from outside looks like a target.
     Extrapolate,
+    /// Values continue as they are at the edge, with slope 0: what leaves the grid keeps the value that it had
+    /// there.
+    Constant,
 }
 
 /// A uniform axis.
@@ -35,6 +38,18 @@ impl Axis {
         Self { low, high, nodes, boundary: Boundary::Extrapolate }
     }
 
+    /// Sets [`Self::boundary`], how values continue beyond the ends.
+    #[must_use]
+    pub fn with_boundary(self, boundary: Boundary) -> Self {
+        Self { boundary, ..self }
+    }
+
+    /// Whether the axis closes on itself, so that it has no ends.
+    #[must_use]
+    pub fn is_periodic(&self) -> bool {
+        self.boundary == Boundary::Periodic
+    }
+
     /// `nodes` nodes of a period from `low`, without the repeated end point.
     #[must_use]
     pub fn periodic(low: f64, high: f64, nodes: usize) -> Self {
@@ -44,10 +59,7 @@ impl Axis {
     /// Distance between neighbouring nodes.
     #[must_use]
     pub fn spacing(&self) -> f64 {
-        let gaps = match self.boundary {
-            Boundary::Periodic => self.nodes,
-            Boundary::Extrapolate => self.nodes - 1,
-        };
+        let gaps = if self.is_periodic() { self.nodes } else { self.nodes - 1 };
         (self.high - self.low) / gaps as f64
     }
 
@@ -61,6 +73,13 @@ impl Axis {
     #[must_use]
     pub fn coordinates(&self) -> Vec<f64> {
         (0..self.nodes as isize).map(|i| self.node(i)).collect()
+    }
+
+    /// Whether a coordinate is on the axis; any number is on a periodic one.
+    #[must_use]
+    pub fn contains(&self, coordinate: f64) -> bool {
+        let within = || (self.low..=self.high).contains(&coordinate);
+        if self.is_periodic() { coordinate.is_finite() } else { within() }
     }
 
     fn check(&self, name: &str, reach: usize) -> Result<(), Invalid> {
@@ -128,19 +147,20 @@ impl<const D: usize> Grid<D> {
         Ok(())
     }
 
+    /// Whether a state is on the grid.
+    #[must_use]
+    pub fn contains(&self, state: [f64; D]) -> bool {
+        self.axes.iter().zip(state).all(|(axis, coordinate)| axis.contains(coordinate))
+    }
+
     /// Refuses a state that is not on the grid, naming the coordinate.
     pub(super) fn check_state(&self, state: [f64; D]) -> Result<(), Invalid> {
         for (d, (axis, coordinate)) in self.axes.iter().zip(state).enumerate() {
-            let is_in = match axis.boundary {
-                Boundary::Periodic => coordinate.is_finite(),
-                Boundary::Extrapolate => (axis.low..=axis.high).contains(&coordinate),
-            };
-            if !is_in {
-                let expected = match axis.boundary {
-                    Boundary::Periodic => "a finite number".to_owned(),
-                    Boundary::Extrapolate => {
-                        format!("a number from {} to {}, the ends of the grid", axis.low, axis.high)
-                    }
+            if !axis.contains(coordinate) {
+                let expected = if axis.is_periodic() {
+                    "a finite number".to_owned()
+                } else {
+                    format!("a number from {} to {}, the ends of the grid", axis.low, axis.high)
                 };
                 return Err(Invalid::new(format!("state[{d}]"), expected, coordinate));
             }
@@ -154,11 +174,10 @@ impl<const D: usize> Grid<D> {
         let (mut cell, mut share) = ([0; D], [0.0; D]);
         for (d, axis) in self.axes.iter().enumerate() {
             let place = (state[d] - axis.low) / axis.spacing();
-            let (place, cells) = match axis.boundary {
-                Boundary::Periodic => (place.rem_euclid(axis.nodes as f64), axis.nodes),
-                Boundary::Extrapolate => {
-                    (place.clamp(0.0, (axis.nodes - 1) as f64), axis.nodes - 1)
-                }
+            let (place, cells) = if axis.is_periodic() {
+                (place.rem_euclid(axis.nodes as f64), axis.nodes)
+            } else {
+                (place.clamp(0.0, (axis.nodes - 1) as f64), axis.nodes - 1)
             };
             // Rounding may give a whole period.
             cell[d] = (place as usize).min(cells - 1);
@@ -173,9 +192,10 @@ impl<const D: usize> Grid<D> {
         for (d, axis) in self.axes.iter().enumerate() {
             let node = cell[d] as isize + steps[d];
             let nodes = axis.nodes as isize;
-            let node = match axis.boundary {
-                Boundary::Periodic => node.rem_euclid(nodes),
-                Boundary::Extrapolate => Some(node).filter(|node| (0..nodes).contains(node))?,
+            let node = if axis.is_periodic() {
+                node.rem_euclid(nodes)
+            } else {
+                Some(node).filter(|node| (0..nodes).contains(node))?
             };
             position = position * axis.nodes + node as usize;
         }

@@ -77,9 +77,8 @@ pub(super) trait Stencil: Send + Sync {
     /// Nodes used on each side of a node, and of a face.
     const REACH: usize;
 
-    /// The right derivative of node 0 and the left derivative of node 1, in units of `unit⁻¹` times the
-    /// data. `v(k)` is the value of node k, from 1 − REACH to REACH; a difference of neighbours times
-    /// `unit` is of order one.
+    /// The right derivative of node 0 and the left derivative of node 1, for nodes `unit⁻¹` apart. `v(k)` is the
+    /// value of node k, from 1 − REACH to REACH. Data times a power of two give derivatives times that power, exactly.
     fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T);
 }
 
@@ -158,9 +157,15 @@ impl Stencil for Weno5 {
 
     #[inline(always)]
     fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
-        let d = |k: isize| (v(k + 1) - v(k)) * unit;
+        let d = |k: isize| v(k + 1) - v(k);
         let (d1, d2, d3, d4, d5) = (d(-2), d(-1), d(0), d(1), d(2));
-        let (a1, a2, a3, a4) = (d2 - d1, d3 - d2, d4 - d3, d5 - d4);
+        // What is smooth depends on these five differences alone: beside an obstacle of 10⁹ a slope of 1 still has its
+        // kinks. In units of a power of two near the largest, no product overflows or vanishes.
+        let largest = d1.abs().larger(d2.abs()).larger(d3.abs());
+        let largest = largest.larger(d4.abs().larger(d5.abs()));
+        let [power, per] = largest.power_of_two();
+        let [n1, n2, n3, n4, n5] = [d1, d2, d3, d4, d5].map(|difference| difference * per);
+        let (a1, a2, a3, a4) = (n2 - n1, n3 - n2, n4 - n3, n5 - n4);
         // Three times the smoothness indicators of Jiang and Shu, as a sum of two
         // squares each, so that rounding cannot make one negative:
         // 4a² − 11ab + 10b² = (2a − 11b/4)² + 39b²/16, 4a² − 5ab + 4b² alike. They belong to the three
@@ -168,7 +173,9 @@ impl Stencil for Weno5 {
         let square = |x: T| x * x;
         let rest = T::from_f64(39.0 / 16.0);
         let (outer_slope, inner_slope) = (T::from_f64(2.75), T::from_f64(1.25));
-        let epsilon = T::from_f64(EPSILON);
+        // Below 1 only where all differences are 0 or have no power of two.
+        let size = (largest * per).larger(T::from_f64(1.0));
+        let epsilon = T::from_f64(EPSILON) * square(size);
         let (e1, e2, e3, e4) = (a1 + a1, a2 + a2, a3 + a3, a4 + a4);
         let (r2, r3) = (rest * square(a2) + epsilon, rest * square(a3) + epsilon);
         let s1 = square(square(e1 - outer_slope * a2) + r2);
@@ -181,17 +188,17 @@ impl Stencil for Weno5 {
         let middle = T::from_f64(6.0) * (s1 * s3);
         let mean = |first: T, last: T, c1: T, c2: T, c3: T| {
             let sum = first + middle + last;
-            (first * c1 + middle * c2 + last * c3) / (T::from_f64(6.0) * sum)
+            (first * c1 + middle * c2 + last * c3) / (T::from_f64(6.0) * sum) * power
         };
         let five = T::from_f64(5.0);
         let left = mean(first, three * last, five * a2 - e1, a2 + e3, e3 + e3 - a4);
         let right = mean(last, three * first, five * a3 - e4, a3 + e2, e2 + e2 - a1);
-        (d3 - right, d3 + left)
+        ((d3 - right) * unit, (d3 + left) * unit)
     }
 }
 
-/// Keeps the weights finite where the data are linear, for differences of order one. Its fourth power
-/// must be a normal number in f32.
+/// Keeps the weights finite where the data are linear, as a share of the square of the stencil's largest difference (Osher
+/// and Fedkiw, (3.38)). Its fourth power must be a normal number in f32.
 const EPSILON: f64 = 3e-6;
 
 #[cfg(test)]
@@ -229,7 +236,9 @@ mod tests {
         let s1 = bend(a - 2.0 * b + c, a - 4.0 * b + 3.0 * c);
         let s2 = bend(b - 2.0 * c + d, b - d);
         let s3 = bend(c - 2.0 * d + e, 3.0 * c - 4.0 * d + e);
-        let w = [(0.1, s1), (0.6, s2), (0.3, s3)].map(|(g, s)| g / square(s + EPSILON / 3.0));
+        let largest = [a, b, c, d, e].into_iter().fold(0.0, |largest: f64, v| largest.max(v.abs()));
+        let epsilon = 1e-6 * square(largest);
+        let w = [(0.1, s1), (0.6, s2), (0.3, s3)].map(|(g, s)| g / square(s + epsilon));
         let q = [
             a / 3.0 - 7.0 * b / 6.0 + 11.0 * c / 6.0,
             -b / 6.0 + 5.0 * c / 6.0 + d / 3.0,
@@ -247,6 +256,50 @@ mod tests {
             let (l, r) = pair::<Weno5>(|k| v[(k + 3) as usize], 1.0);
             assert!((l - weno5_as_printed([d[0], d[1], d[2], d[3], d[4]])).abs() < 1e-12);
             assert!((r - weno5_as_printed([d[5], d[4], d[3], d[2], d[1]])).abs() < 1e-12);
+        }
+    }
+
+    /// Beside large differences and small ones, in both number types, without a scale of all data.
+    #[test]
+    fn scales_within_one_stencil_do_no_harm() {
+        fn check<T: Real>(exponents: core::ops::RangeInclusive<i32>) {
+            let mut rng = crate::math::SeededRng::new(5);
+            for _ in 0..1000 {
+                let v: [f64; 6] = core::array::from_fn(|_| {
+                    f64::from(rng.uniform(-1.0, 1.0) as f32)
+                        * 10.0_f64.powi(rng.below(19) as i32 - 9)
+                });
+                let v = v.map(|v| f64::from(v as f32));
+                let of = |factor: f64| {
+                    let face = Weno5::face(
+                        |k| T::from_f64(factor * v[(k + 2) as usize]),
+                        T::from_f64(1.0),
+                    );
+                    [face.0.to_f64() / factor, face.1.to_f64() / factor]
+                };
+                let [right, left] = of(1.0);
+                let d: [f64; 5] = core::array::from_fn(|k| v[k + 1] - v[k]);
+                let largest = d.iter().fold(0.0_f64, |largest, d| largest.max(d.abs()));
+                let [a, b, c, e, f] = d;
+                let expected = [weno5_as_printed([f, e, c, b, a]), weno5_as_printed(d)];
+                for (found, expected) in [right, left].into_iter().zip(expected) {
+                    assert!(
+                        (found - expected).abs() <= 1e-5 * largest,
+                        "{v:?}: {found} {expected}"
+                    );
+                }
+                for exponent in exponents.clone() {
+                    let factor = 2.0_f64.powi(exponent);
+                    assert_eq!(of(factor), [right, left], "times 2^{exponent}");
+                }
+            }
+        }
+        check::<f32>(-40..=90);
+        check::<f64>(-900..=900);
+        // No differences, the smallest ones and the largest ones.
+        for v in [0.0, f32::from_bits(1), f32::MIN_POSITIVE, 1.6e38] {
+            let (right, left) = Weno5::face(|k| if k % 2 == 0 { v } else { -v }, 1.0);
+            assert!(right.is_finite() && left.is_finite(), "{v:e}: {right:e} {left:e}");
         }
     }
 

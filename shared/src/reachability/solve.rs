@@ -1,6 +1,6 @@
 //! From a pursuit game to its value function, by the method that fits.
 
-use super::cartesian::{self, Direction, Horizon, Kind, Problem, Region};
+use super::cartesian::{self, Horizon, Problem, Region};
 use super::games::RelativeDubins;
 use super::grid::{Axis, Grid};
 use super::polar;
@@ -387,15 +387,8 @@ fn march<T: Real>(
         let slowest = game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
         Horizon::Converged { tolerance: settled(&game), longest_s: 8.0 * PI / slowest }
     };
-    let problem = Problem {
-        game: &RelativeDubins(game),
-        grid: grid.axes(),
-        target: Region::Static(&target),
-        obstacle: None,
-        kind: Kind::Tube,
-        direction: Direction::Backward,
-        horizon,
-    };
+    let relative = RelativeDubins(game);
+    let problem = Problem::new(&relative, grid.axes(), Region::Static(&target), horizon);
     let settings = cartesian::Settings {
         threads: options.threads,
         memory_limit_bytes: options.memory_limit_bytes,

@@ -25,6 +25,11 @@ pub(crate) fn refused(spoil: impl FnOnce(&mut Problem<'_, 2, Drift<2>>, &mut Set
     }
 }
 
+fn avoid<'a>(problem: &mut Problem<'a, 2, Drift<2>>, region: Region<'a, 2>) {
+    let Problem { game, grid, target, horizon, .. } = *problem;
+    *problem = Problem::new(game, grid, target, horizon).with_avoid(region);
+}
+
 #[test]
 fn a_horizon_that_is_no_time_is_refused() {
     for seconds in [0.0, -0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -135,15 +140,15 @@ fn regions_without_a_value_are_refused() {
     let place = "[1.1428571428571428, 2.333333333333333]";
     let complaint = refused(|problem, _| problem.target = Region::Static(&hole));
     assert_eq!([&complaint.field, &complaint.found], ["target", &format!("NaN at {place}")]);
-    let complaint = refused(|problem, _| problem.obstacle = Some(Region::Static(&hole)));
-    assert_eq!([&complaint.field, &complaint.found], ["obstacle", &format!("NaN at {place}")]);
+    let complaint = refused(|problem, _| avoid(problem, Region::Static(&hole)));
+    assert_eq!([&complaint.field, &complaint.found], ["avoid", &format!("NaN at {place}")]);
     // Beyond f32.
     let complaint = refused(|problem, _| problem.target = Region::Static(&huge));
     assert_eq!([&complaint.field, &complaint.found[..3]], ["target", "inf"]);
     let complaint = refused(|problem, _| problem.target = Region::OfMarchTime(&later));
     assert_eq!(complaint.field, "target");
-    let complaint = refused(|problem, _| problem.obstacle = Some(Region::OfMarchTime(&later)));
-    assert_eq!(complaint.field, "obstacle");
+    let complaint = refused(|problem, _| avoid(problem, Region::OfMarchTime(&later)));
+    assert_eq!(complaint.field, "avoid");
 }
 
 #[test]
@@ -155,6 +160,8 @@ fn a_game_without_a_value_is_refused() {
         (Broken { bound: f64::INFINITY, rate: 0.0 }, "game"),
         (Broken { bound: 1.0, rate: f64::NAN }, "value"),
         (Broken { bound: 1.0, rate: f64::NEG_INFINITY }, "value"),
+        (Broken { bound: 1.0, rate: f64::INFINITY }, "value"),
+        (Broken { bound: 1.0, rate: 1e3 }, "value"),
     ] {
         for kind in [Kind::Tube, Kind::Set] {
             let problem = problem(&game, axes, &target, (kind, BACKWARD), 0.2);
@@ -165,6 +172,48 @@ fn a_game_without_a_value_is_refused() {
             assert_eq!(complaint.field, field, "{complaint}");
         }
     }
+}
+
+/// V = max(l, −g) is > 0 wherever g < 0, so nothing is found where an obstacle covers the target.
+#[test]
+fn an_obstacle_that_covers_the_target_is_refused() {
+    let depth = |[x, y]: [f64; 2]| hypot(x, y) - 0.7;
+    let positive_inside = |[x, y]: [f64; 2]| 0.3 - hypot(x - 1.2, y);
+    let shared = |[x, _]: [f64; 2]| x;
+    let game = Drift { drift: [0.5, 0.0], speed: [1.0; 2] };
+    let target = |[x, y]: [f64; 2]| hypot(x, y) - 0.5;
+    let grid = Grid { axes: [Axis::bounded(-2.0, 2.0, 21); 2] };
+    let solve = |problem: Problem<'_, 2, Drift<2>>| {
+        solve::<f32, 2, _>(&problem, &settings(Scheme::Eno2), &mut |_| ControlFlow::Continue(()))
+    };
+    let new = || Problem::new(&game, grid, Region::Static(&target), Horizon::Finite(0.1));
+    let refused = |problem| match solve(problem) {
+        Err(SolveError::Invalid(complaint)) => complaint.to_string(),
+        other => panic!("not refused: {:?}", other.map(|solution| solution.steps)),
+    };
+    let say = |name: &str, inside: &str, what: &str| {
+        format!(
+            "{name}: expected a function that is {inside} in the obstacle (the target's is negative \
+             inside), and an obstacle that leaves some of the target free, found one that covers all \
+             of the {what}"
+        )
+    };
+    let of = |region| refused(new().with_avoid(Region::Static(region)));
+    assert_eq!(of(&depth), say("avoid", "negative", "target"));
+    assert_eq!(of(&|_| -1.0), say("avoid", "negative", "grid"));
+    // The old convention where the new one is meant.
+    assert_eq!(of(&positive_inside), say("avoid", "negative", "target"));
+    #[allow(deprecated, reason = "it still means what it meant")]
+    let old = |region| new().with_obstacle(Region::Static(region));
+    assert_eq!(refused(old(&|_| 1.0)), say("obstacle", "positive", "grid"));
+    // Half of the target is free, and a target nowhere on the grid is nobody's fault.
+    assert!(solve(new().with_avoid(Region::Static(&shared))).is_ok());
+    let far = |_: [f64; 2]| 1.0;
+    let nowhere = Problem::new(&game, grid, Region::Static(&far), Horizon::Finite(0.1));
+    assert!(solve(nowhere.with_avoid(Region::Static(&depth))).is_ok());
+    let twice = [new().with_avoid(Region::Static(&shared)), old(&|[x, _]| -x)];
+    let [new, old] = twice.map(|problem| solve(problem).unwrap().values);
+    assert_eq!(new, old);
 }
 
 #[test]

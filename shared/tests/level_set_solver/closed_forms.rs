@@ -244,19 +244,15 @@ fn a_wall_keeps_off_what_lies_behind_it() {
     let game = Drift { drift: [0.0], speed: [1.0] };
     let target = |[x]: [f64; 1]| x.abs() - radius;
     let height = |[x]: [f64; 1]| width - (x - wall).abs();
+    let depth = |state: [f64; 1]| -height(state);
     let exact = |[x]: [f64; 1]| {
         let free = (x.abs() - seconds).max(0.0) - radius;
         free.max(if x < wall { height([x]) } else { width })
     };
     for scheme in SCHEMES {
-        let mut problem = problem(
-            &game,
-            [Axis::bounded(-5.0, 5.0, 251)],
-            &target,
-            (Kind::Tube, BACKWARD),
-            seconds,
-        );
-        problem.obstacle = Some(Region::Static(&height));
+        let axes = [Axis::bounded(-5.0, 5.0, 251)];
+        let problem = problem(&game, axes, &target, (Kind::Tube, BACKWARD), seconds)
+            .with_avoid(Region::Static(&depth));
         let solution = solved::<f64, 1, _>(&problem, &settings(scheme));
         let dx = solution.grid.axes[0].spacing();
         let inside = |[x]: [f64; 1]| x.abs() < 4.5;

@@ -12,6 +12,9 @@ mod orders;
 mod pursuit;
 mod mirrored;
 mod bad_input;
+mod scales;
+mod ends;
+mod first;
 mod games;
 mod steepening;
 mod solutions;
@@ -71,9 +74,9 @@ fn bumpy<const D: usize>(x: [f64; D], time: f64) -> f64 {
     bowl.max(waves)
 }
 
-/// Positive inside a ball that drifts.
+/// Negative inside a ball that drifts.
 fn ball<const D: usize>(x: [f64; D], time: f64) -> f64 {
-    x.into_iter().fold(0.45, |depth, x| depth - (1.0 - cos(x - 1.13 - 0.8 * time)))
+    x.into_iter().fold(-0.45, |height, x| height + (1.0 - cos(x - 1.13 - 0.8 * time)))
 }
 
 #[derive(Clone, Copy, Debug)]

@@ -35,18 +35,18 @@ fn both(grid: Grid<3>, scheme: Scheme, region: Region<'_, 3>, forward: bool) -> 
     let settings = Settings::new(scheme).with_threads(2).with_slices(2);
     let direction = if forward { Direction::Forward } else { Direction::Backward };
     let game = RelativeDubins(GAME);
-    let obstacle = |[x, y, _]: [f64; 3]| 1.0 - hypot(x - 5.0, y);
+    let obstacle = |[x, y, _]: [f64; 3]| hypot(x - 5.0, y) - 1.0;
     let all = |solution: Solution<f64, 3>| -> Vec<f64> {
         solution.earlier.iter().chain([&solution.values]).flatten().copied().collect()
     };
     let horizon = Horizon::Finite(0.8);
     let half = Problem::new(&game, grid, region, horizon)
         .with_direction(direction)
-        .with_obstacle(Region::Static(&obstacle));
+        .with_avoid(Region::Static(&obstacle));
     let whole = Whole(game);
     let whole = Problem::new(&whole, grid, region, horizon)
         .with_direction(direction)
-        .with_obstacle(Region::Static(&obstacle));
+        .with_avoid(Region::Static(&obstacle));
     [all(solved(&half, &settings)), all(solved(&whole, &settings))]
 }
 

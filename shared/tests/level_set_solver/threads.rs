@@ -10,7 +10,7 @@ pub(crate) fn compare_threads<const D: usize>(axes: [Axis; D], seconds: f64, sin
     let still_ball = |x| ball(x, 0.0);
     let target = Region::OfMarchTime(&bumpy);
     let problem = Problem::new(&Twisted, grid, target, Horizon::Finite(seconds))
-        .with_obstacle(Region::Static(&still_ball));
+        .with_avoid(Region::Static(&still_ball));
     for scheme in [Scheme::Upwind, Scheme::Eno2, Scheme::Weno5] {
         let with = |threads| settings(scheme).with_threads(threads);
         let one = solved::<f64, D, _>(&problem, &with(1));

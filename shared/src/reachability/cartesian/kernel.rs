@@ -47,6 +47,16 @@ pub(super) enum Base<'a, T> {
     Other(T, &'a [T]),
 }
 
+/// Where the values of a tube are.
+#[derive(Clone, Copy)]
+pub(super) struct Range<T> {
+    /// The least value that the target has had. The one of a tube is not below: a path's value is the target's
+    /// somewhere on it, or the obstacle's, which is more. Schemes of higher order undershoot a little.
+    pub(super) lowest: T,
+    /// Lower and higher than any scheme gets in one stage: there the game is at fault, or the number type ends.
+    pub(super) possible: [T; 2],
+}
+
 /// One stage on a part of the slices.
 pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) game: &'a G,
@@ -63,7 +73,21 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) base: Base<'a, T>,
     pub(super) ceiling: Option<&'a [T]>,
     pub(super) floor: Option<&'a [T]>,
+    pub(super) range: Range<T>,
     pub(super) scheme: core::marker::PhantomData<S>,
+}
+
+impl<T: Real> Range<T> {
+    /// A moved value, at least the lowest one; not a number if it is impossible.
+    #[inline(always)]
+    fn keep(&self, moved: T) -> T {
+        let [least, most] = self.possible;
+        if (moved >= least) & (moved <= most) {
+            self.lowest.larger(moved)
+        } else {
+            T::from_f64(f64::NAN)
+        }
+    }
 }
 
 impl<T: Copy, const D: usize, G, S> Clone for Stage<'_, T, D, G, S> {
@@ -293,7 +317,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             (Some(ceiling), None) => {
                 let ceiling = block(ceiling, at);
                 for i in 0..BLOCK {
-                    target[i] = ceiling[i].smaller(moved[i]);
+                    target[i] = ceiling[i].smaller(self.range.keep(moved[i]));
                 }
             }
             (None, Some(floor)) => {
@@ -305,7 +329,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             (Some(ceiling), Some(floor)) => {
                 let (ceiling, floor) = (block(ceiling, at), block(floor, at));
                 for i in 0..BLOCK {
-                    target[i] = floor[i].larger(ceiling[i].smaller(moved[i]));
+                    target[i] = floor[i].larger(ceiling[i].smaller(self.range.keep(moved[i])));
                 }
             }
         }

@@ -119,6 +119,13 @@ pub(super) fn fill_ghosts<T: Real, const D: usize>(
                 }
                 extend_high(line, reach, nodes, stride);
             }
+            Ghosts::Of(Boundary::Constant) => {
+                let (low, high) = (reach * stride, (reach + nodes) * stride);
+                for k in 0..reach {
+                    line.copy_within(low..low + stride, k * stride);
+                    line.copy_within(high - stride..high, high + k * stride);
+                }
+            }
             Ghosts::Mirrored { centred, cells } => {
                 for k in 0..reach {
                     let ghost = (reach - 1 - k) * stride;

@@ -1,12 +1,13 @@
 //! Steps in time, from the target to the horizon.
 
-use super::super::game::{Game, TERMS};
+use super::super::game::Game;
 use super::super::grid::Grid;
 use super::super::progress::{Progress, SolveError, check_memory};
 use super::super::scheme::Stencil;
-use super::kernel::{Base, Stage, Tables, Task};
+use super::kernel::{Base, Range, Stage, Tables, Task};
 use super::layout::{BLOCK, Ghosts, Layout, each_interior, fill_ghosts};
 use super::mirror::Mirror;
+use super::speeds::Speeds;
 use super::{Direction, Horizon, Kind, Problem, Region, Settings, Solution};
 use crate::invalid::Invalid;
 use crate::parallel::{Lanes, Workers, in_lanes};
@@ -25,6 +26,7 @@ struct Marcher<'a, T, const D: usize, G, S> {
     tables: Tables<T, D>,
     units: [T; D],
     scale: f64,
+    cfl: f64,
     workers: Workers,
     lanes: Lanes,
     slices_per_chunk: usize,
@@ -54,6 +56,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             base,
             ceiling: limits.ceiling.as_deref(),
             floor: limits.floor.as_deref(),
+            range: limits.range(self.cfl),
             scheme: core::marker::PhantomData,
         };
         let layout = &self.layout;
@@ -79,15 +82,67 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
 
     /// Brings the limits that move to `time`.
     fn move_limits(&self, limits: &mut Limits<T>, time: f64) -> Result<(), Invalid> {
-        for (name, limit, region) in [
-            ("target", &mut limits.ceiling, Some(&self.problem.target)),
-            ("obstacle", &mut limits.floor, self.problem.obstacle.as_ref()),
-        ] {
-            if let (Some(limit), Some(region)) = (limit, region.filter(|region| region.moves())) {
-                self.sample(name, region, time, limit)?;
-            }
+        if let Some(ceiling) = &mut limits.ceiling
+            && self.problem.target.moves()
+        {
+            self.sample("target", &self.problem.target, 1.0, time, ceiling)?;
+            limits.seen = joined(limits.seen, self.range(ceiling));
+        }
+        if let (Some(floor), Some(avoid)) = (&mut limits.floor, &self.problem.avoid)
+            && avoid.region.moves()
+        {
+            self.sample(avoid.name(), &avoid.region, avoid.sign, time, floor)?;
+            limits.seen[1] = limits.seen[1].max(self.range(floor)[1]);
         }
         Ok(())
+    }
+
+    /// The least and the largest value at a node.
+    fn range(&self, data: &[T]) -> [f64; 2] {
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        self.each_node(data, |_, value| range = joined(range, [value; 2]));
+        range
+    }
+
+    /// Calls `f` with each node and its value.
+    fn each_node(&self, data: &[T], mut f: impl FnMut([usize; D], f64)) {
+        for slice in 0..self.layout.slices() {
+            let start = self.layout.lead() + slice * self.layout.slice_length();
+            each_interior(&self.layout, slice, |index, offset| {
+                f(index, data[start + offset].to_f64());
+            });
+        }
+    }
+
+    /// Refuses a fixed obstacle outside of which there is nothing, or nothing of a fixed target.
+    fn check_room(&self, target: &[T], floor: &[T]) -> Result<(), Invalid> {
+        let Some(avoid) = self.problem.avoid.as_ref().filter(|avoid| !avoid.region.moves()) else {
+            return Ok(());
+        };
+        let (mut is_free, mut has_target, mut is_reachable) = (false, false, false);
+        for slice in 0..self.layout.slices() {
+            let start = self.layout.lead() + slice * self.layout.slice_length();
+            each_interior(&self.layout, slice, |_, offset| {
+                let free = floor[start + offset] <= T::ZERO;
+                let reached = target[start + offset] <= T::ZERO;
+                is_free |= free;
+                has_target |= reached;
+                is_reachable |= free && reached;
+            });
+        }
+        let found = if !is_free {
+            "one that covers all of the grid"
+        } else if has_target && !is_reachable && !self.problem.target.moves() {
+            "one that covers all of the target"
+        } else {
+            return Ok(());
+        };
+        let inside = if avoid.sign < 0.0 { "negative" } else { "positive" };
+        let expected = format!(
+            "a function that is {inside} in the obstacle (the target's is negative inside), \
+             and an obstacle that leaves some of the target free"
+        );
+        Err(Invalid::new(avoid.name(), expected, found))
     }
 
     /// Writes `region` at `time` to every interior node.
@@ -95,6 +150,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         &self,
         name: &str,
         region: &Region<'_, D>,
+        sign: f64,
         time: f64,
         destination: &mut [T],
     ) -> Result<(), Invalid> {
@@ -106,7 +162,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         let bad = AtomicUsize::new(usize::MAX);
         self.workers.for_chunks(inside, slice, |i, data| {
             each_interior(layout, i, |index, offset| {
-                data[offset] = T::from_f64(region.at(grid.node(index), time, clock));
+                data[offset] = T::from_f64(sign * region.at(grid.node(index), time, clock));
                 if !data[offset].to_f64().is_finite() {
                     bad.fetch_min(i, Ordering::Relaxed);
                 }
@@ -116,7 +172,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         if bad == usize::MAX {
             return Ok(());
         }
-        self.all_finite(name, destination, bad)
+        self.all_finite(name, sign, destination, bad)
     }
 
     /// The values of the whole grid's nodes, row-major.
@@ -133,13 +189,46 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         }
     }
 
+    /// Checks V after `time`: finite, and a tube's between the bounds that target and obstacle give. The first node
+    /// where it is not is named.
+    fn check_values(&self, data: &[T], limits: &Limits<T>, time: f64) -> Result<(), Invalid> {
+        let mut complaint = None;
+        for slice in 0..self.layout.slices() {
+            let start = self.layout.lead() + slice * self.layout.slice_length();
+            each_interior(&self.layout, slice, |index, offset| {
+                let at = start + offset;
+                let value = data[at].to_f64();
+                let floor =
+                    limits.floor.as_ref().map_or(f64::NEG_INFINITY, |floor| floor[at].to_f64());
+                let bounds = limits
+                    .ceiling
+                    .as_ref()
+                    .map(|ceiling| [limits.seen[0].max(floor), ceiling[at].to_f64().max(floor)]);
+                let is_right = value.is_finite()
+                    && bounds.is_none_or(|[low, high]| low <= value && value <= high);
+                if complaint.is_none() && !is_right {
+                    let place = format!("{value} at {:?} after {time} s", self.grid.node(index));
+                    let [low, high] = bounds.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+                    let range = format!("from {low} to {high}, as the target and the obstacle say");
+                    let range = if bounds.is_some() { &range } else { "finite" };
+                    let expected = format!(
+                        "{range}; the game moves V further in one step than its speed bounds allow, or a number is too large for {}: correct the bounds, or take smaller units or f64",
+                        core::any::type_name::<T>()
+                    );
+                    complaint = Some(Invalid::new("value", expected, place));
+                }
+            });
+        }
+        complaint.map_or(Ok(()), Err)
+    }
+
     /// Names the first node from slice `first` on whose value is not finite.
-    fn all_finite(&self, name: &str, data: &[T], first: usize) -> Result<(), Invalid> {
+    fn all_finite(&self, name: &str, sign: f64, data: &[T], first: usize) -> Result<(), Invalid> {
         let (layout, mut complaint) = (&self.layout, None);
         for slice in first..layout.slices() {
             let start = layout.lead() + slice * layout.slice_length();
             each_interior(layout, slice, |index, offset| {
-                let value = data[start + offset].to_f64();
+                let value = sign * data[start + offset].to_f64();
                 if complaint.is_none() && !value.is_finite() {
                     let state = self.grid.node(index);
                     let found = format!("{value} at {state:?}");
@@ -155,6 +244,28 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
 struct Limits<T> {
     ceiling: Option<Vec<T>>,
     floor: Option<Vec<T>>,
+    /// The least value of the target so far, and the largest one of target and obstacle.
+    seen: [f64; 2],
+}
+
+impl<T: Real> Limits<T> {
+    /// Where the values of a tube are, and where one stage can bring them. Neighbours, ghosts too, differ by at most
+    /// the range R of the data, and second differences by at most 2 R, so that no one-sided derivative exceeds
+    /// (1 + 14/6) R over the spacing: ENO3's and WENO's coefficients. A stage moves V by at most
+    /// Δt Σ speed (|mean of two| + |half of their difference|), and Δt Σ speed/Δx is at most the share `cfl`.
+    fn range(&self, cfl: f64) -> Range<T> {
+        let [lowest, highest] = self.seen;
+        let most = 2.0 * cfl * (10.0 / 3.0) * (highest - lowest);
+        // Rounding of the sums, in the narrower type.
+        let rounding = 1e-4 * (most + lowest.abs().max(highest.abs()));
+        let possible = [lowest - most - rounding, highest + most + rounding].map(T::from_f64);
+        Range { lowest: T::from_f64(lowest), possible }
+    }
+}
+
+/// The range of both.
+fn joined([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64; 2] {
+    [low.min(other_low), high.max(other_high)]
 }
 
 pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
@@ -173,7 +284,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     }
     check_times(problem, settings)?;
     let stages = settings.scheme.stages();
-    let limits = usize::from(problem.kind == Kind::Tube) + usize::from(problem.obstacle.is_some());
+    let limits = usize::from(problem.kind == Kind::Tube) + usize::from(problem.avoid.is_some());
     let padded = problem
         .grid
         .axes
@@ -196,6 +307,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         tables: Tables::new(problem.game, &grid, &layout),
         units: [T::ZERO; D],
         scale: 1.0,
+        cfl: settings.cfl,
         workers: Workers::new(threads),
         lanes: settings.lanes,
         slices_per_chunk: layout.slices().div_ceil(4 * threads),
@@ -203,13 +315,16 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     };
     let array = || vec![T::ZERO; layout.length];
     let mut value = array();
-    marcher.sample("target", &problem.target, 0.0, &mut value)?;
+    marcher.sample("target", &problem.target, 1.0, 0.0, &mut value)?;
     let mut limits = Limits {
         ceiling: (problem.kind == Kind::Tube).then(|| value.clone()),
-        floor: problem.obstacle.as_ref().map(|_| array()),
+        floor: problem.avoid.as_ref().map(|_| array()),
+        seen: marcher.range(&value),
     };
-    if let (Some(floor), Some(obstacle)) = (&mut limits.floor, &problem.obstacle) {
-        marcher.sample("obstacle", obstacle, 0.0, floor)?;
+    if let (Some(floor), Some(avoid)) = (&mut limits.floor, &problem.avoid) {
+        marcher.sample(avoid.name(), &avoid.region, avoid.sign, 0.0, floor)?;
+        marcher.check_room(&value, floor)?;
+        limits.seen[1] = limits.seen[1].max(marcher.range(floor)[1]);
         for (value, floor) in value.iter_mut().zip(floor) {
             *value = value.larger(*floor);
         }
@@ -221,7 +336,8 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     marcher.units =
         core::array::from_fn(|d| T::from_f64(1.0 / (grid.axes[d].spacing() * marcher.scale)));
 
-    let longest_step = settings.cfl / rate_bound(problem.game, &grid)?;
+    let speeds = Speeds::of(problem.game, &problem.grid)?;
+    let longest_step = settings.cfl / speeds.rate;
     let planned = (longest / longest_step).ceil().max(1.0);
     // Stored instants are ends of time steps.
     let parts = settings.slices.max(1) as f64;
@@ -262,6 +378,9 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
                 marcher.stage(time_step, &second, Base::Own(third), &limits, &mut value);
             }
         }
+        if steps % CHECK_EVERY == 0 {
+            marcher.check_values(&value, &limits, time)?;
+        }
         let report = Progress { done: steps as f64 / planned, residual };
         if progress(report).is_break() {
             return Err(SolveError::Cancelled);
@@ -274,7 +393,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     marcher.stage(time_step, &value, Base::Nothing, &limits, &mut first);
     residual = largest_change(&value, &first, &layout) / time_step;
     drop(first);
-    marcher.all_finite("value", &value, 0)?;
+    marcher.check_values(&value, &limits, steps as f64 * time_step)?;
     let (values, Problem { direction, kind, .. }) = (marcher.nodes(&value), problem);
     let (direction, kind) = (*direction, *kind);
     // Without rounding where the march went to its end.
@@ -288,6 +407,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         steps,
         horizon_s,
         residual,
+        exit_s: Some(speeds.exit_s(&problem.grid)),
     })
 }
 
@@ -302,9 +422,10 @@ fn check_times<const D: usize, G>(
     if settings.slices > 0 {
         return Err(Invalid::new("slices", "0, unless the horizon is finite", settings.slices));
     }
-    for (name, region) in
-        [("target", Some(&problem.target)), ("obstacle", problem.obstacle.as_ref())]
-    {
+    for (name, region) in [
+        ("target", Some(&problem.target)),
+        ("avoid", problem.avoid.as_ref().map(|avoid| &avoid.region)),
+    ] {
         if matches!(region, Some(Region::OfTime(_))) && problem.direction == Direction::Backward {
             let expected = "a region that is static or of march time, unless the horizon is finite";
             return Err(Invalid::new(name, expected, "one of a clock that has no beginning"));
@@ -319,6 +440,8 @@ const MOST_STEPS: f64 = 1e8;
 const SMALL: usize = 50_000;
 /// Steps between two looks at the residual.
 const RESIDUAL_EVERY: usize = 8;
+/// Steps between two looks at all values: what is no number spreads.
+const CHECK_EVERY: usize = 16;
 
 /// Largest slope between neighbours along any axis; 1 if there is none.
 fn steepest<T: Real, const D: usize>(value: &[T], layout: &Layout<D>, grid: &Grid<D>) -> f64 {
@@ -336,35 +459,6 @@ fn steepest<T: Real, const D: usize>(value: &[T], layout: &Layout<D>, grid: &Gri
         });
     }
     if steepest > 0.0 && steepest.is_finite() { steepest } else { 1.0 }
-}
-
-/// max over the nodes of Σ speed_d/Δx_d: one over the largest stable time step.
-fn rate_bound<const D: usize, G: Game<D>>(game: &G, grid: &Grid<D>) -> Result<f64, Invalid> {
-    let tables: [Vec<[f64; TERMS]>; D] = core::array::from_fn(|d| {
-        grid.axes[d].coordinates().iter().map(|x| game.terms(d, *x)).collect()
-    });
-    let per_spacing = grid.axes.map(|axis| 1.0 / axis.spacing());
-    let mut index = [0; D];
-    let mut fastest = 0.0_f64;
-    'nodes: loop {
-        let terms = core::array::from_fn(|d| tables[d][index[d]]);
-        let speeds = game.speed_bounds(&terms);
-        let rate: f64 = (0..D).map(|d| speeds[d] * per_spacing[d]).sum();
-        if !rate.is_finite() {
-            let found = format!("{speeds:?} at {:?}", grid.node(index));
-            return Err(Invalid::new("game", "finite speed bounds at every node", found));
-        }
-        fastest = fastest.max(rate);
-        for d in (0..D).rev() {
-            index[d] += 1;
-            if index[d] < grid.axes[d].nodes {
-                continue 'nodes;
-            }
-            index[d] = 0;
-        }
-        // A game without motion: any step will do.
-        return Ok(fastest.max(1e-12));
-    }
 }
 
 fn largest_change<T: Real, const D: usize>(from: &[T], to: &[T], layout: &Layout<D>) -> f64 {

@@ -26,7 +26,7 @@ impl<const D: usize> Mirror<D> {
         let fits = boundary == Boundary::Extrapolate && nodes - nodes / 2 > reach.max(2);
         let symmetric = |d: usize| !reversed[d] || is_symmetric(&whole.axes[d]);
         let mirror = Self { whole, axis, reversed, centred: nodes % 2 == 1 };
-        let regions = [Some(&problem.target), problem.obstacle.as_ref()];
+        let regions = [Some(&problem.target), problem.avoid.as_ref().map(|avoid| &avoid.region)];
         let same =
             |region: Option<&Region<'_, D>>| region.is_none_or(|region| mirror.keeps(region));
         (fits && (0..D).all(symmetric) && regions.into_iter().all(same)).then_some(mirror)
@@ -78,7 +78,7 @@ impl<const D: usize> Mirror<D> {
             match boundary {
                 _ if !self.reversed[d] => index[d],
                 Boundary::Periodic => (nodes - index[d]) % nodes,
-                Boundary::Extrapolate => nodes - 1 - index[d],
+                Boundary::Extrapolate | Boundary::Constant => nodes - 1 - index[d],
             }
         })
     }
@@ -101,7 +101,7 @@ fn is_symmetric(axis: &Axis) -> bool {
     let zero = |x: f64| x.abs() <= ROUNDING * (high - low);
     match boundary {
         Boundary::Periodic => zero(low) || zero(low + high),
-        Boundary::Extrapolate => zero(low + high),
+        Boundary::Extrapolate | Boundary::Constant => zero(low + high),
     }
 }
 

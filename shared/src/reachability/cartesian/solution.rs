@@ -42,6 +42,9 @@ pub struct Solution<T, const D: usize> {
     pub horizon_s: f64,
     /// max |∂V/∂τ| at the end, per second; 0 for a converged value.
     pub residual: f64,
+    /// By axis and node of it: the time, s, before which no path from such a node is beyond an end of that axis.
+    /// Infinite where none ever is; none if a file does not say. See [`Solution::earliest_exit_s`].
+    pub exit_s: Option<[Vec<f64>; D]>,
 }
 
 /// V and its gradient at a state.
@@ -90,6 +93,95 @@ impl<T: Real, const D: usize> Solution<T, D> {
         state: [f64; D],
     ) -> Result<Inputs<G::Minimiser, G::Maximiser>, Invalid> {
         self.end().inputs(game, state)
+    }
+
+    /// The time, s, before which no path from a state leaves the grid; infinite if none ever does, none if the
+    /// solution is from a file that does not say. After a march of at most this time V at the state does not depend on
+    /// what lies beyond the grid's ends; after a longer one it may.
+    ///
+    /// It is a bound for every input of both players: along each axis a path is at most as fast as the game's speed
+    /// bounds at any node of the grid with that coordinate. The paths that matter may leave much later.
+    ///
+    /// # Errors
+    /// As [`Self::value`].
+    pub fn earliest_exit_s(&self, state: [f64; D]) -> Result<Option<f64>, Invalid> {
+        self.grid.check_state(state)?;
+        let (cell, share) = self.grid.cell(state);
+        Ok(self.exit_s.as_ref().map(|exit_s| {
+            let along = (0..D).filter(|d| !self.grid.axes[*d].is_periodic()).map(|d| {
+                let [before, behind] = [exit_s[d][cell[d]], exit_s[d][cell[d] + 1]];
+                // At a node exactly the other one does not count, which may be infinite.
+                match share[d] {
+                    0.0 => before,
+                    1.0 => behind,
+                    share => (1.0 - share) * before + share * behind,
+                }
+            });
+            along.fold(f64::INFINITY, f64::min)
+        }))
+    }
+
+    /// Whether V after `tau_s`, s, of the march may depend on what lies beyond the grid's ends, node by node, row-major;
+    /// none if the solution is from a file that does not say. See [`Self::earliest_exit_s`].
+    ///
+    /// # Errors
+    /// [`Invalid`] for a time that is not from 0 to the horizon.
+    pub fn depends_on_outside(&self, tau_s: f64) -> Result<Option<Vec<bool>>, Invalid> {
+        if !(0.0..=self.horizon_s).contains(&tau_s) {
+            let expected = format!("a time from 0 to the horizon, {} s", self.horizon_s);
+            return Err(Invalid::new("tau_s", expected, tau_s));
+        }
+        Ok(self.exit_s.as_ref().map(|exit_s| {
+            let nodes = (0..self.grid.len()).map(|position| self.grid.index(position));
+            nodes.map(|index| (0..D).any(|d| exit_s[d][index[d]] < tau_s)).collect()
+        }))
+    }
+
+    /// The first time of the march, s, at which a state belongs to the tube: backward the time that it needs to the
+    /// target, forward the time after which it is reached. 0 in the target, infinite if the horizon is too short.
+    /// Between stored instants V is linear in time.
+    ///
+    /// # Errors
+    /// As [`Self::value`]; for a set, which is no tube, and a solution without earlier instants
+    /// ([`Settings::slices`](super::Settings::slices)).
+    pub fn time_to_reach(&self, state: [f64; D]) -> Result<f64, Invalid> {
+        self.grid.check_state(state)?;
+        if self.kind != Kind::Tube {
+            return Err(Invalid::new("kind", "a tube, which has a first time", "a set"));
+        }
+        if self.earlier.is_empty() {
+            let expected = "several stored instants (Settings::slices)";
+            return Err(Invalid::new("solution", expected, "only the end of the march"));
+        }
+        let instants = self.earlier.iter().chain([&self.values]);
+        let mut before: Option<(f64, f64)> = None;
+        for (values, time_s) in instants.zip(self.march_times_s()) {
+            let value = interpolated(&self.grid, values, state).value;
+            if value <= 0.0 {
+                return Ok(before.map_or(time_s, |(earlier_s, above)| {
+                    earlier_s + (time_s - earlier_s) * (above / (above - value))
+                }));
+            }
+            before = Some((time_s, value));
+        }
+        Ok(f64::INFINITY)
+    }
+
+    /// Both players' optimal inputs at a state at the first stored instant at which it belongs to the tube, or at the
+    /// horizon if it never does. Long before the horizon, V is flat inside a tube, and inputs at the horizon follow rounding
+    /// errors; at the first instant they lead to the target.
+    ///
+    /// # Errors
+    /// As [`Self::time_to_reach`].
+    pub fn first_inputs<G: Players<D>>(
+        &self,
+        game: &G,
+        state: [f64; D],
+    ) -> Result<Inputs<G::Minimiser, G::Maximiser>, Invalid> {
+        let first_s = self.time_to_reach(state)?;
+        let instants = self.march_times_s();
+        let instant = instants.into_iter().find(|time_s| *time_s >= first_s);
+        self.at_march_time(instant.unwrap_or(self.horizon_s))?.inputs(game, state)
     }
 
     /// The stored instants, as times of the march τ, s, the last one the horizon.

@@ -2,7 +2,7 @@
 
 use crate::invalid::{Invalid, all_finite, finite, length};
 use crate::reachability::game::{Game, Inputs, Players, TERMS, least};
-use crate::reachability::grid::{Boundary, Grid};
+use crate::reachability::grid::Grid;
 use crate::reachability::progress::{MEMORY_LIMIT_BYTES, check_memory};
 use crate::real::Real;
 
@@ -242,10 +242,8 @@ impl<const D: usize> Game<D> for AffineArrays<D> {
         let axis = &self.grid.axes[axis];
         let place = (coordinate - axis.low) / axis.spacing();
         let nodes = axis.nodes as f64;
-        let node = match axis.boundary {
-            Boundary::Periodic => place.round().rem_euclid(nodes),
-            Boundary::Extrapolate => place.round(),
-        };
+        let node = place.round();
+        let node = if axis.is_periodic() { node.rem_euclid(nodes) } else { node };
         let known = (place - place.round()).abs() <= MISS && (0.0..nodes).contains(&node);
         [if known { node } else { f64::NAN }, 0.0, 0.0]
     }

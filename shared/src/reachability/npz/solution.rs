@@ -2,7 +2,8 @@
 //!
 //! `value` (float32 or float64; instants, then the axes of the grid, row-major), `tau` (float64, the
 //! instants as times of the march, s, the last one the horizon), `axis0`, `axis1`, … (float64, the
-//! coordinates of the nodes) and `meta` (a JSON object as uint8).
+//! coordinates of the nodes), `exit0`, `exit1`, … (float64, by node of an axis the time, s, before which no path
+//! is beyond its ends; files of earlier versions have none) and `meta` (a JSON object as uint8).
 
 use super::archive::Archive;
 use super::layout::check_axis;
@@ -32,6 +33,9 @@ struct Meta {
     steps: usize,
     horizon_s: f64,
     residual: f64,
+    /// Whether there are arrays `exit0`, …; files of earlier versions do not say.
+    #[serde(default)]
+    exits: bool,
 }
 
 impl<T: Real, const D: usize> Solution<T, D> {
@@ -60,6 +64,9 @@ impl<T: Real, const D: usize> Solution<T, D> {
         for (d, axis) in self.grid.axes.iter().enumerate() {
             archive.add(&format!("axis{d}"), &[axis.nodes], axis.coordinates().into_iter());
         }
+        for (d, times) in self.exit_s.iter().flatten().enumerate() {
+            archive.add(&format!("exit{d}"), &[times.len()], times.iter().copied());
+        }
         let meta = Meta {
             format: SOLUTION_FORMAT.to_owned(),
             stored: STORED.to_owned(),
@@ -70,6 +77,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
             horizon_s: self.horizon_s,
             // JSON has no infinity.
             residual: self.residual.min(f64::MAX),
+            exits: self.exit_s.is_some(),
         };
         let meta = serde_json::to_vec(&meta).unwrap_or_default();
         archive.add("meta", &[meta.len()], meta.into_iter());
@@ -113,10 +121,25 @@ impl<T: Real, const D: usize> Solution<T, D> {
             .map(|slice| slice.iter().map(|value| T::from_f64(*value)).collect())
             .collect();
         let values = slices.pop().unwrap_or_default();
-        let Meta { direction, kind, steps, residual, .. } = meta;
-        let solution =
-            Self { grid, values, earlier: slices, direction, kind, steps, horizon_s, residual };
+        let Meta { direction, kind, steps, residual, exits, .. } = meta;
         let stated = |name: &str| arrays.get(name)?.numbers(name);
+        let mut exit_s = None;
+        if exits {
+            let mut by_axis = grid.axes.map(|_| Vec::new());
+            for (d, times) in by_axis.iter_mut().enumerate() {
+                let name = format!("exit{d}");
+                *times = stated(&name)?;
+                length(&name, grid.axes[d].nodes, times.len())?;
+                if let Some(i) = times.iter().position(|time| time.is_nan() || *time < 0.0) {
+                    let found = times[i];
+                    return Err(Invalid::new(format!("{name}[{i}]"), "a time ≥ 0, s", found));
+                }
+            }
+            exit_s = Some(by_axis);
+        }
+        let earlier = slices;
+        let solution =
+            Self { grid, values, earlier, direction, kind, steps, horizon_s, residual, exit_s };
         check_axis("tau", &solution.march_times_s(), &stated("tau")?)?;
         for (d, axis) in solution.grid.axes.iter().enumerate() {
             let name = format!("axis{d}");

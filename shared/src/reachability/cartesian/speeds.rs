@@ -1,0 +1,78 @@
+//! How fast states move, and how soon they can be beyond the grid.
+
+use super::super::game::{Game, TERMS};
+use super::super::grid::{Axis, Grid};
+use crate::invalid::Invalid;
+
+/// The speed bounds of a game on a grid.
+pub(super) struct Speeds<const D: usize> {
+    /// max over the nodes of Σ speed_d/Δx_d: one over the largest stable time step.
+    pub(super) rate: f64,
+    /// By axis d and node of it: the largest speed along d at any node of the grid with that coordinate.
+    along: [Vec<f64>; D],
+}
+
+impl<const D: usize> Speeds<D> {
+    /// # Errors
+    /// [`Invalid`] naming the first node with a bound that is not finite.
+    pub(super) fn of<G: Game<D>>(game: &G, grid: &Grid<D>) -> Result<Self, Invalid> {
+        let tables: [Vec<[f64; TERMS]>; D] = core::array::from_fn(|d| {
+            grid.axes[d].coordinates().iter().map(|x| game.terms(d, *x)).collect()
+        });
+        let per_spacing = grid.axes.map(|axis| 1.0 / axis.spacing());
+        let mut along = grid.axes.map(|axis| vec![0.0_f64; axis.nodes]);
+        let mut index = [0; D];
+        // Of a game without motion: any step will do.
+        let mut fastest = 1e-12_f64;
+        'nodes: loop {
+            let terms = core::array::from_fn(|d| tables[d][index[d]]);
+            let speeds = game.speed_bounds(&terms);
+            let rate: f64 = (0..D).map(|d| speeds[d] * per_spacing[d]).sum();
+            if !rate.is_finite() {
+                let found = format!("{speeds:?} at {:?}", grid.node(index));
+                return Err(Invalid::new("game", "finite speed bounds at every node", found));
+            }
+            fastest = fastest.max(rate);
+            for d in 0..D {
+                let most = &mut along[d][index[d]];
+                *most = most.max(speeds[d]);
+            }
+            for d in (0..D).rev() {
+                index[d] += 1;
+                if index[d] < grid.axes[d].nodes {
+                    continue 'nodes;
+                }
+                index[d] = 0;
+            }
+            return Ok(Self { rate: fastest, along });
+        }
+    }
+
+    /// By axis d and node of it: the time, s, before which no path from there is beyond an end of d; infinite where
+    /// none ever is. A path has to cross each cell on its way, in which it is no faster than the faster one of
+    /// the nodes beside it.
+    pub(super) fn exit_s(&self, grid: &Grid<D>) -> [Vec<f64>; D] {
+        core::array::from_fn(|d| {
+            let (axis, speeds) = (&grid.axes[d], &self.along[d]);
+            if axis.is_periodic() {
+                return vec![f64::INFINITY; axis.nodes];
+            }
+            let from_low = times(axis, speeds.iter());
+            let from_high = times(axis, speeds.iter().rev());
+            from_low.iter().zip(from_high.iter().rev()).map(|(low, high)| low.min(*high)).collect()
+        })
+    }
+}
+
+/// The times from the first of these nodes to each.
+fn times<'a>(axis: &Axis, speeds: impl Iterator<Item = &'a f64>) -> Vec<f64> {
+    let (mut elapsed, mut before) = (0.0, f64::INFINITY);
+    speeds
+        .map(|&speed| {
+            // 0 at the end itself; infinite where nothing moves.
+            elapsed += axis.spacing() / speed.max(before);
+            before = speed;
+            elapsed
+        })
+        .collect()
+}
