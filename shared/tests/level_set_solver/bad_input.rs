@@ -164,6 +164,10 @@ fn a_game_without_a_value_is_refused() {
         (Broken { bound: 1.0, rate: 1e3 }, "value"),
     ] {
         for kind in [Kind::Tube, Kind::Set] {
+            // Only a tube has bounds that speeds without them break.
+            if kind == Kind::Set && game.rate == 1e3 {
+                continue;
+            }
             let problem = problem(&game, axes, &target, (kind, BACKWARD), 0.2);
             let result = solve::<f64, 1, _>(&problem, &settings(Scheme::Eno2), &mut |_| {
                 ControlFlow::Continue(())
