@@ -70,7 +70,8 @@ fn times<'a>(axis: &Axis, speeds: impl Iterator<Item = &'a f64>) -> Vec<f64> {
     speeds
         .map(|&speed| {
             // 0 at the end itself; infinite where nothing moves.
-            elapsed += axis.spacing() / speed.max(before);
+            let is_still = before == f64::INFINITY && speed == 0.0;
+            elapsed += if is_still { f64::INFINITY } else { axis.spacing() / speed.max(before) };
             before = speed;
             elapsed
         })
