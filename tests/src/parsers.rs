@@ -180,6 +180,7 @@ fn answered<A: Args>(bytes: &[u8], run: impl AsyncFn(A) -> Result<(), CommandErr
             }
             Err(CommandError::Input(line)) => assert_eq!(line.lines().count(), 1, "{line}"),
             Err(CommandError::Failure(why)) => panic!("refused as if it were not the input: {why}"),
+            Err(CommandError::Unread) => panic!("nobody stopped reading"),
         }
     });
 }

@@ -24,6 +24,7 @@ use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::Split;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 use sidestep::training::{self, Driven, Trained};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -382,15 +383,14 @@ impl ShfrsArgs {
 
 /// For each trajectory who drove it, from 0 on in the order of the first trajectories.
 fn people(recorded: &[Recorded]) -> Vec<usize> {
-    let mut names: Vec<&str> = Vec::new();
-    let place = |recorded: &Recorded| {
-        let known = names.iter().position(|name| *name == recorded.participant);
-        known.unwrap_or_else(|| {
-            names.push(&recorded.participant);
-            names.len() - 1
+    let mut places = HashMap::new();
+    let names = recorded.iter().map(|recorded| recorded.participant.as_str());
+    names
+        .map(|name| {
+            let next = places.len();
+            *places.entry(name).or_insert(next)
         })
-    };
-    recorded.iter().map(place).collect()
+        .collect()
 }
 
 /// Checks before anything is computed that so many trials (or people), `calibration` of them to calibrate

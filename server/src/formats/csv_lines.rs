@@ -356,9 +356,8 @@ mod tests {
         let expected = "line 1: row: expected UTF-8 text, found NUL, as UTF-16 without a mark has; save \
                         the file as UTF-8";
         assert_eq!(said, expected);
-        let mixed = [&"a;ä\n1;2\n"[..]].concat().into_bytes();
-        let (mut records, _) =
-            Records::of(Cursor::new([&mixed[..], b"\xe4;1\n"].concat())).unwrap();
+        let mixed = ["a;ä\n1;2\n".as_bytes(), b"\xe4;1\n"].concat();
+        let (mut records, _) = Records::of(Cursor::new(mixed)).unwrap();
         records.read().unwrap();
         let said = records.read().unwrap_err().to_string();
         assert!(

@@ -267,7 +267,7 @@ mod tests {
             for _ in 0..1000 {
                 let v: [f64; 6] = core::array::from_fn(|_| {
                     f64::from(rng.uniform(-1.0, 1.0) as f32)
-                        * 10.0_f64.powi(rng.below(19) as i32 - 9)
+                        * libm::exp10(rng.below(19) as f64 - 9.0)
                 });
                 let v = v.map(|v| f64::from(v as f32));
                 let of = |factor: f64| {
@@ -289,7 +289,7 @@ mod tests {
                     );
                 }
                 for exponent in exponents.clone() {
-                    let factor = 2.0_f64.powi(exponent);
+                    let factor = libm::ldexp(1.0, exponent);
                     assert_eq!(of(factor), [right, left], "times 2^{exponent}");
                 }
             }

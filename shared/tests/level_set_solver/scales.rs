@@ -81,7 +81,7 @@ fn check_equivariance<T: Real>(exponents: [i32; 4]) {
     for scheme in SCHEMES {
         let once = tube::<T>(&target, &distance, scheme);
         for exponent in exponents {
-            let factor = 2.0_f64.powi(exponent);
+            let factor = libm::ldexp(1.0, exponent);
             let scaled = tube::<T>(
                 &|state| factor * target(state),
                 &|state| factor * distance(state),

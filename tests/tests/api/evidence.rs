@@ -21,8 +21,11 @@ async fn trials_of_odd_computers_are_stored_and_flagged() {
     let server = Server::with_study(SHORT_STUDY).await;
     let driver = Driver::enrol(&server).await;
     let scenes = driver.scenes();
-    let pressed =
-        |i: usize| KeyEvent { t_ms: 2.0 * i as f64, key: "ArrowLeft".to_owned(), down: i % 2 == 0 };
+    let pressed = |i: usize| KeyEvent {
+        t_ms: 2.0 * i as f64,
+        key: "ArrowLeft".to_owned(),
+        down: i.is_multiple_of(2),
+    };
     let key = |t_ms: f64, key: &str| KeyEvent { t_ms, key: key.to_owned(), down: false };
     type Change<'a> = Box<dyn Fn(&mut TrialUpload) + 'a>;
     let cases: [(Change<'_>, Value); 5] = [

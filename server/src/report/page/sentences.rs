@@ -540,13 +540,12 @@ fn check(analysis: &Analysis) {
             found[i].descendants().filter(|node| ["p", "li"].contains(&node.tag_name().name()))
         {
             let said = text(block);
-            if let Some(rest) = said.strip_prefix("In ") {
-                if let Some((names, _)) =
+            if let Some(rest) = said.strip_prefix("In ")
+                && let Some((names, _)) =
                     rest.split_once(" the mean points the other way than the test.")
-                {
-                    turned.push(names.to_owned());
-                    continue;
-                }
+            {
+                turned.push(names.to_owned());
+                continue;
             }
             let is_new =
                 block != found[i] && !has_class(&block, "headline") && !known.contains(&said);

@@ -47,9 +47,10 @@ impl SignedRank {
         let (mut typical, mut interval) = (median(&means), null.kept(&means));
         // A mean of a pair at 0 belongs to the interval as a whole, but the test takes half of it.
         if is_shown(p) {
-            let beside = |x: f64| match rank_biserial > 0.0 {
-                true => x.max(f64::MIN_POSITIVE),
-                false => x.min(-f64::MIN_POSITIVE),
+            let beside = if rank_biserial > 0.0 {
+                |x: f64| x.max(f64::MIN_POSITIVE)
+            } else {
+                |x: f64| x.min(-f64::MIN_POSITIVE)
             };
             typical = beside(typical);
             interval = interval.map(|ends| ends.map(beside));
