@@ -13,6 +13,7 @@ use sidestep::planner::{ClearanceSettings, Clearances};
 use sidestep::reach::{PolygonSettings, ReachableSet as Reachable};
 use sidestep::scene::{self, JointState};
 use sidestep::shfrs;
+use sidestep::shfrs::baselines::worst_case_area_m2;
 use sidestep::shfrs::file::{MOST_STEPS, PRESETS};
 
 use crate::arrays::{Array, joint_states, list, numbers, points, states_array, wrong_shape};
@@ -322,6 +323,19 @@ impl Shfrs {
     #[getter]
     fn areas_m2<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.found.sets.iter().map(|set| set.area_m2).collect::<Vec<_>>().into_pyarray(py)
+    }
+
+    /// The same areas as shares of the worst case's, of everything that the human's vehicle can reach meanwhile, shape
+    /// (m,): near 1, a set says no more than the vehicle does.
+    #[getter]
+    fn shares_of_worst_case<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> Result<Bound<'py, PyArray1<f64>>, Error> {
+        let Source { human, settings, .. } = &*self.source;
+        let worst = worst_case_area_m2(&human.parameters, settings.bounds.steps())?;
+        let shares = self.found.sets.iter().map(|set| set.area_m2 / worst);
+        Ok(shares.collect::<Vec<_>>().into_pyarray(py))
     }
 
     /// The positions after exactly 1 … T steps, for each set: m lists of T polygons, or of none without `by_step`.

@@ -20,6 +20,8 @@ def test_areas_of_a_human_who_turns_right():
     found = sidestep.ShfrsPredictor(constant([0.6, 0.3, 0.1])).predict(NOW)
     # The areas that the library's own test has from the reference.
     np.testing.assert_allclose(found.areas_m2, [1.22, 2.05, 2.60, 3.43, 5.33], atol=0.01)
+    # v²/6 · T³ · 2 ω = 16/3 m² can be reached at all in 2 s.
+    np.testing.assert_allclose(found.shares_of_worst_case, found.areas_m2 / (16 / 3), rtol=1e-9)
     tubes = [shapely.Polygon(tube) for tube in found.tubes]
     assert all(tube.is_valid and tube.exterior.is_ccw for tube in tubes)
     np.testing.assert_allclose([tube.area for tube in tubes], found.areas_m2, rtol=1e-9)

@@ -34,7 +34,7 @@ use crate::picture::{Picture, Window, stage};
 use crate::predict::Predictor;
 use crate::safety::SafetyLevels;
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
-use crate::shfrs::baselines::EmpiricalSets;
+use crate::shfrs::baselines::{EmpiricalSets, worst_case_area_m2};
 use crate::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use crate::vehicle::TurnInput;
 use std::rc::Rc;
@@ -414,6 +414,14 @@ impl Playback {
             Some(Method::Empirical(sets)) => sets.steps(),
             None => USUAL_STEPS,
         }
+    }
+
+    /// The area of a set's tube as a share of the worst case's: of everything that the human's vehicle can
+    /// reach meanwhile.
+    #[must_use]
+    pub fn share_of_worst_case(&self, set: &PredictedSet<'_>) -> f64 {
+        let worst = worst_case_area_m2(&self.recorded.parameters, self.steps_ahead());
+        worst.map_or(1.0, |worst| set.area_m2 / worst)
     }
 
     /// How far ahead predictions look, s.

@@ -403,6 +403,9 @@ mod tests {
         }
         assert!(by_people.inside[0].low < found.probabilities.inside[0].low);
         assert_eq!(found.share_of_worst_case[2], 1.0);
+        // One worst case: the last set's area is the one that other results are measured against.
+        let worst = crate::shfrs::baselines::worst_case_area_m2(&parameters, 3).unwrap();
+        assert!((found.mean_area_m2[2] - worst).abs() < 1e-12);
         let settings = prediction
             .settings(vec![0.0, 1.0], &ActionChoice::TopK(vec![1; 2]), Rollout::Base)
             .unwrap();

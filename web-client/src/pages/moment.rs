@@ -123,8 +123,8 @@ pub(super) fn regions<M>(
     chances: Option<Vec<Node<M>>>,
 ) -> Node<M> {
     let level = playback.sets().next().map_or("ε / rad s⁻¹", |set| set.level.column());
-    let columns = ["set", level, "tube / m²", "p"];
-    let columns = &columns[..if chances.is_some() { 4 } else { 3 }];
+    let columns = ["set", level, "tube / m²", "of worst case", "p"];
+    let columns = &columns[..if chances.is_some() { 5 } else { 4 }];
     let mut chances = chances.into_iter().flatten();
     let rows = playback.sets().zip(1..).map(|(set, j)| {
         let safe = if view.style.palette == Palette::Safe { "safe-" } else { "" };
@@ -134,6 +134,7 @@ pub(super) fn regions<M>(
             .child(el("th").attr("scope", "row").child(swatch).child(name))
             .child(cell(format!("{:.2}", set.level.value())))
             .child(cell(format!("{:.2}", set.area_m2)))
+            .child(cell(format!("{:.0} %", 100.0 * playback.share_of_worst_case(&set))))
             .children(chances.next())
     });
     let table = parts::table(columns.iter().copied(), rows);
