@@ -206,7 +206,7 @@ def test_inputs_at_the_first_time_arrive():
         grid, drift, [[0], [0], [1]], None, [[-1, 1]], None,
         lambda x: np.hypot(x[..., 0], x[..., 1]) - 0.5, np.linspace(0, 12, 49),
     )
-    state = np.array([[-4.5, 0.5, 0.1], [1.0, 4.2, -np.pi / 2], [2.5, -2.5, np.pi]])
+    state = np.array([[-4.5, 0.5, 0.1], [1.0, 4.2, -np.pi / 2], [3.0, -3.0, np.pi]])
     needed = solution.time_to_reach(state)
     assert ((3.4 < needed) & (needed < 5.1)).all(), needed
     arrived = np.full(3, np.inf)

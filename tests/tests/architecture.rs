@@ -119,7 +119,10 @@ fn client_and_server_do_not_know_each_other() {
 #[test]
 fn the_python_package_is_the_library_alone() {
     let needs = dependencies("python/Cargo.toml");
-    assert_eq!(needs.iter().collect::<Vec<_>>(), ["numpy", "pyo3", "serde_json", "sidestep"]);
+    assert_eq!(
+        needs.iter().collect::<Vec<_>>(),
+        ["numpy", "pyo3", "serde", "serde_json", "sidestep"]
+    );
     for package in ["shared", "server", "web-client"] {
         let needs = dependencies(&format!("{package}/Cargo.toml"));
         assert!(!needs.contains("pyo3") && !needs.contains("numpy"), "{package} needs no Python");

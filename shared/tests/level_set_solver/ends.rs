@@ -28,11 +28,12 @@ impl Game<2> for Valley {
     }
 }
 
-/// How long the car takes that always pushes the way it moves: an upper bound of the time that it needs.
+/// How long the car takes that pushes the way it moves, but for the brakes on the far hill, where it would roll off the
+/// grid: an upper bound of the time that it needs.
 fn swinging([mut x, mut v]: [f64; 2]) -> f64 {
     let (step, mut elapsed) = (0.01, 0.0);
     while x < 0.45 && elapsed < 500.0 {
-        v += step * (slope(x) + if v < 0.0 { -PUSH } else { PUSH });
+        v += step * (slope(x) + if v < 0.0 && x > -0.9 { -PUSH } else { PUSH });
         x += step * v;
         elapsed += step;
         assert!(x > -1.6 && v.abs() < 0.09, "it leaves the grid");

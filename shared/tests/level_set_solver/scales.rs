@@ -56,8 +56,10 @@ fn check_heights<T: Real>(scheme: Scheme) {
             let bounds = least.max(-disc(state))..=target(state).max(-disc(state));
             let slack = 1e-6 * bounds.end().abs().max(0.5);
             assert!(bounds.start() - slack <= value && value <= bounds.end() + slack, "{state:?}");
-            // A low wall of this height is no worse than its height.
-            if exponent >= 0 {
+            // A low wall of this height is no worse than its height. And first differences smear a jump over a number of
+            // cells that grows with the logarithm of its height: the share that a step carries into the next cell,
+            // times 10³⁰, is above 0 for more cells than four.
+            if (0..10).contains(&exponent) || scheme != Scheme::Upwind && exponent >= 0 {
                 outside += usize::from(value <= 0.0 && low > cell || value > cell && high <= 0.0);
             }
             wrong += usize::from((value <= 0.0) != (low <= 0.0) && depth(state, 0.5) > 0.0);

@@ -194,8 +194,7 @@ fn twin(pareto: &Pareto) -> Node {
                 )),
             ])
         };
-    let columns =
-        ["prediction", "asked", "size", "coverage", "mean area / m²", "of the worst case"];
+    let columns = ["prediction", "asked", "size", "coverage", "mean area / m²", "share of worst"];
     let calibrated = parts::table(columns, pareto.rows.iter().map(row));
     let read = |curve: &ParetoCurve| {
         let at = |coverage: f64| {
