@@ -124,8 +124,11 @@ fn read(
     while let Some((line, record)) = records.read().map_err(Fault::Line)? {
         let mut state = [0.0; 3];
         for (d, name) in COLUMNS.into_iter().enumerate() {
-            let number = record.number(columns[d], name);
-            state[d] = number.and_then(|number| finite(name, number)).map_err(at(line))?;
+            let number = record.number(columns[d], name).map_err(at(line))?;
+            // 1e999 is no infinity that somebody wrote.
+            let as_written =
+                |invalid| Invalid { found: format!("{:?}", &record[columns[d]]), ..invalid };
+            state[d] = finite(name, number).map_err(as_written).map_err(at(line))?;
         }
         each(line, state).map_err(|fault| match fault {
             Fault::State(invalid) => at(line)(invalid),

@@ -34,6 +34,9 @@ impl LevelQuality {
             ValueFunction::Exact(_) => QUANTUM_M,
             ValueFunction::Sampled(_) => GRID_ACCURACY_M,
         };
+        // From the least, so that the order of participants changes no bit of the sums.
+        let mut levels = levels.to_vec();
+        levels.sort_by(f64::total_cmp);
         let count = levels.len().max(1) as f64;
         let mean = levels.iter().sum::<f64>() / count;
         let square = levels.iter().map(|level| (level - mean) * (level - mean)).sum::<f64>();

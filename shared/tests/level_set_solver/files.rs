@@ -64,8 +64,8 @@ fn damaged_arrays_are_refused() {
             changed += 1;
         }
     }
-    // For each of the five arrays ZIP has two records, of 76 bytes without names, which say so.
-    assert!(changed <= 5 * 76, "{changed} of {}", bytes.len());
+    // For each of the seven arrays ZIP has two records, of 76 bytes without names, which say so.
+    assert!(changed <= 7 * 76, "{changed} of {}", bytes.len());
 }
 
 /// No damage makes it panic.

@@ -137,7 +137,7 @@ async fn bad_input_is_named_and_writes_nothing() {
     };
     let cases = [
         (with(1, 6, "heading"), "line 1: header: expected the columns"),
-        (vec![rows.join("\n").replace(',', ";")], "found no column participant in \"participant;"),
+        (vec![rows.join("\n").replace(',', "|")], "found no column participant in \"participant|"),
         (with(9, 10, "0.2"), "line 9: omega: expected -0.5, 0 or 0.5, found 0.2"),
         (with(9, 4, "NaN"), "line 9: hx: expected a finite number, found NaN"),
         (with(9, 4, "1e300"), "line 9: hx: expected a number from -1000000"),

@@ -362,7 +362,8 @@ async fn researchers_find_codes_ids_and_answers_in_the_table_of_participants() {
         ("completion_code", (&code.completion_code, "")),
         ("place", ("0", "1")),
         ("task", ("2", "0")),
-        ("consent_language", ("de", "")),
+        // The questions are in English alone, and so is what this study offers.
+        ("consent_language", ("en", "")),
         ("parameter_STUDY_ID", ("s-1", "")),
         ("answer_age", ("21", "")),
         ("answer_hand", ("", "")),

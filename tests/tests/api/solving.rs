@@ -123,7 +123,11 @@ async fn values_of_states() {
     let text = "\u{feff}psi,note,x, y\r\n0.5,a,10,1\r\n3.0,\"b, c\", 5 ,-2e0\r\n-7,,0.1,0.30000000000000004\r\n";
     let states = folder.file("states.csv", text);
     let out = folder.name("values.csv");
-    let line = prints(&["value", "--states", &states, "--out", &out]).await;
+    let said = run(&["value", "--states", &states, "--out", &out]).await;
+    // −7 rad is a heading, but few mean it.
+    let expected = "states.csv: line 4, psi: -7 is more than a full turn; headings are in radians";
+    assert!(said.err.contains(expected), "{}", said.err);
+    let line = said.json();
     assert_eq!((&line["states"], &line["outside"]), (&3.into(), &0.into()));
     let rows = |out: &str| -> Vec<Vec<f64>> {
         let mut reader = csv::Reader::from_path(out).unwrap();
@@ -388,7 +392,7 @@ async fn help_names_defaults_and_units() {
     for (command, words) in [
         ("solve", &["m/s", "rad/s", "[default: 2]", "[default: inf]", "polar", "weno5"][..]),
         ("value", &["dvalue_dpsi", "rad/s", "[default: 3]", "--value-function"]),
-        ("plot", &["degrees", ".svg", "slices", "tube", "[default: 0 1 2]"]),
+        ("plot", &["degrees", ".svg", "slices", "tube", "[default: 0,1,2]"]),
     ] {
         let text = run(&[command, "--help"]).await.out;
         let (_, game) = text.split_once("Game:").unwrap();

@@ -80,7 +80,6 @@ pub(super) async fn case_18_forged_external_ids(server: &Server) {
     }
     for (body, field) in [
         (json!({ "consent": false }), "consent"),
-        (json!({ "consent": true, "locale": "\u{0}" }), "locale"),
         (json!({ "consent": true, "screen": 3 }), "screen"),
         (json!({ "consent": true, "name": "Ada" }), "name"),
     ] {
