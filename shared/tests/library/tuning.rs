@@ -94,10 +94,16 @@ fn tuning_does_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
+    // Over several draws of the windows: with 72 tasks, one unexpected key more or less moves ε by half its range.
     let area = |choice: ActionChoice| {
-        let one = TuningSettings::new(0.9, Guarantee::Conformal, vec![choice])
-            .with_windows(WindowChoice::RandomOne { seed: 2 });
-        tuned(&one).unwrap().mean_area_m2
+        let of = |seed| {
+            let one = TuningSettings::new(0.9, Guarantee::Conformal, vec![choice.clone()])
+                .with_windows(WindowChoice::RandomOne { seed });
+            tuned(&one).unwrap().mean_area_m2
+        };
+        let all: Vec<f64> = (0..8).map(of).collect();
+        eprintln!("{choice}: {all:.2?} m²");
+        all.iter().sum::<f64>() / all.len() as f64
     };
     let adaptive = area(ActionChoice::Adaptive { tau: 0.1, steps: 10 });
     assert!(adaptive < 0.8 * area(ActionChoice::TopK(vec![1; 10])));
