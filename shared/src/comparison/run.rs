@@ -346,7 +346,7 @@ fn all_rollouts(
         let of_person = |cell: &&Cell| {
             let predictor = Predictor::try_from(cell.predictor.clone())?;
             let human = PredictedHuman::new(&predictor, safety, scene)?;
-            rollouts(&human, test(cell.participant), &motion, settings.horizon)
+            rollouts(&human, test(cell.participant), &motion, settings.horizon.min(scene.steps))
         };
         let parts: Vec<Vec<Horizon>> =
             cells.iter().map(of_person).collect::<Result<_, Invalid>>()?;
@@ -355,7 +355,7 @@ fn all_rollouts(
     })?;
     for simple in [Simple::Held, Simple::Straight] {
         let parts = (0..people.len())
-            .map(|i| rollouts(&simple, test(i), &motion, settings.horizon))
+            .map(|i| rollouts(&simple, test(i), &motion, settings.horizon.min(scene.steps)))
             .collect::<Result<Vec<_>, Invalid>>()?;
         let (driver, features) = (simple.word().to_owned(), String::new());
         all.push(RolloutsOf { driver, features, horizons: together(&parts) });

@@ -60,7 +60,7 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
     for export in module.exports.iter_mut().filter(|export| export.name.len() > LONG) {
         export.name = names.short(&export.name);
     }
-    js = names.put_into(without_loader(&without_comments(&js))?);
+    js = shorter(&names.put_into(without_loader(&without_comments(&js))?));
     Ok(Bundle { entry, js, wasm: module.emit_wasm() })
 }
 
@@ -124,6 +124,36 @@ fn without_comments(js: &str) -> String {
     out
 }
 
+/// The same script in fewer bytes once it is compressed: each import as a method, those alike beside each other,
+/// and no variable that is returned at once.
+fn shorter(js: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for line in js.lines() {
+        let line = line.replace(" => ", "=>").replace(" = ", "=").replace(") {", "){");
+        let value = lines.last().and_then(|last| last.strip_prefix("const ret="));
+        if let ("return ret;", Some(value)) = (line.as_str(), value) {
+            let returned = format!("return {value}");
+            lines.pop();
+            lines.push(returned);
+        } else {
+            lines.push(match line.split_once(": function(") {
+                Some((name, rest)) if name.starts_with('$') => format!("{name}({rest}"),
+                _ => line,
+            });
+        }
+    }
+    let first = lines.iter().position(|line| line == "__proto__: null,").map_or(0, |at| at + 1);
+    let is_end = |line: &String| line == "}," || line.ends_with("arguments); },");
+    let count = lines[first..].iter().position(|line| line == "};").unwrap_or(0);
+    let mut imports: Vec<&[String]> = lines[first..first + count].split_inclusive(is_end).collect();
+    imports.sort_by_key(|import| {
+        let (_, call) = import[0].split_once('(').unwrap_or_default();
+        (call.to_owned(), import[1..].to_vec())
+    });
+    let all = [&lines[..first], &imports.concat(), &lines[first + count..]].concat();
+    all.join("\n") + "\n"
+}
+
 impl Bundle {
     /// A page with the program in it, since a page from a file may load no other file. All
     /// runs before the page counts as loaded.
@@ -184,6 +214,19 @@ mod tests {
         let js = "/**\n * Logs.\n */\n{\n  __wbg_log_0123: f, // why\n  x.__wbg_log_0123_1,\n}";
         let script = names.put_into(&without_comments(js));
         assert_eq!(script, "{\n$0: f, // why\nx.$1,\n}\n");
+    }
+
+    #[test]
+    fn imports_are_methods_in_an_order_that_compresses() {
+        let script = "function __wbg_get_imports() {\nconst import0 = {\n__proto__: null,\n$2: function(arg0) \
+                      {\nconst ret = arg0.b;\nreturn ret;\n},\n$1: function() { return \
+                      handleError(function (arg0) {\narg0.c();\n}, arguments); },\n$0: \
+                      function(arg0) {\nconst ret = arg0.a;\nreturn ret;\n},\n};\nreturn \
+                      import0;\n}\n";
+        let expected = "function __wbg_get_imports(){\nconst import0={\n__proto__: null,\n$1(){ return \
+                        handleError(function (arg0){\narg0.c();\n}, arguments); },\n$0(arg0){\nreturn \
+                        arg0.a;\n},\n$2(arg0){\nreturn arg0.b;\n},\n};\nreturn import0;\n}\n";
+        assert_eq!(shorter(script), expected);
     }
 
     #[test]

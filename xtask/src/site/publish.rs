@@ -82,6 +82,7 @@ fn brotli(content: &[u8]) -> Result<Vec<u8>> {
     };
     let of_programs = brotli::enc::BrotliEncoderParams {
         mode: BrotliEncoderMode::BROTLI_FORCE_MSB_PRIOR,
+        lgblock: 16,
         ..usual.clone()
     };
     let encode = |parameters: &brotli::enc::BrotliEncoderParams| -> Result<Vec<u8>> {

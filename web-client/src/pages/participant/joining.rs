@@ -50,6 +50,12 @@ impl Participant {
             self.language = Some(self.texts.language.clone());
             return vec![self.ask_study(), self.ask_texts(), self.ask_progress()];
         }
+        self.admit()
+    }
+
+    /// Shows the first page to whoever has no session: the welcome, or why they cannot take part.
+    fn admit(&mut self) -> Commands<Msg> {
+        let Some(study) = &self.study else { return Vec::new() };
         if self.link.is_incomplete(study) {
             self.stage = self.stuck("no_id");
             return Vec::new();
@@ -224,11 +230,9 @@ impl Participant {
                 return commands;
             }
             // The server no longer knows this participant: start again, if they can.
-            let name = self.session_name();
-            self.context.kept.retain(|(known, _)| *known != name);
             self.stage = Stage::Loading;
-            let mut commands = self.opened();
-            commands.push(Command::Forget(name));
+            let mut commands = self.admit();
+            commands.push(Command::Forget(self.session_name()));
             return commands;
         }
         self.failed(failure, Self::ask_progress, "stuck.ended")
