@@ -36,7 +36,7 @@ impl Participant {
 
     /// Goes on once both the study and its sentences are there.
     pub(super) fn opened(&mut self) -> Commands<Msg> {
-        let (Some(study), Stage::Loading) = (&self.study, &self.stage) else { return Vec::new() };
+        let (Some(_), Stage::Loading) = (&self.study, &self.stage) else { return Vec::new() };
         // With a session, both have been asked for again; its progress comes next.
         if !self.has_texts() || self.session.is_some() {
             return Vec::new();
