@@ -36,7 +36,9 @@ impl Participant {
 
     /// Goes on once both the study and its sentences are there.
     pub(super) fn opened(&mut self) -> Commands<Msg> {
-        let (Some(_), Stage::Loading) = (&self.study, &self.stage) else { return Vec::new() };
+        if self.study.is_none() || !matches!(self.stage, Stage::Loading) {
+            return Vec::new();
+        }
         // With a session, both have been asked for again; its progress comes next.
         if !self.has_texts() || self.session.is_some() {
             return Vec::new();
