@@ -74,7 +74,7 @@ pub(crate) fn numbers(
     Ok(Numbers { shape, values })
 }
 
-/// NumPy's arrays have at most so many axes.
+/// The largest number of axes of a NumPy array.
 const MOST_AXES: usize = 64;
 
 /// Whether a list, in lists up to this depth, has a boolean in it.

@@ -382,7 +382,7 @@ pub(crate) trait Solved: Send + Sync {
 pub(crate) enum Instant {
     /// At the end of the march.
     End,
-    /// After so many s of it.
+    /// This time after the start of the march, s.
     At(f64),
     /// At the first stored instant at which a state belongs to the tube.
     First,

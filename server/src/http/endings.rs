@@ -23,13 +23,13 @@ pub fn withdrawn_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.withdrawn_url, None, me)
 }
 
-/// The link of a participant who has finished, for a token that may not see the code.
+/// The return link of a participant who has finished; it holds no code, for tokens that may not see it.
 #[must_use]
 pub fn finished_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.finished_url, None, me)
 }
 
-/// The link of somebody new, who cannot take part for this reason.
+/// The return link of a newcomer whom the study does not admit.
 #[must_use]
 pub fn newcomers_url(
     config: &StudyConfig,

@@ -42,7 +42,7 @@ fn recorded<'a>(all: &[&'a RecordedParticipant], name: &str) -> &'a [RecordedTri
     of.map_or(&[], |participant| &participant.trials)
 }
 
-/// The names of compared participants who have the same trials as another one.
+/// The names of participants whose trials are all identical to another participant's.
 pub(super) fn same_trials(
     all: &[&RecordedParticipant],
     compared: &[ComparedParticipant],
@@ -55,7 +55,7 @@ pub(super) fn same_trials(
     places.into_iter().map(|place| compared[place].name.clone()).collect()
 }
 
-/// The compared participants who have the same trial several times.
+/// The participants with identical trials among their own.
 pub(super) fn copied_trials(
     all: &[&RecordedParticipant],
     compared: &[ComparedParticipant],
