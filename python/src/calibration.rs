@@ -22,7 +22,8 @@ use crate::online::OnlinePredictor;
 use crate::plan::Asked;
 use crate::predictor::Predictor;
 use crate::scalars::{real, seed, some_real};
-use crate::shfrs::{Shfrs, ShfrsSettings};
+use crate::shfrs::Shfrs;
+use crate::shfrs_settings::ShfrsSettings;
 use crate::trajectory::Trajectory;
 use crate::vehicles::SceneParameters;
 

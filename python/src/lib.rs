@@ -25,6 +25,7 @@ mod reach;
 mod trajectory;
 mod plan;
 mod shfrs;
+mod shfrs_settings;
 mod online;
 mod calibration;
 
@@ -62,7 +63,8 @@ mod native {
     #[pymodule_export]
     use crate::reach::{ReachableSet, reach_all};
     #[pymodule_export]
-    use crate::shfrs::{Shfrs, ShfrsPredictor, ShfrsSettings};
+    use crate::shfrs::{Shfrs, ShfrsPredictor};
+    use crate::shfrs_settings::ShfrsSettings;
     #[pymodule_export]
     use crate::solution::Solution;
     #[pymodule_export]

@@ -19,7 +19,8 @@ use crate::plan::{Asked, proved};
 use crate::predictor::Predictor;
 use crate::reach::ReachableSet;
 use crate::scalars::{real, some_real};
-use crate::shfrs::{New, ShfrsSettings, usual};
+use crate::shfrs::New;
+use crate::shfrs_settings::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
 
 /// Predicts a human in a robot's loop: push each new state, then predict, then ask whether plans are clear. It draws

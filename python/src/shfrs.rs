@@ -1,267 +1,30 @@
 //! Stochastic human forward reachable sets, predicted and calibrated.
 
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sidestep::bounds::{ActionChoice, BoundsSettings, InputBounds, Rollout, in_proportion};
-use sidestep::invalid::{Invalid, positive};
+use sidestep::bounds::InputBounds;
+use sidestep::invalid::Invalid;
 use sidestep::motion::{Departure, check_step, departure};
 use sidestep::planner::{ClearanceSettings, Clearances};
-use sidestep::reach::{PolygonSettings, ReachableSet as Reachable};
+use sidestep::reach::ReachableSet as Reachable;
 use sidestep::scene::{self, JointState};
 use sidestep::shfrs;
 use sidestep::shfrs::baselines::worst_case_area_m2;
-use sidestep::shfrs::file::{MOST_STEPS, PRESETS};
 
-use crate::arrays::{Array, joint_states, list, numbers, points, states_array, wrong_shape};
-use crate::bounds::{choice, rolled_out, stacked};
+use crate::arrays::{Array, joint_states, numbers, points, states_array, wrong_shape};
+use crate::bounds::stacked;
 use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
 use crate::interrupt::{Watch, each};
-use crate::kept::{self, SettingsFile};
 use crate::plan::{Asked, proved};
 use crate::reach::{ReachableSet, drawn, drive, margin_m, tolerance};
-use crate::scalars::{real, some_real, some_whole, some_wholes};
+use crate::scalars::{real, some_real};
+use crate::shfrs_settings::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
-
-/// How sets are predicted and drawn.
-///
-/// `calibrate` finds an ε for a choice of actions. The choice itself, `k` or `tau`, is tuned by the command
-/// `sidestep shfrs` and by Rust's `tune`.
-///
-/// Parameters
-/// ----------
-/// epsilon : array of float64, shape (m,)
-///     By how much each set widens the bounds, rad/s, rising from ≥ 0. A last one of twice the human's turn rate
-///     admits everything.
-/// k : list of int, optional
-///     How many of the likeliest actions count at each coming step; all that are as likely as the last of them count too.
-/// tau, steps : float and int, optional
-///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
-/// rollout : {"base", "paper"}
-///     Which bounds the simulations within Algorithm 1 follow: those before widening by ε ("base"), or those of F_1 ("paper").
-/// accuracy_m : float
-///     Of the polygons, m; 10⁻⁶ to 1.
-/// by_step : bool
-///     Whether to draw the positions after each step too, besides the tube.
-#[pyclass(frozen, eq, from_py_object, module = "sidestep")]
-#[derive(Clone, PartialEq)]
-pub(crate) struct ShfrsSettings {
-    epsilon: Vec<f64>,
-    choice: ActionChoice,
-    rollout: Rollout,
-    accuracy_m: f64,
-    by_step: bool,
-}
-
-#[pymethods]
-impl ShfrsSettings {
-    #[new]
-    #[pyo3(signature = (epsilon, k=None, *, tau=None, steps=None, rollout="base", accuracy_m=1e-3, by_step=false))]
-    fn new(
-        epsilon: &Bound<'_, PyAny>,
-        #[pyo3(from_py_with = some_wholes)] k: Option<Vec<i64>>,
-        #[pyo3(from_py_with = some_real)] tau: Option<f64>,
-        #[pyo3(from_py_with = some_whole)] steps: Option<i64>,
-        rollout: &str,
-        #[pyo3(from_py_with = real)] accuracy_m: f64,
-        by_step: bool,
-    ) -> Result<Self, Error> {
-        let (epsilon, choice) = (list("epsilon", epsilon)?, choice(k, tau, steps)?);
-        drawn(accuracy_m, false)?;
-        let settings = Self { epsilon, choice, rollout: rolled_out(rollout)?, accuracy_m, by_step };
-        // The number of actions does not limit k here.
-        settings.bounds(usize::MAX)?;
-        Ok(settings)
-    }
-
-    /// The paper's settings of Figure 3, for three actions: ten steps; on the left, two actions count in the first two steps
-    /// and one from then on, with ε = 0, 0.15, 0.25, 0.4 and 1 rad/s.
-    ///
-    /// Parameters
-    /// ----------
-    /// figure : {"left", "middle", "right"}
-    ///     Which part of the figure.
-    /// turn_rate_radps : float
-    ///     The human's turn rate > 0, rad/s, that of the paper by default. The ε scale with it, so that the last one,
-    ///     twice as much, admits everything.
-    /// by_step : bool
-    ///     Whether to draw the positions after each step too.
-    ///
-    /// Returns
-    /// -------
-    /// ShfrsSettings
-    #[staticmethod]
-    #[pyo3(signature = (figure="left", *, turn_rate_radps=0.5, by_step=false))]
-    fn paper(
-        figure: &str,
-        #[pyo3(from_py_with = real)] turn_rate_radps: f64,
-        by_step: bool,
-    ) -> Result<Self, Error> {
-        let turn_rate_radps = positive("turn_rate_radps", turn_rate_radps)?;
-        if turn_rate_radps > 1e300 {
-            let expected = "at most 1e300 rad/s";
-            return Err(Invalid::new("turn_rate_radps", expected, turn_rate_radps).into());
-        }
-        let preset =
-            PRESETS.iter().find(|preset| preset.name.ends_with(figure) && !figure.is_empty());
-        let preset =
-            preset.ok_or_else(|| Invalid::new("figure", "left, middle or right", figure))?;
-        let bounds = preset.settings(3).settings(3)?;
-        Ok(Self {
-            epsilon: in_proportion(bounds.epsilon(), turn_rate_radps),
-            choice: bounds.choice().clone(),
-            rollout: bounds.rollout(),
-            accuracy_m: USUAL_ACCURACY_M,
-            by_step,
-        })
-    }
-
-    /// By how much each set widens the bounds, rad/s.
-    #[getter]
-    fn epsilon<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.epsilon.clone().into_pyarray(py)
-    }
-
-    /// How many actions count at each coming step; `None` with `tau`.
-    #[getter]
-    fn k(&self) -> Option<Vec<usize>> {
-        if let ActionChoice::TopK(k) = &self.choice { Some(k.clone()) } else { None }
-    }
-
-    /// The probability that makes an action count; `None` with `k`.
-    #[getter]
-    fn tau(&self) -> Option<f64> {
-        if let ActionChoice::Adaptive { tau, .. } = self.choice { Some(tau) } else { None }
-    }
-
-    /// Coming steps, T.
-    #[getter]
-    pub(crate) fn steps(&self) -> usize {
-        self.choice.steps()
-    }
-
-    /// What roll-outs follow.
-    #[getter]
-    fn rollout(&self) -> &'static str {
-        self.rollout.word()
-    }
-
-    /// Writes the settings as JSON. The laboratory's explorer and `sidestep shfrs --settings` read it, too, unless `accuracy_m`
-    /// or `by_step` was given, or there are more than ten sets.
-    fn save(&self, path: PathBuf) -> Result<(), Error> {
-        kept::saved("settings", &path, &self.file())
-    }
-
-    /// Reads what `save`, or the laboratory's explorer, wrote.
-    ///
-    /// Raises
-    /// ------
-    /// ValueError
-    ///     If it is malformed, has values that are not accepted, or a format of another version.
-    #[staticmethod]
-    fn load(path: PathBuf) -> Result<Self, Error> {
-        let file: SettingsFile = kept::loaded("settings", &path)?;
-        Ok(Self::of_file(&file).map_err(|invalid| invalid.within("settings"))?)
-    }
-
-    fn __hash__(&self) -> usize {
-        self.steps()
-    }
-
-    fn __getnewargs_ex__<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<New<'py, (Bound<'py, PyArray1<f64>>,)>> {
-        let named = PyDict::new(py);
-        named.set_item("k", self.k())?;
-        named.set_item("tau", self.tau())?;
-        named.set_item("steps", self.steps())?;
-        named.set_item("rollout", self.rollout())?;
-        named.set_item("accuracy_m", self.accuracy_m)?;
-        named.set_item("by_step", self.by_step)?;
-        Ok(((self.epsilon(py),), named))
-    }
-
-    fn __repr__(&self) -> String {
-        format!(
-            "ShfrsSettings(epsilon={:?}, {}, steps={})",
-            self.epsilon,
-            self.choice,
-            self.steps()
-        )
-    }
-}
-
-impl ShfrsSettings {
-    pub(crate) fn bounds(&self, actions: usize) -> Result<BoundsSettings, Invalid> {
-        BoundsSettings::new(self.epsilon.clone(), self.choice.clone(), self.rollout, actions)
-    }
-
-    /// The settings of a prediction.
-    pub(crate) fn of(settings: &shfrs::ShfrsSettings) -> Self {
-        let bounds = &settings.bounds;
-        Self {
-            epsilon: bounds.epsilon().to_vec(),
-            choice: bounds.choice().clone(),
-            rollout: bounds.rollout(),
-            accuracy_m: settings.polygon.accuracy_m(),
-            by_step: settings.by_step,
-        }
-    }
-
-    /// What the file of them holds.
-    pub(crate) fn file(&self) -> SettingsFile {
-        let (epsilon, steps) = (self.epsilon.clone(), self.steps());
-        let mut file = SettingsFile::new(epsilon, self.k(), self.tau(), steps, self.rollout);
-        file.accuracy_m = (self.accuracy_m != USUAL_ACCURACY_M).then_some(self.accuracy_m);
-        file.by_step = self.by_step;
-        file
-    }
-
-    /// The settings of a file.
-    pub(crate) fn of_file(file: &SettingsFile) -> Result<Self, Invalid> {
-        let choice = file.choice()?;
-        if choice.steps() > MOST_STEPS {
-            let expected = format!("at most {MOST_STEPS} steps");
-            return Err(Invalid::new("steps", expected, choice.steps()));
-        }
-        let accuracy_m = file.accuracy_m.unwrap_or(USUAL_ACCURACY_M);
-        PolygonSettings::new(accuracy_m, 8)?;
-        let (rollout, by_step) = (file.rollout, file.by_step);
-        let settings = Self { epsilon: file.epsilon.clone(), choice, rollout, accuracy_m, by_step };
-        settings.bounds(usize::MAX)?;
-        Ok(settings)
-    }
-
-    pub(crate) fn choice(&self) -> &ActionChoice {
-        &self.choice
-    }
-
-    /// The same with other sets.
-    pub(crate) fn with(&self, epsilon: Vec<f64>) -> Self {
-        Self { epsilon, rollout: Rollout::Base, ..self.clone() }
-    }
-}
-
-/// Of polygons, m, unless something else is asked for.
-const USUAL_ACCURACY_M: f64 = 1e-3;
-
-/// The paper's settings for a model with this number of actions and the human of these parameters.
-pub(crate) fn usual(
-    actions: usize,
-    parameters: &scene::SceneParameters,
-) -> Result<shfrs::ShfrsSettings, Invalid> {
-    let paper = shfrs::ShfrsSettings::paper(actions)?;
-    let bounds = &paper.bounds;
-    let epsilon = in_proportion(bounds.epsilon(), parameters.human.turn_rate_radps);
-    let bounds = BoundsSettings::new(epsilon, bounds.choice().clone(), bounds.rollout(), actions)?;
-    Ok(paper.with_bounds(bounds))
-}
 
 /// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far.
 ///

@@ -80,7 +80,8 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         return tests(options.postgres, &options.arguments);
     }
     // Without a selection cargo would also compile every example, and run nothing of it.
-    let all: (bool, &[&str]) = (options.postgres, &["--lib", "--bins", "--tests"]);
+    let all: (bool, &[&str]) =
+        (options.postgres, &["--lib", "--bins", "--tests", "--no-fail-fast"]);
     // What servers do with their database is tested on the other kind too.
     let [studies, scenes] = ON_BOTH.map(|file| format!("{file}::"));
     let other: [(bool, &[&str]); 3] = [

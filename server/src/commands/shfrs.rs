@@ -393,8 +393,8 @@ fn people(recorded: &[Recorded]) -> Vec<usize> {
         .collect()
 }
 
-/// Checks before anything is computed that so many trials (or people), `calibration` of them to calibrate
-/// with, are enough for one of the guarantees that were asked for.
+/// Checks, before anything is computed, that one of the guarantees that were asked for can be given: `all`
+/// counts the trials (or people), `calibration` those that calibrate.
 fn enough(
     questions: &Questions,
     left_out: &[LeftOut],

@@ -40,6 +40,8 @@ pub struct RegionsPanel {
     times_s: Vec<f64>,
     /// The nested sets, from the smallest to the largest.
     sets: Vec<DrawnSet>,
+    /// The area of all positions that the vehicle can reach meanwhile, m².
+    worst_case_m2: f64,
 }
 
 /// A set as polygons in the world frame, m.
@@ -74,9 +76,17 @@ impl RegionsPanel {
         danger_radius_m: f64,
     ) -> Result<Self, Invalid> {
         let polygons = PolygonSettings::default();
-        let steps = shown_steps(sets.first().map_or(0, InputBounds::steps));
+        let all_steps = sets.first().map_or(0, InputBounds::steps);
+        let steps = shown_steps(all_steps);
+        let reachable = |bounds: &InputBounds| {
+            ReachableSet::new(now.human, bounds, motion.human_speed_mps, motion.step_s)
+        };
+        let (low, high) = motion.human_turn_rate;
+        let every_turn =
+            InputBounds::new(vec![low; all_steps], vec![high; all_steps], motion.human_turn_rate)?;
+        let worst_case_m2 = signed_area(&reachable(&every_turn)?.tube_polygon(polygons));
         let drawn = |bounds: &InputBounds| {
-            let set = ReachableSet::new(now.human, bounds, motion.human_speed_mps, motion.step_s)?;
+            let set = reachable(bounds)?;
             Ok(DrawnSet {
                 tube: set.tube_polygon(polygons),
                 steps: steps.iter().map(|&step| set.step_polygon(step, polygons)).collect(),
@@ -84,7 +94,22 @@ impl RegionsPanel {
         };
         let sets = sets.iter().map(drawn).collect::<Result<_, Invalid>>()?;
         let times_s = steps.iter().map(|&step| step as f64 * motion.step_s).collect();
-        Ok(Self { title, settings, now, danger_radius_m, times_s, sets })
+        Ok(Self { title, settings, now, danger_radius_m, times_s, sets, worst_case_m2 })
+    }
+}
+
+impl RegionsPanel {
+    /// The sets' areas, each beside the worst case's.
+    fn areas(&self) -> String {
+        let areas = || self.sets.iter().map(|set| signed_area(&set.tube));
+        let listed = |each: Vec<String>| each.join(", ");
+        format!(
+            "areas {} m²: {} % of the worst case",
+            listed(areas().map(|area| format!("{area:.2}")).collect()),
+            listed(
+                areas().map(|area| format!("{:.0}", 100.0 * area / self.worst_case_m2)).collect()
+            )
+        )
     }
 }
 
@@ -108,8 +133,7 @@ pub fn regions(heading: &str, note: &str, panels: &[RegionsPanel], regions: &[St
         let [title, settings, areas] = [top - 78.0, top - 58.0, top - 40.0];
         drawing.bold(&panel.title, [left, title], 13.5, colours::TEXT, Align::Left);
         drawing.text(&panel.settings, [left, settings], 11.5, colours::MUTED, Align::Left);
-        let each = panel.sets.iter().map(|set| format!("{:.2}", signed_area(&set.tube)));
-        let text = format!("areas {} m²", each.collect::<Vec<_>>().join(", "));
+        let text = panel.areas();
         drawing.text(&text, [left, areas], 11.5, colours::MUTED, Align::Left);
         let chart = tube(panel, &window, frame);
         chart.draw(&mut drawing, frame);

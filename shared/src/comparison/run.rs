@@ -328,6 +328,7 @@ fn all_rollouts(
 ) -> Result<Vec<RolloutsOf>, Invalid> {
     let motion = Motion::from(scene);
     let test = |i: usize| people[i].test_trajectories();
+    let horizon = settings.horizon.min(scene.steps);
     let mut learned: Vec<Vec<&Cell>> = Vec::new();
     for model in ModelName::PAPERS {
         for set in ROLLED_OUT {
@@ -346,7 +347,7 @@ fn all_rollouts(
         let of_person = |cell: &&Cell| {
             let predictor = Predictor::try_from(cell.predictor.clone())?;
             let human = PredictedHuman::new(&predictor, safety, scene)?;
-            rollouts(&human, test(cell.participant), &motion, settings.horizon.min(scene.steps))
+            rollouts(&human, test(cell.participant), &motion, horizon)
         };
         let parts: Vec<Vec<Horizon>> =
             cells.iter().map(of_person).collect::<Result<_, Invalid>>()?;
@@ -355,7 +356,7 @@ fn all_rollouts(
     })?;
     for simple in [Simple::Held, Simple::Straight] {
         let parts = (0..people.len())
-            .map(|i| rollouts(&simple, test(i), &motion, settings.horizon.min(scene.steps)))
+            .map(|i| rollouts(&simple, test(i), &motion, horizon))
             .collect::<Result<Vec<_>, Invalid>>()?;
         let (driver, features) = (simple.word().to_owned(), String::new());
         all.push(RolloutsOf { driver, features, horizons: together(&parts) });

@@ -31,12 +31,12 @@ pub enum Continuity {
 /// What is known of the human's next steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NextSteps {
-    /// Those of the vehicle, if the last step was one. After another one, a person who stood still for instance, no plan is
-    /// clear: every clearance is −∞.
+    /// The vehicle's, if the vehicle can have driven the last step. If it cannot (the person stood still, for instance),
+    /// no plan is clear: every clearance is −∞.
     #[default]
     LikeLast,
-    /// Those of the vehicle, whatever the last step was. Clearances then hold for a human who drives like the vehicle from now
-    /// on, and for nobody else; of somebody who stands in the way they can be positive.
+    /// The vehicle's, whatever the last step was. Clearances then hold only for a human who drives like the vehicle from now
+    /// on: they can be positive although somebody stands in the way.
     AssumeVehicle,
 }
 

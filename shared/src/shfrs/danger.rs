@@ -20,6 +20,7 @@
 //! misses) ≤ E U. But here ε depends on the scene. If people are harder to predict where the robot is
 //! near, U can be too small there: it is a marginal bound, not a bound for each scene.
 
+use super::guarantee::Unit;
 use super::prediction::Prediction;
 use super::scores::Scores;
 use super::widened::widened;
@@ -102,13 +103,20 @@ pub fn danger_bounds(
         epsilon_missing: level(missing),
         steps: settings.steps(),
         calibration: n,
-        statement: format!(
-            "Marginal bounds from {n} calibration trajectories: over scenes exchangeable with \
-             these, the human enters where the upper bound is at most α with probability at \
-             most α, and stays out where the lower bound is at least 1 − α likewise. They are \
-             no guarantee for this one scene."
-        ),
+        statement: statement(n, Unit::Trajectories),
     })
+}
+
+/// What bounds from so many scores mean, in words to print beside them. Of people who were drawn by
+/// [`Split::parts_of_people`](super::Split::parts_of_people), `calibration` counts those.
+#[must_use]
+pub fn statement(calibration: usize, unit: Unit) -> String {
+    let from = unit.calibrating(calibration);
+    format!(
+        "Marginal bounds from {from}: over scenes exchangeable with these, the human enters where the upper bound \
+         is at most α with probability at most α, and stays out where the lower bound is at least 1 − α likewise. \
+         They are no guarantee for this one scene."
+    )
 }
 
 /// The robot's poses after each step.

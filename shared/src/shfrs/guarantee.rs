@@ -36,6 +36,14 @@ impl Unit {
             Self::People => "people",
         }
     }
+
+    /// So many of them, as a calibration uses them.
+    pub(super) fn calibrating(self, count: usize) -> String {
+        match self {
+            Self::Trajectories => format!("{count} trajectories"),
+            Self::People => format!("{count} people, one random trajectory of each"),
+        }
+    }
 }
 
 /// How calibration trajectories determine a level.
@@ -174,18 +182,17 @@ impl Guarantee {
     /// The guarantee, in a sentence to print beside every number, of a calibration with so many of a unit.
     #[must_use]
     pub fn statement(&self, p: f64, calibration: usize, unit: Unit) -> String {
-        let (next, all, from, scope) = match unit {
+        let from = unit.calibrating(calibration);
+        let (next, all, scope) = match unit {
             Unit::Trajectories => (
                 "The next trajectory",
                 "of trajectories",
-                format!("{calibration} trajectories"),
                 "trajectories exchangeable with these, as new tasks of the same people are; not for new \
                  people, and not for each scene or person",
             ),
             Unit::People => (
                 "A trajectory of the next person",
                 "of new people's trajectories",
-                format!("{calibration} people, one random trajectory of each"),
                 "people exchangeable with these, not for each scene or person",
             ),
         };

@@ -32,51 +32,50 @@ fn tube<T: Real>(
     solved(&problem, &Settings::new(scheme).with_threads(2).with_slices(2))
 }
 
+/// How much larger, in cells, an obstacle may look whose edge is a jump of V.
+const CELLS: f64 = 3.0;
+
 /// Whatever height stands for an obstacle, the tube is between those of the obstacle as a distance and of one that is
 /// larger by some cells: a jump of V is as wide as that. An obstacle that is larger only takes from the tube.
-fn check_heights<T: Real>(scheme: Scheme) {
+///
+/// A wall that is higher than 1/ε rounds distances beside it away (V of a metre is lost in 10⁹ m of 24 bits), and the
+/// next cells with them: then only the share of other signs is bounded.
+fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
     let grid = Grid { axes: axes() };
     let cell = grid.axes[0].spacing();
-    let cells = if scheme == Scheme::Upwind { 4.0 } else { 3.0 };
     let distance = tube::<T>(&target, &|state| depth(state, 0.0), scheme);
-    let larger = |more: f64| tube::<T>(&target, &|state| depth(state, more * cell), scheme);
-    // A step carries a share of a jump into the next cell, and a share of that into the one behind it: the number of cells
-    // in which it counts grows with the logarithm of its height.
-    let larger = [larger(cells), larger(cells + 1.0)];
+    let larger = tube::<T>(&target, &|state| depth(state, CELLS * cell), scheme);
     let least = (0..grid.len()).map(|at| target(grid.node(grid.index(at)))).fold(1.0, f64::min);
-    for exponent in [-9, -6, -3, 0, 1, 3, 5, 7, 9, 30] {
-        let height = if exponent < 0 {
-            (0..-exponent).fold(1.0, |height, _| 0.1 * height)
-        } else {
-            (0..exponent).fold(1.0, |height, _| 10.0 * height)
-        };
+    for exponent in [-9, -6, -3, 0, 1, 3, 5, 6, 9, 15, 30] {
+        let height: f64 = format!("1e{exponent}").parse().expect("a number");
         let disc = |state: [f64; 3]| if depth(state, 0.0) < 0.0 { -height } else { height };
         let found = tube::<T>(&target, &disc, scheme);
         let (mut wrong, mut outside) = (0, 0);
         for at in 0..grid.len() {
             let state = grid.node(grid.index(at));
-            let higher = &larger[usize::from(exponent > 7)];
-            let [value, low, high] = [&found, &distance, higher].map(|of| of.values[at].to_f64());
+            let [value, low, high] = [&found, &distance, &larger].map(|of| of.values[at].to_f64());
             let bounds = least.max(-disc(state))..=target(state).max(-disc(state));
             let slack = 1e-6 * bounds.end().abs().max(0.5);
             assert!(bounds.start() - slack <= value && value <= bounds.end() + slack, "{state:?}");
-            // A low wall of this height is no worse than its height; 10³⁰ counts in more cells than one more.
-            if (0..10).contains(&exponent) {
-                outside += usize::from(value <= 0.0 && low > cell || value > cell && high <= 0.0);
-            }
+            outside += usize::from(value <= 0.0 && low > cell || value > cell && high <= 0.0);
             wrong += usize::from((value <= 0.0) != (low <= 0.0) && depth(state, 0.5) > 0.0);
         }
-        eprintln!("{} 1e{exponent}: {wrong} other signs, {outside} outside", scheme.name());
-        assert_eq!(outside, 0, "{scheme:?} 1e{exponent}");
-        assert!(exponent < 0 || (wrong as f64) < 0.025 * grid.len() as f64, "{scheme:?}: {wrong}");
+        let share = f64::from(wrong) / grid.len() as f64;
+        eprintln!("{} {epsilon:.0e} 1e{exponent}: {share:.4} {outside} outside", scheme.name());
+        // A low wall is no worse than its height.
+        if height >= 1.0 {
+            let rounded = height * epsilon > 1.0;
+            assert!(rounded || outside == 0, "{scheme:?} {height}: {outside}");
+            assert!(share < if rounded { 0.03 } else { 0.025 }, "{scheme:?} {height}: {share}");
+        }
     }
 }
 
 #[test]
 fn an_obstacle_may_have_any_height() {
     for scheme in SCHEMES {
-        check_heights::<f32>(scheme);
-        check_heights::<f64>(scheme);
+        check_heights::<f32>(scheme, f32::EPSILON.into());
+        check_heights::<f64>(scheme, f64::EPSILON);
     }
 }
 

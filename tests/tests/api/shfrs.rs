@@ -121,6 +121,10 @@ async fn a_split_by_people_guarantees_for_new_people() {
     let sizes = ["training", "calibration", "test"].map(|part| line[part].as_u64().unwrap());
     assert_eq!(sizes, [150, 3, 2]);
     assert_eq!(line["left_out"][0]["needed"], 9);
+    let text = std::fs::read_to_string(folder.path("found/shfrs.json")).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let danger = found["danger"]["statement"].as_str().unwrap();
+    assert!(danger.contains("from 3 people, one random trajectory of each"), "{danger}");
     let tuning = rows(folder.path("found/tuning.csv"));
     assert_eq!(tuning.len(), 1);
     assert_eq!((&tuning[0]["unit"][..], &tuning[0]["calibration"][..]), ("people", "3"));

@@ -7,7 +7,7 @@ use serde::Serialize;
 use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Motion};
 use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
-use sidestep::shfrs::danger::{DangerBounds, danger_bounds};
+use sidestep::shfrs::danger::{DangerBounds, danger_bounds, statement};
 use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::{Guarantee, Unit};
 use sidestep::shfrs::pareto::{Compared, POINTS, Pareto, ParetoSettings, pareto};
@@ -301,11 +301,13 @@ fn danger<M: ActionModel + Sync>(
     let windows = questions.windows.windows(&sample.test, questions.steps);
     for (&i, window) in parts.test.iter().zip(&windows) {
         let Some(window) = window.first() else { continue };
+        let mut bounds = danger_bounds(window.history(), &prediction, choice, &scores)?;
+        bounds.statement = statement(bounds.calibration, questions.unit);
         rows.push(DangerRow {
             participant: recorded[i].participant.clone(),
             trial: recorded[i].trial,
             step: window.begin(),
-            bounds: danger_bounds(window.history(), &prediction, choice, &scores)?,
+            bounds,
             entered: window.future().iter().any(|state| state.distance_m() <= radius_m),
         });
     }
