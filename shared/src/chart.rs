@@ -34,7 +34,7 @@ mod legend;
 mod headed;
 mod plot;
 
-pub use axis::{Axis, Tick, fixed, number, round_step};
+pub use axis::{Axis, Tick, beside_zero, fixed, number, round_step};
 pub use colours::{Colour, Ink};
 pub use drawing::{Align, Drawing, Form, Pen, Point, Shape, Text};
 pub use headed::{MARGIN, headed};

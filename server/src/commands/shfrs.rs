@@ -79,8 +79,8 @@ pub struct ShfrsArgs {
     #[arg(long, value_name = "RAD/S,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_value = "0,0.15,0.25,0.4,1")]
     epsilon: Vec<f64>,
-    /// Regions: how many of the likeliest actions count at each step ahead
-    /// [default: 2,2,1,1,…].
+    /// Regions: how many of the likeliest actions count at each step ahead, a number for each; by default
+    /// 2 at the first two steps and 1 at the others.
     #[arg(long, value_name = "K,…", value_delimiter = ',', conflicts_with = "tau")]
     k: Option<Vec<usize>>,
     /// Regions: instead of k, actions of this probability count, in (0, 1].
@@ -403,17 +403,17 @@ fn enough(
     name: &str,
 ) -> Result<(), CommandError> {
     let asked = questions.guarantees.len() * questions.probabilities.len();
-    let most = left_out.iter().max_by_key(|of| of.needed).filter(|_| left_out.len() == asked);
-    let Some(LeftOut { guarantee, p, needed, .. }) = most else { return Ok(()) };
+    let least = left_out.iter().min_by_key(|of| of.needed).filter(|_| left_out.len() == asked);
+    let Some(LeftOut { guarantee, p, needed, .. }) = least else { return Ok(()) };
     let what = match questions.unit {
         Unit::People => "people",
         _ => "tasks",
     };
     let expected = format!(
-        "at least {} {what} for p = {p} ({guarantee}), so that {needed} are left to calibrate with",
-        (*needed as f64 / questions.split.calibration).ceil()
+        "at least {needed} {what} to calibrate with (a share of {}) for p = {p} ({guarantee})",
+        questions.split.calibration
     );
-    let found = format!("{all} ({calibration} to calibrate with)");
+    let found = format!("{calibration} of {all}");
     Err(CommandError::Input(format!("{name}: expected {expected}, found {found}")))
 }
 

@@ -2,6 +2,7 @@
 
 use super::{MARGIN, headed};
 use sidestep::chart::{Align, Chart, Drawing, Frame, colours, number};
+use sidestep::shfrs::guarantee::Unit;
 use sidestep::shfrs::panels::{areas, panels, targets};
 use sidestep::shfrs::pareto::Pareto;
 
@@ -14,25 +15,27 @@ const NAMES: f64 = 34.0;
 const COLUMNS: usize = 4;
 
 /// A panel for each family: its curve, and at each calibrated level a mark with the interval of
-/// the coverage. `note` says what the data are.
+/// the coverage. `unit` says what was calibrated on, `note` what the data are.
 #[must_use]
-pub fn pareto(found: &Pareto, note: &str) -> Drawing {
+pub fn pareto(found: &Pareto, unit: Unit, note: &str) -> Drawing {
     let charts = panels(found);
     let [above, below] = charts.first().map_or([0.0; 2], Chart::room);
     let cell = [ROOM[0] + FRAME[0] + ROOM[1], NAMES + above + FRAME[1] + below + 14.0];
     let how = format!(
-        "{} steps ahead  ·  levels calibrated on {} trajectories, judged on {} others  ·  one window each ({})",
+        "{} steps ahead  ·  levels calibrated on {} {}, judged on {} others  ·  one window each ({})",
         found.steps,
         found.calibration_trajectories,
+        unit.word(),
         found.test_trajectories,
         found.window_choice.replace('_', " "),
     );
     let targets = targets(found);
     let targets = targets.iter().map(|target| format!("{target:.2}")).collect::<Vec<_>>();
     let signs = format!(
-        "Dashed: coverage asked for ({})  ·  upright lines: {} % intervals  ·  grey: the other families  ·  coverage holds on average over trajectories",
+        "Dashed: coverage asked for ({})  ·  upright lines: {} % intervals  ·  grey: the other families  ·  coverage holds on average over {}",
         targets.join(", "),
-        number(100.0 * found.confidence)
+        number(100.0 * found.confidence),
+        unit.word()
     );
     let width = COLUMNS as f64 * cell[0];
     let mut drawing = headed("How much area a coverage costs", &[note, &how, &signs], width);
@@ -97,7 +100,7 @@ mod tests {
 
     #[test]
     fn every_family_has_a_panel_with_its_areas_and_marks() {
-        let drawing = pareto(&comparison(9), "made-up families");
+        let drawing = pareto(&comparison(9), Unit::Trajectories, "made-up families");
         let svg = drawing.svg();
         for family in 0..9 {
             assert_eq!(svg.matches(&format!(">family {family}<")).count(), 1);
@@ -115,7 +118,9 @@ mod tests {
         let mut found = comparison(1);
         found.curves[0].points.truncate(1);
         found.curves[0].points[0].coverage = 0.0;
-        let curves = |found| pareto(found, "").svg().matches("stroke-width=\"2\"").count();
+        let curves = |found| {
+            pareto(found, Unit::Trajectories, "").svg().matches("stroke-width=\"2\"").count()
+        };
         assert_eq!((curves(&comparison(1)), curves(&found)), (1, 0));
     }
 }

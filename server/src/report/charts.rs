@@ -189,7 +189,7 @@ fn gains(analysis: &Analysis) -> Figure {
         chart.add(Series::line("", zero, colours::MUTED, 1.0));
         let group = |gain: &&Gain| Group {
             values: gain.paired.gains.clone(),
-            mean: gain.paired.mean,
+            centre: gain.paired.typical,
             interval: gain.paired.interval,
         };
         chart.add(Swarm {
@@ -197,7 +197,8 @@ fn gains(analysis: &Analysis) -> Figure {
             groups: gains.iter().map(group).collect(),
             mark: Mark::Circle,
             ink: colours::MUTED.at(0.55),
-            interval: Some("95 % interval of the typical gain"),
+            centre: "typical gain",
+            interval: Some("95 % interval"),
             places: 1,
         });
         chart
@@ -223,7 +224,7 @@ fn accuracies(analysis: &Analysis) -> Figure {
             let means = analysis.comparison.accuracies(model, experiment, &sets);
             let column = |(&set, mean)| {
                 let values = analysis.comparison.person_accuracies(model, experiment, set);
-                (set, Group { values, mean, interval: None })
+                (set, Group { values, centre: mean, interval: None })
             };
             charts.push(PeopleChart {
                 model,
@@ -245,7 +246,7 @@ fn distances(analysis: &Analysis) -> Figure {
             let column = |&set| {
                 let values = analysis.comparison.person_metric(metric, model, experiment, set);
                 let mean = analysis.comparison.person_mean(metric, model, experiment, set);
-                (set, Group { values, mean, interval: None })
+                (set, Group { values, centre: mean, interval: None })
             };
             charts.push(PeopleChart {
                 model,
@@ -290,6 +291,7 @@ fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
         groups: of.columns.iter().map(|(_, group)| group.clone()).collect(),
         mark,
         ink: colour.at(0.55),
+        centre: "mean",
         interval: None,
         places: 1,
     });

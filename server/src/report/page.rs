@@ -19,6 +19,7 @@ use sidestep::comparison::Analysis;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::fit::Grids;
 use sidestep::comparison::gains::Power;
+use sidestep::comparison::rollout::DOUBT;
 use sidestep::comparison::tables::{Metric, are_best};
 use sidestep::scene::Evader;
 
@@ -147,6 +148,7 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
         "effect": Power::EFFECT,
         "aim": Power::AIM,
         "most_people": Power::MOST,
+        "doubt": DOUBT,
         "leaking_tasks": data.copied_trials.iter().map(|of| of.leaking).sum::<usize>(),
         "exclusions": exclusions.collect::<Vec<_>>(),
         "doubtful_levels": doubtful_levels(analysis),
@@ -170,7 +172,7 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
     })
 }
 
-/// Every number of an analysis, with all digits, as JSON: what the templates print, and the tables beside it.
+/// The numbers of an analysis, with all digits, as JSON: what the templates print, and the tables beside it.
 ///
 /// # Errors
 /// None in practice: every part can be written as JSON.
@@ -188,6 +190,7 @@ pub(super) fn numbers_json(analysis: &Analysis) -> serde_json::Result<String> {
         })
         .collect();
     all["rollouts"] = json!(analysis.rollouts);
+    all["importance"] = json!(analysis.importance);
     serde_json::to_string(&all)
 }
 

@@ -83,12 +83,7 @@ pub(super) fn signed(number: f64, places: usize) -> String {
 
 /// Likewise, but a number that is not zero is not printed as zero: it is beside it.
 pub(super) fn beside_zero(number: f64, places: usize) -> String {
-    let text = signed(number, places);
-    match text.chars().all(|c| "0.".contains(c)) {
-        true if number > 0.0 => "just above 0".to_owned(),
-        true if number < 0.0 => "just below 0".to_owned(),
-        _ => text,
-    }
+    chart::beside_zero(number, places).map_or_else(|| signed(number, places), str::to_owned)
 }
 
 /// A p-value with three places, or with more if rounding would put it on the other side of [`LEVEL`].

@@ -188,6 +188,14 @@ pub fn fixed(number: f64, places: usize) -> String {
     }
 }
 
+/// Words for a number that is not zero, but would be printed as zero with that many decimal places.
+#[must_use]
+pub fn beside_zero(number: f64, places: usize) -> Option<&'static str> {
+    let is_printed_as_zero = fixed(number, places).chars().all(|c| "0.".contains(c));
+    let words = if number > 0.0 { "just above 0" } else { "just below 0" };
+    (number != 0.0 && is_printed_as_zero).then_some(words)
+}
+
 /// To six significant digits, without zeros that say nothing: "0.25", "−3", "2·10⁻⁷".
 #[must_use]
 pub fn number(value: f64) -> String {

@@ -127,14 +127,14 @@ impl Series {
 pub struct Group {
     /// One dot each, always in the same place of the category.
     pub values: Vec<f64>,
-    /// Their mean.
-    pub mean: f64,
-    /// An interval, as the swarm says.
+    /// Their mean, or what else the swarm says.
+    pub centre: f64,
+    /// Its interval.
     pub interval: Option<[f64; 2]>,
 }
 
 /// Dots for every number of each category of the axis that has categories, and a sign for their
-/// mean.
+/// centre.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Swarm {
     /// What a dot is, in the legend.
@@ -145,8 +145,10 @@ pub struct Swarm {
     pub mark: Mark,
     /// The dots' colour.
     pub ink: Ink,
-    /// What the intervals of the groups are; the mean is then a diamond on its interval. None for
-    /// bars without intervals.
+    /// What the centres are, such as "mean".
+    pub centre: &'static str,
+    /// What their intervals are, such as "95 % interval"; a centre is then a diamond on its interval. None
+    /// for bars without intervals.
     pub interval: Option<&'static str>,
     /// Decimal places of the numbers that dots say.
     pub places: usize,

@@ -100,14 +100,14 @@ impl LegendItem {
 
     fn of_swarm(of: &Swarm) -> Vec<Self> {
         let dot = Self::line(&of.name, None, Some((Mark::Circle, MUTED.at(0.55))));
-        let mean = match of.interval {
+        let centre = match of.interval {
             Some(interval) => {
                 let (pen, mark) = (Pen::new(ACCENT, 2.5), (Mark::Diamond, ACCENT.into()));
-                Self::line(&format!("mean and {interval}"), Some(pen), Some(mark))
+                Self::line(&format!("{} and its {interval}", of.centre), Some(pen), Some(mark))
             }
-            None => Self::line("mean", Some(Pen::new(TEXT, 2.5)), None),
+            None => Self::line(of.centre, Some(Pen::new(TEXT, 2.5)), None),
         };
-        vec![dot, mean]
+        vec![dot, centre]
     }
 }
 

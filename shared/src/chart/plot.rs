@@ -1,6 +1,6 @@
 //! A chart: two axes and what is between them.
 
-use super::axis::{Axis, Tick, fixed, number};
+use super::axis::{Axis, Tick, beside_zero, fixed, number};
 use super::clip::{line_inside, polygon_inside};
 use super::colours::{ACCENT, GRID, LINE, MUTED, SURFACE, TEXT};
 use super::drawing::{Align, Drawing, Pen, Point};
@@ -217,13 +217,13 @@ impl Chart {
                 swarm.mark.draw(drawing, at, radius, swarm.ink, None);
                 drawing.saying(&fixed(*value, swarm.places));
             }
-            if group.values.is_empty() || !group.mean.is_finite() {
+            if group.values.is_empty() || !group.centre.is_finite() {
                 continue;
             }
-            let mean = along(place, group.mean);
+            let centre = along(place, group.centre);
             if swarm.interval.is_none() {
-                drawing
-                    .line([aside(mean, -0.8 * room), aside(mean, 0.8 * room)], Pen::new(TEXT, 2.5));
+                let ends = [-0.8, 0.8].map(|by| aside(centre, by * room));
+                drawing.line(ends, Pen::new(TEXT, 2.5));
                 continue;
             }
             if let Some([low, high]) = group.interval {
@@ -231,7 +231,7 @@ impl Chart {
             }
             super::Mark::Diamond.draw(
                 drawing,
-                mean,
+                centre,
                 4.4,
                 ACCENT.into(),
                 Some(Pen::new(SURFACE, 1.0)),
@@ -308,7 +308,7 @@ impl Chart {
         let labels = categories.labels.iter().map(|(_, label)| vec![label.replace('\n', " ")]);
         let mut rows: Vec<Vec<String>> = labels.collect();
         for swarm in swarms {
-            columns.extend(["mean", "least", "greatest"].map(|of| format!("{of} {title}")));
+            columns.extend([swarm.centre, "least", "greatest"].map(|of| format!("{of} {title}")));
             columns.extend(swarm.interval.map(|interval| format!("{interval}, {title}")));
             columns.push("number".to_owned());
             for (row, group) in rows.iter_mut().zip(&swarm.groups) {
@@ -317,10 +317,15 @@ impl Chart {
                 };
                 let least = group.values.iter().copied().fold(f64::INFINITY, f64::min);
                 let most = group.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-                row.extend([group.mean, least, most].map(shown));
+                row.extend([group.centre, least, most].map(shown));
                 if swarm.interval.is_some() {
-                    let [low, high] = group.interval.unwrap_or([f64::NAN; 2]).map(shown);
-                    row.push(if low.is_empty() { low } else { format!("{low} to {high}") });
+                    let places = swarm.places;
+                    let end = |value| match beside_zero(value, places) {
+                        Some(words) => words.to_owned(),
+                        None => fixed(value, places),
+                    };
+                    let told = group.interval.map(|ends| ends.map(end).join(" to "));
+                    row.push(told.unwrap_or_default());
                 }
                 row.push(group.values.len().to_string());
             }
@@ -471,8 +476,8 @@ mod tests {
     #[test]
     fn a_swarm_has_a_place_for_each_category() {
         let groups = vec![
-            Group { values: vec![1.0, 3.0], mean: 2.0, interval: Some([0.5, 3.5]) },
-            Group { values: vec![], mean: f64::NAN, interval: None },
+            Group { values: vec![1.0, 3.0], centre: 2.0, interval: Some([1e-9, 3.5]) },
+            Group { values: vec![], centre: f64::NAN, interval: None },
         ];
         let ink = colours::SERIES[0].at(0.5);
         let swarm = Swarm {
@@ -480,7 +485,8 @@ mod tests {
             groups,
             mark: Mark::Circle,
             ink,
-            interval: Some("90 % interval of the median"),
+            centre: "median",
+            interval: Some("90 % interval"),
             places: 1,
         };
         let names = Axis::categories("model", ["SVM", "LR"]).downwards();
@@ -490,17 +496,17 @@ mod tests {
         assert_eq!(
             columns[1..],
             [
-                "mean gain (points)",
+                "median gain (points)",
                 "least gain (points)",
                 "greatest gain (points)",
-                "90 % interval of the median, gain (points)",
+                "90 % interval, gain (points)",
                 "number"
             ]
         );
-        assert_eq!(rows[0], ["SVM", "2.0", "1.0", "3.0", "0.5 to 3.5", "2"]);
+        assert_eq!(rows[0], ["SVM", "2.0", "1.0", "3.0", "just above 0 to 3.5", "2"]);
         assert_eq!(rows[1], ["LR", "", "", "", "", "0"]);
         let legend: Vec<String> = chart.legend().into_iter().map(|item| item.text).collect();
-        assert_eq!(legend, ["a person", "mean and 90 % interval of the median"]);
+        assert_eq!(legend, ["a person", "median and its 90 % interval"]);
         let mut drawing = Drawing::new("", "", [400.0, 200.0]);
         chart.draw_layers(&mut drawing, frame());
         // Two dots, an interval and a diamond, all in the upper half.

@@ -21,22 +21,19 @@ pub enum Verdict {
     Hint,
     /// No p below 5 %.
     NotShown,
-    /// Fewer participants than any test needs.
+    /// In every test, fewer participants differ than it needs.
     TooFew,
 }
 
 impl Verdict {
-    fn of<'a>(power: Power, gains: impl IntoIterator<Item = &'a Gain>) -> Self {
-        let least = |(raw, corrected): (f64, f64), gain: &Gain| {
-            (raw.min(gain.paired.p), corrected.min(gain.holm))
-        };
-        let (raw, corrected) = gains.into_iter().fold((1.0, 1.0), least);
-        if is_shown(corrected) {
+    fn of<'a>(gains: impl Iterator<Item = &'a Gain> + Clone) -> Self {
+        let any = |p: fn(&Gain) -> f64| gains.clone().any(|gain| is_shown(p(gain)));
+        if any(|gain| gain.holm) {
             Self::Shown
-        } else if power.is_too_low() {
-            Self::TooFew
-        } else if is_shown(raw) {
+        } else if any(|gain| gain.paired.p) {
             Self::Hint
+        } else if gains.clone().all(|gain| gain.paired.interval.is_none()) {
+            Self::TooFew
         } else {
             Self::NotShown
         }
@@ -57,7 +54,7 @@ pub struct Answer {
 impl Answer {
     /// None if there is no gain.
     fn of(power: Power, gains: Vec<Gain>) -> Option<Self> {
-        let verdict = Verdict::of(power, &gains);
+        let verdict = Verdict::of(gains.iter());
         (!gains.is_empty()).then_some(Self { verdict, gains, power })
     }
 }
@@ -213,7 +210,7 @@ impl Findings {
             start_and_end: tested(Metric::Start, ("hrd", "d"))
                 .zip(tested(Metric::End, ("hrd", "d")))
                 .map(|(start, end)| StartAndEnd {
-                    verdict: Verdict::of(start.power, start.gains.iter().chain(&end.gains)),
+                    verdict: Verdict::of(start.gains.iter().chain(&end.gains)),
                     start,
                     end,
                 }),

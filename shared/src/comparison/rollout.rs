@@ -107,7 +107,7 @@ pub enum Simple {
 }
 
 /// The probability that a simple driver gives to each action that it does not expect.
-const DOUBT: f64 = 0.05;
+pub const DOUBT: f64 = 0.05;
 
 impl Simple {
     /// Its name in tables.

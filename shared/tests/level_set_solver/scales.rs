@@ -60,7 +60,7 @@ fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
             outside += usize::from(value <= 0.0 && low > cell || value > cell && high <= 0.0);
             wrong += usize::from((value <= 0.0) != (low <= 0.0) && depth(state, 0.5) > 0.0);
         }
-        let share = f64::from(wrong) / grid.len() as f64;
+        let share = wrong as f64 / grid.len() as f64;
         eprintln!("{} {epsilon:.0e} 1e{exponent}: {share:.4} {outside} outside", scheme.name());
         // A low wall is no worse than its height.
         if height >= 1.0 {

@@ -132,7 +132,10 @@ async fn a_split_by_people_guarantees_for_new_people() {
     let few = ["--split", "people", "--probability", "0.9", "--guarantee", "pac"];
     shfrs(&folder.name("none"), &few).await.refused(
         2,
-        &["expected at least 97 people for p = 0.9 (pac)", "found 8 (3 to calibrate with)"],
+        &[
+            "expected at least 29 people to calibrate with (a share of 0.3) for p = 0.9 (pac)",
+            "found 3 of 8",
+        ],
     );
 }
 
@@ -187,8 +190,8 @@ async fn what_makes_no_sense_is_refused_in_words() {
         (&["--participant", "nobody"], "expected one of 0, 1, 2, 3, 4, 5, 6, 7, found nobody"),
         (
             &["--participant", "2", "--probability", "0.99"],
-            "trials.csv: expected at least 997 tasks for p = 0.99 (pac), so that 299 are left to \
-             calibrate with, found 50 (15 to calibrate with)",
+            "trials.csv: expected at least 299 tasks to calibrate with (a share of 0.3) for p = 0.99 (pac), \
+             found 15 of 50",
         ),
         (&["--features", "hrd,speed"], "--features"),
         (&["--predictor", "nowhere.json"], "nowhere.json: cannot read"),

@@ -102,6 +102,8 @@ pub(super) struct Evaluation {
     pub(super) predictor: String,
     pub(super) participants: usize,
     pub(super) trajectories: Parted,
+    /// What was split, and what guarantees and intervals count.
+    pub(super) split: Unit,
     /// One for each choice of windows that there are windows for.
     pub(super) regions: Vec<Regions>,
     /// Which trajectories the regions' probabilities are from.
@@ -240,6 +242,7 @@ impl Evaluation {
                 calibration: parts.calibration.len(),
                 test: parts.test.len(),
             },
+            split: questions.unit,
             regions: found,
             regions_from: "the calibration and test parts".to_owned(),
             synthetic: None,

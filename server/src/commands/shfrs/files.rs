@@ -36,7 +36,7 @@ pub(super) fn write(
         pareto_csv(&analysis.pareto)?,
         danger_csv(analysis)?,
         regions_svg(analysis)?,
-        figure::pareto(&analysis.pareto, &note(analysis)).svg(),
+        figure::pareto(&analysis.pareto, analysis.split, &note(analysis)).svg(),
         json(serde_json::to_string_pretty(predictor))?,
         json(serde_json::to_string_pretty(analysis))?,
     ];

@@ -66,7 +66,7 @@ pub(super) fn unseen(analysis: &Analysis) -> Option<Figure> {
         chart.add(Series::line("", zero, colours::MUTED, 1.0));
         let group = |of: &&&Unseen| Group {
             values: of.own.paired.gains.clone(),
-            mean: of.own.paired.mean,
+            centre: of.own.paired.typical,
             interval: of.own.paired.interval,
         };
         chart.add(Swarm {
@@ -74,7 +74,8 @@ pub(super) fn unseen(analysis: &Analysis) -> Option<Figure> {
             groups: of.iter().map(group).collect(),
             mark: Mark::Circle,
             ink: colours::MUTED.at(0.55),
-            interval: Some("95 % interval of the typical gain"),
+            centre: "typical gain",
+            interval: Some("95 % interval"),
             places: 1,
         });
         chart
@@ -116,12 +117,13 @@ fn importance_chart(heading: &str, model: ModelName, of: &[&Importance], range: 
     chart.add(Series::line("", zero, colours::MUTED, 1.0));
     let (colour, mark) = look(model);
     let group =
-        |of: &&Importance| Group { values: of.losses.clone(), mean: of.mean, interval: None };
+        |of: &&Importance| Group { values: of.losses.clone(), centre: of.mean, interval: None };
     chart.add(Swarm {
         name: "a person".to_owned(),
         groups: of.iter().map(group).collect(),
         mark,
         ink: colour.at(0.55),
+        centre: "mean",
         interval: None,
         places: 1,
     });

@@ -23,7 +23,7 @@ pub(super) fn behaviour(analysis: &Analysis) -> Option<Figure> {
 }
 
 fn chart(of: &Behaviour, (heading, name, unit, value): &(&str, &str, &str, Of)) -> Option<Chart> {
-    let group = |(values, mean)| Group { values, mean, interval: None };
+    let group = |(values, mean)| Group { values, centre: mean, interval: None };
     let groups: Vec<Group> = of.by_part(value).into_iter().map(group).collect();
     let numbers = groups.iter().flat_map(|group| group.values.iter().copied());
     numbers.clone().next()?;
@@ -37,6 +37,7 @@ fn chart(of: &Behaviour, (heading, name, unit, value): &(&str, &str, &str, Of)) 
         groups,
         mark: Mark::Circle,
         ink: colours::HUMAN.at(0.55),
+        centre: "mean",
         interval: None,
         places: 1,
     });

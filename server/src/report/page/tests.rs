@@ -144,7 +144,7 @@ fn words_follow_the_numbers() {
     assert!(seven.contains("p = 0.016, after Holm over 48 tests 0.750"));
     assert!(seven.contains("look better than distance alone in 6 of 6 comparisons, but not after"));
     assert!(seven.contains(
-        "no comparison could be shown. Fewer than 11 people can show nothing. 11 are not enough"
+        "no difference could be shown. Fewer than 11 people can show nothing after this correction. 11 are not enough"
     ));
     let four = said(4);
     assert!(four.contains("Too few people to show whether safety levels predict better"));
@@ -157,7 +157,7 @@ fn words_follow_the_numbers() {
     assert!(many.contains(
         "Safety levels predict better than distance alone, in every model and experiment."
     ));
-    assert!(!many.contains("no comparison could be shown"));
+    assert!(!many.contains("no difference could be shown"));
     let same = "No difference between the human’s and the robot’s safety level was shown.";
     assert!(many.contains(same), "{many}");
 }
