@@ -160,7 +160,8 @@ pub fn share(tallies: &[Tally], confidence: f64) -> Result<Estimate, Invalid> {
 /// short: in simulations with 5 to 50 people of 10 or 50 tasks, with mean shares of 0.03 to 0.5 and people who
 /// were alike or not, Student's interval of 95 % covered in 84 to 94 % on average and 50 % at worst, the
 /// bootstrap in 76 to 93 % and 48 %, Korn and Graubard's with their degrees of freedom in 95 to 97 % and
-/// 73 %. This one covered in at least 95 % everywhere, and is a fifth to half shorter than that of [`share`].
+/// 73 %. This one covered in at least 95 % everywhere there, and is a fifth to half shorter than that of [`share`].
+/// Of people whose shares are 0 or 1 and seldom 1 it covers less: 91 % with a mean of 0.1 and 24 people.
 ///
 /// Without a person the share is unknown: value 0 in [0, 1].
 ///
