@@ -151,15 +151,15 @@ async fn values_of_states() {
     // The closed form in a file is the closed form.
     let file = folder.name("v.npz");
     prints(&["solve", "--out", &file]).await;
-    prints(&["value", "--value-function", &file, "--states", &states, "--out", &out]).await;
+    run(&["value", "--value-function", &file, "--states", &states, "--out", &out]).await.json();
     assert_eq!(rows(&out), exact);
 
     // A solved one is the same from its file as at once, but for float32.
     let game = ["--pursuer-turn-rate", "0.75", "--accuracy", "draft"];
-    prints(&[&["value", "--states", &states, "--out", &out][..], &game].concat()).await;
+    run(&[&["value", "--states", &states, "--out", &out][..], &game].concat()).await.json();
     let at_once = rows(&out);
     prints(&[&["solve", "--out", &file][..], &game].concat()).await;
-    prints(&["value", "--value-function", &file, "--states", &states, "--out", &out]).await;
+    run(&["value", "--value-function", &file, "--states", &states, "--out", &out]).await.json();
     for (a, b) in at_once.iter().flatten().zip(rows(&out).iter().flatten()) {
         assert!((a - b).abs() < 1e-4, "{a} {b}");
     }
