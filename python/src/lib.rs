@@ -64,6 +64,7 @@ mod native {
     use crate::reach::{ReachableSet, reach_all};
     #[pymodule_export]
     use crate::shfrs::{Shfrs, ShfrsPredictor};
+    #[pymodule_export]
     use crate::shfrs_settings::ShfrsSettings;
     #[pymodule_export]
     use crate::solution::Solution;

@@ -10,7 +10,7 @@ use sidestep::invalid::Invalid;
 use sidestep::motion::{Departure, check_step, departure};
 use sidestep::planner::{ClearanceSettings, Clearances};
 use sidestep::reach::ReachableSet as Reachable;
-use sidestep::scene::{self, JointState};
+use sidestep::scene::JointState;
 use sidestep::shfrs;
 use sidestep::shfrs::baselines::worst_case_area_m2;
 
@@ -21,7 +21,7 @@ use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
 use crate::interrupt::{Watch, each};
 use crate::plan::{Asked, proved};
-use crate::reach::{ReachableSet, drawn, drive, margin_m, tolerance};
+use crate::reach::{ReachableSet, drive, margin_m, tolerance};
 use crate::scalars::{real, some_real};
 use crate::shfrs_settings::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
@@ -362,9 +362,7 @@ impl ShfrsPredictor {
         let human = Human::new(model, &parameters.unwrap_or_default().0, safety)?;
         let settings = match settings {
             None => usual(human.actions(), &human.parameters)?,
-            Some(given) => shfrs::ShfrsSettings::new(given.bounds(human.actions())?)
-                .with_polygon(drawn(given.accuracy_m, false)?)
-                .with_by_step(given.by_step),
+            Some(given) => given.of_prediction(human.actions())?,
         };
         let source = Arc::new(Source { human, settings, assume_vehicle });
         Ok(Self { source, frames: Mutex::default() })

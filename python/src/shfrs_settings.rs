@@ -16,6 +16,7 @@ use crate::arrays::list;
 use crate::bounds::{choice, rolled_out};
 use crate::error::Error;
 use crate::kept::{self, SettingsFile};
+use crate::reach::drawn;
 use crate::scalars::{real, some_real, some_whole, some_wholes};
 use crate::shfrs::New;
 
@@ -191,6 +192,13 @@ impl ShfrsSettings {
 impl ShfrsSettings {
     pub(crate) fn bounds(&self, actions: usize) -> Result<BoundsSettings, Invalid> {
         BoundsSettings::new(self.epsilon.clone(), self.choice.clone(), self.rollout, actions)
+    }
+
+    /// For a model with this number of actions.
+    pub(crate) fn of_prediction(&self, actions: usize) -> Result<shfrs::ShfrsSettings, Error> {
+        Ok(shfrs::ShfrsSettings::new(self.bounds(actions)?)
+            .with_polygon(drawn(self.accuracy_m, false)?)
+            .with_by_step(self.by_step))
     }
 
     /// The settings of a prediction.

@@ -272,7 +272,7 @@ fn people_charts(file: &'static str, all: &[PeopleChart<'_>], [name, unit]: [&st
 }
 
 fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
-    let mean = |(set, group): &(&str, Group)| format!("{set} {}", fixed(group.mean, 1));
+    let mean = |(set, group): &(&str, Group)| format!("{set} {}", fixed(group.centre, 1));
     let means = of.columns.iter().map(mean).collect::<Vec<_>>().join(", ");
     let label = |(set, _): &(&str, Group)| {
         let body = set.strip_suffix("_body").map(|letters| format!("{letters}\nbody"));

@@ -108,7 +108,7 @@ pub fn danger_bounds(
 }
 
 /// What bounds from so many scores mean, in words to print beside them. Of people who were drawn by
-/// [`Split::parts_of_people`](super::Split::parts_of_people), `calibration` counts those.
+/// [`Split::parts_of_people`](super::tuning::Split::parts_of_people), `calibration` counts those.
 #[must_use]
 pub fn statement(calibration: usize, unit: Unit) -> String {
     let from = unit.calibrating(calibration);

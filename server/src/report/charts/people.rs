@@ -29,7 +29,7 @@ fn chart(of: &Behaviour, (heading, name, unit, value): &(&str, &str, &str, Of)) 
     numbers.clone().next()?;
     let x = Axis::categories("", (1..=PARTS).map(|part| format!("fifth {part}")));
     let y = Axis::round(name, unit, range(numbers), 5);
-    let means: Vec<String> = groups.iter().map(|group| fixed(group.mean, 1)).collect();
+    let means: Vec<String> = groups.iter().map(|group| fixed(group.centre, 1)).collect();
     let description = format!("Means over people, fifth by fifth: {}.", means.join(", "));
     let mut chart = Chart::new(heading, &description, x, y);
     chart.add(Swarm {
