@@ -1,4 +1,7 @@
-"""The models of an analysis, read as docs/predictor.md says, and what is computed with them: no code is shared with the server."""
+"""The models of an analysis, read as docs/predictor.md says, and what is computed with them.
+
+No code is shared with the server, but safety levels are those of `sidestep features`.
+"""
 
 import csv
 import json

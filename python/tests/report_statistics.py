@@ -1,5 +1,6 @@
 """Tests, intervals and scores as docs/analysis.md defines them, with NumPy and SciPy: no code is shared with the server."""
 
+import functools
 import itertools
 
 import numpy as np
@@ -97,6 +98,7 @@ def holm(p):
     return corrected
 
 
+@functools.cache
 def power(people, family, draws=20_000, seed=8):
     """How probably a test of normal gains with a mean of 0.8 standard deviations is below the level, times `family`."""
     gains = 0.8 + np.random.default_rng(seed).standard_normal((draws, people))
@@ -162,6 +164,7 @@ def gains_are(told, first, second, what):
     close(paired["interval"], mine["interval"], what)
     assert paired["differing"] == mine["differing"], what
     assert paired["better"] == int((gains > TIE).sum()), what
+    assert paired["contrary"] == (mine["p"] < LEVEL and abs(gains.mean()) > TIE and gains.mean() * mine["r"] < 0), what
     direction = lambda p: "open" if p >= LEVEL else "better" if mine["r"] > 0 else "worse"  # noqa: E731
     assert (told["before"], told["after"]) == (direction(paired["p"]), direction(told["holm"])), what
     if paired["interval"]:

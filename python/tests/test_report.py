@@ -5,8 +5,9 @@ predictions that an analysis wrote and the trials that it was given, computes ev
 and compares with the numbers behind the report, on six sets of data that were made to be awkward. Then it compares each
 figure of the printed tables with the number behind it.
 
-What comes from models that are in no file is not computed here: `cv_accuracy` and the hyper-parameters (models of folds).
-Learning curves, unseen people, importance, roll-outs and leakage are in test_report_people.py.
+Not computed: `cv_accuracy` and the hyper-parameters that were chosen, which are of models of folds, and these are in no
+file. Powers are shares of samples that the program draws; here they are drawn anew, and compared to 0.02.
+Learning curves, unseen people, importance, roll-outs of models and leakage are in test_report_people.py.
 """
 
 import itertools
@@ -18,7 +19,9 @@ import pytest
 from conftest import driven
 
 from report_data import PAPERS, RATE, SPEED_MPS, STEP_S, Report, printed, printed_beside_zero, printed_p, simulated
-from report_statistics import LEVEL, balanced, calibration, close, gains_are, holm, mann_whitney, mean_share, power, share, signed_rank
+from report_models import rolled_out
+from report_statistics import LEVEL, balanced, calibration, close, gains_are, holm, mann_whitney, mean_share
+from report_statistics import power, share, signed_rank
 
 pytestmark = pytest.mark.skipif("SIDESTEP_BIN" not in os.environ, reason="needs the program sidestep")
 
@@ -68,7 +71,10 @@ def identical_people(folder, _rng):
     return simulated(folder, 1, 8, 30, 3) * 8
 
 
-@pytest.fixture(scope="module", params=[ties, one_class, two_people, many, copied_trials, identical_people], ids=lambda of: of.__name__)
+MADE = [ties, one_class, two_people, many, copied_trials, identical_people]
+
+
+@pytest.fixture(scope="module", params=MADE, ids=lambda of: of.__name__)
 def report(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param.__name__)
     return Report(folder, request.param(folder, np.random.default_rng(2019)), paper_only=True)
@@ -82,7 +88,8 @@ def test_people_and_predictions(report):
     tasks = len(report.people[0])
     # Who shows one class only in the tasks that train is left out, since no model can be fitted to it.
     training = [of[: tasks - tasks // 5] for of in report.people]
-    assert report.names == [name for name, of in enumerate(training) if len({rate for trial in of for rate in trial.rates}) > 1]
+    turned = [{rate for trial in of for rate in trial.rates} for of in training]
+    assert report.names == [name for name, rates in enumerate(turned) if len(rates) > 1]
     for model, experiment, features, name in report.cells:
         cell = report.cells[model, experiment, features, name]
         assert cell.trials == list(range(tasks - tasks // 5, tasks))
@@ -108,13 +115,14 @@ def test_tests_of_the_paper(report):
         mine = defaultdict(list)
         for test in told:
             model, experiment = test["gain"]["model"], test["gain"]["experiment"]
-            lists = [[cell.by_trial(metric) for cell in report.of(model, experiment, of)] for of in (test["first"], test["second"])]
+            pair = test["first"], test["second"]
+            lists = [[cell.by_trial(metric) for cell in report.of(model, experiment, of)] for of in pair]
             means = [np.array([each.mean() for each in of]) for of in lists]
             better, worse = means if metric == "accuracy" else means[::-1]
-            what = (model, experiment, metric, test["first"], test["second"])
+            what = (model, experiment, metric, *pair)
             mine["paired"].append(gains_are(test["gain"], better, worse, what))
-            for unit, pair in [("persons", means), ("trajectories", [np.concatenate(of) for of in lists])]:
-                p = mann_whitney(*pair)
+            for unit, each in [("persons", means), ("trajectories", [np.concatenate(of) for of in lists])]:
+                p = mann_whitney(*each)
                 close(test[f"mann_whitney_{unit}"], p, what + (unit,))
                 mine[unit].append(p)
             compared += 1
@@ -133,12 +141,13 @@ def test_families_beside_the_papers(report):
     for family in report.numbers["beside"]:
         found = []
         for gain in family["gains"]:
-            experiment, first, second = gain["experiment"], family["first"], family["second"]
-            own = report.accuracy(gain["model"], experiment, first)
-            other = always_commonest(report, experiment) if second == "none" else report.accuracy(gain["model"], experiment, second)
-            found.append(gains_are(gain, own, other, (gain["model"], experiment, first, second)))
+            model, experiment, first, second = gain["model"], gain["experiment"], family["first"], family["second"]
+            own = report.accuracy(model, experiment, first)
+            other = always_commonest(report, experiment) if second == "none" else report.accuracy(model, experiment, second)
+            found.append(gains_are(gain, own, other, (model, experiment, first, second)))
         close([gain["holm"] for gain in family["gains"]], holm(found), family["first"])
-    assert [(of["first"], of["second"]) for of in report.numbers["beside"]] == [("d_body", "hrd"), ("hrd_body", "d_body"), ("hrd", "none")]
+    pairs = [(of["first"], of["second"]) for of in report.numbers["beside"]]
+    assert pairs == [("d_body", "hrd"), ("hrd_body", "d_body"), ("hrd", "none")]
 
 
 def pooled(report, model, experiment, features):
@@ -167,7 +176,8 @@ def test_calibration_and_ablation(report):
         own = report.accuracy(model, experiment, features) if model else always_commonest(report, experiment)
         rows = report.of(model, experiment, features) if model else report.commonest(experiment)
         even = [cell.balanced() if model else balanced(*cell[:2]) for cell in rows]
-        close([told["accuracy"], told["balanced"], told["log_loss"]], [own.mean(), np.mean(even), losses[model, experiment, features]], told)
+        mine = [own.mean(), np.mean(even), losses[model, experiment, features]]
+        close([told["accuracy"], told["balanced"], told["log_loss"]], mine, told)
         if model and features != "d":
             base = report.accuracy(model, experiment, "d")
             close(told["over_d"], [own.mean() - base.mean(), signed_rank(own - base)["p"]], told)
@@ -202,9 +212,11 @@ def test_tables_of_the_paper(report):
                 mine = distances(report, told["model"], of, metric)
                 close([each[key]["penalised"], each["both"]], [mine["penalised"], mine["n"]], told)
                 close(each[key]["both"], mine["both"], told)
+            assert each["trajectories"] == sum(len(cell.trials) for cell in report.of(told["model"], 2, of))
     for row in report.table("table2"):
         for of in SETS:
-            printed(row[of], distances(report, row["model"], of, row["metric"])[row["convention"]], 0 if row["convention"] == "n" else 4)
+            mine = distances(report, row["model"], of, row["metric"])
+            printed(row[of], mine[row["convention"]], 0 if row["convention"] == "n" else 4)
 
 
 def test_answers(report):
@@ -261,6 +273,12 @@ def power_is(told, people, family):
     assert power(told["enough"] - 1, family) - 0.02 < 0.8 < power(told["enough"], family) + 0.02, told
 
 
+def test_rollouts_without_a_model(report):
+    for driver, mine in rolled_out(report, ["held_input", "straight"]).items():
+        told = next(of["horizons"] for of in report.numbers["rollouts"] if of["driver"] == driver)
+        close([[of[key] for key in ("windows", "right", "log_loss", "distance_m")] for of in told], mine, driver)
+
+
 # What people did.
 
 
@@ -278,7 +296,8 @@ def behaviour(trial):
     nearest = distance.argmin()
     left = apart[nearest, 1] * np.cos(human[nearest, 2]) - apart[nearest, 0] * np.sin(human[nearest, 2])
     turns = np.flatnonzero(rates)
-    onset = {"time_s": turns[0] * STEP_S, "distance_m": distance[turns[0]], "to_left": rates[turns[0]] > 0} if len(turns) else None
+    first = turns[0] if len(turns) else None
+    onset = {"time_s": first * STEP_S, "distance_m": distance[first], "to_left": rates[first] > 0} if len(turns) else None
     closest = np.hypot(x, y).min()
     return {
         "in_danger": closest <= RADIUS_M,
@@ -340,11 +359,13 @@ def test_behaviour(report):
 def printed_gain(row, gain):
     """What tests.csv and beside.csv say of a paired comparison."""
     paired = gain["paired"]
-    assert (row["model"], row["experiment"], row["differing"]) == (gain["model"], str(gain["experiment"]), str(paired["differing"]))
+    assert (row["model"], row["experiment"]) == (gain["model"], str(gain["experiment"]))
+    assert row["differing"] == str(paired["differing"])
     printed(row["gain"], paired["mean"])
     printed(row["rank_biserial"], paired["rank_biserial"])
-    for key, number in zip(("typical_gain", "gain_low", "gain_high"), (paired["typical"], *(paired["interval"] or (None, None))), strict=True):
-        printed_beside_zero(row[key], number)
+    printed_beside_zero(row["typical_gain"], paired["typical"])
+    for key, end in zip(("gain_low", "gain_high"), paired["interval"] or (None, None), strict=True):
+        printed_beside_zero(row[key], end)
     printed_p(row["wilcoxon_persons"], paired["p"])
     printed_p(row["wilcoxon_persons_holm"], gain["holm"])
 
@@ -363,7 +384,8 @@ def test_printed_tests(report):
 
 
 def names_model(row, told):
-    assert (row["model"], row["experiment"], row["features"]) == (told["model"] or "constant", str(told["experiment"]), told["features"])
+    model = told["model"] or "constant"
+    assert (row["model"], row["experiment"], row["features"]) == (model, str(told["experiment"]), told["features"])
 
 
 def test_printed_calibration_and_ablation(report):
@@ -374,8 +396,9 @@ def test_printed_calibration_and_ablation(report):
             printed(row[key], told["of"][key])
     for row, told in zip(report.table("ablation"), report.numbers["ablations"], strict=True):
         names_model(row, told)
-        for key, number in [("accuracy_percent", "accuracy"), ("log_loss", "log_loss"), ("balanced_accuracy_percent", "balanced")]:
-            printed(row[key], told[number])
+        printed(row["accuracy_percent"], told["accuracy"])
+        printed(row["balanced_accuracy_percent"], told["balanced"])
+        printed(row["log_loss"], told["log_loss"])
         if told["over_d"]:
             printed(row["gain_over_d"], told["over_d"][0])
             printed_p(row["wilcoxon_persons"], told["over_d"][1])
@@ -396,6 +419,7 @@ def test_printed_behaviour(report):
         assert (row["participant"], row["trial"]) == (name, str(task["trial"]))
         assert row["first_turn"] == ("0" if task["onset"] is None else "1" if onset["to_left"] else "-1")
         assert (row["in_danger"], row["robot_on_left"]) == (str(int(task["in_danger"])), str(int(task["robot_on_left"])))
-        for key, number, digits in [("closest_m", task["closest_m"], 4), ("turning", task["turning"], 6),
-                                    ("onset_s", onset["time_s"], 4), ("onset_distance_m", onset["distance_m"], 4)]:
-            printed(row[key], number, digits)
+        printed(row["closest_m"], task["closest_m"])
+        printed(row["turning"], task["turning"], 6)
+        printed(row["onset_s"], onset["time_s"])
+        printed(row["onset_distance_m"], onset["distance_m"])
