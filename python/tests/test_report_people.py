@@ -147,7 +147,8 @@ def unseen_are_right(report, folder, checked):
     whats, found = list(itertools.product(("dt", "lr"), (1, 2), COMPARED)), []
     for what, each in zip(whats, told, strict=True):
         model, experiment, features = what
-        assert (each["own"]["model"], each["own"]["experiment"], each["features"]) == what
+        assert [each["own"][key] for key in ("model", "experiment", "metric")] == [model, experiment, "accuracy"]
+        assert each["features"] == features
         mine = {name: again.tested(*what, name) for name in checked}
         close([each["accuracies"][report.names.index(name)] for name in checked], [accuracy(*of) for of in mine.values()], what)
         own = report.accuracy(*what)
