@@ -1,83 +1,36 @@
-"""Every test, interval, effect size, correction and calibration of a report, computed again.
+"""Every test, interval, effect size, correction, calibration and count of a report, computed again.
 
 The program below knows what the documents say (docs/analysis.md) and shares no code with the server: it reads the
-predictions that an analysis wrote, computes everything from them with NumPy and SciPy, and compares with the numbers
-behind the report, on six sets of data that were made to be awkward.
+predictions that an analysis wrote and the trials that it was given, computes everything from them with NumPy and SciPy,
+and compares with the numbers behind the report, on six sets of data that were made to be awkward. Then it compares each
+figure of the printed tables with the number behind it.
+
+Not computed: `cv_accuracy` and the hyper-parameters that were chosen, which are of models of folds, and these are in no
+file. Powers are shares of samples that the program draws; here they are drawn anew, and compared to 0.02.
+Learning curves, unseen people, importance, roll-outs of models and leakage are in test_report_people.py.
 """
 
-import csv
 import itertools
-import json
 import os
-import subprocess
 from collections import defaultdict
 
 import numpy as np
 import pytest
-from scipy import stats
-
 from conftest import driven
+
+from report_data import PAPERS, RATE, SPEED_MPS, STEP_S, Report, printed, printed_beside_zero, printed_p, simulated
+from report_models import rolled_out
+from report_statistics import LEVEL, balanced, calibration, close, gains_are, holm, mann_whitney, mean_share
+from report_statistics import power, share, signed_rank
 
 pytestmark = pytest.mark.skipif("SIDESTEP_BIN" not in os.environ, reason="needs the program sidestep")
 
-RATE = 0.5
-PAPERS = ["svm", "dt", "lr"]
+SETS = ["hrd", "hr", "hd", "rd", "h", "r", "d"]
 PAIRS = [("hrd", "d"), ("hr", "d"), ("hd", "d"), ("rd", "d"), ("h", "d"), ("r", "d"), ("hrd", "hr"), ("h", "r")]
-LEVEL, TIE, EXACT = 0.05, 1e-12, 60
-# One value of each hyper-parameter: what is chosen does not matter here.
-GRIDS = {"rbf_c": [1], "rbf_gamma": [0.1], "linear_c": [1], "tree_depth": [3], "tree_leaf": [5], "logistic_c": [1]}
-
-
-def sidestep(*arguments):
-    """Runs the program."""
-    done = subprocess.run([os.environ["SIDESTEP_BIN"], *map(str, arguments)], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done
+RADIUS_M = 3.0
 
 
 # Data.
-
-
-class Trial:
-    """One trial: the robot's poses, the human's start and the turn rates that the human held."""
-
-    def __init__(self, rows, steps):
-        rows = rows[:steps]
-        self.start = [float(rows[0][key]) for key in ("hx", "hy", "hpsi")]
-        self.robot = [[float(row[key]) for key in ("rx", "ry", "rpsi")] for row in rows]
-        self.rates = [float(row["omega"]) for row in rows]
-
-    def turned(self, rates):
-        """The same trial with other inputs."""
-        other = object.__new__(Trial)
-        other.start, other.robot, other.rates = self.start, self.robot, list(rates)
-        return other
-
-
-def simulated(folder, people, tasks, steps, seed):
-    """The trials of synthetic people: for each a list."""
-    path = folder / "simulated.csv"
-    sidestep("simulate", "--participants", people, "--seed", seed, "--keys", "clock", "--tasks", tasks, "--out", path)
-    rows = defaultdict(list)
-    with open(path) as file:
-        for row in csv.DictReader(file):
-            rows[int(row["participant"]), int(row["trial"])].append(row)
-    return [[Trial(rows[person, task], steps) for task in range(tasks)] for person in range(people)]
-
-
-def written(folder, people):
-    """The trials as a file that `analyze` reads."""
-    path = folder / "trials.csv"
-    with open(path, "w", newline="") as file:
-        out = csv.writer(file)
-        out.writerow("participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega,synthetic".split(","))
-        for name, tasks in enumerate(people):
-            for number, trial in enumerate(tasks):
-                human = driven(trial.start, trial.rates)
-                for step, rate in enumerate(trial.rates):
-                    pose = [repr(float(x)) for x in [*human[step], *trial.robot[step]]]
-                    out.writerow([name, number, step, step / 5, *pose, rate, 1])
-    return path
 
 
 def once(rng, trial):
@@ -118,213 +71,58 @@ def identical_people(folder, _rng):
     return simulated(folder, 1, 8, 30, 3) * 8
 
 
-# What the documents say.
+MADE = [ties, one_class, two_people, many, copied_trials, identical_people]
 
 
-def ranks(sizes):
-    """Midranks; what differs by rounding is tied."""
-    order = np.argsort(sizes, kind="stable")
-    found, begin = np.empty(len(sizes)), 0
-    while begin < len(order):
-        end = begin + 1
-        while end < len(order) and sizes[order[end]] - sizes[order[end - 1]] <= TIE:
-            end += 1
-        found[order[begin:end]] = (begin + end + 1) / 2
-        begin = end
-    return found
+@pytest.fixture(scope="module", params=MADE, ids=lambda of: of.__name__)
+def report(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp(request.param.__name__)
+    return Report(folder, request.param(folder, np.random.default_rng(2019)), paper_only=True)
 
 
-def sign_ways(of):
-    """How likely each sum of positive ranks is (index: twice the sum), by convolution."""
-    ways = np.ones(1)
-    for rank in of:
-        one = np.zeros(int(round(2 * rank)) + 1)
-        one[0] = one[-1] = 0.5
-        ways = np.convolve(ways, one)
-    return ways
+# The numbers.
 
 
-def tails(ways, at):
-    return min(1.0, 2 * min(ways[: at + 1].sum(), ways[at:].sum()))
-
-
-def signed_rank(gains):
-    """p, r, typical gain and interval of Wilcoxon's test, all of the gains that are not zero."""
-    gains = np.asarray(gains)
-    d = gains[np.abs(gains) > TIE]
-    n = len(d)
-    if n == 0:
-        return {"p": 1.0, "r": 0.0, "typical": 0.0, "interval": None, "differing": 0}
-    of = ranks(np.abs(d))
-    positive, total = of[d > 0].sum(), of.sum()
-    if n <= EXACT:
-        ways = sign_ways(of)
-        p_of = lambda w: tails(ways, int(round(2 * w)))  # noqa: E731
-    else:
-        tied = sum(t**3 - t for t in np.unique(of, return_counts=True)[1])
-        variance = n * (n + 1) * (2 * n + 1) / 24 - tied / 48
-        p_of = lambda w: min(1.0, 2 * stats.norm.sf(abs(w - n * (n + 1) / 4) / np.sqrt(variance)))  # noqa: E731
-    p = p_of(positive)
-    means = np.sort([(a + b) / 2 for a, b in itertools.combinations_with_replacement(d, 2)])
-    typical = np.median(means)
-    # A shift is kept if some count of means above it, between those above and those at or above it, is not rejected.
-    kept = [
-        at for at in np.unique(means)
-        if any(p_of(w / 2) >= LEVEL for w in range(2 * int((means > at + TIE).sum()), 2 * int((means >= at - TIE).sum()) + 1))
-    ] if n < 40 else None
-    if kept is None:
-        # W falls by one at each mean: the least doubled sum that is kept tells how many lie outside on either side.
-        least = next(w for w in range(len(means) + 1) if p_of(w / 2) >= LEVEL)
-        kept = [means[-(-least // 2) - 1], means[len(means) - -(-least // 2)]] if least else []
-    never = p_of(0) >= LEVEL
-    interval = None if never else [min(kept), max(kept)]
-    if p < LEVEL and interval:
-        side = max if positive > total / 2 else min
-        typical, interval = side(typical, 0.0), [side(end, 0.0) for end in interval]
-    return {"p": p, "r": 2 * positive / total - 1, "typical": typical, "interval": interval, "differing": n}
-
-
-def mann_whitney(a, b):
-    """Exact by counting, also with ties; SciPy's normal approximation for many numbers."""
-    if len(a) + len(b) > EXACT:
-        if np.ptp([*a, *b]) <= TIE:
-            return 1.0
-        rounded = np.round(np.concatenate([a, b]), 9)
-        return stats.mannwhitneyu(rounded[: len(a)], rounded[len(a) :], method="asymptotic").pvalue
-    of = np.rint(2 * ranks(np.concatenate([a, b]))).astype(int)
-    ways = [np.zeros(of.sum() + 1) for _ in range(len(a) + 1)]
-    ways[0][0] = 1.0
-    for rank in of:
-        for chosen in range(len(a), 0, -1):
-            ways[chosen][rank:] += ways[chosen - 1][: len(ways[0]) - rank]
-    ways = ways[len(a)] / ways[len(a)].sum()
-    return tails(ways, of[: len(a)].sum())
-
-
-def holm(p):
-    p, corrected, highest = np.asarray(p), np.empty(len(p)), 0.0
-    for place, i in enumerate(np.argsort(p, kind="stable")):
-        highest = max(highest, min(1.0, (len(p) - place) * p[i]))
-        corrected[i] = highest
-    return corrected
-
-
-def ends_of_avoidance(row, steps):
-    """First and last step of avoidance, penalised where there is none."""
-    at = np.flatnonzero(row)
-    return (at[0], at[-1]) if len(at) else (steps, -1)
-
-
-class Cell:
-    """The test rows of one model."""
-
-    def __init__(self, rows, steps):
-        self.trials = sorted({int(row["trial"]) for row in rows})
-        shape = (len(rows) // steps, steps)
-        self.truth = np.array([int(row["truth"]) for row in rows]).reshape(shape)
-        self.predicted = np.array([int(row["predicted"]) for row in rows]).reshape(shape)
-        names = {"p_right": -1, "p_straight": 0, "p_left": 1} if rows[0]["experiment"] == "1" else {"p_straight": 0, "p_avoid": 1}
-        self.classes = list(names.values())
-        self.p = np.array([[float(row[name] or 0) for name in names] for row in rows])
-
-    def by_trial(self, metric):
-        if metric == "accuracy":
-            return 100 * (self.truth == self.predicted).mean(axis=1)
-        place = 0 if metric == "D_start" else 1
-        steps = self.truth.shape[1]
-        ends = lambda rows: np.array([ends_of_avoidance(row, steps)[place] for row in rows])  # noqa: E731
-        return np.abs(ends(self.truth) - ends(self.predicted)).astype(float)
-
-    def balanced(self):
-        present = np.unique(self.truth)
-        return 100 * np.mean([(self.predicted[self.truth == of] == of).mean() for of in present])
-
-
-def calibration(cells):
-    """Log loss, Brier score and calibration error of all rows together."""
-    p = np.concatenate([cell.p for cell in cells])
-    truth = np.concatenate([cell.truth.ravel() for cell in cells])
-    is_true = np.array([truth == of for of in cells[0].classes]).T
-    log_loss = -np.log(np.maximum((p * is_true).sum(axis=1), 1e-15)).mean()
-    brier = ((p - is_true) ** 2).sum(axis=1).mean()
-    top, place = p.max(axis=1), p.argmax(axis=1)
-    right = is_true[np.arange(len(p)), place]
-    bins = np.clip(np.ceil(top * 10), 1, 10)
-    error = sum(abs(top[bins == of].sum() - right[bins == of].sum()) for of in range(1, 11)) / len(p)
-    return log_loss, brier, error
-
-
-def close(found, expected, what):
-    """Equal to 1e-9; none only where none is expected."""
-    if expected is None or found is None:
-        assert found is None and expected is None, what
-        return
-    assert np.allclose(np.asarray(found, float), np.asarray(expected, float), rtol=1e-9, atol=1e-9), (what, found, expected)
-
-
-def gains_are(told, first, second, what):
-    """A paired comparison is what the two lists say, and does not contradict itself."""
-    paired, mine = told["paired"], signed_rank(np.asarray(first) - np.asarray(second))
-    close(paired["gains"], np.asarray(first) - np.asarray(second), what)
-    close(paired["mean"], np.mean(first) - np.mean(second), what)
-    assert paired["p"] == pytest.approx(mine["p"], rel=1e-9, abs=0), what
-    close(paired["rank_biserial"], mine["r"], what)
-    close(paired["typical"], mine["typical"], what)
-    close(paired["interval"], mine["interval"], what)
-    assert paired["differing"] == mine["differing"], what
-    assert paired["better"] == int((np.asarray(first) - np.asarray(second) > TIE).sum()), what
-    direction = lambda p: "open" if p >= LEVEL else "better" if mine["r"] > 0 else "worse"  # noqa: E731
-    assert (told["before"], told["after"]) == (direction(paired["p"]), direction(told["holm"])), what
-    if paired["interval"]:
-        low, high = paired["interval"]
-        assert low <= paired["typical"] <= high and (low <= 0 <= high) == (paired["p"] >= LEVEL), what
-    return paired["p"]
-
-
-@pytest.mark.parametrize("made", [ties, one_class, two_people, many, copied_trials, identical_people], ids=lambda of: of.__name__)
-def test_every_number_of_the_report(made, tmp_path, rng):
-    people = made(tmp_path, rng)
-    trials, out, settings = written(tmp_path, people), tmp_path / "out", tmp_path / "settings.json"
-    settings.write_text(json.dumps({"grids": GRIDS, "paper_only": True}))
-    steps = len(people[0][0].rates)
-    sidestep("analyze", "--trials", trials, "--trial-steps", steps, "--settings", settings, "--out", out)
-    numbers = json.loads((out / "numbers.json").read_text())
-    rows = defaultdict(list)
-    with open(out / "predictions.csv") as file:
-        for row in csv.DictReader(file):
-            rows[row["model"], int(row["experiment"]), row["features"], int(row["participant"])].append(row)
-    cells = {key: Cell(of, steps) for key, of in rows.items()}
-    names = sorted({key[3] for key in cells})
+def test_people_and_predictions(report):
+    """The predictions are of the last fifth of the tasks, and their truth is what was driven."""
+    tasks = len(report.people[0])
     # Who shows one class only in the tasks that train is left out, since no model can be fitted to it.
-    tasks = len(people[0])
-    training = tasks - len(cells["lr", 1, "hrd", names[0]].trials)
-    assert names == [name for name, of in enumerate(people) if len({rate for trial in of[:training] for rate in trial.rates}) > 1]
+    training = [of[: tasks - tasks // 5] for of in report.people]
+    turned = [{rate for trial in of for rate in trial.rates} for of in training]
+    assert report.names == [name for name, rates in enumerate(turned) if len(rates) > 1]
+    for model, experiment, features, name in report.cells:
+        cell = report.cells[model, experiment, features, name]
+        assert cell.trials == list(range(tasks - tasks // 5, tasks))
+        assert (cell.truth == report.classes(experiment, report.people[name][-len(cell.trials) :])).all()
+    for row in report.table("cells"):
+        cell = report.cells[row["model"], int(row["experiment"]), row["features"], int(row["participant"])]
+        close(float(row["test_accuracy"]), cell.accuracy() / 100, row)
+        close(float(row["test_balanced_accuracy"]), cell.balanced() / 100, row)
+    models = [key for key in report.cells if key[0] != "svm"]
+    assert report.numbers["counts"] == {
+        "participants": len(report.names),
+        "test_trials": len(report.names) * (tasks // 5),
+        "test_steps": len(report.names) * (tasks // 5) * report.steps,
+        "models": len(models),
+    }
 
-    # The predictions are of the last fifth of the tasks, and their truth is what was driven.
-    tested = cells["lr", 1, "hrd", names[0]].trials
-    assert tested == list(range(tasks - len(tested), tasks)) and tasks // 5 <= len(tested) <= -(-tasks // 5)
-    for name in names:
-        cell = cells["lr", 1, "hrd", name]
-        assert cell.trials == tested
-        assert (cell.truth == np.sign([people[name][task].rates for task in tested])).all()
 
-    of_person = lambda model, experiment, of, value: np.array([value(cells[model, experiment, of, name]) for name in names])  # noqa: E731
-    accuracy = lambda model, experiment, of: of_person(model, experiment, of, lambda cell: cell.by_trial("accuracy").mean())  # noqa: E731
-
-    # Tests of the paper, with the corrections of each metric.
+def test_tests_of_the_paper(report):
+    """With the corrections of each metric."""
     compared = 0
     for metric in ["accuracy", "D_start", "D_end"]:
-        told = [test for test in numbers["tests"] if test["gain"]["metric"] == metric]
+        told = [test for test in report.numbers["tests"] if test["gain"]["metric"] == metric]
         mine = defaultdict(list)
         for test in told:
             model, experiment = test["gain"]["model"], test["gain"]["experiment"]
-            lists = [[cells[model, experiment, of, name].by_trial(metric) for name in names] for of in (test["first"], test["second"])]
+            pair = test["first"], test["second"]
+            lists = [[cell.by_trial(metric) for cell in report.of(model, experiment, of)] for of in pair]
             means = [np.array([each.mean() for each in of]) for of in lists]
             better, worse = means if metric == "accuracy" else means[::-1]
-            what = (made.__name__, model, experiment, metric, test["first"], test["second"])
+            what = (model, experiment, metric, *pair)
             mine["paired"].append(gains_are(test["gain"], better, worse, what))
-            for unit, pair in [("persons", means), ("trajectories", [np.concatenate(of) for of in lists])]:
-                p = mann_whitney(*pair)
+            for unit, each in [("persons", means), ("trajectories", [np.concatenate(of) for of in lists])]:
+                p = mann_whitney(*each)
                 close(test[f"mann_whitney_{unit}"], p, what + (unit,))
                 mine[unit].append(p)
             compared += 1
@@ -334,70 +132,294 @@ def test_every_number_of_the_report(made, tmp_path, rng):
         assert [(test["first"], test["second"]) for test in told][: len(PAIRS)] == PAIRS
     assert compared == 6 * 8 + 3 * 8 * 2
 
-    # The families beside the paper's.
-    commonest = {}
-    for experiment in (1, 2):
-        per_person = []
-        for name in names:
-            train = np.sign(np.concatenate([people[name][task].rates for task in range(tasks - len(tested))]))
-            test = np.sign(np.concatenate([people[name][task].rates for task in tested]))
-            if experiment == 2:
-                train, test = train != 0, test != 0
-            values, counts = np.unique(train, return_counts=True)
-            per_person.append(100 * (test == values[counts.argmax()]).mean())
-        commonest[experiment] = np.array(per_person)
-    for family in numbers["beside"]:
+
+def always_commonest(report, experiment):
+    return np.array([100 * (truth == predicted).mean() for truth, predicted, *_ in report.commonest(experiment)])
+
+
+def test_families_beside_the_papers(report):
+    for family in report.numbers["beside"]:
         found = []
         for gain in family["gains"]:
-            experiment = gain["experiment"]
-            second = commonest[experiment] if family["second"] == "none" else accuracy(gain["model"], experiment, family["second"])
-            what = (made.__name__, gain["model"], experiment, family["first"], family["second"])
-            found.append(gains_are(gain, accuracy(gain["model"], experiment, family["first"]), second, what))
+            model, experiment, first, second = gain["model"], gain["experiment"], family["first"], family["second"]
+            own = report.accuracy(model, experiment, first)
+            other = always_commonest(report, experiment) if second == "none" else report.accuracy(model, experiment, second)
+            found.append(gains_are(gain, own, other, (model, experiment, first, second)))
         close([gain["holm"] for gain in family["gains"]], holm(found), family["first"])
+    pairs = [(of["first"], of["second"]) for of in report.numbers["beside"]]
+    assert pairs == [("d_body", "hrd"), ("hrd_body", "d_body"), ("hrd", "none")]
 
-    # Calibration of all rows together, and the ablation.
-    for told in numbers["calibration"]:
-        if told["model"] is None:
-            continue
-        experiment = told["experiment"]
-        mine = calibration([cells[told["model"], experiment, told["features"], name] for name in names])
-        close([told["of"][key] for key in ("log_loss", "brier", "calibration_error")], mine, (made.__name__, told["model"], told["features"]))
-    for told in numbers["ablations"]:
-        if told["model"] is None:
-            continue
-        experiment = told["experiment"]
-        own = accuracy(told["model"], experiment, told["features"])
-        close(told["accuracy"], own.mean(), told)
-        close(told["balanced"], of_person(told["model"], experiment, told["features"], Cell.balanced).mean(), told)
-        if told["over_d"]:
-            base = accuracy(told["model"], experiment, "d")
+
+def pooled(report, model, experiment, features):
+    """Classes, and truth, predictions and probabilities of all rows together; those of the commonest class without a model."""
+    if model is None:
+        truth, predicted, classes, p = zip(*report.commonest(experiment), strict=True)
+        return classes[0], np.concatenate(truth), np.concatenate(predicted), np.concatenate(p)
+    cells = report.of(model, experiment, features)
+    truth, predicted = (np.concatenate([getattr(cell, of).ravel() for cell in cells]) for of in ("truth", "predicted"))
+    return cells[0].classes, truth, predicted, np.concatenate([cell.p for cell in cells])
+
+
+def test_calibration_and_ablation(report):
+    """Of all rows together."""
+    losses = {}
+    for told in report.numbers["calibration"]:
+        what = told["model"], told["experiment"], told["features"]
+        classes, truth, _, p = pooled(report, *what)
+        mine = calibration(classes, truth, p)
+        close([told["of"][key] for key in ("log_loss", "brier", "calibration_error")], mine, what)
+        assert told["of"]["rows"] == len(truth)
+        losses[what] = mine[0]
+    assert len(losses) == 2 + 5 * 2 * 9
+    for told in report.numbers["ablations"]:
+        model, experiment, features = told["model"], told["experiment"], told["features"]
+        own = report.accuracy(model, experiment, features) if model else always_commonest(report, experiment)
+        rows = report.of(model, experiment, features) if model else report.commonest(experiment)
+        even = [cell.balanced() if model else balanced(*cell[:2]) for cell in rows]
+        mine = [own.mean(), np.mean(even), losses[model, experiment, features]]
+        close([told["accuracy"], told["balanced"], told["log_loss"]], mine, told)
+        if model and features != "d":
+            base = report.accuracy(model, experiment, "d")
             close(told["over_d"], [own.mean() - base.mean(), signed_rank(own - base)["p"]], told)
+        else:
+            assert told["over_d"] is None
+    assert len(report.numbers["ablations"]) == 2 + 3 * 2 * 4
+    for told in report.numbers["confusions"]:
+        classes, truth, predicted, _ = pooled(report, told["model"], told["experiment"], "hrd")
+        assert told["confusion"] == [[int(((truth == a) & (predicted == b)).sum()) for b in classes] for a in classes]
 
-    # The tables of the paper, as they are printed.
-    with open(out / "table1.csv") as file:
-        for row in csv.DictReader(file):
-            for of in ["hrd", "hr", "hd", "rd", "h", "r", "d"]:
-                mine = accuracy(row["model"], int(row["experiment"]), of).mean()
-                assert abs(float(row[of]) - mine) <= 0.5e-4 * (1 + 1e-9), (row, of, mine)
-    with open(out / "table2.csv") as file:
-        for row in csv.DictReader(file):
-            for of in ["hrd", "hr", "hd", "rd", "h", "r", "d"]:
-                own = [cells[row["model"], 2, of, name] for name in names]
-                distance = np.concatenate([cell.by_trial(row["metric"]) for cell in own])
-                both = np.concatenate([(cell.truth.any(axis=1) & cell.predicted.any(axis=1)) for cell in own])
-                mine = {"penalised": distance.mean(), "n": both.sum(), "both": distance[both].mean() if both.any() else None}[row["convention"]]
-                assert (row[of] == "") == (mine is None), (row, of)
-                assert mine is None or abs(float(row[of]) - mine) <= 0.5e-4 * (1 + 1e-9), (row, of, mine)
 
-    # Roll-outs: every time ahead is judged on the same steps, so who always drives straight on is right equally often.
-    straight = next(of for of in numbers["rollouts"] if of["driver"] == "straight")["horizons"]
-    targets = np.concatenate([people[name][task].rates[len(straight) - 1 :] for name in names for task in tested])
-    assert {of["windows"] for of in straight} == {len(targets)}
-    assert {of["right"] for of in straight} == {int((targets == 0).sum())}
-    held = next(of for of in numbers["rollouts"] if of["driver"] == "held_input")["horizons"]
-    for ahead, of in enumerate(held, 1):
-        right = 0
-        for name, task in itertools.product(names, tested):
-            rates = [0.0, *people[name][task].rates]
-            right += sum(rates[target + 1] == rates[target + 1 - ahead] for target in range(len(held) - 1, len(rates) - 1))
-        assert of["right"] == right, (made.__name__, ahead)
+def distances(report, model, features, metric):
+    """Mean distance of the first or last steps of avoidance: penalised; of those trials in which both avoid; their number."""
+    cells = report.of(model, 2, features)
+    distance = np.concatenate([cell.by_trial(metric) for cell in cells])
+    both = np.concatenate([cell.truth.any(axis=1) & cell.predicted.any(axis=1) for cell in cells])
+    return {"penalised": distance.mean(), "both": distance[both].mean() if both.any() else None, "n": both.sum()}
+
+
+def test_tables_of_the_paper(report):
+    for told in report.numbers["table1"]:
+        model, experiment = told["model"], told["experiment"]
+        close(told["accuracies"], [report.accuracy(model, experiment, of).mean() for of in SETS], told)
+        beside = [report.accuracy(model, experiment, of).mean() for of in ("hrd_body", "d_body")]
+        close(told["beside"], [*beside, always_commonest(report, experiment).mean()], told)
+    for row in report.table("table1"):
+        for of in SETS:
+            printed(row[of], report.accuracy(row["model"], int(row["experiment"]), of).mean())
+    for told in report.numbers["table2"]:
+        for of, each in zip(SETS, told["distances"], strict=True):
+            for metric, key in [("D_start", "start"), ("D_end", "end")]:
+                mine = distances(report, told["model"], of, metric)
+                close([each[key]["penalised"], each["both"]], [mine["penalised"], mine["n"]], told)
+                close(each[key]["both"], mine["both"], told)
+            assert each["trajectories"] == sum(len(cell.trials) for cell in report.of(told["model"], 2, of))
+    for row in report.table("table2"):
+        for of in SETS:
+            mine = distances(report, row["model"], of, row["metric"])
+            printed(row[of], mine[row["convention"]], 0 if row["convention"] == "n" else 4)
+
+
+def test_answers(report):
+    """What is said of the tests together, and how much so many people can show."""
+    findings, tests = report.numbers["findings"], report.numbers["tests"]
+    of_tests = lambda metric, *pair: [  # noqa: E731
+        test["gain"] for test in tests if (test["gain"]["metric"], test["first"], test["second"]) == (metric, *pair)
+    ]
+    beside = [family["gains"] for family in report.numbers["beside"]]
+    ends = findings["start_and_end"]
+    answers = [
+        (findings["safety_over_distance"]["answer"], of_tests("accuracy", "hrd", "d"), 48),
+        (findings["which_level"], of_tests("accuracy", "h", "r"), 48),
+        (ends["start"], of_tests("D_start", "hrd", "d"), 24),
+        (ends["end"], of_tests("D_end", "hrd", "d"), 24),
+        (findings["body_frame_instead"], beside[0], 6),
+        (findings["body_frame_too"], beside[1], 6),
+        (findings["over_baseline"], beside[2], 6),
+    ]
+    for told, gains, family in answers:
+        assert told["gains"] == sorted(gains, key=lambda gain: gain["experiment"])
+        assert told["verdict"] == verdict(len(report.names), gains)
+        power_is(told["power"], len(report.names), family)
+    assert ends["verdict"] == verdict(len(report.names), answers[2][1] + answers[3][1])
+    power_is(report.numbers["study_power"], len(report.names), 48)
+    main = findings["safety_over_distance"]
+    assert main["main"] == tests[0]
+    close(main["accuracies"], [report.accuracy("svm", 1, of).mean() for of in ("hrd", "d")], main)
+    entries = findings["calibration"]["entries"]
+    told = {(of["model"], of["experiment"]): of["of"] for of in report.numbers["calibration"] if of["features"] == "hrd"}
+    assert entries == [[model, experiment, told[model, experiment]] for experiment in (1, 2) for model in PAPERS]
+    errors = [of["calibration_error"] for *_, of in entries]
+    assert findings["calibration"]["errors"] == [min(errors), max(errors)]
+
+
+def verdict(people, gains):
+    if min(gain["holm"] for gain in gains) < LEVEL:
+        return "shown"
+    if 2 * 0.5**people >= LEVEL:
+        return "too_few"
+    return "hint" if min(gain["paired"]["p"] for gain in gains) < LEVEL else "not_shown"
+
+
+def power_is(told, people, family):
+    """Powers are shares of 10 000 samples, and mine of 20 000 others: both err by less than 0.02 together."""
+    least = min(1.0, 2 * 0.5**people)
+    needed = next(n for n in itertools.count(1) if 2 * 0.5**n * family < LEVEL)
+    assert (told["participants"], told["family"], told["needed"]) == (people, family, needed)
+    close([told["least_p"], told["least_p_after_holm"]], [least, min(1.0, family * least)], told)
+    # Of more than 100 people it is that of 100.
+    most = min(people, 100)
+    mine = [power(most, 1), power(most, family), power(needed, family)]
+    assert np.allclose([told["shown"], told["shown_after_holm"], told["needed_shown"]], mine, rtol=0, atol=0.02), (told, mine)
+    assert power(told["enough"] - 1, family) - 0.02 < 0.8 < power(told["enough"], family) + 0.02, told
+
+
+def test_rollouts_without_a_model(report):
+    for driver, mine in rolled_out(report, ["held_input", "straight"]).items():
+        told = next(of["horizons"] for of in report.numbers["rollouts"] if of["driver"] == driver)
+        close([[of[key] for key in ("windows", "right", "log_loss", "distance_m")] for of in told], mine, driver)
+
+
+# What people did.
+
+
+def behaviour(trial):
+    """Of one task. The smallest distance is that of 21 instants of each step, as the library says it is."""
+    human, rates = driven(trial.start, trial.rates), np.array(trial.rates)
+    robot = np.array([*trial.robot, driven(trial.robot[-1], [0])[1]])
+    instants = np.linspace(0, STEP_S, 21)
+    psi, turned = human[:-1, 2, None], rates[:, None] * instants
+    chord, way = SPEED_MPS * instants * np.sinc(0.5 * turned / np.pi), SPEED_MPS * instants
+    x = human[:-1, 0, None] + chord * np.cos(psi + 0.5 * turned) - robot[:-1, 0, None] - way * np.cos(robot[:-1, 2, None])
+    y = human[:-1, 1, None] + chord * np.sin(psi + 0.5 * turned) - robot[:-1, 1, None] - way * np.sin(robot[:-1, 2, None])
+    apart = robot - human
+    distance = np.hypot(apart[:, 0], apart[:, 1])
+    nearest = distance.argmin()
+    left = apart[nearest, 1] * np.cos(human[nearest, 2]) - apart[nearest, 0] * np.sin(human[nearest, 2])
+    turns = np.flatnonzero(rates)
+    first = turns[0] if len(turns) else None
+    onset = {"time_s": first * STEP_S, "distance_m": distance[first], "to_left": rates[first] > 0} if len(turns) else None
+    closest = np.hypot(x, y).min()
+    return {
+        "in_danger": closest <= RADIUS_M,
+        "closest_m": closest,
+        "robot_on_left": left > 0,
+        "onset": onset,
+        "turning": len(turns) / len(rates),
+    }
+
+
+def summary(tasks):
+    """Of several tasks; none of no task."""
+    if not tasks:
+        return None
+    onsets = [of["onset"] for of in tasks if of["onset"]]
+    mean = lambda key, of: np.mean([each[key] for each in of]) if of else None  # noqa: E731
+    return {
+        "tasks": len(tasks),
+        "in_danger": sum(of["in_danger"] for of in tasks),
+        "closest_m": mean("closest_m", tasks),
+        "least_m": min(of["closest_m"] for of in tasks),
+        "steered": len(onsets),
+        "to_left": sum(of["to_left"] for of in onsets),
+        "robot_on_left": sum(of["robot_on_left"] for of in tasks),
+        "onset_s": mean("time_s", onsets),
+        "onset_distance_m": mean("distance_m", onsets),
+        "turning": mean("turning", tasks),
+    }
+
+
+def same(told, mine, what):
+    """The same keys with the same numbers."""
+    assert (told is None) == (mine is None) and (mine is None or told.keys() == mine.keys()), what
+    for key in mine or {}:
+        close(told[key], mine[key], (*what, key)) if key != "onset" else same(told[key], mine[key], (*what, key))
+
+
+def test_behaviour(report):
+    told = report.numbers["behaviour"]
+    tasks = {name: [behaviour(trial) for trial in report.people[name]] for name in report.names}
+    assert [of["name"] for of in told["people"]] == [str(name) for name in report.names]
+    for of, (name, own) in zip(told["people"], tasks.items(), strict=True):
+        for number, (each, mine) in enumerate(zip(of["tasks"], own, strict=True)):
+            same(each, {"trial": number, **mine}, (name, number))
+        same(of["all"], summary(own), (name,))
+        ends = [part * len(own) // 5 for part in range(6)]
+        for part, (begin, end) in enumerate(itertools.pairwise(ends)):
+            same(of["parts"][part], summary(own[begin:end]), (name, part))
+    same(told["all"], summary([of for own in tasks.values() for of in own]), ())
+    hits = [sum(of["in_danger"] for of in own) for own in tasks.values()]
+    counts = [len(own) for own in tasks.values()]
+    for key, mine in [("danger", share(hits, counts)), ("danger_of_people", mean_share(np.divide(hits, counts)))]:
+        close([told[key][end] for end in ("value", "low", "high")], mine, key)
+
+
+# The printed tables.
+
+
+def printed_gain(row, gain):
+    """What tests.csv and beside.csv say of a paired comparison."""
+    paired = gain["paired"]
+    assert (row["model"], row["experiment"]) == (gain["model"], str(gain["experiment"]))
+    assert row["differing"] == str(paired["differing"])
+    printed(row["gain"], paired["mean"])
+    printed(row["rank_biserial"], paired["rank_biserial"])
+    printed_beside_zero(row["typical_gain"], paired["typical"])
+    for key, end in zip(("gain_low", "gain_high"), paired["interval"] or (None, None), strict=True):
+        printed_beside_zero(row[key], end)
+    printed_p(row["wilcoxon_persons"], paired["p"])
+    printed_p(row["wilcoxon_persons_holm"], gain["holm"])
+
+
+def test_printed_tests(report):
+    for row, test in zip(report.table("tests"), report.numbers["tests"], strict=True):
+        assert [row[key] for key in ("metric", "first", "second")] == [test["gain"]["metric"], test["first"], test["second"]]
+        printed_gain(row, test["gain"])
+        for key in ("mann_whitney_persons", "mann_whitney_trajectories"):
+            printed_p(row[key], test[key])
+            printed_p(row[f"{key}_holm"], test[f"{key}_holm"])
+    beside = [(family, gain) for family in report.numbers["beside"] for gain in family["gains"]]
+    for row, (family, gain) in zip(report.table("beside"), beside, strict=True):
+        assert (row["first"], row["second"]) == (family["first"], family["second"])
+        printed_gain(row, gain)
+
+
+def names_model(row, told):
+    model = told["model"] or "constant"
+    assert (row["model"], row["experiment"], row["features"]) == (model, str(told["experiment"]), told["features"])
+
+
+def test_printed_calibration_and_ablation(report):
+    for row, told in zip(report.table("calibration"), report.numbers["calibration"], strict=True):
+        names_model(row, told)
+        assert row["rows"] == str(told["of"]["rows"])
+        for key in ("log_loss", "brier", "calibration_error"):
+            printed(row[key], told["of"][key])
+    for row, told in zip(report.table("ablation"), report.numbers["ablations"], strict=True):
+        names_model(row, told)
+        printed(row["accuracy_percent"], told["accuracy"])
+        printed(row["balanced_accuracy_percent"], told["balanced"])
+        printed(row["log_loss"], told["log_loss"])
+        if told["over_d"]:
+            printed(row["gain_over_d"], told["over_d"][0])
+            printed_p(row["wilcoxon_persons"], told["over_d"][1])
+        else:
+            assert row["gain_over_d"] == row["wilcoxon_persons"] == ""
+
+
+def test_printed_behaviour(report):
+    people = report.numbers["behaviour"]["people"]
+    places = {"closest_m": 4, "least_m": 4, "onset_s": 4, "onset_distance_m": 4, "turning": 6}
+    for row, told in zip(report.table("behaviour"), people, strict=True):
+        assert row.pop("participant") == told["name"]
+        for key, text in row.items():
+            printed(text, told["all"][{"first_turn_left": "to_left"}.get(key, key)], places.get(key, 0))
+    tasks = [(told["name"], task) for told in people for task in told["tasks"]]
+    for row, (name, task) in zip(report.table("behaviour_trials"), tasks, strict=True):
+        onset = task["onset"] or {"time_s": None, "distance_m": None}
+        assert (row["participant"], row["trial"]) == (name, str(task["trial"]))
+        assert row["first_turn"] == ("0" if task["onset"] is None else "1" if onset["to_left"] else "-1")
+        assert (row["in_danger"], row["robot_on_left"]) == (str(int(task["in_danger"])), str(int(task["robot_on_left"])))
+        printed(row["closest_m"], task["closest_m"])
+        printed(row["turning"], task["turning"], 6)
+        printed(row["onset_s"], onset["time_s"])
+        printed(row["onset_distance_m"], onset["distance_m"])
