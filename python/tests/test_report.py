@@ -238,9 +238,9 @@ def test_answers(report):
     ]
     for told, gains, family in answers:
         assert told["gains"] == sorted(gains, key=lambda gain: gain["experiment"])
-        assert told["verdict"] == verdict(len(report.names), gains)
+        assert told["verdict"] == verdict(gains)
         power_is(told["power"], len(report.names), family)
-    assert ends["verdict"] == verdict(len(report.names), answers[2][1] + answers[3][1])
+    assert ends["verdict"] == verdict(answers[2][1] + answers[3][1])
     power_is(report.numbers["study_power"], len(report.names), 48)
     main = findings["safety_over_distance"]
     assert main["main"] == tests[0]
@@ -252,12 +252,13 @@ def test_answers(report):
     assert findings["calibration"]["errors"] == [min(errors), max(errors)]
 
 
-def verdict(people, gains):
+def verdict(gains):
     if min(gain["holm"] for gain in gains) < LEVEL:
         return "shown"
-    if 2 * 0.5**people >= LEVEL:
-        return "too_few"
-    return "hint" if min(gain["paired"]["p"] for gain in gains) < LEVEL else "not_shown"
+    if min(gain["paired"]["p"] for gain in gains) < LEVEL:
+        return "hint"
+    some = any(2 * 0.5 ** gain["paired"]["differing"] < LEVEL for gain in gains)
+    return "not_shown" if some else "too_few"
 
 
 def power_is(told, people, family):
