@@ -143,15 +143,24 @@ fn shorter(js: &str) -> String {
         }
     }
     let first = lines.iter().position(|line| line == "__proto__: null,").map_or(0, |at| at + 1);
-    let is_end = |line: &String| line == "}," || line.ends_with("arguments); },");
-    let count = lines[first..].iter().position(|line| line == "};").unwrap_or(0);
-    let mut imports: Vec<&[String]> = lines[first..first + count].split_inclusive(is_end).collect();
+    // Closures in imports end like the list of them, but only that is returned.
+    let end =
+        lines.windows(2).position(|two| two[0] == "};" && two[1].starts_with("return import"));
+    let (before, rest) = lines.split_at(first);
+    let (listed, after) = rest.split_at(end.map_or(0, |end| end - first));
+    let mut imports: Vec<&[String]> = listed.chunk_by(|_, line| !is_name(line)).collect();
     imports.sort_by_key(|import| {
         let (_, call) = import[0].split_once('(').unwrap_or_default();
         (call.to_owned(), import[1..].to_vec())
     });
-    let all = [&lines[..first], &imports.concat(), &lines[first + count..]].concat();
-    all.join("\n") + "\n"
+    [before, &imports.concat(), after].concat().join("\n") + "\n"
+}
+
+/// Whether an import begins with this line: `$12(`, or `$12:`.
+fn is_name(line: &str) -> bool {
+    let rest =
+        line.strip_prefix('$').map(|line| line.trim_start_matches(|c: char| c.is_ascii_digit()));
+    rest.is_some_and(|rest| rest.starts_with(['(', ':']))
 }
 
 impl Bundle {
@@ -218,14 +227,60 @@ mod tests {
 
     #[test]
     fn imports_are_methods_in_an_order_that_compresses() {
-        let script = "function __wbg_get_imports() {\nconst import0 = {\n__proto__: null,\n$2: function(arg0) \
-                      {\nconst ret = arg0.b;\nreturn ret;\n},\n$1: function() { return \
-                      handleError(function (arg0) {\narg0.c();\n}, arguments); },\n$0: \
-                      function(arg0) {\nconst ret = arg0.a;\nreturn ret;\n},\n};\nreturn \
-                      import0;\n}\n";
-        let expected = "function __wbg_get_imports(){\nconst import0={\n__proto__: null,\n$1(){ return \
-                        handleError(function (arg0){\narg0.c();\n}, arguments); },\n$0(arg0){\nreturn \
-                        arg0.a;\n},\n$2(arg0){\nreturn arg0.b;\n},\n};\nreturn import0;\n}\n";
+        let script = "function __wbg_get_imports() {
+const import0 = {
+__proto__: null,
+$2: function(arg0) {
+const ret = arg0.b;
+return ret;
+},
+$3: function(arg0, arg1) {
+var cb0 = (arg0, arg1) => {
+if (arg0) {
+arg1({ a: 1,
+},
+arg0);
+}
+};
+return new Promise(cb0);
+},
+$1: function() { return handleError(function (arg0) {
+arg0.c();
+}, arguments); },
+$0: function(arg0) {
+const ret = arg0.a;
+return ret;
+},
+};
+return import0;
+}
+";
+        let expected = "function __wbg_get_imports(){
+const import0={
+__proto__: null,
+$1(){ return handleError(function (arg0){
+arg0.c();
+}, arguments); },
+$3(arg0, arg1){
+var cb0=(arg0, arg1)=>{
+if (arg0){
+arg1({ a: 1,
+},
+arg0);
+}
+};
+return new Promise(cb0);
+},
+$0(arg0){
+return arg0.a;
+},
+$2(arg0){
+return arg0.b;
+},
+};
+return import0;
+}
+";
         assert_eq!(shorter(script), expected);
     }
 
