@@ -75,6 +75,8 @@ impl Decoder {
 /// Letters from 0xC0 on, and signs from 0xA0 on, are those of Latin-1. From 0x80 to 0x9F only the quotation marks,
 /// dashes, the ellipsis, the bullet and the euro sign are taken: there, other encodings (those of DOS and of old
 /// Macintoshes) have their ä, ö, ü and é, and Windows-1252 has letters that are rare in the languages that it is for.
+/// Where letters are beside each other as in no word of these languages (three with accents in a row, one alone, a sign
+/// between two letters), the text is in another alphabet.
 fn windows_1252(bytes: &[u8]) -> Option<String> {
     let character = |byte: &u8| match byte {
         0x80 => Some('€'),
@@ -92,7 +94,26 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
         0x00 | 0x7f..=0x9f | 0xff => None,
         other => Some(char::from(*other)),
     };
-    bytes.iter().map(character).collect()
+    let text: Vec<char> = bytes.iter().map(character).collect::<Option<_>>()?;
+    let is_likely = |at: usize| {
+        let beside = |at: Option<usize>| at.and_then(|at| text.get(at)).copied().unwrap_or(' ');
+        let [before, after] = [at.checked_sub(1), Some(at + 1)].map(beside);
+        let [is_before, is_after] = [before, after].map(char::is_alphabetic);
+        match text[at] {
+            // Alone, only words of one letter; of three in a row, no word has all.
+            'À' | 'à' | 'É' | 'é' | 'È' | 'è' | 'Ó' | 'ó' | 'Ò' | 'ò' | 'Å' | 'å' | 'Ö' | 'ö' => {
+                true
+            }
+            letter if letter.is_alphabetic() && !"ªºµ".contains(letter) => is_before || is_after,
+            '’' | '´' | '·' => true,
+            _ => !(is_before && is_after),
+        }
+    };
+    let others = |run: &[char]| run.iter().filter(|c| c.is_alphabetic()).count();
+    let words = text.split(|c: &char| c.is_ascii());
+    let has_rows = words.into_iter().any(|run| others(run) > 2);
+    let is_all_likely = (0..text.len()).all(|at| text[at].is_ascii() || is_likely(at));
+    (is_all_likely && !has_rows).then(|| text.into_iter().collect())
 }
 
 /// A whole text without its mark, and its encoding.
@@ -217,6 +238,9 @@ mod tests {
         // The bytes of Windows-1252, from its table.
         let bytes = b"Gr\xf6\xdfe: 3 \xb5m \x96 \x93ok\x94 \x80";
         assert_eq!(read(bytes), ("Größe: 3 µm – “ok” €".to_owned(), Encoding::Windows1252));
+        let french = b"cr\xe9\xe9e \xe0 l\x92\xe9cole, na\xefvet\xe9 : \xab oui \xbb, 5 \xb0C";
+        let words = "créée à l’école, naïveté : « oui », 5 °C";
+        assert_eq!(read(french), (words.to_owned(), Encoding::Windows1252));
         assert_eq!(read(b""), (String::new(), Encoding::Utf8));
         assert_eq!(read(b"a"), ("a".to_owned(), Encoding::Utf8));
     }
@@ -240,6 +264,12 @@ mod tests {
                 .as_slice(),
             "0xf6",
         );
+        // Russian, Chinese, Polish; Spanish and the euro of an old Macintosh.
+        check(b"\xcf\xf0\xe8\xe2\xe5\xf2", "0xcf");
+        check(b"title = \"\xb1\xdc\xbf\xaa\xbb\xfa\"", "0xb1");
+        check(b"Za\xbf\xf3\xb3\xe6", "0xbf");
+        check(b"Evitaci\x97n", "0x97");
+        check(b"Preis: 5 \xdb", "0xdb");
         check(b"\xff\xfe\x00\xd8a\x00", "half a character");
         check(b"\xff\xfea", "half a character");
         check(b"a\xff\x00", "0xff");

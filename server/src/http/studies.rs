@@ -46,13 +46,18 @@ pub async fn show(
     let id = params.external_id.as_deref();
     let key = id.map(|id| normalised_id("external_id", id)).transpose()?;
     let known = match key {
-        Some(key) if admission != Admission::Archived => app.store.known(study.id, key).await?,
-        _ => None,
+        Some(key) => app.store.known(study.id, key).await?,
+        None => None,
+    };
+    let known = match known {
+        Some(me) => Some(standing(&*app.store.config(&me.config_hash).await?, &me)),
+        None => None,
     };
     let return_url;
     (admission, return_url) = match known {
-        Some(me) => standing(&*app.store.config(&me.config_hash).await?, &me),
-        None => (admission, newcomers_url(&study.config, admission, id)),
+        // Nobody goes on in an archived study.
+        Some(known) if (known.0, admission) != (Admission::Open, Admission::Archived) => known,
+        _ => (admission, newcomers_url(&study.config, admission, id)),
     };
     let Asked { config, .. } = asked_for(&app, &study, &headers).await?;
     Ok(Json(StudyInfo { return_url, ..StudyInfo::of(&config, admission) }))

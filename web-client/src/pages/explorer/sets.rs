@@ -18,7 +18,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         place("shfrs").map(|it| (LAYERS[it].legend)(&explorer.playback, &explorer.view.style));
     let signs: Vec<LegendItem> = signs.unwrap_or_default();
     let rows = (0..sets).map(|j| row(explorer, j, signs.get(j)));
-    let columns = ["set", "ε / rad s⁻¹", "here / m²", "mean / m² (of worst case)", "p"];
+    let columns = ["set", "ε / rad s⁻¹", "here / m²", "mean / m²", "p"];
     let old = explorer.coverage.regions(sets).is_some_and(|(_, is_old)| is_old);
     let heads = columns.map(|words| el("th").attr("scope", "col").text(words));
     let table = el("table")
@@ -57,11 +57,12 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
     let (mean, p) = match regions {
         Some((regions, _)) => {
             let share = fixed(100.0 * regions.share_of_worst_case[j], 0);
-            let mean = format!("{} ({share} %)", fixed(regions.mean_area_m2[j], 2));
+            let worst = el("small").class("worst").text(format!("{share} % of worst"));
+            let mean = cell(fixed(regions.mean_area_m2[j], 2)).child(worst);
             (mean, chance(regions.probabilities.inside[j]))
         }
-        None if explorer.coverage.trouble.is_some() => ("—".to_owned(), cell("—")),
-        None => (wait.to_owned(), cell(wait)),
+        None if explorer.coverage.trouble.is_some() => (cell("—"), cell("—")),
+        None => (cell(wait), cell(wait)),
     };
     let sign = sign
         .map(|item| drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true"));
@@ -76,7 +77,7 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
         .child(head)
         .child(widening)
         .child(cell(area).test_id(&format!("area-{j}")))
-        .child(cell(mean))
+        .child(mean)
         .child(p.test_id(&format!("p-{j}")))
 }
 

@@ -265,8 +265,15 @@ impl Page for ConfigurationPage {
                 }
                 Err(failure) => self.trouble = Some(failure.sentence),
             },
-            // What is new changes nothing for anybody.
-            Msg::Store if self.slug.is_none() => return self.store(),
+            // What is new changes nothing for anybody, but people can take part in it.
+            Msg::Store if self.slug.is_none() => {
+                if !self.opening && self.editor.opens() && !self.editor.warnings().is_empty() {
+                    self.opening = true;
+                } else {
+                    self.opening = false;
+                    return self.store();
+                }
+            }
             Msg::Store => self.confirming = true,
             Msg::GoOn => (self.confirming, self.opening) = (false, false),
             Msg::Confirm => return self.store(),
@@ -331,7 +338,9 @@ impl Page for ConfigurationPage {
             Some(study) => page
                 .children(study::head(study, Tab::Configuration, self.copy(study)))
                 .child(taking_part::taking_part(self, study)),
-            None => page.child(parts::heading("New study")),
+            None => page
+                .child(parts::heading("New study"))
+                .children(taking_part::opening(self, Msg::Store)),
         };
         page.children(self.trouble.as_deref().map(|why| alert("trouble", why)))
             .child(self.configuration())

@@ -253,6 +253,7 @@ impl Participant {
             }
             Part::Instructions => self.show_instructions(),
             Part::Understanding => {
+                self.hint = None;
                 let asked = self.progress.as_ref().filter(|progress| !progress.understood);
                 self.stage = match asked {
                     // Attempts before a reload or another look at the instructions count.

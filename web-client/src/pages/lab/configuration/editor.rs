@@ -13,6 +13,7 @@ use crate::pages::parts::button;
 use crate::view::{self, el};
 use serde_json::Value;
 use sidestep::api::{Draft, DraftChecked, FormDraft, Remark, routes};
+use sidestep::study::Status;
 use std::cell::RefCell;
 
 type Node = view::Node<Msg>;
@@ -35,8 +36,10 @@ pub(super) struct Editor {
     given: String,
     /// The draft as a form; none until the server has read the text.
     form: Option<FormState>,
-    /// How often text area and form were given something: their fields are made anew each time.
+    /// How often the form was given something: its fields are made anew each time.
     givings: u32,
+    /// How often the text area was. It keeps what is typed while the form follows.
+    text_givings: u32,
     mode: Mode,
     /// The name in addresses follows the title, until somebody enters one.
     names_itself: bool,
@@ -74,6 +77,7 @@ impl Editor {
             given: String::new(),
             form: None,
             givings: 0,
+            text_givings: 0,
             mode: Mode::Form,
             names_itself: false,
             entered: 0,
@@ -115,6 +119,7 @@ impl Editor {
     fn show_text(&mut self) {
         self.given.clone_from(&self.text);
         self.givings += 1;
+        self.text_givings += 1;
     }
 
     /// Whether the draft is, or may be, another than the one that was begun.
@@ -127,6 +132,11 @@ impl Editor {
     /// What the study lacks, though it is valid.
     pub(super) fn warnings(&self) -> &[Remark] {
         self.checked.as_ref().map_or(&[], |checked| &checked.warnings)
+    }
+
+    /// Whether people can take part once the draft is stored.
+    pub(super) fn opens(&self) -> bool {
+        self.form.as_ref().is_some_and(|form| form.study["status"] == Status::Open.word())
     }
 
     /// Whether `checked` is about the draft as it is.
@@ -310,7 +320,7 @@ impl Editor {
 
     fn text_area(&self, may_manage: bool) -> Node {
         let area = el("textarea")
-            .key(self.givings)
+            .key(self.text_givings)
             .attrs(&[("id", "toml"), ("name", "toml"), ("spellcheck", "false"), ("rows", "24")])
             .attr("aria-label", "Study file (TOML)")
             .attr_if(!may_manage, "readonly", "")

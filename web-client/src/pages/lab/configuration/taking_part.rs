@@ -29,9 +29,11 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
         Status::Archived => "Nothing more is stored. The study can still be looked at.",
     };
     let choice = |status: Status, words: &str| {
+        // What is missing is not known yet.
+        let is_early = status == Status::Open && page.editor.checked.is_none();
         // Afterwards the present configuration is shown, so nothing that is being written is lost.
         button(&format!("set-{}", status.word()), Msg::Set(status))
-            .attr_if(page.is_changed(), "disabled", "")
+            .attr_if(is_early || page.is_changed(), "disabled", "")
             .text(words)
     };
     let choices = match study.status {
@@ -50,9 +52,17 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
             .children(trials.into_iter().flatten())
             .children(choices),
     );
-    let opening = page.opening.then(|| {
-        let missing = page.editor.warnings().iter();
-        let missing = missing.map(|warning| el("li").text(&warning.message));
+    let section = section.children(opening(page, Msg::Set(Status::Open)));
+    let is_open = study.status == Status::Open;
+    let links = page.info.as_ref().filter(|_| is_open);
+    section.children(links.map(|info| links::links(&page.origin, info)))
+}
+
+/// What is missing, while opening the study waits for a second press, which says `anyway`.
+pub(super) fn opening(page: &ConfigurationPage, anyway: Msg) -> Option<Node> {
+    let missing = page.editor.warnings().iter();
+    let missing = missing.map(|warning| el("li").text(&warning.message));
+    page.opening.then(|| {
         el("div")
             .class("confirm")
             .attr("role", "alertdialog")
@@ -60,11 +70,7 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
             .test_id("opening")
             .child(el("p").text("Before people take part, look at what is missing:"))
             .child(el("ul").children(missing))
-            .child(button("open-anyway", Msg::Set(Status::Open)).text("Open all the same"))
+            .child(button("open-anyway", anyway).text("Open all the same"))
             .child(button("not-yet", Msg::GoOn).class("primary").text("Not yet").focus())
-    });
-    let section = section.children(opening);
-    let is_open = study.status == Status::Open;
-    let links = page.info.as_ref().filter(|_| is_open);
-    section.children(links.map(|info| links::links(&page.origin, info)))
+    })
 }

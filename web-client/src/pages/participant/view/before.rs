@@ -233,7 +233,9 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     let missing = quiz.is_incomplete.then(|| alert("missing", &page.say("comprehension.missing")));
     let submit = el("button").class("primary").attr("type", "submit").test_id("submit");
     let again = page.say("comprehension.again");
+    // Other questions are another page: it begins at its top, and is read from there.
     card(&heading)
+        .key(format!("{heading}-{}", quiz.drawn_at))
         .children(hint(page))
         .child(paragraph(page.say("comprehension.why")))
         .child(
