@@ -1,6 +1,7 @@
 //! Backups: one SQLite file with everything of a database, complete and checked before it gets its name.
 
 use crate::clock::date_time;
+use crate::private;
 use crate::soundness::{self, Report};
 use crate::store::{OpenError, Purpose, Store, StoreError};
 use crate::transfer::{self, TransferError};
@@ -8,7 +9,6 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use tempfile::TempDir;
 use tokio_util::sync::CancellationToken;
 
 /// How the names of folders begin in which a backup is written or restored.
@@ -78,7 +78,13 @@ pub async fn write(
     let unwritable = |error| BackupError::Unwritable { file: out.to_owned(), error };
     let parent = out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let parent = parent.unwrap_or(Path::new("."));
-    let folder = TempDir::with_prefix_in(UNFINISHED, parent).map_err(unwritable)?;
+    // Whoever opened the backup would apply the log of another database to it.
+    if Store::has_log(out) {
+        let found =
+            "there is the write-ahead log of a database of this name; move it to another folder";
+        return Err(unwritable(io::Error::other(found)));
+    }
+    let folder = private::temporary_folder(UNFINISHED, parent).map_err(unwritable)?;
     let file = folder.path().join("backup.db");
     let url = format!("sqlite:{}", file.display());
     let full = |error| match error {
@@ -173,6 +179,7 @@ pub fn prune(folder: &Path, keep: usize) -> io::Result<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tempfile::TempDir;
 
     #[test]
     fn the_newest_backups_are_kept_and_other_files_too() {

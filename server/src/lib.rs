@@ -10,6 +10,7 @@ pub mod client;
 pub mod clock;
 pub mod threads;
 pub mod secrets;
+mod private;
 pub mod bytes;
 pub mod content;
 pub mod store;

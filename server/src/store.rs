@@ -112,6 +112,18 @@ pub enum OpenError {
     /// There is no database, and none was to be created.
     #[error("{0}: cannot open the database: it does not exist, or it is empty")]
     Absent(String),
+    /// There is no database, but the log of one, which would be lost with the first write.
+    #[error(
+        "{database}: cannot open the database: it does not exist, or it is empty, but there is the write-ahead log \
+         of one, {}, maybe with data that only it has; put its database back beside it, or move it to another folder",
+        log.display()
+    )]
+    LogAlone {
+        /// The file.
+        database: String,
+        /// The log.
+        log: PathBuf,
+    },
     /// The database is not of this version and cannot be migrated.
     #[error("{database}: cannot use the database: {reason}")]
     Version {
@@ -136,6 +148,7 @@ impl OpenError {
             Self::Address { .. } => self,
             Self::Unusable { reason, .. } => Self::Unusable { database: name, reason },
             Self::Absent(_) => Self::Absent(name),
+            Self::LogAlone { log, .. } => Self::LogAlone { database: name, log },
             Self::Version { reason, .. } => Self::Version { database: name, reason },
             Self::Served(_) => Self::Served(name),
         }

@@ -4,13 +4,13 @@ use super::copy::{copying, whole};
 use super::solving::Interrupt;
 use super::{CommandError, print_json};
 use crate::backups::{self, FaultyTrials, Written};
+use crate::private;
 use crate::soundness::{self, Report};
 use crate::store::{OpenError, Purpose, Store};
 use crate::transfer::TransferError;
 use serde::Serialize;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
 /// Back a database up into one file, also while a server uses it.
 ///
@@ -90,6 +90,9 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
 pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     match Store::open(&args.database, Purpose::Read).await {
         Err(OpenError::Absent(_)) => {}
+        Err(error @ OpenError::LogAlone { .. }) => {
+            return Err(CommandError::Input(format!("--database {error}")));
+        }
         Err(error) => return Err(error.into()),
         Ok(store) => {
             let expected = "expected a database that does not exist";
@@ -107,23 +110,16 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     }
     let interrupt = Interrupt::listen();
     let Some(file) = Store::file(&args.database)? else {
-        let folder = TempDir::new().map_err(CommandError::failure)?;
+        let folder = private::temporary_folder(backups::UNFINISHED, &std::env::temp_dir());
+        let folder = folder.map_err(CommandError::failure)?;
         return print_json(&fill(&args, folder.path(), &args.database, &interrupt).await?);
     };
     // The database is complete and checked before it gets its name.
     let unwritable =
         |error| CommandError::Failure(format!("{}: cannot write: {error}", file.display()));
-    if Store::has_log(&file) {
-        let message = format!(
-            "--database {}: expected no database, found the write-ahead log of one, which may have data that only \
-             it has; move it to another folder",
-            file.display()
-        );
-        return Err(CommandError::Input(message));
-    }
     let parent = file.parent().filter(|folder| !folder.as_os_str().is_empty());
     let parent = parent.unwrap_or(Path::new("."));
-    let folder = TempDir::with_prefix_in(backups::UNFINISHED, parent).map_err(unwritable)?;
+    let folder = private::temporary_folder(backups::UNFINISHED, parent).map_err(unwritable)?;
     let made = folder.path().join("restored.db");
     let url = format!("sqlite:{}", made.display());
     let report = fill(&args, folder.path(), &url, &interrupt).await?;
@@ -151,12 +147,14 @@ async fn fill(
     let file = folder.join("backup.db");
     let mut from = File::open(&args.from)
         .map_err(|error| CommandError::Input(format!("--from {named}: cannot read: {error}")))?;
-    File::create(&file).and_then(|mut to| std::io::copy(&mut from, &mut to)).map_err(|error| {
-        CommandError::Failure(format!(
-            "--from {named}: cannot be copied to {}: {error}",
-            folder.display()
-        ))
-    })?;
+    private::new_file(&file).and_then(|mut to| std::io::copy(&mut from, &mut to)).map_err(
+        |error| {
+            CommandError::Failure(format!(
+                "--from {named}: cannot be copied to {}: {error}",
+                folder.display()
+            ))
+        },
+    )?;
     let backup = Store::open(&format!("sqlite:{}", file.display()), Purpose::Read).await;
     let backup = backup.map_err(|error| error.named(named))?;
     let before = interrupt.unless_stopped(soundness::report(&backup)).await??;

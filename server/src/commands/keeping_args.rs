@@ -2,6 +2,7 @@
 
 use super::CommandError;
 use crate::jobs::keeper::Keeping;
+use crate::private;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -63,7 +64,9 @@ impl KeepingArgs {
                     folder.display()
                 ))
             };
-            tempfile::tempfile_in(folder).map_err(refused)?;
+            private::make_folder(folder)
+                .and_then(|()| tempfile::tempfile_in(folder))
+                .map_err(refused)?;
             Ok::<_, CommandError>((folder.clone(), usize::from(self.backups_kept)))
         });
         let every =

@@ -69,6 +69,9 @@ impl Sqlite {
             migrations::Failure::Misfit(reason) => OpenError::Version { database: name(), reason },
         };
         let disk = |error: io::Error| hint(error.to_string());
+        if named.is_log_alone() {
+            return Err(OpenError::LogAlone { database: name(), log: named.log().to_owned() });
+        }
         match purpose {
             Purpose::Alone | Purpose::Create => {
                 named.sweep_copies();

@@ -55,8 +55,40 @@ async fn what_a_lost_database_left_in_its_log_is_not_lost() {
     folder.file("lost.db-wal", "the only copy of a trial");
     let to = format!("sqlite:{}", folder.name("lost.db"));
     let restore = ["restore", "--from", &out, "--database", &to];
-    run(&restore).await.refused(2, &["--database", "lost.db", "write-ahead log", "move it"]);
+    let words = ["lost.db: ", "write-ahead log", "lost.db-wal", "put its database back"];
+    run(&restore).await.refused(2, &[&["--database"], &words[..]].concat());
+    let trials = folder.name("trials.csv");
+    let simulate = ["simulate", "--participants", "1", "--seed", "1", "--out", &trials];
+    run(&simulate).await.json();
+    for empty in [false, true] {
+        if empty {
+            folder.file("lost.db", "");
+        }
+        for command in [
+            &["serve", "--listen", "127.0.0.1:0", "--database", &to][..],
+            &["check", "--database", &to],
+            &["import", "--trials", &trials, "--study", "new", "--database", &to],
+            &[
+                "export",
+                "--study",
+                "default",
+                "--database",
+                &to,
+                "--out",
+                &folder.name("export.csv"),
+            ],
+            &["backup", "--database", &to, "--out", &folder.name("again.db")],
+            &["copy", "--from", &server.database(), "--to", &to],
+            &["copy", "--from", &to, "--to", &folder.database("elsewhere.db")],
+        ] {
+            run(command).await.refused(1, &words);
+        }
+    }
     assert_eq!(folder.text("lost.db-wal"), "the only copy of a trial");
+    std::fs::remove_file(folder.name("lost.db")).unwrap();
+    // Nor is another database given that name.
+    let onto = ["backup", "--database", &server.database(), "--out", &folder.name("lost.db")];
+    run(&onto).await.refused(1, &["lost.db: cannot write", "write-ahead log", "another folder"]);
     // An empty file is no database.
     std::fs::remove_file(folder.name("lost.db-wal")).unwrap();
     folder.file("lost.db", "");

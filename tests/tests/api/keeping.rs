@@ -111,13 +111,14 @@ async fn a_faulty_trial_is_told_and_ends_no_backups() {
 }
 
 #[tokio::test]
-async fn a_folder_for_backups_that_is_none_is_refused() {
+async fn a_folder_for_backups_that_cannot_be_one_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let (database, missing) = (folder.path().join("new.db"), folder.path().join("missing"));
+    let (database, file) = (folder.path().join("new.db"), folder.path().join("file"));
+    std::fs::write(&file, "").unwrap();
     let database = format!("sqlite:{}", database.display());
-    let missing = missing.display().to_string();
-    let refused = run(&["serve", "--database", &database, "--backups", &missing]).await;
-    refused.refused(2, &["--backups", "missing", "expected a folder", "No such file"]);
+    let below = file.join("backups").display().to_string();
+    let refused = run(&["serve", "--database", &database, "--backups", &below]).await;
+    refused.refused(2, &["--backups", "backups", "expected a folder", "Not a directory"]);
     assert!(!folder.path().join("new.db").exists());
     let here = folder.path().display().to_string();
     let never = ["serve", "--database", &database, "--backups", &here, "--check-every", "0"];

@@ -1,8 +1,9 @@
 //! The database's file: its address, its permissions, its lock, and whether it is still the same file.
 
+use crate::private;
 use crate::store::error::StoreError;
 use rustix::fs::{Access, StatVfs, StatVfsMountFlags, access, statvfs};
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -49,6 +50,11 @@ impl DatabaseFile {
         std::fs::metadata(&self.log).is_ok_and(|log| log.len() > 0)
     }
 
+    /// Whether there is a log whose database is not here. SQLite would delete it.
+    pub(super) fn is_log_alone(&self) -> bool {
+        std::fs::metadata(&self.path).map_or(true, |file| file.len() == 0) && self.has_log()
+    }
+
     /// Whether this user cannot change the file, and nobody uses it: there is no log.
     pub(super) fn is_fixed(&self) -> bool {
         let is_writable = |path: &Path| access(path, Access::WRITE_OK).is_ok();
@@ -82,11 +88,7 @@ impl DatabaseFile {
     /// Creates an empty file if there is none. Only its owner can read it, because it will contain
     /// external ids of participants. SQLite gives its log the same permissions.
     pub(super) fn create(&self) -> io::Result<()> {
-        let mut options = OpenOptions::new();
-        options.write(true).create_new(true);
-        #[cfg(unix)]
-        std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-        match options.open(&self.path) {
+        match private::new_file(&self.path) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
             made => made.map(drop),
         }
@@ -167,7 +169,7 @@ impl Copied {
 
     fn within(parent: &Path) -> io::Result<Self> {
         Self::sweep(parent);
-        let folder = TempDir::with_prefix_in(Self::PREFIX, parent)?;
+        let folder = private::temporary_folder(Self::PREFIX, parent)?;
         let file = Self::file_in(folder.path());
         file.create()?;
         let lock = file.lock()?.ok_or(io::ErrorKind::WouldBlock)?;
