@@ -124,12 +124,29 @@ fn without_comments(js: &str) -> String {
     out
 }
 
+/// What code means the same without its spaces. Nothing in quotation marks has it.
+const SPACES: [(&str, &str); 11] = [
+    (" => ", "=>"),
+    (" = ", "="),
+    (" === ", "==="),
+    (" >>> ", ">>>"),
+    (" ? ", "?"),
+    (") {", "){"),
+    (", arg", ",arg"),
+    ("function (", "function("),
+    ("{ return ", "{return "),
+    ("}, arguments); },", "},arguments);},"),
+    ("if (", "if("),
+];
+
 /// The same script in fewer bytes once it is compressed: each import as a method, those alike beside each other,
 /// and no variable that is returned at once.
 fn shorter(js: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
     for line in js.lines() {
-        let line = line.replace(" => ", "=>").replace(" = ", "=").replace(") {", "){");
+        let line = SPACES
+            .iter()
+            .fold(line.to_owned(), |line, (with, without)| line.replace(with, without));
         let value = lines.last().and_then(|last| last.strip_prefix("const ret="));
         if let ("return ret;", Some(value)) = (line.as_str(), value) {
             let returned = format!("return {value}");
@@ -258,12 +275,12 @@ return import0;
         let expected = "function __wbg_get_imports(){
 const import0={
 __proto__: null,
-$1(){ return handleError(function (arg0){
+$1(){return handleError(function(arg0){
 arg0.c();
-}, arguments); },
-$3(arg0, arg1){
-var cb0=(arg0, arg1)=>{
-if (arg0){
+},arguments);},
+$3(arg0,arg1){
+var cb0=(arg0,arg1)=>{
+if(arg0){
 arg1({ a: 1,
 },
 arg0);

@@ -299,7 +299,8 @@ fn the_form_becomes_a_study_file_and_the_file_a_form() {
     config["title"] = json!("Typed");
     let checked = DraftChecked { config: Some(config), ..sound(vec![change()]) };
     // The text area that is being typed in stays, with what was typed in it.
-    let area = |view: crate::view::Node<_>| view.find("toml").unwrap().identity().map(str::to_owned);
+    let area =
+        |view: crate::view::Node<_>| view.find("toml").unwrap().identity().map(str::to_owned);
     let typed_in = area(session.page.view());
     session.send("check", 200, &checked);
     assert_eq!(area(session.page.view()), typed_in);

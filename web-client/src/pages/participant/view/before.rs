@@ -235,7 +235,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     let again = page.say("comprehension.again");
     // Other questions are another page: it begins at its top, and is read from there.
     card(&heading)
-        .key(format!("{heading}-{}", quiz.drawn_at))
+        .key(quiz.drawn_at)
         .children(hint(page))
         .child(paragraph(page.say("comprehension.why")))
         .child(
