@@ -125,10 +125,14 @@ fn without_comments(js: &str) -> String {
 }
 
 /// What code means the same without its spaces. Nothing in quotation marks has it.
-const SPACES: [(&str, &str); 11] = [
+const SPACES: [(&str, &str); 15] = [
     (" => ", "=>"),
     (" = ", "="),
     (" === ", "==="),
+    (" !== ", "!=="),
+    (" + ", "+"),
+    (", true)", ",true)"),
+    (", wasm.", ",wasm."),
     (" >>> ", ">>>"),
     (" ? ", "?"),
     (") {", "){"),
