@@ -75,8 +75,8 @@ impl Decoder {
 /// Letters from 0xC0 on, and signs from 0xA0 on, are those of Latin-1. From 0x80 to 0x9F only the quotation marks,
 /// dashes, the ellipsis, the bullet and the euro sign are taken: there, other encodings (those of DOS and of old
 /// Macintoshes) have their ä, ö, ü and é, and Windows-1252 has letters that are rare in the languages that it is for.
-/// Where letters are beside each other as in no word of these languages (three with accents in a row, one alone, a sign
-/// between two letters), the text is in another alphabet.
+/// Where letters are beside each other as in no word of these languages (three with accents in a row, a sign between two
+/// letters), the text is in another alphabet.
 fn windows_1252(bytes: &[u8]) -> Option<String> {
     let character = |byte: &u8| match byte {
         0x80 => Some('€'),
@@ -100,11 +100,9 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
         let [before, after] = [at.checked_sub(1), Some(at + 1)].map(beside);
         let [is_before, is_after] = [before, after].map(char::is_alphabetic);
         match text[at] {
-            // Alone, only words of one letter; of three in a row, no word has all.
-            'À' | 'à' | 'É' | 'é' | 'È' | 'è' | 'Ó' | 'ó' | 'Ò' | 'ò' | 'Å' | 'å' | 'Ö' | 'ö' => {
-                true
-            }
-            letter if letter.is_alphabetic() && !"ªºµ".contains(letter) => is_before || is_after,
+            // Alone, it is the euro sign of old Macintoshes.
+            'Û' => is_before || is_after,
+            letter if letter.is_alphabetic() && !"ªºµ".contains(letter) => true,
             '’' | '´' | '·' => true,
             _ => !(is_before && is_after),
         }

@@ -158,7 +158,9 @@ fn words_follow_the_numbers() {
         "Safety levels predict better than distance alone, in every model and experiment."
     ));
     assert!(!many.contains("no difference could be shown"));
-    let same = "No difference between the human’s and the robot’s safety level was shown.";
+    // Nobody differs, so that there is nothing to show it from.
+    let same =
+        "Too few people to show whether the human’s or the robot’s safety level predicts better.";
     assert!(many.contains(same), "{many}");
 }
 
@@ -235,7 +237,8 @@ fn what_safety_levels_add_to_the_body_frame_is_an_answer_of_its_own() {
     let of = |answer: &Option<Answer>| answer.as_ref().unwrap().verdict;
     let findings = &analysis.findings;
     assert_eq!(of(&findings.body_frame_too), Verdict::Hint);
-    assert_eq!(of(&findings.body_frame_instead), Verdict::NotShown);
+    // Nobody differs.
+    assert_eq!(of(&findings.body_frame_instead), Verdict::TooFew);
     let text = words(&read(&html(&analysis)));
     let told = "Once the body frame is known, predictions with the safety levels look better in 1 \
                 of 6 comparisons than without";
