@@ -190,7 +190,7 @@ async fn what_makes_no_sense_is_refused_in_words() {
         (&["--participant", "nobody"], "expected one of 0, 1, 2, 3, 4, 5, 6, 7, found nobody"),
         (
             &["--participant", "2", "--probability", "0.99"],
-            "trials.csv: expected at least 299 tasks to calibrate with (a share of 0.3) for p = 0.99 (pac), \
+            "trials.csv: expected at least 99 tasks to calibrate with (a share of 0.3) for p = 0.99 (conformal), \
              found 15 of 50",
         ),
         (&["--features", "hrd,speed"], "--features"),
