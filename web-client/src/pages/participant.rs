@@ -17,7 +17,7 @@ mod tests;
 
 use self::equipment::Steering;
 use self::link::Link;
-use self::state::{PlannedTrial, Session, Stage};
+use self::state::{PlannedTrial, Session, Stage, Stay};
 use crate::drive;
 use crate::form::Form;
 use crate::input::HeldKeys;
@@ -248,8 +248,15 @@ impl Participant {
         if let (true, Some(study)) = (self.is_named, &self.study)
             && let Some(id) = self.link.external_id(study)
         {
-            // Of the characters of ids, these two mean something else in a query.
-            url.extend(["?external_id=", &id.replace('+', "%2B").replace(' ', "%20")]);
+            url.push_str("?external_id=");
+            for part in id.chars() {
+                // Of the characters of ids, these two mean something else in a query.
+                match part {
+                    '+' => url.push_str("%2B"),
+                    ' ' => url.push_str("%20"),
+                    other => url.push(other),
+                }
+            }
         }
         self.ask("study", "GET", url, None, Msg::Study)
     }
@@ -442,7 +449,7 @@ impl Page for Participant {
                 Some(ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1)))
             }
             Stage::Driving(_, drive) => Some(drive.due_ms()),
-            Stage::Over(_, _, until_ms, _) => *until_ms,
+            Stage::Over(_, _, Stay::Until(until_ms), _) => Some(*until_ms),
             _ => None,
         }
     }
@@ -456,7 +463,7 @@ impl Page for Participant {
                 is_next && (self.held.is_empty() || *left_s > 1)
             }
             Stage::Driving(_, drive) => drive.tick(now_ms),
-            Stage::Over(_, _, until_ms, _) => until_ms.is_some_and(|until_ms| now_ms >= until_ms),
+            Stage::Over(_, _, Stay::Until(until_ms), _) => now_ms >= *until_ms,
             Stage::Instructions(arena) => {
                 arena.tick(now_ms, &self.steering.keys, &self.held, is_calm);
                 false
@@ -523,12 +530,12 @@ impl Page for Participant {
     }
 
     fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
-        let trials = self.study.as_ref().map(|study| study.trials).unwrap_or_default();
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.frame_shown(at_ms, work_ms),
-            // It stays from when it is seen.
-            Stage::Over(trial, _, until_ms @ None, _) => {
-                *until_ms = Some(at_ms + 1000.0 * trials.stays_s(trial.feedback));
+            Stage::Over(_, _, stay, _) => {
+                if let Stay::OnceSeen(stays_ms) = *stay {
+                    *stay = Stay::Until(at_ms + stays_ms);
+                }
             }
             _ => {}
         }

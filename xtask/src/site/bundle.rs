@@ -61,6 +61,20 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
         export.name = names.short(&export.name);
     }
     js = shorter(&names.put_into(without_loader(&without_comments(&js))?));
+    // Numbered in the script's order, and in that order in the program too, names hardly cost a byte.
+    let mut names = Names::default();
+    js.lines().filter_map(import_name).for_each(|name| drop(names.short(name)));
+    let numbered = |name: &str| name[1..].parse::<usize>().unwrap_or(usize::MAX);
+    let mut imports: Vec<_> = module
+        .imports
+        .iter()
+        .map(|import| (import.module.clone(), names.short(&import.name), import.kind.clone()))
+        .collect();
+    imports.sort_by_key(|(_, name, _)| numbered(name));
+    for (import, sorted) in module.imports.iter_mut().zip(imports) {
+        (import.module, import.name, import.kind) = sorted;
+    }
+    js = names.put_into(&js);
     Ok(Bundle { entry, js, wasm: module.emit_wasm() })
 }
 
@@ -169,7 +183,8 @@ fn shorter(js: &str) -> String {
         lines.windows(2).position(|two| two[0] == "};" && two[1].starts_with("return import"));
     let (before, rest) = lines.split_at(first);
     let (listed, after) = rest.split_at(end.map_or(0, |end| end - first));
-    let mut imports: Vec<&[String]> = listed.chunk_by(|_, line| !is_name(line)).collect();
+    let is_within = |_: &String, line: &String| import_name(line).is_none();
+    let mut imports: Vec<&[String]> = listed.chunk_by(is_within).collect();
     imports.sort_by_key(|import| {
         let (_, call) = import[0].split_once('(').unwrap_or_default();
         (call.to_owned(), import[1..].to_vec())
@@ -177,11 +192,11 @@ fn shorter(js: &str) -> String {
     [before, &imports.concat(), after].concat().join("\n") + "\n"
 }
 
-/// Whether an import begins with this line: `$12(`, or `$12:`.
-fn is_name(line: &str) -> bool {
-    let rest =
-        line.strip_prefix('$').map(|line| line.trim_start_matches(|c: char| c.is_ascii_digit()));
-    rest.is_some_and(|rest| rest.starts_with(['(', ':']))
+/// The name of the import that begins with this line: `$12(`, or `$12:`.
+fn import_name(line: &str) -> Option<&str> {
+    let (name, _) = line.split_once(['(', ':'])?;
+    let number = name.strip_prefix('$')?;
+    (!number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())).then_some(name)
 }
 
 impl Bundle {

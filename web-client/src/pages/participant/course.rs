@@ -2,7 +2,7 @@
 
 use super::arena::Arena;
 use super::equipment::Steering;
-use super::state::{PlannedTrial, Stage};
+use super::state::{PlannedTrial, Stage, Stay};
 use super::{Msg, Participant, STEERING, lifted};
 use crate::drive::Drive;
 use crate::input::{BLUR, HeldKeys};
@@ -167,11 +167,14 @@ impl Participant {
         let last = upload.states.last().copied().unwrap_or_else(|| trial.scene.scene().start());
         let outcome = outcome(&parameters, &upload.inputs, &upload.states);
         let keep = self.outbox.add(trial.id(), json::write(&upload));
-        // After an interruption, the page may never be drawn again by itself: then the clock counts, not the picture.
         let trials = self.study.as_ref().map(|study| study.trials).unwrap_or_default();
         let stays_ms = 1000.0 * trials.stays_s(trial.feedback);
-        let until_ms = self.hint.is_some().then_some(self.now_ms + stays_ms);
-        self.stage = Stage::Over(trial, last, until_ms, outcome);
+        // A browser that has stopped the page may draw no picture of it again by itself.
+        let stay = match self.hint {
+            Some(_) => Stay::Until(self.now_ms + stays_ms),
+            None => Stay::OnceSeen(stays_ms),
+        };
+        self.stage = Stage::Over(trial, last, stay, outcome);
         lifted(Some(keep)).chain(self.go_on()).collect()
     }
 

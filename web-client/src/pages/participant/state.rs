@@ -47,6 +47,15 @@ pub(super) struct Quiz {
     pub(super) is_marked: bool,
 }
 
+/// How long the last picture of a scene stays.
+#[derive(Clone, Copy)]
+pub(super) enum Stay {
+    /// For this time from when it is seen, ms.
+    OnceSeen(f64),
+    /// Until this time, ms.
+    Until(f64),
+}
+
 /// Where the participant is.
 #[derive(Default)]
 pub(super) enum Stage {
@@ -67,8 +76,8 @@ pub(super) enum Stage {
     /// A scene stands still until this time, ms. The keys must be up before it moves.
     Countdown(Box<PlannedTrial>, f64, u32),
     Driving(Box<PlannedTrial>, Box<Drive>),
-    /// The last picture of a scene stays until this time, ms, which is known once it is shown.
-    Over(Box<PlannedTrial>, JointState, Option<f64>, Outcome),
+    /// The last picture of a scene stays.
+    Over(Box<PlannedTrial>, JointState, Stay, Outcome),
     /// The questions after the last scene; the places of those whose required answer is missing.
     Questions(Vec<usize>),
     /// All scenes are driven; the last trials are being uploaded.
