@@ -10,10 +10,10 @@ pub mod baselines;
 pub mod probability;
 pub mod memory;
 pub mod scores;
+pub mod guarantee;
 pub mod danger;
 #[cfg(test)]
 mod testing;
-pub mod guarantee;
 pub mod pareto;
 #[cfg(feature = "study")]
 pub mod panels;

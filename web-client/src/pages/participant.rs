@@ -17,7 +17,7 @@ mod tests;
 
 use self::equipment::Steering;
 use self::link::Link;
-use self::state::{PlannedTrial, Session, Stage, Stay};
+use self::state::{PlannedTrial, Session, Stage};
 use crate::drive;
 use crate::form::Form;
 use crate::input::HeldKeys;
@@ -449,7 +449,7 @@ impl Page for Participant {
                 Some(ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1)))
             }
             Stage::Driving(_, drive) => Some(drive.due_ms()),
-            Stage::Over(_, _, Stay::Until(until_ms), _) => Some(*until_ms),
+            Stage::Over(_, _, stay, _) => stay.until_ms,
             _ => None,
         }
     }
@@ -463,7 +463,7 @@ impl Page for Participant {
                 is_next && (self.held.is_empty() || *left_s > 1)
             }
             Stage::Driving(_, drive) => drive.tick(now_ms),
-            Stage::Over(_, _, Stay::Until(until_ms), _) => now_ms >= *until_ms,
+            Stage::Over(_, _, stay, _) => stay.until_ms.is_some_and(|until_ms| now_ms >= until_ms),
             Stage::Instructions(arena) => {
                 arena.tick(now_ms, &self.steering.keys, &self.held, is_calm);
                 false
@@ -532,10 +532,8 @@ impl Page for Participant {
     fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.frame_shown(at_ms, work_ms),
-            Stage::Over(_, _, stay, _) => {
-                if let Stay::OnceSeen(stays_ms) = *stay {
-                    *stay = Stay::Until(at_ms + stays_ms);
-                }
+            Stage::Over(_, _, stay, _) if !stay.is_seen => {
+                (stay.is_seen, stay.until_ms) = (true, Some(at_ms + stay.ms));
             }
             _ => {}
         }

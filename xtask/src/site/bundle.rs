@@ -153,7 +153,7 @@ const SPACES: [(&str, &str); 15] = [
     (", arg", ",arg"),
     ("function (", "function("),
     ("{ return ", "{return "),
-    ("}, arguments); },", "},arguments);},"),
+    ("},arguments); },", "},arguments);},"),
     ("if (", "if("),
 ];
 
@@ -297,6 +297,12 @@ __proto__: null,
 $1(){return handleError(function(arg0){
 arg0.c();
 },arguments);},
+$0(arg0){
+return arg0.a;
+},
+$2(arg0){
+return arg0.b;
+},
 $3(arg0,arg1){
 var cb0=(arg0,arg1)=>{
 if(arg0){
@@ -306,12 +312,6 @@ arg0);
 }
 };
 return new Promise(cb0);
-},
-$0(arg0){
-return arg0.a;
-},
-$2(arg0){
-return arg0.b;
 },
 };
 return import0;

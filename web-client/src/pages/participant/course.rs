@@ -10,6 +10,9 @@ use crate::json;
 use crate::runtime::{Command, Commands, Event};
 use sidestep::trial::{Flag, Phase, outcome, page_flags};
 
+/// A page that the browser has not drawn for so long, ms, will not be drawn: it goes on all the same.
+const UNDRAWN_MS: f64 = 3000.0;
+
 /// A countdown whose end is noticed this late, ms, begins again when the participant says so.
 const ASLEEP_MS: f64 = 1000.0;
 
@@ -168,12 +171,10 @@ impl Participant {
         let outcome = outcome(&parameters, &upload.inputs, &upload.states);
         let keep = self.outbox.add(trial.id(), json::write(&upload));
         let trials = self.study.as_ref().map(|study| study.trials).unwrap_or_default();
-        let stays_ms = 1000.0 * trials.stays_s(trial.feedback);
-        // A browser that has stopped the page may draw no picture of it again by itself.
-        let stay = match self.hint {
-            Some(_) => Stay::Until(self.now_ms + stays_ms),
-            None => Stay::OnceSeen(stays_ms),
-        };
+        let ms = 1000.0 * trials.stays_s(trial.feedback);
+        let is_away = flags.contains(&Flag::FocusLost);
+        let until_ms = (!is_away).then_some(self.now_ms + ms + UNDRAWN_MS);
+        let stay = Stay { ms, is_seen: false, until_ms };
         self.stage = Stage::Over(trial, last, stay, outcome);
         lifted(Some(keep)).chain(self.go_on()).collect()
     }

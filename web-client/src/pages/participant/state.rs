@@ -49,11 +49,13 @@ pub(super) struct Quiz {
 
 /// How long the last picture of a scene stays.
 #[derive(Clone, Copy)]
-pub(super) enum Stay {
-    /// For this time from when it is seen, ms.
-    OnceSeen(f64),
-    /// Until this time, ms.
-    Until(f64),
+pub(super) struct Stay {
+    /// From when it is seen, ms.
+    pub(super) ms: f64,
+    /// Whether it was seen.
+    pub(super) is_seen: bool,
+    /// Until this time, ms; as long as it takes until somebody looks at the page again, if none.
+    pub(super) until_ms: Option<f64>,
 }
 
 /// Where the participant is.

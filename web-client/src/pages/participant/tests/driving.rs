@@ -62,7 +62,7 @@ fn the_countdown_counts_and_waits_for_the_window() {
 
 #[test]
 fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
-    let stays_ms = |feedback: bool, end_s: f64| {
+    let stays_ms = |feedback: bool, end_s: f64, stays_unseen_ms: f64| {
         let mut study = StudyConfig::default();
         study.phases.iter_mut().for_each(|phase| phase.feedback = feedback);
         (study.trials.end_s, study.trials.feedback_s) = (end_s, 2.0);
@@ -74,9 +74,8 @@ fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
         session.now_ms += 60.0;
         let message = session.page.tick(session.now_ms).unwrap();
         session.tell(message);
-        session.now_ms += 30_000.0;
+        session.now_ms += stays_unseen_ms;
         assert!(session.page.tick(session.now_ms).is_none() && session.words("over").is_some());
-        assert_eq!(session.page.due_ms(), None);
         session.frame();
         let seen_ms = session.now_ms;
         while session.words("over").is_some() {
@@ -85,9 +84,38 @@ fn feedback_stays_as_long_as_the_study_says_from_when_it_is_seen() {
         session.now_ms - seen_ms
     };
     assert_eq!(
-        [stays_ms(false, 0.6), stays_ms(true, 0.6), stays_ms(true, 4.0)],
+        [(false, 0.6, 3590.0), (true, 0.6, 4990.0), (true, 4.0, 0.0)]
+            .map(|(feedback, end_s, unseen_ms)| stays_ms(feedback, end_s, unseen_ms)),
         [600.0, 2000.0, 4000.0]
     );
+}
+
+/// A browser may never draw the page again by itself; whoever looks elsewhere sees the last picture when they are back.
+#[test]
+fn what_is_never_drawn_ends_too_unless_nobody_looks() {
+    let over = |looks_away: bool| {
+        let mut session = begun();
+        session.press("start");
+        session.pass(COUNTDOWN_MS + 5000.0);
+        if looks_away {
+            session.hear(&Event::FocusLost { hidden: true });
+        }
+        session.pass(4990.0);
+        session.now_ms += 60.0;
+        let message = session.page.tick(session.now_ms).unwrap();
+        session.tell(message);
+        assert!(session.words("over").is_some());
+        session
+    };
+    let mut session = over(false);
+    let due_ms = session.page.due_ms().unwrap();
+    assert!((3000.0..7000.0).contains(&(due_ms - session.now_ms)));
+    session.now_ms = due_ms;
+    let message = session.page.tick(due_ms).unwrap();
+    session.tell(message);
+    assert!(session.words("start").is_some());
+    let session = over(true);
+    assert_eq!(session.page.due_ms(), None);
 }
 
 #[test]
