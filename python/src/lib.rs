@@ -24,8 +24,8 @@ mod bounds;
 mod reach;
 mod trajectory;
 mod plan;
-mod shfrs;
 mod shfrs_settings;
+mod shfrs;
 mod online;
 mod calibration;
 

@@ -23,7 +23,7 @@ pub fn withdrawn_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.withdrawn_url, None, me)
 }
 
-/// The return link of a participant who has finished; it holds no code, for tokens that may not see it.
+/// The return link of a participant who has finished, without the completion code: not every token may see that.
 #[must_use]
 pub fn finished_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.finished_url, None, me)

@@ -107,8 +107,8 @@ pub fn danger_bounds(
     })
 }
 
-/// What bounds from so many scores mean, in words to print beside them. Of people who were drawn by
-/// [`Split::parts_of_people`](super::tuning::Split::parts_of_people), `calibration` counts those.
+/// A sentence to print beside the bounds: what they mean, and from how many `calibration` trajectories or people
+/// they come ([`Split::parts_of_people`](super::tuning::Split::parts_of_people) draws one trajectory of each person).
 #[must_use]
 pub fn statement(calibration: usize, unit: Unit) -> String {
     let from = unit.calibrating(calibration);

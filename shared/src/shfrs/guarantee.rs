@@ -37,7 +37,7 @@ impl Unit {
         }
     }
 
-    /// So many of them, as a calibration uses them.
+    /// How many of them calibrate, in words.
     pub(super) fn calibrating(self, count: usize) -> String {
         match self {
             Self::Trajectories => format!("{count} trajectories"),

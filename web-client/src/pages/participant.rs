@@ -449,7 +449,7 @@ impl Page for Participant {
                 Some(ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1)))
             }
             Stage::Driving(_, drive) => Some(drive.due_ms()),
-            Stage::Over(_, _, stay, _) => stay.until_ms,
+            Stage::Over(_, _, stay, _) => Some(stay.until_ms),
             _ => None,
         }
     }
@@ -463,7 +463,7 @@ impl Page for Participant {
                 is_next && (self.held.is_empty() || *left_s > 1)
             }
             Stage::Driving(_, drive) => drive.tick(now_ms),
-            Stage::Over(_, _, stay, _) => stay.until_ms.is_some_and(|until_ms| now_ms >= until_ms),
+            Stage::Over(_, _, stay, _) => now_ms >= stay.until_ms,
             Stage::Instructions(arena) => {
                 arena.tick(now_ms, &self.steering.keys, &self.held, is_calm);
                 false
@@ -533,7 +533,7 @@ impl Page for Participant {
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.frame_shown(at_ms, work_ms),
             Stage::Over(_, _, stay, _) if !stay.is_seen => {
-                (stay.is_seen, stay.until_ms) = (true, Some(at_ms + stay.ms));
+                (stay.is_seen, stay.until_ms) = (true, at_ms + stay.ms);
             }
             _ => {}
         }

@@ -172,9 +172,7 @@ impl Participant {
         let keep = self.outbox.add(trial.id(), json::write(&upload));
         let trials = self.study.as_ref().map(|study| study.trials).unwrap_or_default();
         let ms = 1000.0 * trials.stays_s(trial.feedback);
-        let is_away = flags.contains(&Flag::FocusLost);
-        let until_ms = (!is_away).then_some(self.now_ms + ms + UNDRAWN_MS);
-        let stay = Stay { ms, is_seen: false, until_ms };
+        let stay = Stay { ms, is_seen: false, until_ms: self.now_ms + ms + UNDRAWN_MS };
         self.stage = Stage::Over(trial, last, stay, outcome);
         lifted(Some(keep)).chain(self.go_on()).collect()
     }

@@ -54,8 +54,8 @@ pub(super) struct Stay {
     pub(super) ms: f64,
     /// Whether it was seen.
     pub(super) is_seen: bool,
-    /// Until this time, ms; as long as it takes until somebody looks at the page again, if none.
-    pub(super) until_ms: Option<f64>,
+    /// Until this time, ms.
+    pub(super) until_ms: f64,
 }
 
 /// Where the participant is.
