@@ -7,6 +7,7 @@ use sidestep::reachability::{Axis, Boundary, Grid as OfDimension};
 
 use crate::arrays::{Array, Numbers, count, list, numbers, shaped, wrong_shape};
 use crate::error::Error;
+use crate::kept::New;
 use crate::scalars::wholes;
 
 /// A rectangular grid of one to four dimensions, on whose nodes `hj_solve` computes values.
@@ -153,7 +154,7 @@ impl Grid {
 }
 
 /// What makes a grid anew.
-type NewArguments<'py> = ((Array<'py>, Array<'py>, Vec<usize>), Bound<'py, pyo3::types::PyDict>);
+type NewArguments<'py> = New<'py, (Array<'py>, Array<'py>, Vec<usize>)>;
 
 impl Grid {
     /// A grid of these axes, if they have lengths and not too many nodes.

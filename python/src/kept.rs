@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use sidestep::bounds::{ActionChoice, Rollout};
 use sidestep::document::from_json;
@@ -11,6 +13,9 @@ use sidestep::scene;
 
 use crate::error::Error;
 use crate::files::{read, write};
+
+/// What pickling calls a class with: arguments by place and by name.
+pub(crate) type New<'py, T> = (T, Bound<'py, PyDict>);
 
 /// The settings of sets, as the laboratory's explorer saves them and `sidestep shfrs --settings` reads them. How polygons are
 /// drawn is in the file only if it is not the usual way; then this package alone reads it.

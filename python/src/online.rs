@@ -15,11 +15,11 @@ use crate::bounds::stacked;
 use crate::error::Error;
 use crate::function::{SafetyLevels, levels};
 use crate::human::{Human, Model};
+use crate::kept::New;
 use crate::plan::{Asked, proved};
 use crate::predictor::Predictor;
 use crate::reach::ReachableSet;
 use crate::scalars::{real, some_real};
-use crate::shfrs::New;
 use crate::shfrs_settings::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
 

@@ -20,6 +20,7 @@ use crate::error::Error;
 use crate::function::SafetyLevels;
 use crate::human::{Human, Model};
 use crate::interrupt::{Watch, each};
+use crate::kept::New;
 use crate::plan::{Asked, proved};
 use crate::reach::{ReachableSet, drive, margin_m, tolerance};
 use crate::scalars::{real, some_real};
@@ -281,9 +282,6 @@ impl Shfrs {
         format!("Shfrs(areas_m2=[{}])", areas.join(", "))
     }
 }
-
-/// Arguments by place and by name.
-pub(crate) type New<'py, T> = (T, Bound<'py, PyDict>);
 
 /// The predictor, the last states and the bounds of sets.
 type Drawn<'py> = (Bound<'py, ShfrsPredictor>, Array<'py>, Array<'py>, Array<'py>);

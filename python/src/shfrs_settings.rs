@@ -15,10 +15,9 @@ use sidestep::shfrs::file::{MOST_STEPS, PRESETS};
 use crate::arrays::list;
 use crate::bounds::{choice, rolled_out};
 use crate::error::Error;
-use crate::kept::{self, SettingsFile};
+use crate::kept::{self, New, SettingsFile};
 use crate::reach::drawn;
 use crate::scalars::{real, some_real, some_whole, some_wholes};
-use crate::shfrs::New;
 
 /// How sets are predicted and drawn.
 ///
