@@ -31,6 +31,18 @@ pub(crate) struct Options {
 /// and show the changes of others. The other files' subject is the browser.
 const ON_BOTH: [&str; 2] = ["studies", "scenes"];
 
+/// API tests of commands that open no database: once is enough for them.
+const WITHOUT_DATABASE: [&str; 8] = [
+    "analyze::the_comparison_is_that_of_scikit_learn",
+    "analyze_input::",
+    "design::",
+    "features::",
+    "help::",
+    "prediction::",
+    "shfrs::",
+    "solving::",
+];
+
 /// Tells the tests where Chromium is; when the user has set it, it is used as it is.
 pub(crate) const VARIABLE: &str = "SIDESTEP_CHROMIUM";
 
@@ -84,9 +96,10 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         (options.postgres, &["--lib", "--bins", "--tests", "--no-fail-fast"]);
     // What servers do with their database is tested on the other kind too.
     let [studies, scenes] = ON_BOTH.map(|file| format!("{file}::"));
+    let api = [&["--test", "api", "--"][..], &WITHOUT_DATABASE.map(|of| ["--skip", of]).concat()];
     let other: [(bool, &[&str]); 3] = [
         (!options.postgres, &["--lib", "--", "store::"]),
-        (!options.postgres, &["--test", "api"]),
+        (!options.postgres, &api.concat()),
         (!options.postgres, &["--test", "browser", "--", &studies, &scenes]),
     ];
     // On files, the tests that need PostgreSQL are ignored.

@@ -17,9 +17,12 @@ async fn every_file_says_what_it_depends_on() {
     let folder = Folder::default();
     // A folder that is not there yet.
     let out = folder.path("found");
-    let flags = ["--seed", "3", "--guarantee", "conformal,pac,fixed-sequence"];
-    let line = shfrs(&folder.name("found"), &flags).await.only_json();
-    assert_eq!((&line["training"], &line["calibration"]), (&160.into(), &120.into()));
+    // Half of the people are as many as the probably approximately correct guarantee of 0.95 needs.
+    let people = ["0", "1", "2", "3"].map(|name| ["--participant", name]).concat();
+    let flags = |more: &[&'static str]| [&["--seed", "3"], &people[..], more].concat();
+    let guarantees = flags(&["--guarantee", "conformal,pac,fixed-sequence"]);
+    let line = shfrs(&folder.name("found"), &guarantees).await.only_json();
+    assert_eq!((&line["training"], &line["calibration"]), (&80.into(), &60.into()));
     for file in line["files"].as_array().unwrap() {
         assert!(out.join(file.as_str().unwrap()).is_file(), "{file}");
     }
@@ -42,7 +45,7 @@ async fn every_file_says_what_it_depends_on() {
     let windows = |choice: &str| {
         regions.iter().find(|row| row["window_choice"] == choice).unwrap()["windows"].clone()
     };
-    assert_eq!((windows("every_step"), windows("random_one")), ("9840".into(), "240".into()));
+    assert_eq!((windows("every_step"), windows("random_one")), ("4920".into(), "120".into()));
 
     let tuning = rows(out.join("tuning.csv"));
     assert_eq!(tuning.len(), 9);
@@ -50,7 +53,7 @@ async fn every_file_says_what_it_depends_on() {
         // Its interval must not exclude what is guaranteed.
         assert!(number(row, "coverage_high") >= number(row, "p"), "{row:?}");
         assert!(number(row, "mean_area_m2") < 16.0 / 3.0 + 1e-9);
-        assert!(row["statement"].contains("120 trajectories"));
+        assert!(row["statement"].contains("60 trajectories"));
         let paper = row["guarantee"] == "fixed_sequence";
         assert_eq!(row["rollout"], if paper { "paper" } else { "base" });
     }
@@ -62,7 +65,7 @@ async fn every_file_says_what_it_depends_on() {
         assert!(of.iter().map(|row| number(row, "mean_area_m2")).is_sorted());
     }
     let danger = rows(out.join("danger.csv"));
-    assert_eq!(danger.len(), 120);
+    assert_eq!(danger.len(), 60);
     for row in &danger {
         let (low, high) = (number(row, "probability_low"), number(row, "probability_high"));
         assert!((0.0..=1.0).contains(&low) && low <= high && high <= 1.0, "{row:?}");
@@ -75,8 +78,8 @@ async fn every_file_says_what_it_depends_on() {
 
     // The predictor that was trained can be given, and then no other is trained.
     let predictor = out.join("predictor.json");
-    let flags = ["--seed", "3", "--predictor", predictor.to_str().unwrap()];
-    shfrs(&folder.name("again"), &flags).await.json();
+    let given = [&flags(&[])[..], &["--predictor", predictor.to_str().unwrap()]].concat();
+    shfrs(&folder.name("again"), &given).await.json();
     assert_eq!(rows(folder.path("again/regions.csv")), regions);
 }
 
