@@ -91,9 +91,8 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     if !options.arguments.is_empty() {
         return tests(options.postgres, &options.arguments);
     }
-    // Without a selection cargo would also compile every example, and run nothing of it.
-    let all: (bool, &[&str]) =
-        (options.postgres, &["--lib", "--bins", "--tests", "--no-fail-fast"]);
+    // Without a selection cargo would also compile every example, and with `--bins` programs that have no tests.
+    let all: (bool, &[&str]) = (options.postgres, &["--tests", "--no-fail-fast"]);
     // What servers do with their database is tested on the other kind too.
     let [studies, scenes] = ON_BOTH.map(|file| format!("{file}::"));
     let api = [&["--test", "api", "--"][..], &WITHOUT_DATABASE.map(|of| ["--skip", of]).concat()];
