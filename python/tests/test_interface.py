@@ -8,6 +8,7 @@ import time
 import zlib
 from pathlib import Path
 
+import pytest
 from test_value import plain_value
 
 import sidestep
@@ -69,6 +70,7 @@ def test_the_native_half_is_small():
     assert len(zlib.compress(native.read_bytes())) < 3e6
 
 
+@pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
 def test_a_value_is_faster_than_the_formula_in_numpy(paper, rng):
     """Both in one run, so that it does not matter how busy the machine is."""
     states = rng.uniform(-20, 20, (200_000, 3))

@@ -120,6 +120,7 @@ def test_calibration_is_the_rank_that_it_says(people):
         sidestep.calibrate(trajectories, model, settings, p=0.95)
 
 
+@pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
 def test_trajectories_of_other_vehicles_are_refused(people):
     """Sets hold no drive that their vehicle cannot drive, whatever ε is, so there would be no guarantee."""
     trajectories = [trial for trials in people for trial in trials]

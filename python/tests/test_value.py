@@ -6,6 +6,9 @@ from scipy.integrate import solve_ivp
 
 import sidestep
 
+# Headings go round more than once here.
+pytestmark = pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
+
 
 def plain_value(states, speed, rate, radius):
     """The formula of the reference, in NumPy: the larger of two sheets while the range closes."""

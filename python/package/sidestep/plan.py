@@ -19,12 +19,16 @@ class Plan(np.ndarray[Any, np.dtype[np.float64]]):
     long as it has as many steps; any other one is taken to have the steps of the prediction, as arrays of your own are.
     """
 
-    step_s: float | None = None
-    """Length of a step, s; `None` if it is not known."""
+    _step_s: float | None = None
+
+    @property
+    def step_s(self) -> float | None:
+        """Length of a step, s; `None` if it is not known."""
+        return self._step_s
 
     def __array_finalize__(self, other: Any, /) -> None:
         alike = isinstance(other, Plan) and self.shape[-2:] == other.shape[-2:]
-        self.step_s = other.step_s if alike else None
+        self._step_s = other.step_s if alike else None
 
 
 def drive(start: ArrayLike, speed_mps: ArrayLike, turn_rates: ArrayLike, step_s: float) -> Plan:
@@ -47,5 +51,5 @@ def drive(start: ArrayLike, speed_mps: ArrayLike, turn_rates: ArrayLike, step_s:
         The poses (x, y, ψ) after steps 1 … T, without the present one, world frame, m, m, rad in (−π, π].
     """
     plan = _sidestep.drive(start, speed_mps, turn_rates, step_s).view(Plan)
-    plan.step_s = float(step_s)
+    plan._step_s = float(step_s)
     return plan
