@@ -23,7 +23,8 @@ pub fn withdrawn_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.withdrawn_url, None, me)
 }
 
-/// The return link of a participant who has finished, without the completion code: not every token may see that.
+/// The return link of a participant who has finished. It leaves the completion code out, because some tokens may not
+/// see the code.
 #[must_use]
 pub fn finished_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.finished_url, None, me)

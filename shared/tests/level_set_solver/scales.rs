@@ -40,10 +40,11 @@ const CELLS: f64 = 3.0;
 ///
 /// A wall that is higher than 1/ε rounds distances beside it away (V of a metre is lost in 10⁹ m of 24 bits), and the
 /// next cells with them: then only the share of other signs is bounded, and nothing is said of walls a thousand times
-/// as high. WENO5 does so from 10¹² on in any numbers: what it adds to squares of slopes is 10⁻⁶ of the largest square,
-/// so its weight of a stencil across the wall falls to 10⁻¹² and no further.
+/// as high. WENO5 does so from 10¹² on in any numbers: it adds 10⁻⁶ of the largest square of a slope to each measure of
+/// smoothness, so the weight of a stencil across the wall falls to 10⁻¹² and no further.
 fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
-    let resolution = if scheme == Scheme::Weno5 { epsilon.max(1e-12) } else { epsilon };
+    let too_high =
+        if scheme == Scheme::Weno5 { epsilon.recip().min(1e12) } else { epsilon.recip() };
     let grid = Grid { axes: axes() };
     let cell = grid.axes[0].spacing();
     let distance = tube::<T>(&target, &|state| depth(state, 0.0), scheme);
@@ -70,7 +71,7 @@ fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
         eprintln!("{} {epsilon:.0e} 1e{exponent}: {share:.4} {outside} outside", scheme.name());
         // A low wall is no worse than its height.
         if height >= 1.0 {
-            let rounded = height * resolution > 0.5;
+            let rounded = height >= too_high;
             assert!(rounded || outside == 0, "{scheme:?} {height}: {outside}");
             assert!(share < if rounded { 0.03 } else { 0.025 }, "{scheme:?} {height}: {share}");
         }

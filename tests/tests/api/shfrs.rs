@@ -17,7 +17,7 @@ async fn every_file_says_what_it_depends_on() {
     let folder = Folder::default();
     // A folder that is not there yet.
     let out = folder.path("found");
-    // Two people are as many as the probably approximately correct guarantee of 0.9 needs.
+    // The 30 trajectories of two people that calibrate are enough for the PAC guarantee of 0.9, which needs 29.
     let flags = ["--seed", "3", "--participant", "2", "--participant", "3"];
     let asked = ["--guarantee", "conformal,pac,fixed-sequence", "--probability", "0.5,0.9"];
     let guarantees = [&flags[..], &asked].concat();

@@ -532,8 +532,8 @@ impl Page for Participant {
     fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.frame_shown(at_ms, work_ms),
-            Stage::Over(_, _, stay, _) if !stay.is_seen => {
-                (stay.is_seen, stay.until_ms) = (true, at_ms + stay.ms);
+            Stage::Over(_, _, stay, _) if !stay.is_drawn => {
+                (stay.is_drawn, stay.until_ms) = (true, at_ms + stay.drawn_for_ms);
             }
             _ => {}
         }

@@ -10,7 +10,8 @@ use crate::json;
 use crate::runtime::{Command, Commands, Event};
 use sidestep::trial::{Flag, Phase, outcome, page_flags};
 
-/// A page that the browser has not drawn for so long, ms, will not be drawn: it goes on all the same.
+/// How much longer the page waits for the browser to draw the last picture of a scene, ms. A browser that was frozen may
+/// never draw it.
 const UNDRAWN_MS: f64 = 3000.0;
 
 /// A countdown whose end is noticed this late, ms, begins again when the participant says so.
@@ -171,8 +172,9 @@ impl Participant {
         let outcome = outcome(&parameters, &upload.inputs, &upload.states);
         let keep = self.outbox.add(trial.id(), json::write(&upload));
         let trials = self.study.as_ref().map(|study| study.trials).unwrap_or_default();
-        let ms = 1000.0 * trials.stays_s(trial.feedback);
-        let stay = Stay { ms, is_seen: false, until_ms: self.now_ms + ms + UNDRAWN_MS };
+        let drawn_for_ms = 1000.0 * trials.stays_s(trial.feedback);
+        let until_ms = self.now_ms + drawn_for_ms + UNDRAWN_MS;
+        let stay = Stay { drawn_for_ms, is_drawn: false, until_ms };
         self.stage = Stage::Over(trial, last, stay, outcome);
         lifted(Some(keep)).chain(self.go_on()).collect()
     }

@@ -50,11 +50,11 @@ pub(super) struct Quiz {
 /// How long the last picture of a scene stays.
 #[derive(Clone, Copy)]
 pub(super) struct Stay {
-    /// From when it is seen, ms.
-    pub(super) ms: f64,
-    /// Whether it was seen.
-    pub(super) is_seen: bool,
-    /// Until this time, ms.
+    /// How long it stays from when the browser draws it, ms.
+    pub(super) drawn_for_ms: f64,
+    /// Whether the browser has drawn it.
+    pub(super) is_drawn: bool,
+    /// When the page goes on, ms.
     pub(super) until_ms: f64,
 }
 
