@@ -23,7 +23,7 @@ pub struct Habits {
     pub repeats: usize,
     /// In how many the person is gone before the answer, and sends the trial again later.
     pub vanishes: usize,
-    /// After how many the person withdraws; every other time, the data are deleted.
+    /// After how many the person withdraws; half of the time, the data are deleted.
     pub withdrawals: usize,
     /// Of everything that is left to chance.
     pub seed: u64,
@@ -42,7 +42,7 @@ enum Act {
     Reload,
     Repeat,
     Vanish,
-    Withdraw,
+    Withdraw { delete: bool },
 }
 
 impl Habits {
@@ -52,12 +52,14 @@ impl Habits {
             (Act::Reload, self.reloads),
             (Act::Repeat, self.repeats),
             (Act::Vanish, self.vanishes),
-            (Act::Withdraw, self.withdrawals),
         ] {
             if drawn < share {
                 return act;
             }
             drawn -= share;
+        }
+        if drawn < self.withdrawals {
+            return Act::Withdraw { delete: rng.below(2) == 0 };
         }
         Act::Drive
     }
@@ -141,7 +143,9 @@ impl Crowd {
                     gone.vanish("PUT", &route, Some(&person.token), &body).await?;
                 }
             }
-            Act::Withdraw => return self.withdraw(connection, person, due).await,
+            Act::Withdraw { delete } => {
+                return self.withdraw(connection, person, due, delete).await;
+            }
         }
         self.drive_one(connection, person, due).await
     }
@@ -171,8 +175,8 @@ impl Crowd {
         connection: &mut Connection,
         person: &mut Person,
         due: Instant,
+        delete: bool,
     ) -> io::Result<()> {
-        let delete = person.number.is_multiple_of(2);
         let data = if delete { "delete" } else { "keep" };
         person.withdrawal = Some(Withdrawal { delete, acknowledged: false });
         let route = format!("{}?data={data}", routes::ME);
