@@ -48,11 +48,9 @@ enum Act {
 impl Habits {
     fn draw(&self, rng: &mut SeededRng) -> Act {
         let mut drawn = rng.below(1_000);
-        for (act, share) in [
-            (Act::Reload, self.reloads),
-            (Act::Repeat, self.repeats),
-            (Act::Vanish, self.vanishes),
-        ] {
+        for (act, share) in
+            [(Act::Reload, self.reloads), (Act::Repeat, self.repeats), (Act::Vanish, self.vanishes)]
+        {
             if drawn < share {
                 return act;
             }
