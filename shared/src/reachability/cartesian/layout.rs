@@ -190,15 +190,19 @@ pub(super) fn each_interior<const D: usize>(
     mut f: impl FnMut([usize; D], usize),
 ) {
     let first_axis = usize::from(Layout::<D>::LOOP_AXES > 0);
-    let count: usize = layout.nodes[first_axis..].iter().product();
-    for position in 0..count {
+    // Divisions for each line of nodes along the last axis, not for each node.
+    let lines: usize = layout.nodes[first_axis..].iter().product::<usize>() / layout.nodes[D - 1];
+    for line in 0..lines {
         let mut index = [slice; D];
-        let (mut rest, mut offset) = (position, 0);
-        for d in (first_axis..D).rev() {
+        let (mut rest, mut start) = (line, layout.reach * layout.strides[D - 1]);
+        for d in (first_axis..D - 1).rev() {
             index[d] = rest % layout.nodes[d];
             rest /= layout.nodes[d];
-            offset += (index[d] + layout.reach) * layout.strides[d];
+            start += (index[d] + layout.reach) * layout.strides[d];
         }
-        f(index, offset);
+        for last in 0..layout.nodes[D - 1] {
+            index[D - 1] = last;
+            f(index, start + last * layout.strides[D - 1]);
+        }
     }
 }
