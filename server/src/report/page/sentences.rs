@@ -447,10 +447,9 @@ fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
         }
         words += &format!(
             "; paired Wilcoxon over people {}, after Holm over 48 tests {}; Mann–Whitney over people, which ignores that \
-             both numbers are of the same people and has {} power with n = {n}, {}, after Holm {}).",
+             both numbers are of the same people and so usually has less power, {}, after Holm {}).",
             p_is(of.p),
             p_value(of.holm),
-            if n < 12 { "hardly any" } else { "less" },
             p_is(number(row, "mann_whitney_persons")),
             p_value(number(row, "mann_whitney_persons_holm")),
         );
