@@ -20,7 +20,9 @@ use crate::real::Real;
 /// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences
 /// at both ends of a cell's edges. Where V is smooth, this misses V by the third power of the spacing (by
 /// the second power in the outermost cells of an axis with ends), and its gradient by one power less. At
-/// a kink it never overshoots, and misses by at most a quarter of the spacing times the jump of the slope.
+/// a kink it never overshoots, and misses by at most a quarter of the spacing times the jump of the slope. Between
+/// two kinks that are one cell apart, as in a passage between high walls, it falls below both nodes: the parabola
+/// takes off an eighth of the smaller of the second differences.
 /// V is continuous, and the gradient is one-sided at nodes and where the parabolas change. The solver's
 /// own error on the nodes comes on top. Between stored instants V is linear in time.
 #[derive(Clone, Debug, PartialEq)]
