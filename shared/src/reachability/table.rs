@@ -90,8 +90,8 @@ impl Table {
     ///
     /// Trilinear, plus a parabola along each axis, with the smaller of the second differences at
     /// both ends of a cell's edges. This is third order where the data are smooth, does not overshoot
-    /// at one kink (at two, one cell apart, it does), and is continuous, because the interpolant on a face depends only on entries in the
-    /// face's plane.
+    /// at one kink (between two walls that are one cell apart it would, but no game of this table has walls), and is
+    /// continuous, because the interpolant on a face depends only on entries in the face's plane.
     #[inline(always)]
     pub(super) fn interpolate(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let origin = self.offset(index);

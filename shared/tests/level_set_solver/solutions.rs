@@ -104,6 +104,26 @@ fn at_a_kink_it_stays_between_the_nodes() {
     }
 }
 
+/// Between two walls V is what its nodes say, however high the walls and wherever they are on the grid.
+#[test]
+fn between_two_walls_it_stays_between_the_nodes() {
+    for (height, free) in [(3.0, 1.5), (100.0, 1.5), (1e5, -0.4), (1e9, 1e-3)] {
+        for (thick, wide) in [(1, 2), (2, 2), (3, 2), (2, 3), (4, 4)] {
+            let walled = |[x]: [f64; 1]| {
+                let node = (10.0 * (x + 1.0)).round() as usize;
+                if node % (thick + wide) < thick { height } else { free }
+            };
+            let solution = sampled([Axis::bounded(-1.0, 1.0, 21)], &walled);
+            for i in 0..=1000 {
+                let value = solution.value([-1.0 + f64::from(i) / 500.0]).unwrap();
+                let slack = 1e-12 * height;
+                let is_between = free - slack <= value && value <= height + slack;
+                assert!(is_between, "{height} {thick} {wide}: {value}");
+            }
+        }
+    }
+}
+
 fn drifting() -> (Drift<1>, [Axis; 1]) {
     (Drift { drift: [1.5], speed: [0.4] }, [Axis::periodic(0.0, TAU, 100)])
 }

@@ -89,12 +89,30 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             limits.seen = joined(limits.seen, self.range(ceiling));
         }
         if let (Some(floor), Some(avoid)) = (&mut limits.floor, &self.problem.avoid)
-            && avoid.region.moves()
+            && (avoid.region.moves() || self.problem.target.moves())
         {
             self.sample(avoid.name(), &avoid.region, avoid.sign, time, floor)?;
-            limits.seen[1] = limits.seen[1].max(self.range(floor)[1]);
+            limits.cap_floor();
         }
         Ok(())
+    }
+
+    /// The values of the whole grid's nodes at `time`, row-major, an obstacle's at its own height.
+    fn stored(
+        &self,
+        value: &[T],
+        limits: &Limits<T>,
+        time: f64,
+        scratch: &mut [T],
+    ) -> Result<Vec<T>, Invalid> {
+        let Some(avoid) = self.problem.avoid.as_ref().filter(|_| limits.is_capped) else {
+            return Ok(self.nodes(value));
+        };
+        self.sample(avoid.name(), &avoid.region, avoid.sign, time, scratch)?;
+        for (floor, value) in scratch.iter_mut().zip(value) {
+            *floor = floor.larger(*value);
+        }
+        Ok(self.nodes(scratch))
     }
 
     /// The least and the largest value at a node.
@@ -244,17 +262,38 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
 struct Limits<T> {
     ceiling: Option<Vec<T>>,
     floor: Option<Vec<T>>,
-    /// The least value of the target so far, and the largest one of target and obstacle.
+    /// Whether the obstacle has been higher somewhere than it is in `floor`.
+    is_capped: bool,
+    /// The least and the largest value of the target so far.
     seen: [f64; 2],
 }
 
 impl<T: Real> Limits<T> {
+    /// Lowers an obstacle to M, the largest magnitude of the target. A path's value is
+    /// max(target at its end, highest obstacle on it), and max(l, g) is at most M exactly where max(l, min(g, M)) is, so
+    /// that this changes V to min(V, M) and no sign. Numbers that are far above the target's, as those that stand for
+    /// "never", would round the target's away beside them, and bring their error into V.
+    fn cap_floor(&mut self) {
+        let cap = T::from_f64(self.largest());
+        for floor in self.floor.iter_mut().flatten() {
+            self.is_capped |= *floor > cap;
+            *floor = floor.smaller(cap);
+        }
+    }
+
+    /// The largest magnitude of the target so far; infinite for one that is 0 everywhere.
+    fn largest(&self) -> f64 {
+        let largest = self.seen[0].abs().max(self.seen[1].abs());
+        if largest > 0.0 { largest } else { f64::INFINITY }
+    }
+
     /// Where the values of a tube are, and where one stage can bring them. Neighbours, ghosts too, differ by at most
     /// the range R of the data, and second differences by at most 2 R, so that no one-sided derivative exceeds
     /// (1 + 14/6) R over the spacing: ENO3's and WENO's coefficients. A stage moves V by at most
     /// Δt Σ speed (|mean of two| + |half of their difference|), and Δt Σ speed/Δx is at most the share `cfl`.
     fn range(&self, cfl: f64) -> Range<T> {
-        let [lowest, highest] = self.seen;
+        let lowest = self.seen[0];
+        let highest = if self.floor.is_some() { self.largest() } else { self.seen[1] };
         let most = 2.0 * cfl * (10.0 / 3.0) * (highest - lowest);
         // Rounding of the sums, in the narrower type.
         let rounding = 1e-4 * (most + lowest.abs().max(highest.abs()));
@@ -319,15 +358,16 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     let mut limits = Limits {
         ceiling: (problem.kind == Kind::Tube).then(|| value.clone()),
         floor: problem.avoid.as_ref().map(|_| array()),
+        is_capped: false,
         seen: marcher.range(&value),
     };
     if let (Some(floor), Some(avoid)) = (&mut limits.floor, &problem.avoid) {
         marcher.sample(avoid.name(), &avoid.region, avoid.sign, 0.0, floor)?;
         marcher.check_room(&value, floor)?;
-        limits.seen[1] = limits.seen[1].max(marcher.range(floor)[1]);
-        for (value, floor) in value.iter_mut().zip(floor) {
-            *value = value.larger(*floor);
-        }
+    }
+    limits.cap_floor();
+    for (value, floor) in value.iter_mut().zip(limits.floor.iter().flatten()) {
+        *value = value.larger(*floor);
     }
     for d in (0..D).rev() {
         fill_ghosts(&mut value[..layout.length - BLOCK], &layout, d, marcher.ghosts()[d]);
@@ -355,7 +395,8 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     let mut earlier = Vec::new();
     while (steps as f64) < planned {
         if settings.slices > 0 && steps % (planned / parts) as usize == 0 {
-            earlier.push(marcher.nodes(&value));
+            let time = steps as f64 * time_step;
+            earlier.push(marcher.stored(&value, &limits, time, &mut first)?);
         }
         steps += 1;
         let time = steps as f64 * time_step;
@@ -392,10 +433,10 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     // One more Euler stage tells how fast V still changes.
     marcher.stage(time_step, &value, Base::Nothing, &limits, &mut first);
     residual = largest_change(&value, &first, &layout) / time_step;
-    drop(first);
-    marcher.check_values(&value, &limits, steps as f64 * time_step)?;
-    let (values, Problem { direction, kind, .. }) = (marcher.nodes(&value), problem);
-    let (direction, kind) = (*direction, *kind);
+    let time = steps as f64 * time_step;
+    marcher.check_values(&value, &limits, time)?;
+    let values = marcher.stored(&value, &limits, time, &mut first)?;
+    let Problem { direction, kind, .. } = *problem;
     // Without rounding where the march went to its end.
     let horizon_s = if steps as f64 >= planned { longest } else { steps as f64 * time_step };
     Ok(Solution {

@@ -21,8 +21,7 @@ use crate::real::Real;
 /// at both ends of a cell's edges. Where V is smooth, this misses V by the third power of the spacing (by
 /// the second power in the outermost cells of an axis with ends), and its gradient by one power less. At
 /// a kink it never overshoots, and misses by at most a quarter of the spacing times the jump of the slope. Between
-/// two kinks that are one cell apart, as in a passage between high walls, it falls below both nodes: the parabola
-/// takes off an eighth of the smaller of the second differences.
+/// two walls, where V bends one way at their feet and the other way at their tops, it is linear.
 /// V is continuous, and the gradient is one-sided at nodes and where the parabolas change. The solver's
 /// own error on the nodes comes on top. Between stored instants V is linear in time.
 #[derive(Clone, Debug, PartialEq)]
@@ -334,7 +333,7 @@ fn interpolated<T: Real, const D: usize>(
             // The edge along d that begins at this corner.
             let along =
                 |k: isize| at(core::array::from_fn(|e| steps[e] + if e == d { k } else { 0 }));
-            let bend = bend(along(-1), here, along(1).unwrap_or_default(), along(2));
+            let bend = bend(core::array::from_fn(|k| along(k as isize - 2)));
             let t = share[d];
             value -= 0.5 * t * (1.0 - t) * bend * without(&[d]);
             slope[d] -= 0.5 * (1.0 - 2.0 * t) * bend * without(&[d]);
@@ -348,18 +347,22 @@ fn interpolated<T: Real, const D: usize>(
     Sample { value, gradient }
 }
 
-/// The curvature along an edge: the smaller of the second differences at its ends if they have one sign.
-/// Where the grid ends, V goes on straight.
-fn bend(before: Option<f64>, from: f64, to: f64, behind: Option<f64>) -> f64 {
-    let (Some(before), Some(behind)) = (before, behind) else {
+/// The curvature along the edge between the middle two of six nodes: the smaller of the second differences at its ends
+/// if they have one sign. Where the grid ends, V goes on straight.
+///
+/// At the foot of a wall the second difference is large, and as large with the other sign at the wall's top: twice what
+/// a neighbour bends the other way is taken off, lest two walls look like a parabola between them. Where V is smooth,
+/// neighbours that bend in two ways both bend little, by the spacing to the third power.
+fn bend(nodes: [Option<f64>; 6]) -> f64 {
+    let second = |k: usize| Some((nodes[k + 1]? - nodes[k]?) - (nodes[k]? - nodes[k - 1]?));
+    let (Some(low), Some(high)) = (second(2), second(3)) else {
         return 0.0;
     };
-    let (low, high) = ((to - from) - (from - before), (behind - to) - (to - from));
     if low * high <= 0.0 {
-        0.0
-    } else if low.abs() < high.abs() {
-        low
-    } else {
-        high
+        return 0.0;
     }
+    let against = |neighbour: Option<f64>| (-low.signum() * neighbour.unwrap_or_default()).max(0.0);
+    let (low_size, high_size) =
+        (low.abs() - 2.0 * against(second(1)), high.abs() - 2.0 * against(second(4)));
+    low.signum() * low_size.min(high_size).max(0.0)
 }
