@@ -341,6 +341,10 @@ mod tests {
         study.languages = vec!["es".into()];
         assert_eq!(languages.offered(&study), ["es"]);
         assert_eq!(languages.untranslated(&study)[0].0, "consent.text");
+        let consent = languages.texts(&study, "es").consent.unwrap();
+        assert!(consent.starts_with("<div lang=\"fr\"><p>Bonjour"), "{consent}");
+        study.consent.text = Localised::of("es", "Hola");
+        assert!(!languages.texts(&study, "es").consent.unwrap().contains("lang="));
     }
 
     #[test]

@@ -8,7 +8,6 @@ use sidestep::recording::{
     Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
 };
 use sidestep::scene::SceneParameters;
-use sidestep::synthetic;
 use sidestep::trial::Phase;
 use std::collections::HashMap;
 
@@ -91,7 +90,7 @@ pub fn complete(
     exclusions: Vec<Exclusion>,
 ) -> Recording {
     let origin = Origin::Study(slug.to_owned());
-    let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
+    let provenance = Provenance::new(origin, &participants);
     let mut recording = Recording { provenance, scene, participants, exclusions };
     motion::exclude_impossible(&mut recording);
     recording

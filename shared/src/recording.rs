@@ -27,8 +27,20 @@ pub struct Recording {
 pub struct Provenance {
     /// What they were read from.
     pub origin: Origin,
-    /// Why the trials are known to be synthetic; none for trials of people.
+    /// Why the trials are known to be synthetic, some of them at least; none for trials of people.
     pub synthetic: Option<String>,
+    /// Whether others are not known to be.
+    pub is_mixed: bool,
+}
+
+impl Provenance {
+    /// The provenance of these participants' trials.
+    #[must_use]
+    pub fn new(origin: Origin, participants: &[RecordedParticipant]) -> Self {
+        let is_marked = |of: &RecordedParticipant| of.marked_synthetic;
+        let is_mixed = participants.iter().any(is_marked) && !participants.iter().all(is_marked);
+        Self { origin, synthetic: crate::synthetic::recognised(participants), is_mixed }
+    }
 }
 
 /// What the trials of a recording were read from.

@@ -3,6 +3,7 @@
 mod source;
 
 use super::solving::Interrupt;
+use super::trials_file::excluded_beside;
 use super::{CommandError, print_json, table_file};
 use crate::clock::now_ms;
 use crate::content::{Content, Recipe};
@@ -30,7 +31,8 @@ use uuid::Uuid;
 /// Import trials from a file into a study: the whole file or nothing.
 ///
 /// Participants that were imported from the same file before are skipped. States that do
-/// not replay from the inputs are kept and flagged. The file is read twice: it is checked to
+/// not replay from the inputs are kept and flagged. Whom participants.csv beside steps.csv excludes stays excluded;
+/// questionnaires, notes, key presses and codes are not imported. The file is read twice: it is checked to
 /// its end before anything is stored. Then participants are stored a few at a time, beside a running
 /// server; if something fails on the way, they are deleted again. After a power cut, those that were
 /// stored are there, each with all trials: import the file again to have the others too.
@@ -63,6 +65,8 @@ pub struct Imported {
     pub flagged: usize,
     /// Participants of the file who had been imported before.
     pub skipped: usize,
+    /// Participants who were imported and are excluded, as the table of participants beside the file says.
+    pub excluded: usize,
 }
 
 /// Imports and prints the counts.
@@ -88,6 +92,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         None => None,
     };
     let config = known.map_or_else(|| Arc::new(wanted), |study| study.config);
+    let reasons = excluded_beside(&args.trials)?;
     let interrupt = Interrupt::listen();
     let (parameters, only_synthetic) = (config.parameters, config.synthetic);
     let checking = tokio::task::spawn_blocking(move || source.checked(&parameters));
@@ -115,7 +120,8 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
                 refused = Some(Fault { line: person.line, what });
                 return ControlFlow::Break(());
             }
-            batch.add(&parameters, person);
+            let exclusion = reasons.get(&person.name).cloned();
+            batch.add(&parameters, person, exclusion);
             let is_full = batch.trials >= BATCH;
             match is_full && sender.blocking_send(std::mem::take(&mut batch)).is_err() {
                 true => ControlFlow::Break(()),
@@ -157,6 +163,13 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         let (skipped, slug) = (counts.skipped, &args.study);
         eprintln!("{name}: {skipped} participants were in study {slug} already and were skipped");
     }
+    if counts.flagged > 0 && counts.flagged == counts.trials {
+        eprintln!(
+            "{name}: every trial is flagged: its states do not follow from its inputs, or are no drive of this study's \
+             vehicles. Columns hpsi and rpsi are headings in radians, omega is a turn rate in rad/s; sidestep features \
+             --trials says what does not fit"
+        );
+    }
     print_json(&counts)
 }
 
@@ -173,11 +186,16 @@ struct Batch {
 }
 
 impl Batch {
-    fn add(&mut self, parameters: &SceneParameters, person: RecordedParticipant) {
+    fn add(
+        &mut self,
+        parameters: &SceneParameters,
+        person: RecordedParticipant,
+        exclusion: Option<String>,
+    ) {
         let line = |trial: &RecordedTrial| Some((trial.trial_id.clone()?, trial.line?));
         self.lines.extend(person.trials.iter().filter_map(line));
         self.trials += person.trials.len();
-        self.people.push(import_of(parameters, person));
+        self.people.push(NewImport { exclusion, ..import_of(parameters, person) });
     }
 }
 
@@ -200,16 +218,20 @@ impl Done {
         let flagged = |person: &NewImport| {
             person.trials.iter().filter(|(_, trial)| Flag::question(&trial.flags)).count()
         };
-        let counts = |person: &NewImport| (person.id.clone(), person.trials.len(), flagged(person));
+        let counts = |person: &NewImport| {
+            let excluded = usize::from(person.exclusion.is_some());
+            (person.id.clone(), [person.trials.len(), flagged(person), excluded])
+        };
         let counts: Vec<_> = people.iter().map(counts).collect();
         match store.import(&destination.study, people, now_ms()).await? {
             Import::Done { skipped } => {
                 self.counts.skipped += skipped.len();
                 let new = counts.into_iter().filter(|(id, ..)| !skipped.contains(id));
-                for (id, trials, flagged) in new {
+                for (id, [trials, flagged, excluded]) in new {
                     self.counts.participants += 1;
                     self.counts.trials += trials;
                     self.counts.flagged += flagged;
+                    self.counts.excluded += excluded;
                     self.ids.push(id);
                 }
                 Ok(())
@@ -243,7 +265,8 @@ fn import_of(parameters: &SceneParameters, person: RecordedParticipant) -> NewIm
         (row, new)
     });
     let trials = trials.collect();
-    NewImport { id: Uuid::new_v4().to_string(), hash: hex::encode(hash.finalize()), trials }
+    let (id, hash) = (Uuid::new_v4().to_string(), hex::encode(hash.finalize()));
+    NewImport { id, hash, exclusion: None, trials }
 }
 
 fn imported(

@@ -12,7 +12,6 @@ use sidestep::recording::{
     Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
 };
 use sidestep::scene::{JointState, SceneParameters};
-use sidestep::synthetic;
 use sidestep::trial::Flag;
 use sidestep::vehicle::{Pose, VehicleModel};
 use std::collections::HashMap;
@@ -214,7 +213,7 @@ pub(super) fn recording(
         .map(|person| Exclusion::by_experimenter(&person.name, &reasons[&person.name]))
         .collect();
     let origin = Origin::File(table_file::name(path));
-    let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
+    let provenance = Provenance::new(origin, &participants);
     let mut recording =
         Recording { provenance, scene: *scene, participants, exclusions: Vec::new() };
     let hints: Vec<&str> = faults.iter().map(|fault| hint(&fault.error)).collect();
@@ -252,7 +251,7 @@ pub(super) fn recording(
 
 /// The participants whom an experimenter excluded, with the reasons. An export has them in its table of
 /// participants, beside the steps.
-fn excluded_beside(path: &Path) -> Result<HashMap<String, String>, CommandError> {
+pub(super) fn excluded_beside(path: &Path) -> Result<HashMap<String, String>, CommandError> {
     let table = path.with_file_name("participants.csv");
     if path.file_name().is_none_or(|name| name != "steps.csv") || !table.is_file() {
         return Ok(HashMap::new());

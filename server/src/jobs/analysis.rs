@@ -82,6 +82,7 @@ pub fn compute(
     let settings = request.settings().map_err(TaskError::Request)?;
     if request.synthetic {
         // What the data say of themselves is stronger, and stays.
+        recording.provenance.is_mixed = false;
         let known = recording.provenance.synthetic.take();
         recording.provenance.synthetic = Some(match known {
             Some(known) => format!("{known}; the experimenter says so, too"),

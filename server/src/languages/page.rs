@@ -5,7 +5,7 @@ use super::markdown::html_of;
 use sha2::{Digest, Sha256};
 use sidestep::api::{CheckForm, Language, Object, QuestionForm, Texts};
 use sidestep::math::SeededRng;
-use sidestep::study::{Comprehension, Localised, Question, StudyConfig};
+use sidestep::study::{Comprehension, Localised, Question, StudyConfig, closest_language};
 use std::collections::BTreeMap;
 
 /// Sidestep's own questions of the check of understanding: sentences `check_NAME.text`, `.right`,
@@ -29,8 +29,13 @@ impl Languages {
             }
         }
         let fallback = study.first_language();
-        let html =
-            |text: &Localised| (!text.is_empty()).then(|| html_of(text.get(language, fallback)));
+        let html = |text: &Localised| {
+            let (tag, text) = text.find(language, fallback)?;
+            let html = html_of(text);
+            // A text in another language says so, to whoever has it read aloud.
+            let is_same = closest_language([tag].into_iter(), language).is_some();
+            Some(if is_same { html } else { format!("<div lang=\"{tag}\">{html}</div>") })
+        };
         let check = check(study, language, &sentences);
         // They are in the check already.
         let is_asked = |key: &str| STANDARD.iter().any(|name| key.starts_with(&prefix(name)));

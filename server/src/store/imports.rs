@@ -1,6 +1,7 @@
 //! Trials that are imported from a file, batch by batch.
 
 use super::lanes::Lock;
+use super::profiles;
 use super::scenes::{self, PlannedRow};
 use super::sql::{Connection, params};
 use super::studies::{self, StoredStudy};
@@ -17,6 +18,8 @@ pub struct NewImport {
     pub id: String,
     /// SHA-256 of the participant's part of the file: imported again, it is the same participant.
     pub hash: String,
+    /// Why an experimenter had excluded them where the file comes from, if so.
+    pub exclusion: Option<String>,
     /// Their trials in order; the scene of each is its first state.
     pub trials: Vec<(PlannedRow, NewTrial)>,
 }
@@ -156,6 +159,9 @@ fn import(
                  WHERE study_id = ?2 AND pilot = FALSE), 0) + 1, ?3, ?4, ?5, ?5)",
         )?
         .execute(params![person.id, study.id, study.config_hash, person.hash, now_ms])?;
+        if let Some(reason) = &person.exclusion {
+            profiles::put_exclusion(db, &person.id, reason, now_ms, "import")?;
+        }
         for (scene, trial) in &person.trials {
             scenes::insert(db, &person.id, scene)?;
             let driven = Driven {
@@ -174,6 +180,7 @@ fn delete(db: &Connection, id: &str) -> Result<(), StoreError> {
     for query in [
         "DELETE FROM trial WHERE trial_id IN (SELECT trial_id FROM scene WHERE participant_id = ?1)",
         "DELETE FROM scene WHERE participant_id = ?1",
+        "DELETE FROM exclusion WHERE participant_id = ?1",
         "DELETE FROM participant WHERE id = ?1 AND import_hash IS NOT NULL",
     ] {
         db.prepare_cached(query)?.execute([id])?;

@@ -113,11 +113,7 @@ impl Store {
                        WHERE participant_id = ?1 AND ended_at_ms IS NULL";
             db.execute(end, params![id, entry.at_ms])?;
             if let Some(reason) = reason {
-                db.execute(
-                    "INSERT INTO exclusion (participant_id, reason, at_ms, who) \
-                     VALUES (?1, ?2, ?3, ?4)",
-                    params![id, reason, entry.at_ms, entry.who],
-                )?;
+                put_exclusion(db, &id, &reason, entry.at_ms, &entry.who)?;
             }
             Ok(true)
         })
@@ -137,6 +133,19 @@ impl Store {
         })
         .await
     }
+}
+
+/// Has analyses leave out a participant whom they use.
+pub(super) fn put_exclusion(
+    db: &Connection,
+    id: &str,
+    reason: &str,
+    at_ms: i64,
+    who: &str,
+) -> Result<(), StoreError> {
+    let put = "INSERT INTO exclusion (participant_id, reason, at_ms, who) VALUES (?1, ?2, ?3, ?4)";
+    db.execute(put, params![id, reason, at_ms, who])?;
+    Ok(())
 }
 
 /// Writes the entry about a participant, with their study and number; whether there is such a participant.

@@ -70,6 +70,8 @@ pub struct DataSummary {
     pub scene: SceneParameters,
     /// How the data are known to be synthetic, if they are.
     pub synthetic: Option<String>,
+    /// Whether some of the people who are compared are not known to be synthetic, and others are.
+    pub is_mixed: bool,
     /// The participants who are excluded.
     pub exclusions: Vec<Exclusion>,
     /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
@@ -143,6 +145,9 @@ pub fn analyse(
         trials: people.iter().map(|person| person.numbers.len()).sum(),
         scene: *scene,
         synthetic: recording.provenance.synthetic.clone(),
+        is_mixed: recording.provenance.is_mixed
+            && recorded.iter().any(|person| !person.marked_synthetic)
+            && recorded.iter().any(|person| person.marked_synthetic),
         exclusions,
         flagged: flagged(recorded.iter().copied()),
         same_trials: same_trials(&recorded, &results.comparison.participants),

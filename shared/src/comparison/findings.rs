@@ -96,7 +96,7 @@ pub struct Furthest {
     pub distance_m: f64,
 }
 
-/// How many drivers do better than holding the last input.
+/// How many drivers do better than both holding the last input and driving straight on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Beaten {
     /// Drivers who name the input more often right.
@@ -108,10 +108,12 @@ pub struct Beaten {
 }
 
 impl Beaten {
-    fn by(drivers: &[Furthest], held: &Furthest) -> Self {
+    fn by(drivers: &[Furthest], [held, straight]: [&Furthest; 2]) -> Self {
+        let often = held.accuracy.max(straight.accuracy);
+        let near_m = held.distance_m.min(straight.distance_m);
         Self {
-            more_often_right: drivers.iter().filter(|of| of.accuracy > held.accuracy).count(),
-            closer: drivers.iter().filter(|of| of.distance_m < held.distance_m).count(),
+            more_often_right: drivers.iter().filter(|of| of.accuracy > often).count(),
+            closer: drivers.iter().filter(|of| of.distance_m < near_m).count(),
             of: drivers.len(),
         }
     }
@@ -126,11 +128,11 @@ pub struct RolloutFacts {
     pub windows: usize,
     /// The paper's models on B_hrd.
     pub papers: Vec<Furthest>,
-    /// How they do against holding the last input.
+    /// How they do against the simple drivers.
     pub papers_beaten: Beaten,
     /// The models of `BEYOND` that there are.
     pub beyond: Vec<Furthest>,
-    /// How they do against holding the last input.
+    /// How they do against the simple drivers.
     pub beyond_beaten: Beaten,
     /// Holding the last input.
     pub held: Furthest,
@@ -274,9 +276,9 @@ fn rollout_facts(all: &[RolloutsOf]) -> Option<RolloutFacts> {
     (!papers.is_empty()).then(|| RolloutFacts {
         steps: of_held.len(),
         windows: of_held.last().map_or(0, |of| of.windows),
-        papers_beaten: Beaten::by(&papers, &held),
+        papers_beaten: Beaten::by(&papers, [&held, &straight]),
         papers,
-        beyond_beaten: Beaten::by(&beyond, &held),
+        beyond_beaten: Beaten::by(&beyond, [&held, &straight]),
         beyond,
         held,
         straight,

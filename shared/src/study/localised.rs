@@ -163,11 +163,17 @@ impl Localised {
     /// The text for somebody who reads `language`; else that of `fallback`, else any.
     #[must_use]
     pub fn get(&self, language: &str, fallback: &str) -> &str {
+        self.find(language, fallback).map_or("", |(_, text)| text)
+    }
+
+    /// The same text with its language, if there is any.
+    #[must_use]
+    pub fn find(&self, language: &str, fallback: &str) -> Option<(&str, &str)> {
         let languages = || self.0.keys().map(String::as_str);
         let found = closest_language(languages(), language)
             .or_else(|| closest_language(languages(), fallback))
             .or_else(|| languages().next());
-        found.and_then(|tag| self.0.get(tag)).map_or("", String::as_str)
+        found.and_then(|tag| Some((tag, self.0.get(tag)?.as_str())))
     }
 
     /// Accepts texts whose languages have valid tags, none of them blank or longer than `most`

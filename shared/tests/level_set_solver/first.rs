@@ -24,7 +24,7 @@ fn the_time_to_reach_a_target_is_known() {
     assert_eq!(set.time_to_reach([0.0]).unwrap_err().field, "kind");
     let last: Solution<f64, 1> = solved(&tube, &settings(Scheme::Eno2));
     let complaint = last.time_to_reach([0.0]).unwrap_err().to_string();
-    assert!(complaint.contains("several stored instants (Settings::slices)"), "{complaint}");
+    assert!(complaint.contains("several stored instants"), "{complaint}");
 }
 
 /// A car that needs 3.5 to 5 s arrives, though 12 s were solved for.

@@ -1,7 +1,7 @@
 //! Large and small numbers within one problem.
 
 use super::*;
-use sidestep::reachability::DubinsCar;
+use sidestep::reachability::{DoubleIntegrator, DubinsCar};
 
 const CAR: DubinsCar = DubinsCar { speed_mps: 1.0, turn_rate_radps: (-1.0, 1.0) };
 const SECONDS: f64 = 3.0;
@@ -115,6 +115,54 @@ fn a_wall_above_the_target_is_as_good_as_any_other() {
                         assert!(*high == right, "{scheme:?} {kind:?} {moves:?} {state:?}");
                     }
                 }
+            }
+        }
+    }
+}
+
+/// An obstacle only raises V: beside walls, around them and in passages between them, whatever is not reached without
+/// them is not reached. Passages of one node and more, along either axis, and discs.
+#[test]
+fn no_wall_opens_a_way() {
+    let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 41)];
+    let game = DoubleIntegrator { acceleration_mps2: 1.0 };
+    let target = |[x, _]: [f64; 2]| x.abs() - 0.5;
+    let mut rng = SeededRng::new(11);
+    for field in 0..24 {
+        let (kind, seconds) = ([Kind::Tube, Kind::Set][field % 2], [0.3, 0.5][field / 2 % 2]);
+        let [x0, y0] = [2.5, 1.0].map(|most| rng.uniform(-most, most));
+        let (half, gap) = (rng.uniform(0.2, 0.6), rng.uniform(0.02, 0.2));
+        let inside = |[x, y]: [f64; 2]| {
+            let [x, y] = [x - x0, y - y0].map(f64::abs);
+            match field % 3 {
+                0 => x < half && y < half && y > gap,
+                1 => y < half && x > gap && x < gap + 0.3,
+                _ => hypot(x, y) < half,
+            }
+        };
+        for scheme in SCHEMES {
+            let solve = |height: Option<f64>| -> Solution<f32, 2> {
+                let wall = |state| match height {
+                    Some(height) if inside(state) => -height,
+                    Some(height) => height,
+                    None => 1.0,
+                };
+                let problem = problem(&game, axes, &target, (kind, BACKWARD), seconds);
+                let avoid = height.map(|_| Region::Static(&wall));
+                solved(&problem.with_avoid(avoid), &Settings::new(scheme))
+            };
+            let free = solve(None);
+            for height in [1.0, 2.5, 10.0, 1e5, 1e9] {
+                let found = solve(Some(height));
+                let pairs = found.values.iter().zip(&free.values);
+                let wrong = pairs.filter(|(found, free)| **found <= 0.0 && **free > 0.05).count();
+                let lower = found.values.iter().zip(&free.values).map(|(found, free)| free - found);
+                let lower = lower.fold(0.0, f32::max);
+                eprintln!(
+                    "{field} {kind:?} {} {height:e}: {wrong} wrong, at most {lower} too low",
+                    scheme.name()
+                );
+                assert_eq!(wrong, 0, "{field} {kind:?} {scheme:?} {height}");
             }
         }
     }

@@ -93,7 +93,8 @@ async fn an_export_imported_elsewhere_is_the_same_again() {
     let database = folder.database("copy.db");
 
     let done = import(&database, "copy", &path).await.json();
-    let expected = json!({ "participants": 1, "trials": 5, "flagged": 1, "skipped": 0 });
+    let expected =
+        json!({ "participants": 1, "trials": 5, "flagged": 1, "skipped": 0, "excluded": 0 });
     assert_eq!(done, expected);
     let again = export(&database, "copy", &folder).await;
     let same =
@@ -235,10 +236,50 @@ async fn rows_in_any_order_are_the_same_trials() {
     let sorted = folder.file("sorted.csv", format!("{header}\n{}\n", lines.join("\n")));
     let database = folder.database("copy.db");
     let done = import(&database, "default", &sorted).await.json();
-    assert_eq!(done, json!({ "participants": 3, "trials": 12, "flagged": 0, "skipped": 0 }));
+    assert_eq!(
+        done,
+        json!({ "participants": 3, "trials": 12, "flagged": 0, "skipped": 0, "excluded": 0 })
+    );
     // Whoever was imported in order is the same.
     let ordered = folder.file("ordered.csv", &whole);
     assert_eq!(import(&database, "default", &ordered).await.json()["skipped"], 3);
+}
+
+/// An export has the exclusions in its table of participants; no other file beside the steps is asked.
+#[tokio::test]
+async fn whom_an_export_excludes_stays_excluded() {
+    let folder = Folder::default();
+    let steps = folder.file("steps.csv", exported(&folder, "3", "4").await);
+    folder.file("participants.csv", "participant,exclusion_reason\n1,\n2,fell asleep\n3,\n");
+    let database = folder.database("copy.db");
+    let done = import(&database, "default", &steps).await.json();
+    assert_eq!((&done["participants"], &done["excluded"]), (&json!(3), &json!(1)));
+    let out = folder.name("again");
+    let args = ["export", "--database", &database, "--study", "default", "--out", &out];
+    run(&args).await.json();
+    let again = std::fs::read_to_string(folder.path("again/participants.csv")).unwrap();
+    assert_eq!(columns(&again, &["exclusion_reason"])[0].len(), 0);
+    assert_eq!(columns(&again, &["exclusion_reason"])[1], ["fell asleep"]);
+    // Whoever is there already is not touched.
+    let twice = import(&database, "default", &steps).await.json();
+    assert_eq!((&twice["skipped"], &twice["excluded"]), (&json!(3), &json!(0)));
+}
+
+#[tokio::test]
+async fn headings_in_degrees_are_told() {
+    let folder = Folder::default();
+    let whole = exported(&folder, "2", "4").await;
+    let (header, rows) = whole.split_once('\n').unwrap();
+    let at = header.split(',').position(|name| name == "hpsi").unwrap();
+    let rows = rows.lines().map(|row| {
+        let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+        cells[at] = cells[at].parse::<f64>().unwrap().to_degrees().to_string();
+        cells.join(",") + "\n"
+    });
+    let path = folder.file("degrees.csv", format!("{header}\n{}", rows.collect::<String>()));
+    let told = import(&folder.database("copy.db"), "default", &path).await;
+    assert!(told.err.contains("every trial is flagged"), "{}", told.err);
+    assert!(told.err.contains("hpsi and rpsi are headings in radians"), "{}", told.err);
 }
 
 #[tokio::test]

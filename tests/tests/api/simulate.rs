@@ -47,7 +47,8 @@ async fn drives_on_the_clock_are_imported_without_a_flag() {
     assert_eq!(done, expected);
     let database = folder.database("study.db");
     let imported = run(&["import", "--database", &database, "--trials", &out]).await.json();
-    let expected = json!({ "participants": 3, "trials": 18, "flagged": 0, "skipped": 0 });
+    let expected =
+        json!({ "participants": 3, "trials": 18, "flagged": 0, "skipped": 0, "excluded": 0 });
     assert_eq!(imported, expected);
     // What nobody drove stays known as such, in the study and in its export.
     let (copy, exported) = (folder.name("copy"), folder.name("copy/steps.csv"));

@@ -19,7 +19,12 @@ const FIXED: [(&str, Kind, &str, &str); 26] = [
     ("consent_language", Word, "", "language of the text that the participant agreed to"),
     ("consent_hash", Hash, "", "SHA-256 of the text and facts that the participant agreed to"),
     ("enrolled_at_ms", Whole, "ms since 1970", "when the participant enrolled"),
-    ("last_seen_at_ms", Whole, "ms since 1970", "when the server last stored something"),
+    (
+        "last_seen_at_ms",
+        Whole,
+        "ms since 1970",
+        "when the server last stored something of theirs, or they came back",
+    ),
     ("understood_at_ms", Whole, "ms since 1970", "when the check was passed"),
     ("screened_out_at_ms", Whole, "ms since 1970", "when wrong answers ended it"),
     ("answered_at_ms", Whole, "ms since 1970", "when the questions were answered"),

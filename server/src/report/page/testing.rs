@@ -89,6 +89,7 @@ pub(super) fn made_up_but(
         trials: 7 * people,
         scene: SceneParameters::default(),
         synthetic: synthetic.map(str::to_owned),
+        is_mixed: false,
         exclusions: vec![excluded],
         flagged: BTreeMap::new(),
         same_trials: Vec::new(),

@@ -208,6 +208,15 @@ fn synthetic_data_and_those_left_out_are_named() {
     let banner = |html: &str| with_class(&read(html), "banner");
     assert_eq!([banner(&people), banner(&computed)], [0, 1]);
     assert!(computed.contains("seed &lt;7&gt;"));
+    let mut mixed = made_up(6, Some("2 of 6"));
+    mixed.data.is_mixed = true;
+    let mixed = words(&read(&html(&mixed)));
+    assert!(
+        !mixed.contains("nothing here is about people.")
+            && !mixed.contains("A program drove the trials")
+    );
+    assert!(mixed.contains("A program drove some of the trials (2 of 6)"));
+    assert!(mixed.contains("Anything about people: some of the data are synthetic."));
     let said = words(&read(&people));
     assert!(said.contains("1 person was excluded:"));
     assert!(said.contains("<img src=x onerror=alert(2)> & \"co\": 3 tasks, at least 5 are needed"));

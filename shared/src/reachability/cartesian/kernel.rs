@@ -64,6 +64,8 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) tables: &'a Tables<T, D>,
     /// Factors of the differences of neighbours, by axis.
     pub(super) units: [T; D],
+    /// Differences of neighbours, by axis, that are jumps. See [`Stage::across`].
+    pub(super) jumps: Option<[T; D]>,
     /// Half the scale of the data, for the mean of the two derivatives (negative
     /// for forward sets) and for their difference.
     pub(super) half_mean: T,
@@ -248,7 +250,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             let (offset, at) = (run.offset, run.slice_start + run.offset - stride);
             if count == 1 {
                 let value = |k: isize| self.source[at.wrapping_add_signed(k * stride as isize)];
-                carried.lefts[d][offset] = S::face(value, self.units[d]).1;
+                let left = S::face(&value, self.units[d]).1;
+                carried.lefts[d][offset] = self.across(d, &value).unwrap_or(left);
                 continue;
             }
             // What a last block computes too much is computed again before it is read.
@@ -273,6 +276,25 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             rights[i] = right;
             lefts[i] = left;
         }
+        if self.jumps.is_some() {
+            for i in 0..BLOCK {
+                let slope = self.across(d, &|k: isize| rows[(k + 2) as usize][i]);
+                rights[i] = slope.unwrap_or(rights[i]);
+                lefts[i] = slope.unwrap_or(lefts[i]);
+            }
+        }
+    }
+
+    /// The slope of a face whose stencil reaches across a jump, as at an obstacle that is an indicator: the difference
+    /// of its two nodes. A polynomial through a jump swings, and between two of them the smoothest one does, too: V would
+    /// fall in a passage of a few nodes although nothing can leave it. First order is monotone.
+    #[inline(always)]
+    fn across(&self, d: usize, value: &impl Fn(isize) -> T) -> Option<T> {
+        let least = self.jumps?[d];
+        let ends = 1 - S::REACH as isize..S::REACH as isize;
+        let largest =
+            ends.fold(T::ZERO, |largest, k| largest.larger((value(k + 1) - value(k)).abs()));
+        (largest > least).then(|| (value(1) - value(0)) * self.units[d])
     }
 
     /// The block of cells of a run from `here` in their slice.

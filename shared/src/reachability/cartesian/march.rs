@@ -25,6 +25,8 @@ struct Marcher<'a, T, const D: usize, G, S> {
     layout: Layout<D>,
     tables: Tables<T, D>,
     units: [T; D],
+    /// See [`Stage::jumps`].
+    jumps: Option<[T; D]>,
     scale: f64,
     cfl: f64,
     workers: Workers,
@@ -49,6 +51,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             layout: &self.layout,
             tables: &self.tables,
             units: self.units,
+            jumps: self.jumps,
             half_mean: T::from_f64(0.5 * sign * self.scale),
             half_difference: T::from_f64(0.5 * self.scale),
             time_step: T::from_f64(time_step),
@@ -345,6 +348,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         layout,
         tables: Tables::new(problem.game, &grid, &layout),
         units: [T::ZERO; D],
+        jumps: None,
         scale: 1.0,
         cfl: settings.cfl,
         workers: Workers::new(threads),
@@ -364,6 +368,9 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     if let (Some(floor), Some(avoid)) = (&mut limits.floor, &problem.avoid) {
         marcher.sample(avoid.name(), &avoid.region, avoid.sign, 0.0, floor)?;
         marcher.check_room(&value, floor)?;
+        let slope = STEEP * steepest(&value, &layout, &grid);
+        let jump = |d: usize| T::from_f64(slope * grid.axes[d].spacing());
+        marcher.jumps = Some(core::array::from_fn(jump));
     }
     limits.cap_floor();
     for (value, floor) in value.iter_mut().zip(limits.floor.iter().flatten()) {
@@ -479,6 +486,8 @@ fn check_times<const D: usize, G>(
 const MOST_STEPS: f64 = 1e8;
 /// Fewer cells than this are not worth more than one thread.
 const SMALL: usize = 50_000;
+/// How many times as steep as the target's steepest slope is a jump, where there is an obstacle.
+const STEEP: f64 = 4.0;
 /// Steps between two looks at the residual.
 const RESIDUAL_EVERY: usize = 8;
 /// Steps between two looks at all values: what is no number spreads.

@@ -151,7 +151,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
             return Err(Invalid::new("kind", "a tube, which has a first time", "a set"));
         }
         if self.earlier.is_empty() {
-            let expected = "several stored instants (Settings::slices)";
+            let expected = "several stored instants";
             return Err(Invalid::new("solution", expected, "only the end of the march"));
         }
         let instants = self.earlier.iter().chain([&self.values]);

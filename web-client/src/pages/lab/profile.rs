@@ -216,7 +216,7 @@ impl Profile {
         let mut facts = vec![
             fact("Scenes stored", format!("{} of {planned}", person.stored)),
             moment("Enrolled", person.enrolled_at_ms),
-            moment("Last stored", person.last_seen_at_ms),
+            moment("Last seen", person.last_seen_at_ms),
         ];
         facts.extend(found.withdrawn_at_ms.map(|ms| moment("Withdrew", ms)));
         let check = match (person.comprehension_attempts, person.understood) {

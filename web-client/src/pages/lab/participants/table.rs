@@ -112,7 +112,7 @@ pub(super) fn table(page: &ParticipantPage, selection: &Selection, identities: b
     columns.extend([
         column("Stage", ""),
         column("Scenes", "stored"),
-        column("Last stored", "last_seen"),
+        column("Last seen", "last_seen"),
         column("Check", "comprehension_attempts"),
         column("To look at", ""),
     ]);
