@@ -248,7 +248,11 @@ fn verdict(all: &[Told]) -> &'static str {
 }
 
 fn each_way(all: &[Told], better: &str, worse: &str) -> String {
-    let parts = [(better, "better"), (worse, "worse"), ("none shown after correction in", "open")];
+    let parts = [
+        (better, "better"),
+        (worse, "worse"),
+        ("no difference was shown after correction in", "open"),
+    ];
     let part = |(words, way): (&str, &str)| match &that(all, way, after)[..] {
         [] => None,
         names => Some(format!("{words} {}", listed(names))),
