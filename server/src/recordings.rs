@@ -4,10 +4,9 @@ use crate::store::studies::StoredStudy;
 use crate::store::trials::StoredTrial;
 use crate::store::{Store, StoreError};
 use sidestep::motion;
-use sidestep::recording::{
-    Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
-};
+use sidestep::recording::{Exclusion, Origin, RecordedParticipant, RecordedTrial, Recording};
 use sidestep::scene::SceneParameters;
+use sidestep::synthetic;
 use sidestep::trial::Phase;
 use std::collections::HashMap;
 
@@ -90,7 +89,7 @@ pub fn complete(
     exclusions: Vec<Exclusion>,
 ) -> Recording {
     let origin = Origin::Study(slug.to_owned());
-    let provenance = Provenance::new(origin, &participants);
+    let provenance = synthetic::provenance(origin, &participants);
     let mut recording = Recording { provenance, scene, participants, exclusions };
     motion::exclude_impossible(&mut recording);
     recording

@@ -33,16 +33,6 @@ pub struct Provenance {
     pub is_mixed: bool,
 }
 
-impl Provenance {
-    /// The provenance of these participants' trials.
-    #[must_use]
-    pub fn new(origin: Origin, participants: &[RecordedParticipant]) -> Self {
-        let is_marked = |of: &RecordedParticipant| of.marked_synthetic;
-        let is_mixed = participants.iter().any(is_marked) && !participants.iter().all(is_marked);
-        Self { origin, synthetic: crate::synthetic::recognised(participants), is_mixed }
-    }
-}
-
 /// What the trials of a recording were read from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {

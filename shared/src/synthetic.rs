@@ -16,7 +16,7 @@ mod decision;
 mod reference;
 
 pub use person::Person;
-pub use reference::{REFERENCE_SEED, recognised};
+pub use reference::{REFERENCE_SEED, provenance, recognised};
 
 use crate::recording::{RecordedParticipant, RecordedTrial};
 use crate::scene::{JointState, Scene, SceneParameters};

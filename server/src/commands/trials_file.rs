@@ -8,10 +8,9 @@ use crate::formats::trials_csv::{self, Contents, ParticipantFault};
 use sidestep::invalid::Invalid;
 use sidestep::math::{PI, atan2, hypot, sinc, wrap_angle};
 use sidestep::motion;
-use sidestep::recording::{
-    Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
-};
+use sidestep::recording::{Exclusion, Origin, RecordedParticipant, RecordedTrial, Recording};
 use sidestep::scene::{JointState, SceneParameters};
+use sidestep::synthetic;
 use sidestep::trial::Flag;
 use sidestep::vehicle::{Pose, VehicleModel};
 use std::collections::HashMap;
@@ -213,7 +212,7 @@ pub(super) fn recording(
         .map(|person| Exclusion::by_experimenter(&person.name, &reasons[&person.name]))
         .collect();
     let origin = Origin::File(table_file::name(path));
-    let provenance = Provenance::new(origin, &participants);
+    let provenance = synthetic::provenance(origin, &participants);
     let mut recording =
         Recording { provenance, scene: *scene, participants, exclusions: Vec::new() };
     let hints: Vec<&str> = faults.iter().map(|fault| hint(&fault.error)).collect();

@@ -2,7 +2,7 @@
 //! for findings about people.
 
 use super::SyntheticParticipant;
-use crate::recording::{RecordedParticipant, RecordedTrial};
+use crate::recording::{Origin, Provenance, RecordedParticipant, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
 
 /// The seed of the project's reference data, whose file does not say that they are synthetic.
@@ -10,6 +10,14 @@ pub const REFERENCE_SEED: u64 = 20_180_918;
 
 /// The numbers of the reference's participants, who may have other names in a copy.
 const REFERENCE_PARTICIPANTS: core::ops::Range<u64> = 0..8;
+
+/// The provenance of these participants' trials, which come from `origin`.
+#[must_use]
+pub fn provenance(origin: Origin, participants: &[RecordedParticipant]) -> Provenance {
+    let is_marked = |of: &RecordedParticipant| of.marked_synthetic;
+    let is_mixed = participants.iter().any(is_marked) && !participants.iter().all(is_marked);
+    Provenance { origin, synthetic: recognised(participants), is_mixed }
+}
 
 /// How these participants' trials are known to be synthetic, if they are: the data say so, or
 /// they begin as trials of the reference, whose scenes are drawn again to see.
