@@ -250,7 +250,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             let (offset, at) = (run.offset, run.slice_start + run.offset - stride);
             if count == 1 {
                 let value = |k: isize| self.source[at.wrapping_add_signed(k * stride as isize)];
-                let left = S::face(&value, self.units[d]).1;
+                let left = S::face(value, self.units[d]).1;
                 carried.lefts[d][offset] = self.across(d, &value).unwrap_or(left);
                 continue;
             }
