@@ -10,7 +10,7 @@ mod predictors;
 mod simulated;
 mod viewer;
 
-use sidestep::api::{TrialDetail, TrialPage, routes};
+use sidestep::api::{TrialDetail, TrialPage, TrialUpload, routes};
 use sidestep::chart::colours;
 use sidestep_tests::browser::{NARROW, WIDE, count_pixels};
 use sidestep_tests::participant::{
@@ -47,6 +47,18 @@ async fn kept(tab: &Tab) -> Vec<String> {
                  const store = event.target.result.transaction('kept').objectStore('kept'); \
                  store.getAllKeys().onsuccess = event => done(event.target.result) })";
     tab.eval(names).await
+}
+
+/// Has the page remember the trials that it sends.
+const REMEMBER: &str = "const send = window.fetch; window.sent = []; window.fetch = (request) => { \
+    if (request.method === 'PUT' && request.url.includes('/trials/')) \
+        request.clone().text().then(text => window.sent.push(text)); \
+    return send(request) };";
+
+/// What a page has sent that was to remember it, oldest first.
+async fn sent(tab: &Tab) -> Vec<TrialUpload> {
+    let sent: Vec<String> = tab.eval("window.sent").await;
+    sent.iter().map(|text| serde_json::from_str(text).expect("a trial")).collect()
 }
 
 /// The trials on the server, oldest first.

@@ -1,8 +1,8 @@
 //! Participants: from a key press to a predicted set, and what is kept when something fails.
 
 use crate::{
-    HUMAN, ROBOT, begin, draws_level_sets, drive, instructed, kept, sign_in, start, stored,
-    understood, until_predicted, until_saved, until_waiting,
+    HUMAN, REMEMBER, ROBOT, begin, draws_level_sets, drive, instructed, kept, sent, sign_in, start,
+    stored, understood, until_predicted, until_saved, until_waiting,
 };
 use sidestep::api::{StudySummary, routes};
 use sidestep::chart::colours;
@@ -13,6 +13,7 @@ use sidestep_tests::server::SHORT_STUDY;
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_scene_from_key_press_to_predicted_set() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
+    tab.before_pages(REMEMBER).await;
     begin(&tab, &server).await;
 
     // Drive, and look at the canvas meanwhile.
@@ -39,8 +40,18 @@ async fn a_scene_from_key_press_to_predicted_set() {
     assert!(trial.replay.exact, "{:?}", trial.replay);
     assert_eq!(trial.replay.max_position_error_m, 0.0);
     let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
-    assert!((28..=37).contains(&lefts.len()), "held for about 35 steps: {lefts:?}");
-    assert!(lefts.windows(2).all(|pair| pair[1] == pair[0] + 1), "{lefts:?}");
+    // Left in every step that was due while the key was down, for about 35 steps: how long exactly is
+    // for the machine to say.
+    let events = sent(&tab).await.swap_remove(0).key_events;
+    let times: Vec<_> =
+        events.iter().map(|event| (&event.key[..], event.down, event.t_ms)).collect();
+    let [("ArrowLeft", true, down_ms), ("ArrowLeft", false, up_ms)] = times[..] else {
+        panic!("a press: {times:?}");
+    };
+    let held: Vec<_> =
+        (0..50).filter(|&i| (down_ms..up_ms).contains(&(200.0 * i as f64))).collect();
+    assert_eq!(lefts, held, "{times:?}");
+    assert!(held.len() > 10, "{times:?}");
     assert!(trial.inputs.iter().all(|&input| input != TurnInput::Right));
 
     // It is in the export.

@@ -1,17 +1,11 @@
 //! A synthetic participant at the real page: the whole protocol at high speed.
 
-use super::start;
-use sidestep::api::{StudySummary, TrialUpload, routes};
+use crate::{REMEMBER, sent, start};
+use sidestep::api::{StudySummary, routes};
 use sidestep::scene::SceneParameters;
 use sidestep::trial::verify;
 use sidestep::vehicle::TurnInput;
 use std::time::{Duration, Instant};
-
-/// Has the page remember the trials that it sends.
-pub(crate) const REMEMBER: &str = "const send = window.fetch; window.sent = []; window.fetch = (request) => { \
-    if (request.method === 'PUT' && request.url.includes('/trials/')) \
-        request.clone().text().then(text => window.sent.push(text)); \
-    return send(request) };";
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_whole_protocol_is_rehearsed_in_a_minute() {
@@ -26,12 +20,11 @@ async fn the_whole_protocol_is_rehearsed_in_a_minute() {
 
     // Every scene was driven with keys, and replays exactly. (At this speed a millisecond of the
     // machine is 30 of the page, so a press may fall into another step than the person's own.)
-    let sent: Vec<String> = tab.eval("window.sent").await;
+    let sent = sent(&tab).await;
     assert!(sent.len() >= 59, "{} trials", sent.len());
     let parameters = SceneParameters::default();
     let mut turned = 0;
-    for (number, text) in sent.iter().enumerate() {
-        let trial: TrialUpload = serde_json::from_str(text).expect("a trial");
+    for (number, trial) in sent.iter().enumerate() {
         trial.check(&parameters).expect("a valid trial");
         let replay = verify(&parameters, trial.states[0], &trial.inputs, &trial.states);
         assert!(replay.exact, "trial {number}: {replay:?}");
@@ -48,11 +41,11 @@ async fn a_participant_has_no_simulator_and_no_other_clock() {
     tab.go(&format!("{}/s/default?speed=50", server.origin)).await;
     super::instructed(&tab).await;
     super::understood(&tab, &server, "en").await;
-    tab.press("start").await;
-    tab.until_step("scene", 1).await;
+    // Counted from before the scene begins: a machine that is busy only makes it longer.
     let before = Instant::now();
+    tab.press("start").await;
     tab.until_step("scene", 11).await;
-    assert!(before.elapsed() > Duration::from_millis(1700), "{:?}", before.elapsed());
+    assert!(before.elapsed() > Duration::from_millis(2200), "{:?}", before.elapsed());
     let scripts: usize = tab.eval("document.scripts.length").await;
     assert_eq!(scripts, 1);
     assert!(tab.eval::<bool>("document.querySelector('[data-scene]') === null").await);
