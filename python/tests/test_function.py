@@ -206,11 +206,11 @@ def test_progress_rises_and_may_end_the_solve(unequal):
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
 def test_ctrl_c_ends_a_solve(unequal, ctrl_c):
     ctrl_c(0.3)
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(KeyboardInterrupt):
         sidestep.solve(unequal, 20.0, accuracy="fine", threads=1)
     # Whole, it takes much longer.
-    assert time.monotonic() - start < 3
+    assert time.process_time() - start < 3
 
 
 def test_other_threads_run_while_it_solves(unequal):

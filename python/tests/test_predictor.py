@@ -48,10 +48,10 @@ def test_names_are_those_of_the_data_frame(rows, scaled):
 def test_features_of_a_long_drive_take_no_longer_each(people):
     states = np.tile(people[0][0].states, (1000, 1, 1))
     names = ["turned", "turned_5", "distance"]
-    begin = time.monotonic()
+    begin = time.process_time()
     found = sidestep.features(states, names)
     # Row by row from the beginning, it takes a thousand times as long.
-    assert time.monotonic() - begin < 1
+    assert time.process_time() - begin < 1
     for n in (1, 2, 40, 2000):
         np.testing.assert_array_equal(found[n - 1], sidestep.features(states[:n], names)[-1])
     turned = np.diff(states[:, 0, 2])

@@ -288,10 +288,11 @@ def test_ctrl_c_ends_long_predictions(ctrl_c):
     fine = sidestep.ShfrsSettings(np.linspace(0, 1, 20), [1] * 40, accuracy_m=1e-6, by_step=True)
     for predictor in (many, sidestep.ShfrsPredictor(STRAIGHT, fine)):
         ctrl_c(0.3)
-        begin = time.monotonic()
+        # The processor's time, of which a busy machine takes no more.
+        begin = time.process_time()
         with pytest.raises(KeyboardInterrupt):
             predictor.predict(CROSSED)
-        assert time.monotonic() - begin < 2.5
+        assert time.process_time() - begin < 2.5
 
 
 def test_a_plan_that_is_none_is_refused():

@@ -46,6 +46,9 @@ pub struct Browser {
 /// so that a test that waits this long has failed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// How long the browser may take to start, or to do what it is asked to, such as to load a page.
+const ANSWERS: Duration = Duration::from_secs(180);
+
 /// Width and height of a window, CSS pixels.
 pub const WIDE: (u32, u32) = (1280, 800);
 /// The same for a telephone.
@@ -132,6 +135,8 @@ impl Browser {
             .no_sandbox()
             .new_headless_mode()
             .user_data_dir(profile.path())
+            .launch_timeout(ANSWERS)
+            .request_timeout(ANSWERS)
             .window_size(WIDE.0, WIDE.1)
             // Its own emulation would make a touch screen of every window.
             .viewport(None)

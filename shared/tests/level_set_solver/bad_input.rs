@@ -85,7 +85,16 @@ fn an_axis_with_too_few_nodes_is_refused() {
 
 #[test]
 fn a_grid_beyond_the_memory_is_refused_at_once() {
-    let start = std::time::Instant::now();
+    // The quickest of three: a busy machine may stop a test for a while.
+    let waited = [(); 3].map(|()| {
+        let start = std::time::Instant::now();
+        refuse_grids_beyond_the_memory();
+        start.elapsed()
+    });
+    assert!(waited.iter().any(|waited| waited.as_secs_f64() < 0.5), "{waited:?}");
+}
+
+fn refuse_grids_beyond_the_memory() {
     let complaint = refused(|problem, settings| {
         for axis in &mut problem.grid.axes {
             axis.nodes = 10_000;
@@ -114,8 +123,6 @@ fn a_grid_beyond_the_memory_is_refused_at_once() {
         eprintln!("{complaint}");
         assert!(complaint.found.contains("more than"), "{complaint}");
     }
-    let waited = start.elapsed();
-    assert!(waited.as_secs_f64() < 0.5, "{waited:?}");
 }
 
 #[test]

@@ -16,15 +16,20 @@ use sidestep::vehicle::TurnInput;
 use sidestep_tests::{Browser, Server, Tab};
 use std::collections::BTreeSet;
 
-/// One task, to be driven again if it is interrupted.
+/// One task.
 const ONE_TASK: &str = r#"
 slug = "default"
 title = "Short"
 phases = [{ phase = "task", scenes = 1 }]
 [trials]
 countdown_s = 1
-repeat_interrupted = true
 "#;
+
+/// The study in which a task is driven again that was interrupted. A machine that stalls interrupts one too, so
+/// only tests of interruptions have it.
+fn repeating(study: &str) -> String {
+    study.replace("[trials]", "[trials]\nrepeat_interrupted = true")
+}
 
 /// Scenes of three seconds, and nothing before them but the instructions.
 const QUICK: &str = r#"
@@ -96,7 +101,7 @@ async fn progress(server: &Server, token: &str) -> Progress {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_reload_in_a_scene_is_counted_and_the_scene_driven_again() {
-    let (server, browser, tab) = start(ONE_TASK).await;
+    let (server, browser, tab) = start(&repeating(ONE_TASK)).await;
     begin(&tab, &server).await;
     tab.press("start").await;
     tab.until_step("scene", 12).await;
@@ -145,7 +150,7 @@ async fn five_steps(tab: &Tab) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn keys_that_repeat_cross_or_lose_the_focus_never_stick() {
-    let (server, browser, tab) = start(ONE_TASK).await;
+    let (server, browser, tab) = start(&repeating(ONE_TASK)).await;
     tab.before_pages(REMEMBER).await;
     begin(&tab, &server).await;
     tab.press("start").await;
@@ -177,8 +182,7 @@ async fn keys_that_repeat_cross_or_lose_the_focus_never_stick() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_wall_clock_may_jump() {
-    let study = ONE_TASK.replace("repeat_interrupted = true", "");
-    let (server, browser, tab) = start(&study).await;
+    let (server, browser, tab) = start(ONE_TASK).await;
     tab.before_pages(REMEMBER).await;
     begin(&tab, &server).await;
     tab.press("start").await;

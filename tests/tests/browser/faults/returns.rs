@@ -6,22 +6,15 @@ use crate::{answer_check, equipped, stored};
 use sidestep::trial::Flag;
 use sidestep_tests::{Browser, Server, Tab};
 
-/// Every page, and short waits.
+/// Every page, for longer than it takes to leave it on a busy machine.
 const STUDY: &str = r#"
 slug = "default"
 title = "Every page"
 phases = [{ phase = "task", scenes = 2 }]
 
-[parameters]
-steps = 15
-
-[encounters]
-min_entry_s = 1.0
-max_entry_s = 2.5
-
 [trials]
-countdown_s = 2
-end_s = 3.0
+countdown_s = 5
+end_s = 10.0
 rest_after = 1
 
 [[questions]]
@@ -153,7 +146,7 @@ async fn whoever_comes_back_goes_on_as_the_same_person_at_every_page() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_rest_is_over_when_the_page_comes_back_and_the_next_scene_waits() {
-    let study = STUDY.replace("end_s = 3.0", "end_s = 0.0");
+    let study = STUDY.replace("end_s = 10.0", "end_s = 0.0");
     let server = Server::with_client(&study).await;
     let mut person = Person::new(Away::Reload, &server).await;
     person.tab.press("consent").await;

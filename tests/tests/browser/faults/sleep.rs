@@ -1,6 +1,6 @@
 //! A computer that sleeps or is busy while a scene is driven.
 
-use super::{QUICK, complete, glide, take_part, text};
+use super::{QUICK, complete, glide, repeating, take_part, text};
 use crate::{start, stored};
 use sidestep::trial::Flag;
 use sidestep_tests::Tab;
@@ -33,9 +33,7 @@ async fn pause(tab: &Tab, pause: Pause) {
 }
 
 async fn paused_in_a_scene(kind: Pause) {
-    let study = QUICK
-        .replace("scenes = 2", "scenes = 1")
-        .replace("countdown_s", "repeat_interrupted = true\ncountdown_s");
+    let study = repeating(&QUICK.replace("scenes = 2", "scenes = 1"));
     let (server, browser, tab) = start(&study).await;
     tab.before_pages(SLEEPS).await;
     take_part(&tab, &format!("{}/s/default", server.origin)).await;
