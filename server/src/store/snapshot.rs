@@ -1,6 +1,7 @@
 //! A new SQLite file for an export. The caller names its tables and columns.
 
 use super::StoreError;
+use crate::private;
 use rusqlite::types::{ToSqlOutput, ValueRef};
 use rusqlite::{Connection, OpenFlags, ToSql, params_from_iter};
 use std::path::Path;
@@ -47,14 +48,14 @@ impl ToSql for Value<'_> {
 }
 
 impl Snapshot {
-    /// Creates the file, which must not be there.
+    /// Creates the file, which must not be there. Only this user can read it.
     ///
     /// # Errors
     /// [`StoreError`] if the disk refuses it.
     pub fn create(path: &Path) -> Result<Self, StoreError> {
-        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
-            | OpenFlags::SQLITE_OPEN_CREATE
-            | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let refused = |error: std::io::Error| StoreError::Unavailable(error.to_string());
+        private::new_file(path).map_err(refused)?;
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let db = Connection::open_with_flags(path, flags)?;
         // A half file is thrown away, so nothing has to survive a crash.
         db.pragma_update(None, "journal_mode", "OFF")?;

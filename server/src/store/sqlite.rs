@@ -56,9 +56,10 @@ impl Sqlite {
         let hint = |reason: String| unusable(format!("{reason}; {advice}"));
         let sqlite = |error: rusqlite::Error| match error.sqlite_error_code() {
             Some(ErrorCode::NotADatabase) => unusable(reason(&error)),
-            Some(ErrorCode::DatabaseCorrupt) => {
-                unusable(format!("{}; restore a backup with 'sidestep restore'", reason(&error)))
-            }
+            Some(ErrorCode::DatabaseCorrupt) => unusable(format!(
+                "{}; restore a backup with 'sidestep restore', or save what can still be read with 'sidestep salvage'",
+                reason(&error)
+            )),
             Some(ErrorCode::DatabaseBusy) => {
                 unusable(format!("{}; another program writes to it, try again", reason(&error)))
             }

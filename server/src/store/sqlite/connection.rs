@@ -113,12 +113,24 @@ pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
 
 /// The damage that SQLite finds in the file: damaged pages and references to missing rows.
 pub(super) fn damage(db: &Connection) -> Result<Vec<String>, StoreError> {
-    let mut found: Vec<String> = db
-        .prepare("PRAGMA integrity_check")?
-        .query_map([], |row| row.get(0))?
-        .collect::<Result<_, _>>()?;
+    let mut found: Vec<String> = Vec::new();
+    let mut check = db.prepare("PRAGMA integrity_check")?;
+    let mut lines = check.query([])?;
+    // A damaged page ends either check; it must not hide what was found before it.
+    loop {
+        match lines.next() {
+            Ok(Some(line)) => found.push(line.get(0)?),
+            Ok(None) => break,
+            Err(error) => {
+                found.push(reason(&error));
+                break;
+            }
+        }
+    }
+    drop(lines);
     found.retain(|line| line != "ok");
-    found.extend(dangling(db).map_err(|error| StoreError::Corrupt(reason(&error)))?);
+    found.extend(dangling(db).unwrap_or_else(|error| vec![reason(&error)]));
+    found.dedup();
     Ok(found)
 }
 

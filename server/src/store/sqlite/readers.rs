@@ -55,7 +55,8 @@ impl Readers {
             readers.short(|db| {
                 db.execute("BEGIN", [])?;
                 let found = read(db);
-                db.execute("COMMIT", [])?;
+                // COMMIT would fail once more for a damaged page that `read` has met and told.
+                db.execute("ROLLBACK", [])?;
                 found
             })
         });
