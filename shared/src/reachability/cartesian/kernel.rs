@@ -2,7 +2,7 @@
 
 use super::super::game::{Game, TERMS};
 use super::super::grid::Grid;
-use super::super::scheme::Stencil;
+use super::super::scheme::{Stencil, Upwind, has_jump};
 use super::layout::{BLOCK, Ghosts, Layout, fill_ghosts};
 use crate::parallel::Kernel;
 use crate::real::Real;
@@ -64,8 +64,11 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) tables: &'a Tables<T, D>,
     /// Factors of the differences of neighbours, by axis.
     pub(super) units: [T; D],
-    /// Differences of neighbours, by axis, that are jumps. See [`Stage::across`].
-    pub(super) jumps: Option<[T; D]>,
+    /// Whether V can jump, beside an obstacle that does.
+    pub(super) jumps: bool,
+    pub(super) p: [T; 9],
+    pub(super) jump: [T; D],
+    pub(super) always: bool,
     /// Half the scale of the data, for the mean of the two derivatives (negative
     /// for forward sets) and for their difference.
     pub(super) half_mean: T,
@@ -151,7 +154,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T,
                 }
             }
             for (d, ghosts) in ghosts.into_iter().enumerate().skip(1) {
-                fill_ghosts(slice, layout, d, ghosts);
+                fill_ghosts(slice, layout, d, ghosts, stage.jumps);
             }
             carried.next_slice();
         }
@@ -250,8 +253,18 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             let (offset, at) = (run.offset, run.slice_start + run.offset - stride);
             if count == 1 {
                 let value = |k: isize| self.source[at.wrapping_add_signed(k * stride as isize)];
+                let active = self.looks()
+                    && (-2..4).any(|k: isize| {
+                        value(k) <= self.floor.unwrap()[at.wrapping_add_signed(k * stride as isize)]
+                    });
+                let is_plain = self.looks() && {
+                    let mut p = self.p;
+                    p[5] = p[5] * self.jump[d];
+                    has_jump(value, p, active | self.always)
+                };
                 let left = S::face(value, self.units[d]).1;
-                carried.lefts[d][offset] = self.across(d, &value).unwrap_or(left);
+                let slope = Upwind::face(value, self.units[d]).1;
+                carried.lefts[d][offset] = if is_plain { slope } else { left };
                 continue;
             }
             // What a last block computes too much is computed again before it is read.
@@ -268,7 +281,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
     fn faces(&self, d: usize, at: usize, rights: &mut [T; BLOCK], lefts: &mut [T; BLOCK]) {
         let stride = self.layout.strides[d];
         let rows: [&[T; BLOCK]; 6] = core::array::from_fn(|k| {
-            let k = k.clamp(3 - S::REACH, 2 + S::REACH);
+            let k = k.clamp(3 - self.layout.reach, 2 + self.layout.reach);
             block(self.source, at + k * stride - 2 * stride)
         });
         for i in 0..BLOCK {
@@ -276,25 +289,29 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             rights[i] = right;
             lefts[i] = left;
         }
-        if self.jumps.is_some() {
+        if self.looks() {
+            let mut p = self.p;
+            p[5] = p[5] * self.jump[d];
+            let floors: [&[T; BLOCK]; 6] =
+                core::array::from_fn(|k| block(self.floor.unwrap(), at + k * stride - 2 * stride));
             for i in 0..BLOCK {
-                let slope = self.across(d, &|k: isize| rows[(k + 2) as usize][i]);
-                rights[i] = slope.unwrap_or(rights[i]);
-                lefts[i] = slope.unwrap_or(lefts[i]);
+                let value = |k: isize| rows[(k + 2) as usize][i];
+                let mut active = self.always;
+                for k in 0..6 {
+                    active |= rows[k][i] <= floors[k][i];
+                }
+                let is_plain = has_jump(value, p, active);
+                let (right, left) = Upwind::face(value, self.units[d]);
+                rights[i] = if is_plain { right } else { rights[i] };
+                lefts[i] = if is_plain { left } else { lefts[i] };
             }
         }
     }
 
-    /// The slope of a face whose stencil reaches across a jump, as at an obstacle that is an indicator: the difference
-    /// of its two nodes. A polynomial through a jump swings, and between two of them the smoothest one does, too: V would
-    /// fall in a passage of a few nodes although nothing can leave it. First order is monotone.
+    /// Whether faces are of first order where V jumps. Those of first order are so everywhere.
     #[inline(always)]
-    fn across(&self, d: usize, value: &impl Fn(isize) -> T) -> Option<T> {
-        let least = self.jumps?[d];
-        let ends = 1 - S::REACH as isize..S::REACH as isize;
-        let largest =
-            ends.fold(T::ZERO, |largest, k| largest.larger((value(k + 1) - value(k)).abs()));
-        (largest > least).then(|| (value(1) - value(0)) * self.units[d])
+    fn looks(&self) -> bool {
+        S::REACH > 1 && self.jumps
     }
 
     /// The block of cells of a run from `here` in their slice.

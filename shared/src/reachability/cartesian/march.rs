@@ -3,7 +3,7 @@
 use super::super::game::Game;
 use super::super::grid::Grid;
 use super::super::progress::{Progress, SolveError, check_memory};
-use super::super::scheme::Stencil;
+use super::super::scheme::{JUMP_REACH, Stencil};
 use super::kernel::{Base, Range, Stage, Tables, Task};
 use super::layout::{BLOCK, Ghosts, Layout, each_interior, fill_ghosts};
 use super::mirror::Mirror;
@@ -25,8 +25,6 @@ struct Marcher<'a, T, const D: usize, G, S> {
     layout: Layout<D>,
     tables: Tables<T, D>,
     units: [T; D],
-    /// See [`Stage::jumps`].
-    jumps: Option<[T; D]>,
     scale: f64,
     cfl: f64,
     workers: Workers,
@@ -42,7 +40,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         time_step: f64,
         source: &[T],
         base: Base<'_, T>,
-        limits: &Limits<T>,
+        limits: &Limits<T, D>,
         destination: &mut [T],
     ) {
         let sign = if self.problem.direction == Direction::Forward { -1.0 } else { 1.0 };
@@ -51,7 +49,22 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             layout: &self.layout,
             tables: &self.tables,
             units: self.units,
-            jumps: self.jumps,
+            jumps: limits.jumps,
+            jump: limits.jump,
+            always: std::env::var("ALWAYS").is_ok()
+                && self.problem.avoid.as_ref().is_some_and(|a| a.region.moves()),
+            p: [
+                ("P0", 0.25),
+                ("P1", 0.25),
+                ("P2", 0.25),
+                ("P3", 1e9),
+                ("P4", 1e9),
+                ("P5", 1e9),
+                ("P6", 1.0),
+                ("P7", 0.0),
+                ("P8", 1e9),
+            ]
+            .map(|(n, d)| T::from_f64(std::env::var(n).map_or(d, |v| v.parse().unwrap()))),
             half_mean: T::from_f64(0.5 * sign * self.scale),
             half_difference: T::from_f64(0.5 * self.scale),
             time_step: T::from_f64(time_step),
@@ -70,7 +83,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             let first = chunk * self.slices_per_chunk;
             in_lanes(self.lanes, Task { stage, first, slices, ghosts });
         });
-        fill_ghosts(destination, layout, 0, ghosts[0]);
+        fill_ghosts(destination, layout, 0, ghosts[0], limits.jumps);
     }
 
     /// What the ghosts of each axis are.
@@ -84,7 +97,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
     }
 
     /// Brings the limits that move to `time`.
-    fn move_limits(&self, limits: &mut Limits<T>, time: f64) -> Result<(), Invalid> {
+    fn move_limits(&self, limits: &mut Limits<T, D>, time: f64) -> Result<(), Invalid> {
         if let Some(ceiling) = &mut limits.ceiling
             && self.problem.target.moves()
         {
@@ -96,15 +109,48 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         {
             self.sample(avoid.name(), &avoid.region, avoid.sign, time, floor)?;
             limits.cap_floor();
+            self.look_for_jumps(limits);
         }
         Ok(())
+    }
+
+    /// Notes whether the obstacle jumps: within the target's values, through a quarter of its range between two neighbours.
+    /// Beside one that does not, V does not, either.
+    fn look_for_jumps(&self, limits: &mut Limits<T, D>) {
+        let Some(floor) = limits.floor.as_ref().filter(|_| !limits.jumps) else { return };
+        let (layout, lowest) = (&self.layout, T::from_f64(limits.seen[0]));
+        // Of each slice: the range, and the largest difference.
+        let nothing = ([f64::INFINITY, f64::NEG_INFINITY], 0.0_f64);
+        let mut found = vec![nothing; layout.slices()];
+        self.workers.for_chunks(&mut found, 1, |i, found| {
+            let start = layout.lead() + i * layout.slice_length();
+            let (range, largest) = &mut found[0];
+            each_interior(layout, i, |index, offset| {
+                let here = start + offset;
+                let value = |at: usize| floor[at].larger(lowest).to_f64();
+                *range = joined(*range, [value(here); 2]);
+                for (d, axis) in self.grid.axes.iter().enumerate() {
+                    let next = if index[d] + 1 < axis.nodes {
+                        here + layout.strides[d]
+                    } else if axis.is_periodic() {
+                        here - (axis.nodes - 1) * layout.strides[d]
+                    } else {
+                        continue;
+                    };
+                    *largest = largest.max((value(next) - value(here)).abs());
+                }
+            });
+        });
+        let both = |(a, most): ([f64; 2], f64), (b, other)| (joined(a, b), most.max(other));
+        let ([low, high], largest) = found.into_iter().fold(nothing, both);
+        limits.jumps = largest > 0.25 * (high - low);
     }
 
     /// The values of the whole grid's nodes at `time`, row-major, an obstacle's at its own height.
     fn stored(
         &self,
         value: &[T],
-        limits: &Limits<T>,
+        limits: &Limits<T, D>,
         time: f64,
         scratch: &mut [T],
     ) -> Result<Vec<T>, Invalid> {
@@ -212,7 +258,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
 
     /// Checks V after `time`: finite, and a tube's between the bounds that target and obstacle give. The first node
     /// where it is not is named.
-    fn check_values(&self, data: &[T], limits: &Limits<T>, time: f64) -> Result<(), Invalid> {
+    fn check_values(&self, data: &[T], limits: &Limits<T, D>, time: f64) -> Result<(), Invalid> {
         let mut complaint = None;
         for slice in 0..self.layout.slices() {
             let start = self.layout.lead() + slice * self.layout.slice_length();
@@ -262,16 +308,19 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
 }
 
 /// What V may not exceed and what it may not fall below, on the nodes.
-struct Limits<T> {
+struct Limits<T, const D: usize> {
+    jump: [T; D],
     ceiling: Option<Vec<T>>,
     floor: Option<Vec<T>>,
     /// Whether the obstacle has been higher somewhere than it is in `floor`.
     is_capped: bool,
+    /// Whether the obstacle has had jumps, and V may still have them.
+    jumps: bool,
     /// The least and the largest value of the target so far.
     seen: [f64; 2],
 }
 
-impl<T: Real> Limits<T> {
+impl<T: Real, const D: usize> Limits<T, D> {
     /// Lowers an obstacle to M, the largest magnitude of the target. A path's value is
     /// max(target at its end, highest obstacle on it), and max(l, g) is at most M exactly where max(l, min(g, M)) is, so
     /// that this changes V to min(V, M) and no sign. Numbers that are far above the target's, as those that stand for
@@ -325,20 +374,23 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         return Err(Invalid::new("cfl", "above 0 and at most 1", settings.cfl).into());
     }
     check_times(problem, settings)?;
+    // First order needs to look for no jumps.
+    let looks = problem.avoid.is_some() && S::REACH > 1;
+    let reach = if looks { JUMP_REACH } else { S::REACH };
     let stages = settings.scheme.stages();
     let limits = usize::from(problem.kind == Kind::Tube) + usize::from(problem.avoid.is_some());
     let padded = problem
         .grid
         .axes
         .iter()
-        .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * S::REACH)));
+        .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * reach)));
     let arrays = (stages.max(2) + limits).saturating_add(settings.slices);
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
     // It looks at every node: after the check that there are not too many.
-    let mirror = Mirror::of(problem, S::REACH);
+    let mirror = Mirror::of(problem, reach);
     let grid = mirror.as_ref().map_or(problem.grid, Mirror::half);
 
-    let layout = Layout::new(&grid, S::REACH);
+    let layout = Layout::new(&grid, reach);
     let threads = if grid.len() < SMALL { 1 } else { settings.threads.clamp(1, layout.slices()) };
     let mut marcher = Marcher::<T, D, G, S> {
         problem,
@@ -348,7 +400,6 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         layout,
         tables: Tables::new(problem.game, &grid, &layout),
         units: [T::ZERO; D],
-        jumps: None,
         scale: 1.0,
         cfl: settings.cfl,
         workers: Workers::new(threads),
@@ -361,23 +412,27 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     marcher.sample("target", &problem.target, 1.0, 0.0, &mut value)?;
     let mut limits = Limits {
         ceiling: (problem.kind == Kind::Tube).then(|| value.clone()),
-        floor: problem.avoid.as_ref().map(|_| array()),
+        floor: problem.avoid.as_ref().map(|_| vec![T::from_f64(f64::NEG_INFINITY); layout.length]),
         is_capped: false,
+        jump: {
+            let slope = steepest(&value, &layout, &grid);
+            core::array::from_fn(|d| T::from_f64(slope * grid.axes[d].spacing()))
+        },
+        jumps: false,
         seen: marcher.range(&value),
     };
     if let (Some(floor), Some(avoid)) = (&mut limits.floor, &problem.avoid) {
         marcher.sample(avoid.name(), &avoid.region, avoid.sign, 0.0, floor)?;
         marcher.check_room(&value, floor)?;
-        let slope = STEEP * steepest(&value, &layout, &grid);
-        let jump = |d: usize| T::from_f64(slope * grid.axes[d].spacing());
-        marcher.jumps = Some(core::array::from_fn(jump));
     }
     limits.cap_floor();
+    marcher.look_for_jumps(&mut limits);
     for (value, floor) in value.iter_mut().zip(limits.floor.iter().flatten()) {
         *value = value.larger(*floor);
     }
     for d in (0..D).rev() {
-        fill_ghosts(&mut value[..layout.length - BLOCK], &layout, d, marcher.ghosts()[d]);
+        let inside = &mut value[..layout.length - BLOCK];
+        fill_ghosts(inside, &layout, d, marcher.ghosts()[d], limits.jumps);
     }
     marcher.scale = steepest(&value, &layout, &grid);
     marcher.units =
@@ -486,8 +541,6 @@ fn check_times<const D: usize, G>(
 const MOST_STEPS: f64 = 1e8;
 /// Fewer cells than this are not worth more than one thread.
 const SMALL: usize = 50_000;
-/// How many times as steep as the target's steepest slope is a jump, where there is an obstacle.
-const STEEP: f64 = 4.0;
 /// Steps between two looks at the residual.
 const RESIDUAL_EVERY: usize = 8;
 /// Steps between two looks at all values: what is no number spreads.
