@@ -155,6 +155,8 @@ mod tests {
     use super::*;
     use crate::store::tests::{Known, file_store, someone, trial};
     use sidestep::vehicle::TurnInput;
+    use sqlx::sqlite::SqliteConnectOptions;
+    use sqlx::{AssertSqlSafe, ConnectOptions, Executor};
 
     #[tokio::test]
     async fn what_cannot_be_read_is_named_and_the_rest_is_checked() {
@@ -168,8 +170,9 @@ mod tests {
         }
         let sound = report(&store).await.unwrap();
         assert_eq!((sound.trials, sound.wrong, sound.damage), (2, vec![], vec![]));
-        let db = rusqlite::Connection::open(folder.path().join("test.db")).unwrap();
-        db.execute_batch("PRAGMA ignore_check_constraints = ON").unwrap();
+        let file = folder.path().join("test.db");
+        let mut db = SqliteConnectOptions::new().filename(file).connect().await.unwrap();
+        db.execute("PRAGMA ignore_check_constraints = ON").await.unwrap();
         for (table, column, value, reason) in [
             ("trial", "flags", "'odd'", "unknown word \"odd\""),
             ("trial", "inputs", "x'07'", "found 7"),
@@ -182,7 +185,7 @@ mod tests {
                      WHERE trial_id = 'ada-0'; \
                  UPDATE {table} SET {column} = {value} WHERE trial_id = 'ada-0'"
             );
-            db.execute_batch(&change).unwrap();
+            db.execute(AssertSqlSafe(change)).await.unwrap();
             let found = report(&store).await.unwrap();
             let [Wrong { trial_id, what }] = &found.wrong[..] else { panic!("{found:?}") };
             assert!(trial_id == "ada-0" && what.contains(reason), "{what}");
@@ -190,10 +193,11 @@ mod tests {
                 "UPDATE {table} SET {column} = (SELECT value FROM was) WHERE trial_id = 'ada-0'; \
                  DROP TABLE was"
             );
-            db.execute_batch(&restore).unwrap();
+            db.execute(AssertSqlSafe(restore)).await.unwrap();
         }
         for json in ["3", "{"] {
-            db.execute("UPDATE study_config SET json = ?1", [json]).unwrap();
+            let change = sqlx::query("UPDATE study_config SET json = ?1").bind(json);
+            change.execute(&mut db).await.unwrap();
             let found = report(&store).await.unwrap();
             let [what] = &found.damage[..] else { panic!("{found:?}") };
             assert!(what.starts_with("study default: configuration "), "{what}");

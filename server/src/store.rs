@@ -12,6 +12,7 @@ mod error;
 mod misfit;
 mod lanes;
 mod sql;
+mod migrations;
 mod operation;
 pub mod commits;
 mod sqlite;
@@ -41,13 +42,13 @@ pub(crate) mod tests;
 
 pub use error::StoreError;
 pub use misfit::Misfit;
-pub use sqlite::LEAST_FREE_BYTES;
+pub use sqlite::{LEAST_FREE_BYTES, Misplaced};
 
 use commits::Commits;
 use lanes::{Lane, Lock};
 use postgres::Postgres;
 use sidestep::study::StudyConfig;
-use sql::{Connection, Question};
+use sql::Connection;
 use sqlite::{DatabaseFile, Sqlite};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -124,6 +125,20 @@ pub enum OpenError {
         /// The log.
         log: PathBuf,
     },
+    /// The write-ahead log beside the file is not its own. SQLite would apply it.
+    #[error(
+        "{database}: cannot open the database: the write-ahead log beside it, {}, is not its own: {why}. Nothing was \
+         changed. Put the database of that log back beside it, or move the log to another folder",
+        log.display()
+    )]
+    Misplaced {
+        /// The file.
+        database: String,
+        /// The log.
+        log: PathBuf,
+        /// What is wrong.
+        why: Misplaced,
+    },
     /// The database is not of this version and cannot be migrated.
     #[error("{database}: cannot use the database: {reason}")]
     Version {
@@ -149,6 +164,7 @@ impl OpenError {
             Self::Unusable { reason, .. } => Self::Unusable { database: name, reason },
             Self::Absent(_) => Self::Absent(name),
             Self::LogAlone { log, .. } => Self::LogAlone { database: name, log },
+            Self::Misplaced { log, why, .. } => Self::Misplaced { database: name, log, why },
             Self::Version { reason, .. } => Self::Version { database: name, reason },
             Self::Served(_) => Self::Served(name),
         }
@@ -393,18 +409,6 @@ impl Store {
         }
     }
 
-    /// A few rows that `question` asks for, and no other: where many ask at the same time, they are asked together.
-    async fn look_up<T: Send + 'static>(
-        &self,
-        question: Question,
-        read: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        match &self.open.database {
-            Database::Sqlite(database) => database.read(read),
-            Database::Postgres(database) => database.look_up(question, read).await,
-        }
-    }
-
     /// Any number of rows, as they are at one instant.
     async fn read_long<T: Send + 'static>(
         &self,
@@ -416,19 +420,15 @@ impl Store {
         }
     }
 
-    /// As [`Self::write`], ahead of all others: for trials. Where many are stored together, those that ask the database
-    /// a `question` have it answered ahead, together with those of the others.
+    /// As [`Self::write`], ahead of all others: for trials.
     async fn write_first<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
-        question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         match &self.open.database {
             Database::Sqlite(database) => database.write(Lane::Trial, work).await,
-            Database::Postgres(database) => {
-                database.write_trial(locks.into(), question, work).await
-            }
+            Database::Postgres(database) => database.write_trial(locks.into(), work).await,
         }
     }
 

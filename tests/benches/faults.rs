@@ -101,7 +101,7 @@ async fn kills(options: &Options, kind: Kind, servers: usize) -> usize {
     let seconds = begin.elapsed().as_secs_f64();
     row("kills", options.kills, format!("{seconds:.0} s, seed {}", options.seed));
     row("  put off by a 503, problems", crowd.troubles(), "");
-    let found = compare(&crowd.everybody(), &database);
+    let found = compare(&crowd.everybody(), &database).await;
     row("  acknowledged", found.acknowledged, "");
     row("  lost", found.lost, at_most(found.lost as f64, 0.0, ""));
     row("  different", found.different, at_most(found.different as f64, 0.0, ""));
@@ -129,7 +129,7 @@ async fn cuts(options: &Options) -> usize {
     let (mut lost, mut damaged, mut ready) = (0, 0, Latencies::default());
     for _ in 0..options.cuts {
         let moment = recorded.any_moment();
-        match recorded.cut(moment, Disk::Honest) {
+        match recorded.cut(moment, Disk::Honest).await {
             Ok((found, folder)) => {
                 lost += found.broken();
                 let begin = Instant::now();
@@ -155,7 +155,7 @@ async fn cuts(options: &Options) -> usize {
     let mut noticed = 0;
     for _ in 0..options.cuts {
         let moment = recorded.any_moment();
-        let honest = recorded.cut(moment, Disk::Lying);
+        let honest = recorded.cut(moment, Disk::Lying).await;
         noticed += usize::from(!honest.is_ok_and(|(found, _)| found.broken() == 0));
     }
     let said =

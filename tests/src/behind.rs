@@ -1,24 +1,15 @@
 //! A database behind the server's back, of whichever kind.
 
-use postgres::types::Type;
-use rusqlite::types::ValueRef;
-use std::thread;
-use std::time::Duration;
+use crate::sqlite::{self, Cell, cells};
+use sqlx::postgres::{PgColumn, PgConnectOptions, PgConnection, PgRow, PgSslMode, Postgres};
+use sqlx::{AssertSqlSafe, Column, ConnectOptions, Connection, Decode, Row, Type, TypeInfo};
+use std::path::Path;
+use std::str::FromStr;
 
 /// The database at `url`.
 #[must_use]
 pub fn behind(url: &str) -> Behind {
     Behind { url: url.to_owned() }
-}
-
-/// What a row has in a column.
-#[derive(Clone, Debug)]
-enum Cell {
-    Null,
-    Integer(i64),
-    Real(f64),
-    Text(String),
-    Bytes(Vec<u8>),
 }
 
 /// A row of a database.
@@ -82,123 +73,92 @@ pub struct Behind {
 }
 
 impl Behind {
-    /// Runs a statement.
-    ///
-    /// # Errors
-    /// If it fails.
-    pub fn execute(&self, statement: &str, _: [(); 0]) -> Result<(), String> {
-        self.execute_batch(statement)
-    }
-
     /// Runs statements.
     ///
     /// # Errors
     /// If one fails.
-    pub fn execute_batch(&self, statements: &str) -> Result<(), String> {
-        match self.file() {
-            Some(db) => db.execute_batch(statements).map_err(|error| error.to_string()),
-            None => on_server(&self.url, |client| client.batch_execute(statements)),
-        }
+    pub async fn execute(&self, statements: &str) -> Result<(), String> {
+        let statements = sqlx::raw_sql(AssertSqlSafe(statements));
+        let done = match self.file() {
+            Some(file) => {
+                sqlite::with(file, async |db| statements.execute(db).await).await.map(drop)
+            }
+            None => on_server(&self.url, async |db| statements.execute(db).await).await.map(drop),
+        };
+        done.map_err(|error| error.to_string())
     }
 
     /// What `read` makes of each row that a query finds.
     ///
     /// # Errors
     /// If the query fails, or `read`.
-    pub fn rows<T>(
+    pub async fn rows<T>(
         &self,
         query: &str,
         read: impl FnMut(&BehindRow) -> Result<T, String>,
     ) -> Result<Vec<T>, String> {
-        let rows = match self.file() {
-            Some(db) => rows_of_file(&db, query).map_err(|error| error.to_string())?,
-            None => on_server(&self.url, |client| client.query(query, &[]))?
-                .iter()
-                .map(row_of_server)
-                .collect::<Result<_, _>>()?,
+        let query = AssertSqlSafe(query);
+        let rows: sqlx::Result<Vec<BehindRow>> = match self.file() {
+            Some(file) => {
+                let rows = async |db: &mut _| sqlx::query(query).fetch_all(db).await;
+                let rows = sqlite::with(file, rows).await;
+                rows.and_then(|rows| rows.iter().map(|row| cells(row).map(BehindRow)).collect())
+            }
+            None => {
+                let rows = async |db: &mut _| sqlx::query(query).fetch_all(db).await;
+                let rows = on_server(&self.url, rows).await;
+                rows.and_then(|rows| rows.iter().map(row_of_server).collect())
+            }
         };
-        rows.iter().map(read).collect()
+        rows.map_err(|error| error.to_string())?.iter().map(read).collect()
     }
 
     /// What `read` makes of the first row that a query finds.
     ///
     /// # Errors
     /// If there is none, the query fails, or `read`.
-    pub fn query_row<T>(
+    pub async fn row<T>(
         &self,
         query: &str,
-        _: [(); 0],
         read: impl FnMut(&BehindRow) -> Result<T, String>,
     ) -> Result<T, String> {
-        self.rows(query, read)?.into_iter().next().ok_or_else(|| "no row".to_owned())
+        self.rows(query, read).await?.into_iter().next().ok_or_else(|| "no row".to_owned())
     }
 
-    fn file(&self) -> Option<rusqlite::Connection> {
-        self.url.starts_with("sqlite:").then(|| behind_file(&self.url))
+    fn file(&self) -> Option<&Path> {
+        self.url.strip_prefix("sqlite:").map(Path::new)
     }
 }
 
-/// The file of SQLite at `url`, for tests of what only a file has.
-///
-/// # Panics
-/// If it cannot be opened.
-#[must_use]
-pub fn behind_file(url: &str) -> rusqlite::Connection {
-    let file = url.strip_prefix("sqlite:").expect("the address of a file");
-    let db = rusqlite::Connection::open(file).expect("a database");
-    db.busy_timeout(Duration::from_secs(10)).expect("a timeout");
-    db
-}
-
-fn rows_of_file(db: &rusqlite::Connection, query: &str) -> rusqlite::Result<Vec<BehindRow>> {
-    let mut statement = db.prepare(query)?;
-    let columns = statement.column_count();
-    let row = |row: &rusqlite::Row<'_>| {
-        let cell = |at: usize| {
-            Ok(match row.get_ref(at)? {
-                ValueRef::Null => Cell::Null,
-                ValueRef::Integer(number) => Cell::Integer(number),
-                ValueRef::Real(number) => Cell::Real(number),
-                ValueRef::Text(text) => Cell::Text(String::from_utf8_lossy(text).into_owned()),
-                ValueRef::Blob(bytes) => Cell::Bytes(bytes.to_vec()),
-            })
-        };
-        (0..columns).map(cell).collect::<rusqlite::Result<_>>().map(BehindRow)
-    };
-    statement.query_map([], row)?.collect()
-}
-
-fn row_of_server(row: &postgres::Row) -> Result<BehindRow, String> {
-    fn of<'a, T: postgres::types::FromSql<'a>>(
-        row: &'a postgres::Row,
+fn row_of_server(row: &PgRow) -> sqlx::Result<BehindRow> {
+    fn of<'a, T: Decode<'a, Postgres> + Type<Postgres>>(
+        row: &'a PgRow,
         at: usize,
         cell: fn(T) -> Cell,
-    ) -> Result<Cell, String> {
-        let found = row.try_get::<_, Option<T>>(at).map_err(|error| error.to_string())?;
-        Ok(found.map_or(Cell::Null, cell))
+    ) -> sqlx::Result<Cell> {
+        Ok(row.try_get::<Option<T>, _>(at)?.map_or(Cell::Null, cell))
     }
-    let cell = |(at, column): (usize, &postgres::Column)| match *column.type_() {
-        Type::INT8 => of(row, at, Cell::Integer),
-        Type::INT4 => of(row, at, |number: i32| Cell::Integer(number.into())),
-        Type::FLOAT8 => of(row, at, Cell::Real),
-        Type::BOOL => of(row, at, |truth: bool| Cell::Integer(truth.into())),
-        Type::BYTEA => of(row, at, Cell::Bytes),
+    let cell = |(at, column): (usize, &PgColumn)| match column.type_info().name() {
+        "INT8" => of(row, at, Cell::Integer),
+        "INT4" => of(row, at, |number: i32| Cell::Integer(number.into())),
+        "FLOAT8" => of(row, at, Cell::Real),
+        "BOOL" => of(row, at, |truth: bool| Cell::Integer(truth.into())),
+        "BYTEA" => of(row, at, Cell::Bytes),
         _ => of(row, at, Cell::Text),
     };
     row.columns().iter().enumerate().map(cell).collect::<Result<_, _>>().map(BehindRow)
 }
 
-/// A conversation with PostgreSQL, on a thread of its own: it waits, which a test's thread must not.
-fn on_server<T: Send>(
+/// What `talk` makes of a connection to PostgreSQL, which is closed again when this returns.
+async fn on_server<T>(
     url: &str,
-    talk: impl FnOnce(&mut postgres::Client) -> Result<T, postgres::Error> + Send,
-) -> Result<T, String> {
-    let conversation = || {
-        let mut client = postgres::Client::connect(url, postgres::NoTls)?;
-        talk(&mut client)
-    };
-    let found = thread::scope(|scope| scope.spawn(conversation).join().expect("no panic"));
-    found.map_err(|error| error.as_db_error().map_or(error.to_string(), ToString::to_string))
+    talk: impl AsyncFnOnce(&mut PgConnection) -> sqlx::Result<T>,
+) -> sqlx::Result<T> {
+    let options = PgConnectOptions::from_str(url)?.ssl_mode(PgSslMode::Disable);
+    let mut db = options.connect().await?;
+    let found = talk(&mut db).await;
+    db.close().await?;
+    found
 }
 
 /// The address of a new database: in the cluster of PostgreSQL that `SIDESTEP_TEST_POSTGRES` names (an
@@ -207,13 +167,14 @@ fn on_server<T: Send>(
 /// # Panics
 /// If the cluster does not make a database.
 #[must_use]
-pub fn new_postgres_database() -> Option<String> {
+pub async fn new_postgres_database() -> Option<String> {
     let cluster = std::env::var("SIDESTEP_TEST_POSTGRES").ok()?;
     let mut random = [0; 8];
     getrandom::fill(&mut random).expect("random bytes");
     let name = format!("test_{}", hex::encode(random));
     behind(&cluster.replace("DATABASE", "postgres"))
-        .execute_batch(&format!("CREATE DATABASE {name}"))
+        .execute(&format!("CREATE DATABASE {name}"))
+        .await
         .expect("a new database");
     Some(cluster.replace("DATABASE", &name))
 }

@@ -1,11 +1,11 @@
 //! A database under test, of whichever kind: its address for the server, and its rows for the test.
 
-use rusqlite::Connection;
-use rusqlite::types::ValueRef;
+use crate::sqlite::{self, Cell, cells};
+use futures_util::TryStreamExt;
+use sqlx::AssertSqlSafe;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 /// Between two columns, and after a row, in what `psql` prints.
 const UNIT: char = '\u{1f}';
@@ -41,10 +41,10 @@ impl Database {
     ///
     /// # Panics
     /// If the query fails.
-    pub fn each_row(&self, query: &str, row: impl FnMut(&[&str])) {
+    pub async fn each_row(&self, query: &str, row: impl FnMut(&[&str])) {
         match self {
-            Self::Sqlite(file) => rows_of_sqlite(file, query, row).expect(query),
-            Self::Postgres(url) => rows_of_postgres(url, query, row),
+            Self::Sqlite(file) => rows_of_sqlite(file, query, row).await.expect(query),
+            Self::Postgres(url) => psql(url, query, row),
         }
     }
 
@@ -53,9 +53,9 @@ impl Database {
     /// # Panics
     /// If it returns anything else.
     #[must_use]
-    pub fn number(&self, query: &str) -> i64 {
+    pub async fn number(&self, query: &str) -> i64 {
         let mut found = Vec::new();
-        self.each_row(query, |row| found.push(row[0].parse().expect("a whole number")));
+        self.each_row(query, |row| found.push(row[0].parse().expect("a whole number"))).await;
         let [number] = found[..] else {
             panic!("expected one row, found {}: {query}", found.len())
         };
@@ -66,44 +66,45 @@ impl Database {
     ///
     /// # Panics
     /// If a statement fails.
-    pub fn change(&self, statements: &str) {
+    pub async fn change(&self, statements: &str) {
         match self {
-            Self::Sqlite(file) => opened(file).execute_batch(statements).expect(statements),
-            Self::Postgres(url) => rows_of_postgres(url, statements, |_| ()),
+            Self::Sqlite(file) => {
+                let change = sqlx::raw_sql(AssertSqlSafe(statements));
+                sqlite::with(file, async |db| change.execute(db).await).await.expect(statements);
+            }
+            Self::Postgres(url) => psql(url, statements, |_| ()),
         }
     }
 }
 
-fn opened(file: &Path) -> Connection {
-    let db = Connection::open(file).expect("a database");
-    db.busy_timeout(Duration::from_secs(10)).expect("a timeout");
-    db
+async fn rows_of_sqlite(
+    file: &Path,
+    query: &str,
+    mut row: impl FnMut(&[&str]),
+) -> sqlx::Result<()> {
+    let read = async |db: &mut _| {
+        let mut found = sqlx::query(AssertSqlSafe(query)).fetch(db);
+        while let Some(values) = found.try_next().await? {
+            let texts: Vec<String> = cells(&values)?.into_iter().map(text).collect();
+            row(&texts.iter().map(String::as_str).collect::<Vec<_>>());
+        }
+        Ok(())
+    };
+    sqlite::with(file, read).await
 }
 
-fn rows_of_sqlite(file: &Path, query: &str, mut row: impl FnMut(&[&str])) -> rusqlite::Result<()> {
-    let db = opened(file);
-    let mut statement = db.prepare(query)?;
-    let count = statement.column_count();
-    let mut found = statement.query([])?;
-    while let Some(values) = found.next()? {
-        let texts: Vec<String> = (0..count)
-            .map(|i| {
-                Ok(match values.get_ref(i)? {
-                    ValueRef::Null => String::new(),
-                    ValueRef::Integer(number) => number.to_string(),
-                    ValueRef::Real(number) => number.to_string(),
-                    ValueRef::Text(text) => String::from_utf8_lossy(text).into_owned(),
-                    ValueRef::Blob(bytes) => hex::encode(bytes),
-                })
-            })
-            .collect::<rusqlite::Result<_>>()?;
-        row(&texts.iter().map(String::as_str).collect::<Vec<_>>());
+fn text(cell: Cell) -> String {
+    match cell {
+        Cell::Null => String::new(),
+        Cell::Integer(number) => number.to_string(),
+        Cell::Real(number) => number.to_string(),
+        Cell::Text(text) => text,
+        Cell::Bytes(bytes) => hex::encode(bytes),
     }
-    Ok(())
 }
 
-/// Through `psql`, which comes with the server.
-fn rows_of_postgres(url: &str, query: &str, mut row: impl FnMut(&[&str])) {
+/// Calls `row` with each row that statements return, through `psql`, which comes with the server.
+pub(crate) fn psql(url: &str, query: &str, mut row: impl FnMut(&[&str])) {
     let mut psql = Command::new("psql")
         .args(["--no-psqlrc", "--quiet", "--no-align", "--tuples-only"])
         .args(["--set=ON_ERROR_STOP=1", "--field-separator", &UNIT.to_string()])
@@ -126,4 +127,28 @@ fn rows_of_postgres(url: &str, query: &str, mut row: impl FnMut(&[&str])) {
         }
     }
     assert!(psql.wait().is_ok_and(|status| status.success()), "{query}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As `tests/faults/postgres.rs` demands it of the other kind.
+    #[tokio::test]
+    async fn values_of_a_file_are_texts() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = Database::file(folder.path(), "kept.db");
+        std::fs::write(folder.path().join("kept.db"), "").unwrap();
+        let change = "CREATE TABLE kept (id INTEGER, name TEXT, bytes BLOB, x REAL); \
+                      INSERT INTO kept VALUES (7, 'a b', X'00ff', 1760000000123.25), \
+                      (8, NULL, NULL, -0.5), (9, CAST(X'61ff' AS TEXT), X'', 2)";
+        database.change(change).await;
+        let mut rows = Vec::new();
+        let query = "SELECT id, name, bytes, x FROM kept ORDER BY id";
+        database.each_row(query, |row| rows.push(row.join("|"))).await;
+        assert_eq!(rows, ["7|a b|00ff|1760000000123.25", "8|||-0.5", "9|a\u{fffd}||2"]);
+        assert_eq!(database.number("SELECT count(*) FROM kept").await, 3);
+        // It is closed: nothing is left beside it.
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 }

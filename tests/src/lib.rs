@@ -18,8 +18,9 @@ pub mod power;
 pub mod process;
 pub mod proxy;
 pub mod server;
+pub mod sqlite;
 
-pub use behind::{behind, behind_file};
+pub use behind::behind;
 pub use browser::{Browser, Tab};
 pub use database::Database;
 pub use driver::{Driver, driven, driven_with, on_time, upload, upload_with};

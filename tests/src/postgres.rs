@@ -3,6 +3,7 @@
 //! It needs Debian's package `postgresql`, which `cargo xtask test` installs.
 
 use crate::Database;
+use crate::database::psql;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -42,7 +43,8 @@ pub enum Stop {
 #[derive(Debug)]
 pub struct Cluster {
     folder: TempDir,
-    settings: Vec<String>,
+    /// Settings of its command line, which count most.
+    pub settings: Vec<String>,
     /// In the name of its socket, and of this machine if `settings` say so.
     port: u16,
     running: Option<Child>,
@@ -112,7 +114,7 @@ impl Cluster {
         cluster.settings.push("ssl=on".to_owned());
         cluster.listen_at(port);
         cluster.start_again();
-        cluster.database("postgres").change(&format!("ALTER USER {USER} PASSWORD '{password}'"));
+        cluster.ask(&format!("ALTER USER {USER} PASSWORD '{password}'"));
         cluster
     }
 
@@ -134,12 +136,11 @@ impl Cluster {
         let settings = self.settings.clone();
         let mut standby = Self { folder, settings, port, running: None, databases: Cell::new(0) };
         standby.start_again();
-        let primary = self.database("postgres");
-        primary.change("ALTER SYSTEM SET synchronous_standby_names = '*'");
-        primary.change("SELECT pg_reload_conf()");
+        self.ask("ALTER SYSTEM SET synchronous_standby_names = '*'");
+        self.ask("SELECT pg_reload_conf()");
         let follows = "SELECT count(*) FROM pg_stat_replication WHERE sync_state = 'sync'";
         let end = Instant::now() + PATIENCE;
-        while primary.number(follows) == 0 {
+        while self.ask(follows) == ["0"] {
             assert!(Instant::now() < end, "the standby does not follow: {}", standby.log());
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -148,11 +149,10 @@ impl Cluster {
 
     /// Makes a standby the one that takes writes; returns when it does.
     pub fn promote(&self) {
-        let database = self.database("postgres");
         // The setting was copied from the primary: nobody follows this one.
-        database.change("SELECT pg_promote()");
-        database.change("ALTER SYSTEM RESET synchronous_standby_names");
-        database.change("SELECT pg_reload_conf()");
+        self.ask("SELECT pg_promote()");
+        self.ask("ALTER SYSTEM RESET synchronous_standby_names");
+        self.ask("SELECT pg_reload_conf()");
     }
 
     fn data(&self) -> PathBuf {
@@ -251,13 +251,15 @@ impl Cluster {
     pub fn create(&self) -> Database {
         let number = self.databases.replace(self.databases.get() + 1);
         let name = format!("test{number}");
-        self.database("postgres").change(&format!("CREATE DATABASE {name}"));
-        self.database(&name)
+        self.ask(&format!("CREATE DATABASE {name}"));
+        Database::Postgres(self.url(&name))
     }
 
-    /// A database by its name.
-    fn database(&self, name: &str) -> Database {
-        Database::Postgres(self.url(name))
+    /// What a statement finds in the first column, asked in the database `postgres`.
+    fn ask(&self, statement: &str) -> Vec<String> {
+        let mut found = Vec::new();
+        psql(&self.url("postgres"), statement, |row| found.push(row[0].to_owned()));
+        found
     }
 
     /// The address of a database.

@@ -269,6 +269,17 @@ impl Process {
         self.stdout.next_line().await.expect("a line").expect("a running server")
     }
 
+    /// SIGTERM, as a service manager sends it; waits until it has ended.
+    ///
+    /// # Panics
+    /// If it does not end.
+    pub async fn stop(mut self) {
+        let id = self.id().to_string();
+        let sent = Command::new("kill").args(["-TERM", &id]).status().await;
+        assert!(sent.expect("kill").success(), "process {id} cannot be stopped");
+        self.child.wait().await.expect("an end");
+    }
+
     /// SIGKILL, as a power cut or an operator's last resort would.
     ///
     /// # Panics

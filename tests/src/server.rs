@@ -100,7 +100,7 @@ impl Server {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
         write_site(&site);
-        let mut args = arguments(folder.path(), study, site);
+        let mut args = arguments(folder.path(), study, site).await;
         args.languages = Some(languages.to_owned());
         Stopped { folder, args, key: String::new() }.start_with(None, |_| ()).await
     }
@@ -127,7 +127,7 @@ impl Server {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
         write_site(&site);
-        let mut args = arguments(folder.path(), study.unwrap_or_default(), site);
+        let mut args = arguments(folder.path(), study.unwrap_or_default(), site).await;
         args.database = database;
         args.study = args.study.filter(|_| study.is_some());
         Stopped { folder, args, key: String::new() }.start_with(None, |_| ()).await
@@ -149,8 +149,10 @@ impl Server {
         site: PathBuf,
         change: fn(&mut ServeArgs),
     ) -> Self {
-        let args =
-            ServeArgs { database: file_in(folder.path()), ..arguments(folder.path(), study, site) };
+        let args = ServeArgs {
+            database: file_in(folder.path()),
+            ..arguments(folder.path(), study, site).await
+        };
         Self::for_the_first_time(folder, args, change).await
     }
 
@@ -160,7 +162,7 @@ impl Server {
         site: PathBuf,
         change: fn(&mut ServeArgs),
     ) -> Self {
-        let args = arguments(folder.path(), study, site);
+        let args = arguments(folder.path(), study, site).await;
         Self::for_the_first_time(folder, args, change).await
     }
 
@@ -293,13 +295,13 @@ impl Stopped {
 }
 
 /// The arguments of a server in `folder` with a study file. A study without a slug is called `default`.
-fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
+async fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
     let file = folder.join("study.toml");
     std::fs::write(&file, with_slug(study)).expect("a study file");
     ServeArgs {
         demo: false,
         listen: "127.0.0.1:0".to_owned(),
-        database: new_postgres_database().unwrap_or_else(|| file_in(folder)),
+        database: new_postgres_database().await.unwrap_or_else(|| file_in(folder)),
         study: Some(file),
         replace_study: false,
         languages: None,

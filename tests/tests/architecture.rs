@@ -75,7 +75,7 @@ fn the_library_is_pure() {
         "std::process",
         "std::thread",
         "tokio",
-        "rusqlite",
+        "sqlx",
         "web_sys",
         "js_sys",
         "wasm_bindgen",
@@ -113,7 +113,7 @@ fn client_and_server_do_not_know_each_other() {
     let client = dependencies("web-client/Cargo.toml");
     assert!(!server.contains("sidestep-web") && !client.contains("sidestep-server"));
     never("server/src", &["sidestep_web", "web_sys", "js_sys"], |_| false);
-    never("web-client/src", &["sidestep_server", "tokio", "rusqlite"], |_| false);
+    never("web-client/src", &["sidestep_server", "tokio", "sqlx"], |_| false);
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn predictors_do_not_know_what_features_mean() {
 #[test]
 fn sql_is_spoken_in_the_store_alone() {
     let in_store = |path: &str| path.starts_with("server/src/store");
-    never("server/src", &["rusqlite"], in_store);
+    never("server/src", &["sqlx"], in_store);
     for path in files("server/src", ".rs").into_iter().filter(|path| !in_store(path)) {
         for text in Source::new(&read(&path)).strings {
             for word in ["SELECT ", "INSERT ", "UPDATE ", "DELETE FROM"] {

@@ -90,7 +90,7 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
 pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     match Store::open(&args.database, Purpose::Read).await {
         Err(OpenError::Absent(_)) => {}
-        Err(error @ OpenError::LogAlone { .. }) => {
+        Err(error @ (OpenError::LogAlone { .. } | OpenError::Misplaced { .. })) => {
             return Err(CommandError::Input(format!("--database {error}")));
         }
         Err(error) => return Err(error.into()),

@@ -134,7 +134,10 @@ impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
         match error {
             StoreError::Revoked => Self::unauthorized(),
-            error if error.is_temporary() => Self::Unavailable(error),
+            // A damaged file is for the operator to mend; the browser keeps what it has until then.
+            error if error.is_temporary() || matches!(error, StoreError::Corrupt(_)) => {
+                Self::Unavailable(error)
+            }
             error => Self::Internal(error.into()),
         }
     }

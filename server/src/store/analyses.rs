@@ -94,7 +94,7 @@ impl Store {
         self.write([Lock::Analyses], move |db| {
             let waiting = db.query_row(
                 "SELECT id FROM analysis \
-                 WHERE study_id = ?1 AND request = ?2 AND state = 'queued'",
+                 WHERE study_id = $1 AND request = $2 AND state = 'queued'",
                 params![study_id, request],
                 |row| row.get::<_, String>(0),
             );
@@ -107,7 +107,7 @@ impl Store {
             }
             db.execute(
                 "INSERT INTO analysis (id, study_id, request, state, created_at_ms) \
-                 VALUES (?1, ?2, ?3, 'queued', ?4)",
+                 VALUES ($1, $2, $3, 'queued', $4)",
                 params![id, study_id, request, entry.at_ms],
             )?;
             audit::add(db, &entry)?;
@@ -125,8 +125,8 @@ impl Store {
     ) -> Result<Vec<StoredAnalysis>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(&format!(
-                "{} WHERE analysis.study_id = ?1 AND analysis.sequence < ?2 \
-                 ORDER BY analysis.sequence DESC LIMIT ?3",
+                "{} WHERE analysis.study_id = $1 AND analysis.sequence < $2 \
+                 ORDER BY analysis.sequence DESC LIMIT $3",
                 select(db)
             ))?;
             statement.query_and_then(params![study_id, before, limit], stored_of)?.collect()
@@ -144,7 +144,7 @@ impl Store {
             let Some(analysis) = find(db, &id)? else { return Ok(None) };
             let mut statement = db.prepare_cached(
                 "SELECT name, size FROM analysis_file WHERE part = 0 AND analysis = \
-                     (SELECT sequence FROM analysis WHERE id = ?1 AND state = 'done') \
+                     (SELECT sequence FROM analysis WHERE id = $1 AND state = 'done') \
                  ORDER BY name",
             )?;
             let files = statement.query_map([&id], |row| {
@@ -160,8 +160,8 @@ impl Store {
         let (id, name) = (id.to_owned(), name.to_owned());
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(
-                "SELECT bytes FROM analysis_file WHERE name = ?2 AND analysis = \
-                     (SELECT sequence FROM analysis WHERE id = ?1 AND state = 'done') \
+                "SELECT bytes FROM analysis_file WHERE name = $2 AND analysis = \
+                     (SELECT sequence FROM analysis WHERE id = $1 AND state = 'done') \
                  ORDER BY part",
             )?;
             let parts = statement.query_map([id, name], |row| row.get::<_, Vec<u8>>(0))?;
@@ -181,8 +181,8 @@ impl Store {
         let id = id.to_owned();
         self.write([Lock::Analyses], move |db| {
             let cancelled = db.query_row(
-                "UPDATE analysis SET state = 'cancelled', ended_at_ms = ?2 \
-                 WHERE id = ?1 AND state IN ('queued', 'running') RETURNING sequence",
+                "UPDATE analysis SET state = 'cancelled', ended_at_ms = $2 \
+                 WHERE id = $1 AND state IN ('queued', 'running') RETURNING sequence",
                 params![id, entry.at_ms],
                 |row| row.get(0),
             );
@@ -199,7 +199,7 @@ impl Store {
     pub async fn delete_analysis(&self, id: &str, entry: NewEntry) -> Result<bool, StoreError> {
         let id = id.to_owned();
         self.write_behind([Lock::Analyses], move |db| {
-            let deleted = db.execute("DELETE FROM analysis WHERE id = ?1", [id])? > 0;
+            let deleted = db.execute("DELETE FROM analysis WHERE id = $1", [id])? > 0;
             if deleted {
                 audit::add(db, &entry)?;
             }
@@ -214,7 +214,7 @@ impl Store {
         self.read(move |db| {
             let waiting = format!(
                 "SELECT EXISTS (SELECT 1 FROM analysis WHERE state = 'queued' \
-                     OR state = 'running' AND ?2 AND coalesce(lease_until_ms, 0) < {})",
+                     OR state = 'running' AND $2 AND coalesce(lease_until_ms, 0) < {})",
                 now(db)
             );
             Ok(db.query_row(&waiting, params![now_ms, is_shared], |row| row.get(0))?)
@@ -229,14 +229,14 @@ impl Store {
         let is_shared = self.is_shared();
         self.write_behind([Lock::Analyses], move |db| {
             let lost = format!(
-                "state = 'running' AND (NOT ?2 OR coalesce(lease_until_ms, 0) < {})",
+                "state = 'running' AND (NOT $2 OR coalesce(lease_until_ms, 0) < {})",
                 now(db)
             );
             db.execute(
                 &format!(
-                    "UPDATE analysis SET state = 'failed', ended_at_ms = ?1, message = 'begun ' || \
+                    "UPDATE analysis SET state = 'failed', ended_at_ms = $1, message = 'begun ' || \
                          attempts || ' times without coming to an end; see the server''s log' \
-                     WHERE {lost} AND attempts >= ?3"
+                     WHERE {lost} AND attempts >= $3"
                 ),
                 params![now_ms, is_shared, MOST_ATTEMPTS],
             )?;
@@ -270,8 +270,8 @@ impl Store {
         self.write_behind([Lock::Analyses], move |db| {
             let updated = db
                 .prepare_cached(
-                    "UPDATE analysis SET done = ?3, total = ?4, fresh = ?5 \
-                     WHERE sequence = ?1 AND state = 'running' AND attempts = ?2",
+                    "UPDATE analysis SET done = $3, total = $4, fresh = $5 \
+                     WHERE sequence = $1 AND state = 'running' AND attempts = $2",
                 )?
                 .execute(params![sequence, attempt, done as i64, of as i64, fresh as i64])?;
             renew(db, sequence, now_ms)?;
@@ -300,8 +300,8 @@ impl Store {
                 let inserted = db
                     .prepare_cached(
                         "INSERT INTO analysis_file (analysis, name, part, size, bytes) \
-                         SELECT sequence, ?3, ?4, ?5, ?6 FROM analysis \
-                         WHERE sequence = ?1 AND state = 'running' AND attempts = ?2",
+                         SELECT sequence, $3, $4, $5, $6 FROM analysis \
+                         WHERE sequence = $1 AND state = 'running' AND attempts = $2",
                     )?
                     .execute(params![
                         sequence,
@@ -339,8 +339,8 @@ impl Store {
             let done = result.is_some();
             let state = if done { AnalysisState::Done } else { AnalysisState::Failed };
             let updated = db.execute(
-                "UPDATE analysis SET state = ?3, ended_at_ms = ?4, message = ?5, result = ?6 \
-                 WHERE sequence = ?1 AND state = 'running' AND attempts = ?2",
+                "UPDATE analysis SET state = $3, ended_at_ms = $4, message = $5, result = $6 \
+                 WHERE sequence = $1 AND state = 'running' AND attempts = $2",
                 params![sequence, attempt, state.word(), now_ms, message, result],
             )?;
             match (updated > 0, done) {
@@ -361,7 +361,7 @@ impl Store {
             db.execute(
                 "UPDATE analysis SET state = 'queued', attempts = attempts - 1, \
                      started_at_ms = NULL \
-                 WHERE sequence = ?1 AND state = 'running' AND attempts = ?2",
+                 WHERE sequence = $1 AND state = 'running' AND attempts = $2",
                 [sequence, attempt],
             )?;
             Ok(())
@@ -373,7 +373,7 @@ impl Store {
     pub async fn cells(&self, study_id: i64, key: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let key = key.to_owned();
         self.read(move |db| {
-            let query = "SELECT octets FROM analysis_cell WHERE study_id = ?1 AND key = ?2";
+            let query = "SELECT octets FROM analysis_cell WHERE study_id = $1 AND key = $2";
             let mut statement = db.prepare_cached(query)?;
             Ok(statement.query_row(params![study_id, key], |row| row.get(0)).optional()?)
         })
@@ -387,8 +387,8 @@ impl Store {
         self.write_behind([Lock::Analyses], move |db| {
             db.prepare_cached(
                 "INSERT INTO analysis_cell (study_id, key, octets) \
-                 SELECT study_id, ?3, ?4 FROM analysis \
-                 WHERE sequence = ?1 AND state = 'running' AND attempts = ?2 \
+                 SELECT study_id, $3, $4 FROM analysis \
+                 WHERE sequence = $1 AND state = 'running' AND attempts = $2 \
                  ON CONFLICT (study_id, key) DO NOTHING",
             )?
             .execute(params![sequence, attempt, key, bytes])?;
@@ -426,7 +426,7 @@ fn select(db: &Connection) -> String {
     SELECT.replace("PARAMETERS", parameters)
 }
 
-fn stored_of(row: &Row<'_>) -> Result<StoredAnalysis, StoreError> {
+fn stored_of(row: &Row) -> Result<StoredAnalysis, StoreError> {
     let (request, state): (String, String) = (row.get(3)?, row.get(4)?);
     let result: Option<String> = row.get(12)?;
     let result = result.as_deref().map(serde_json::from_str).transpose();
@@ -450,7 +450,7 @@ fn stored_of(row: &Row<'_>) -> Result<StoredAnalysis, StoreError> {
 }
 
 fn find(db: &Connection, id: &str) -> Result<Option<StoredAnalysis>, StoreError> {
-    let mut statement = db.prepare_cached(&format!("{} WHERE analysis.id = ?1", select(db)))?;
+    let mut statement = db.prepare_cached(&format!("{} WHERE analysis.id = $1", select(db)))?;
     statement.query_and_then([id], stored_of)?.next().transpose()
 }
 
@@ -459,7 +459,7 @@ fn known(db: &Connection, id: &str) -> Result<StoredAnalysis, StoreError> {
 }
 
 fn delete_files(db: &Connection, sequence: i64) -> Result<(), StoreError> {
-    db.execute("DELETE FROM analysis_file WHERE analysis = ?1", [sequence])?;
+    db.execute("DELETE FROM analysis_file WHERE analysis = $1", [sequence])?;
     Ok(())
 }
 
@@ -469,16 +469,16 @@ fn delete_files(db: &Connection, sequence: i64) -> Result<(), StoreError> {
 pub(super) fn withdraw(db: &Connection, participant_id: &str) -> Result<(), StoreError> {
     for statement in [
         "DELETE FROM analysis_file WHERE analysis IN \
-             (SELECT analysis FROM analysis_participant WHERE participant_id = ?1)",
+             (SELECT analysis FROM analysis_participant WHERE participant_id = $1)",
         "DELETE FROM analysis_cell WHERE study_id = \
-             (SELECT study_id FROM participant WHERE id = ?1) AND EXISTS (SELECT 1 FROM trial \
-             JOIN scene ON scene.trial_id = trial.trial_id WHERE scene.participant_id = ?1)",
+             (SELECT study_id FROM participant WHERE id = $1) AND EXISTS (SELECT 1 FROM trial \
+             JOIN scene ON scene.trial_id = trial.trial_id WHERE scene.participant_id = $1)",
         "UPDATE analysis SET state = 'withdrawn', result = NULL WHERE state = 'done' AND sequence \
-             IN (SELECT analysis FROM analysis_participant WHERE participant_id = ?1)",
+             IN (SELECT analysis FROM analysis_participant WHERE participant_id = $1)",
         "UPDATE analysis SET state = 'queued', started_at_ms = NULL, done = 0, total = 0 \
              WHERE state = 'running' AND sequence \
-             IN (SELECT analysis FROM analysis_participant WHERE participant_id = ?1)",
-        "DELETE FROM analysis_participant WHERE participant_id = ?1",
+             IN (SELECT analysis FROM analysis_participant WHERE participant_id = $1)",
+        "DELETE FROM analysis_participant WHERE participant_id = $1",
     ] {
         db.execute(statement, [participant_id])?;
     }
@@ -488,7 +488,7 @@ pub(super) fn withdraw(db: &Connection, participant_id: &str) -> Result<(), Stor
 /// Takes a participant's row out of all analyses, and returns those that had it.
 pub(super) fn leave(db: &Connection, participant_id: &str) -> Result<Vec<i64>, StoreError> {
     let mut leave = db.prepare_cached(
-        "DELETE FROM analysis_participant WHERE participant_id = ?1 RETURNING analysis",
+        "DELETE FROM analysis_participant WHERE participant_id = $1 RETURNING analysis",
     )?;
     Ok(leave.query_map([participant_id], |row| row.get(0))?.collect::<Result<_, _>>()?)
 }
@@ -500,7 +500,7 @@ pub(super) fn join(
     analyses: &[i64],
 ) -> Result<(), StoreError> {
     let mut join = db.prepare_cached(
-        "INSERT INTO analysis_participant (analysis, participant_id) VALUES (?1, ?2)",
+        "INSERT INTO analysis_participant (analysis, participant_id) VALUES ($1, $2)",
     )?;
     for analysis in analyses {
         join.execute(params![analysis, participant_id])?;
@@ -510,8 +510,8 @@ pub(super) fn join(
 
 fn begin(db: &Connection, worker: &str, now_ms: i64) -> Result<Option<Job>, StoreError> {
     let take = format!(
-        "UPDATE analysis SET state = 'running', attempts = attempts + 1, started_at_ms = ?1, \
-             done = 0, total = 0, fresh = 0, worker = ?2 \
+        "UPDATE analysis SET state = 'running', attempts = attempts + 1, started_at_ms = $1, \
+             done = 0, total = 0, fresh = 0, worker = $2 \
          WHERE sequence = (SELECT sequence FROM analysis WHERE state = 'queued' \
              ORDER BY sequence LIMIT 1 {}) \
          RETURNING sequence, attempts, study_id, request",
@@ -526,31 +526,31 @@ fn begin(db: &Connection, worker: &str, now_ms: i64) -> Result<Option<Job>, Stor
     renew(db, sequence, now_ms)?;
     delete_files(db, sequence)?;
     for statement in [
-        "DELETE FROM analysis_participant WHERE analysis = ?1",
+        "DELETE FROM analysis_participant WHERE analysis = $1",
         "INSERT INTO analysis_participant (analysis, participant_id) \
          SELECT analysis.sequence, participant.id FROM analysis \
          JOIN participant ON participant.study_id = analysis.study_id \
-         WHERE analysis.sequence = ?1 AND EXISTS (SELECT 1 FROM trial \
+         WHERE analysis.sequence = $1 AND EXISTS (SELECT 1 FROM trial \
              JOIN scene ON scene.trial_id = trial.trial_id \
              WHERE scene.participant_id = participant.id)",
     ] {
         db.execute(statement, [sequence])?;
     }
-    let query = "SELECT slug FROM study WHERE id = ?1";
+    let query = "SELECT slug FROM study WHERE id = $1";
     let study = db.query_row(query, [study_id], |row| row.get(0))?;
     let request = serde_json::from_str(&request).map_err(StoreError::corrupt)?;
     Ok(Some(Job { sequence, attempt, study_id, study, request }))
 }
 
-/// The present time, ms: the database's own if several servers, whose clocks may differ, share it; else ?1.
+/// The present time, ms: the database's own if several servers, whose clocks may differ, share it; else $1.
 fn now(db: &Connection) -> &'static str {
-    db.choose("?1", "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)")
+    db.choose("$1", "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)")
 }
 
 /// Renews the lease of a running analysis.
 fn renew(db: &Connection, sequence: i64, now_ms: i64) -> Result<(), StoreError> {
     let renew = format!(
-        "UPDATE analysis SET lease_until_ms = {} + ?2 WHERE sequence = ?3 AND state = 'running'",
+        "UPDATE analysis SET lease_until_ms = {} + $2 WHERE sequence = $3 AND state = 'running'",
         now(db)
     );
     db.prepare_cached(&renew)?.execute([now_ms, LEASE_MS, sequence])?;
@@ -562,11 +562,11 @@ fn keep_cells_only(
     study_id: i64,
     used: &HashSet<String>,
 ) -> Result<(), StoreError> {
-    let mut statement = db.prepare_cached("SELECT key FROM analysis_cell WHERE study_id = ?1")?;
+    let mut statement = db.prepare_cached("SELECT key FROM analysis_cell WHERE study_id = $1")?;
     let keys = statement.query_map([study_id], |row| row.get::<_, String>(0))?;
     let keys: Vec<_> = keys.collect::<Result<_, _>>()?;
     let mut delete =
-        db.prepare_cached("DELETE FROM analysis_cell WHERE study_id = ?1 AND key = ?2")?;
+        db.prepare_cached("DELETE FROM analysis_cell WHERE study_id = $1 AND key = $2")?;
     for key in keys.iter().filter(|key| !used.contains(*key)) {
         delete.execute(params![study_id, key])?;
     }

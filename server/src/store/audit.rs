@@ -34,8 +34,8 @@ impl Store {
     pub async fn note_refusal(&self, entry: NewEntry) -> Result<(), StoreError> {
         const MINUTE_MS: i64 = 60_000;
         self.write([], move |db| {
-            let lately = "SELECT 1 FROM audit WHERE action = 'refused' AND who = ?1 AND subject = ?2 \
-                          AND at_ms > ?3";
+            let lately = "SELECT 1 FROM audit WHERE action = 'refused' AND who = $1 AND subject = $2 \
+                          AND at_ms > $3";
             let since_ms = entry.at_ms - MINUTE_MS;
             let params = params![entry.who, entry.subject, since_ms];
             if db.prepare_cached(lately)?.exists(params)? { Ok(()) } else { add(db, &entry) }
@@ -48,7 +48,7 @@ impl Store {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(
                 "SELECT sequence, at_ms, who, action, study, subject FROM audit \
-                 WHERE sequence < ?1 ORDER BY sequence DESC LIMIT ?2",
+                 WHERE sequence < $1 ORDER BY sequence DESC LIMIT $2",
             )?;
             statement.query_and_then([before, limit], entry_of)?.collect()
         })
@@ -61,19 +61,19 @@ impl Store {
 pub(super) fn add(db: &Connection, entry: &NewEntry) -> Result<(), StoreError> {
     let NewEntry { at_ms, key_id, who, action, study, subject } = entry;
     if let Some(id) = key_id {
-        let valid = "SELECT 1 FROM api_key WHERE id = ?1 AND revoked_at_ms IS NULL";
+        let valid = "SELECT 1 FROM api_key WHERE id = $1 AND revoked_at_ms IS NULL";
         if !db.prepare_cached(valid)?.exists([id])? {
             return Err(StoreError::Revoked);
         }
     }
     db.prepare_cached(
-        "INSERT INTO audit (at_ms, who, action, study, subject) VALUES (?1, ?2, ?3, ?4, ?5)",
+        "INSERT INTO audit (at_ms, who, action, study, subject) VALUES ($1, $2, $3, $4, $5)",
     )?
     .execute(params![at_ms, who, action.word(), study, subject])?;
     Ok(())
 }
 
-fn entry_of(row: &Row<'_>) -> Result<AuditEntry, StoreError> {
+fn entry_of(row: &Row) -> Result<AuditEntry, StoreError> {
     let word: String = row.get(3)?;
     let action = Action::ALL.into_iter().find(|action| action.word() == word);
     Ok(AuditEntry {

@@ -127,8 +127,8 @@ impl Store {
                 Ok(statement.query_map([study_id], |row| row.get(0))?.collect::<Result<_, _>>()?)
             };
             Ok([
-                ids("SELECT id FROM participant WHERE study_id = ?1 ORDER BY pilot, number")?,
-                ids("SELECT id FROM analysis WHERE study_id = ?1 ORDER BY sequence")?,
+                ids("SELECT id FROM participant WHERE study_id = $1 ORDER BY pilot, number")?,
+                ids("SELECT id FROM analysis WHERE study_id = $1 ORDER BY sequence")?,
             ])
         })
         .await
@@ -195,7 +195,7 @@ impl Store {
         copy: RowsCopy,
     ) -> Result<bool, StoreError> {
         self.write_behind([Lock::Analyses], move |db| {
-            let known = "SELECT sequence FROM analysis WHERE id = ?1";
+            let known = "SELECT sequence FROM analysis WHERE id = $1";
             if db.query_row(known, [&copy.id], |row| row.get::<_, i64>(0)).optional()?.is_some() {
                 return Ok(false);
             }
@@ -208,7 +208,7 @@ impl Store {
             }
             db.execute(
                 "UPDATE analysis SET state = 'queued', worker = NULL, lease_until_ms = NULL \
-                 WHERE sequence = ?1 AND state = 'running'",
+                 WHERE sequence = $1 AND state = 'running'",
                 [sequence],
             )?;
             Ok(true)
@@ -244,21 +244,21 @@ impl Store {
 }
 
 fn study_copy(db: &Connection, slug: &str) -> Result<Option<StudyCopy>, StoreError> {
-    let query = "SELECT id, config_hash, created_at_ms FROM study WHERE slug = ?1";
+    let query = "SELECT id, config_hash, created_at_ms FROM study WHERE slug = $1";
     let found = db.query_row(query, [slug], |row| {
         Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?, row.get::<_, i64>(2)?))
     });
     let Some((study_id, config_hash, created_at_ms)) = found.optional()? else { return Ok(None) };
     let versions = db
         .prepare_cached(
-            "SELECT number, config_hash, since_ms, by_file FROM study_version WHERE study_id = ?1 \
+            "SELECT number, config_hash, since_ms, by_file FROM study_version WHERE study_id = $1 \
              ORDER BY number",
         )?
         .query_map([study_id], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?)))?
         .collect::<Result<_, _>>()?;
-    const CONFIGS: &str = "SELECT config_hash FROM study WHERE id = ?1 \
-                           UNION SELECT config_hash FROM participant WHERE study_id = ?1 \
-                           UNION SELECT config_hash FROM study_version WHERE study_id = ?1";
+    const CONFIGS: &str = "SELECT config_hash FROM study WHERE id = $1 \
+                           UNION SELECT config_hash FROM participant WHERE study_id = $1 \
+                           UNION SELECT config_hash FROM study_version WHERE study_id = $1";
     let configs = db
         .prepare_cached(&format!(
             "SELECT hash, json FROM study_config WHERE hash IN ({CONFIGS}) ORDER BY hash"
@@ -274,10 +274,10 @@ fn study_copy(db: &Connection, slug: &str) -> Result<Option<StudyCopy>, StoreErr
         .collect::<Result<_, _>>()?;
     let mut functions = BTreeMap::new();
     for (.., id) in &safety {
-        let query = "SELECT octets FROM value_function WHERE id = ?1";
+        let query = "SELECT octets FROM value_function WHERE id = $1";
         functions.insert(id.clone(), db.query_row(query, [id], |row| row.get(0))?);
     }
-    let last = "SELECT coalesce(max(sequence), 0) FROM trial WHERE study_id = ?1";
+    let last = "SELECT coalesce(max(sequence), 0) FROM trial WHERE study_id = $1";
     let last_trial = db.query_row(last, [study_id], |row| row.get(0))?;
     let slug = slug.to_owned();
     Ok(Some(StudyCopy {
@@ -295,7 +295,7 @@ fn study_copy(db: &Connection, slug: &str) -> Result<Option<StudyCopy>, StoreErr
 
 fn begin(db: &Connection, copy: &StudyCopy) -> Result<Result<CopyTarget, CopyRefusal>, StoreError> {
     let known =
-        db.query_row("SELECT id, created_at_ms FROM study WHERE slug = ?1", [&copy.slug], |row| {
+        db.query_row("SELECT id, created_at_ms FROM study WHERE slug = $1", [&copy.slug], |row| {
             Ok((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?))
         });
     let known = known.optional()?;
@@ -304,18 +304,18 @@ fn begin(db: &Connection, copy: &StudyCopy) -> Result<Result<CopyTarget, CopyRef
     }
     for (hash, json) in &copy.configs {
         db.execute(
-            "INSERT INTO study_config (hash, json) VALUES (?1, ?2) ON CONFLICT (hash) DO NOTHING",
+            "INSERT INTO study_config (hash, json) VALUES ($1, $2) ON CONFLICT (hash) DO NOTHING",
             [hash, json],
         )?;
     }
     let study_id = match known {
         Some((id, _)) => {
-            let update = "UPDATE study SET config_hash = ?2 WHERE id = ?1";
+            let update = "UPDATE study SET config_hash = $2 WHERE id = $1";
             db.execute(update, params![id, copy.config_hash])?;
             id
         }
         None => db.query_row(
-            "INSERT INTO study (slug, config_hash, created_at_ms) VALUES (?1, ?2, ?3) RETURNING id",
+            "INSERT INTO study (slug, config_hash, created_at_ms) VALUES ($1, $2, $3) RETURNING id",
             params![copy.slug, copy.config_hash, copy.created_at_ms],
             |row| row.get(0),
         )?,
@@ -323,20 +323,20 @@ fn begin(db: &Connection, copy: &StudyCopy) -> Result<Result<CopyTarget, CopyRef
     for (number, hash, since_ms, by_file) in &copy.versions {
         db.execute(
             "INSERT INTO study_version (study_id, number, config_hash, since_ms, by_file) \
-             VALUES (?1, ?2, ?3, ?4, ?5) ON CONFLICT (study_id, number) DO NOTHING",
+             VALUES ($1, $2, $3, $4, $5) ON CONFLICT (study_id, number) DO NOTHING",
             params![study_id, number, hash, since_ms, by_file],
         )?;
     }
     for (id, bytes) in &copy.functions {
         db.execute(
-            "INSERT INTO value_function (id, octets) VALUES (?1, ?2) ON CONFLICT (id) DO NOTHING",
+            "INSERT INTO value_function (id, octets) VALUES ($1, $2) ON CONFLICT (id) DO NOTHING",
             params![id, bytes],
         )?;
     }
     for (hash, evader, id) in &copy.safety {
         db.execute(
             "INSERT INTO safety_function (config_hash, evader, value_function_id) \
-             VALUES (?1, ?2, ?3) ON CONFLICT (config_hash, evader) DO NOTHING",
+             VALUES ($1, $2, $3) ON CONFLICT (config_hash, evader) DO NOTHING",
             [hash, evader, id],
         )?;
     }
@@ -346,9 +346,9 @@ fn begin(db: &Connection, copy: &StudyCopy) -> Result<Result<CopyTarget, CopyRef
 /// What is added to the number of each trial so that none is used twice: 0 in a database without trials
 /// of other studies. The numbers are taken at once, so that trials which come meanwhile get later ones.
 fn shift(db: &Connection, study_id: i64, last_trial: i64) -> Result<i64, StoreError> {
-    let others = "SELECT coalesce(max(sequence), 0) FROM trial WHERE study_id <> ?1 \
+    let others = "SELECT coalesce(max(sequence), 0) FROM trial WHERE study_id <> $1 \
                       AND sequence < (SELECT coalesce(min(sequence), 9223372036854775807) FROM trial \
-                                      WHERE study_id = ?1)";
+                                      WHERE study_id = $1)";
     let shift = db.query_row(others, [study_id], |row| row.get(0))?;
     columns::take_numbers(db, "trial", shift + last_trial)?;
     Ok(shift)

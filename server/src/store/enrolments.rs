@@ -106,7 +106,7 @@ impl Store {
         let id = participant_id.to_owned();
         self.read(move |db| {
             let mut statement =
-                db.prepare_cached("SELECT consent_language FROM participant WHERE id = ?1")?;
+                db.prepare_cached("SELECT consent_language FROM participant WHERE id = $1")?;
             Ok(statement.query_row([id], |row| row.get(0)).optional()?.flatten())
         })
         .await
@@ -177,10 +177,10 @@ fn take_place(db: &Connection, study_id: i64, gate: Gate) -> Result<Option<i64>,
     let given_up = db
         .prepare_cached(
             "UPDATE participant SET holds_place = FALSE WHERE id = \
-                 (SELECT id FROM participant WHERE study_id = ?1 AND holds_place \
-                      AND completed_at_ms IS NULL AND last_seen_at_ms < ?2 \
+                 (SELECT id FROM participant WHERE study_id = $1 AND holds_place \
+                      AND completed_at_ms IS NULL AND last_seen_at_ms < $2 \
                   ORDER BY place LIMIT 1) \
-                 AND completed_at_ms IS NULL AND last_seen_at_ms < ?2 \
+                 AND completed_at_ms IS NULL AND last_seen_at_ms < $2 \
              RETURNING place",
         )?
         .query_row(params![study_id, gate.away_before_ms], |row| row.get(0))
@@ -193,7 +193,7 @@ fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
     let (held, after): (i64, i64) = db
         .prepare_cached(
             "SELECT count(*), coalesce(max(place) + 1, 0) FROM participant \
-             WHERE study_id = ?1 AND holds_place",
+             WHERE study_id = $1 AND holds_place",
         )?
         .query_row([study_id], |row| Ok((row.get(0)?, row.get(1)?)))?;
     if held == after {
@@ -203,9 +203,9 @@ fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
         .prepare_cached(
             "SELECT min(candidate) FROM \
                  (SELECT 0 AS candidate UNION ALL \
-                  SELECT place + 1 FROM participant WHERE study_id = ?1 AND holds_place) AS candidates \
+                  SELECT place + 1 FROM participant WHERE study_id = $1 AND holds_place) AS candidates \
              WHERE NOT EXISTS (SELECT 1 FROM participant \
-                 WHERE study_id = ?1 AND holds_place AND place = candidate)",
+                 WHERE study_id = $1 AND holds_place AND place = candidate)",
         )?
         .query_row([study_id], |row| row.get(0))?;
     Ok(gap)
@@ -216,10 +216,10 @@ fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
 fn active(db: &Connection, study_id: i64, away_before_ms: i64) -> Result<u64, StoreError> {
     let count: i64 = db
         .prepare_cached(
-            "SELECT count(*) FROM participant WHERE study_id = ?1 AND pilot = FALSE \
+            "SELECT count(*) FROM participant WHERE study_id = $1 AND pilot = FALSE \
                  AND import_hash IS NULL AND withdrawn_at_ms IS NULL \
                  AND screened_out_at_ms IS NULL \
-                 AND (completed_at_ms IS NOT NULL OR last_seen_at_ms >= ?2)",
+                 AND (completed_at_ms IS NOT NULL OR last_seen_at_ms >= $2)",
         )?
         .query_row(params![study_id, away_before_ms], |row| row.get(0))?;
     Ok(count.unsigned_abs())
@@ -232,9 +232,9 @@ fn insert(db: &Connection, new: &NewParticipant, place: i64) -> Result<(), Store
         "INSERT INTO participant (id, study_id, pilot, number, place, holds_place, external_id, \
              external_key, request_hash, config_hash, locale, screen, parameters, \
              consent_language, consent_hash, enrolled_at_ms, last_seen_at_ms) \
-         SELECT ?1, ?2, ?3, coalesce(max(number), 0) + 1, ?4, NOT ?3, ?5, ?6, ?7, ?8, ?9, ?10, ?11, \
-             ?12, ?13, ?14, ?14 \
-         FROM participant WHERE study_id = ?2 AND pilot = ?3",
+         SELECT $1, $2, $3, coalesce(max(number), 0) + 1, $4, NOT $3, $5, $6, $7, $8, $9, $10, $11, \
+             $12, $13, $14, $14 \
+         FROM participant WHERE study_id = $2 AND pilot = $3",
     )?
     .execute(params![
         new.id,
@@ -264,7 +264,7 @@ fn add_token(
 ) -> Result<(), StoreError> {
     db.prepare_cached(
         "INSERT INTO participant_token (hash, participant_id, created_at_ms, scope) \
-         VALUES (?1, ?2, ?3, ?4)",
+         VALUES ($1, $2, $3, $4)",
     )?
     .execute(params![token_hash, participant_id, now_ms, scope.word()])?;
     Ok(())

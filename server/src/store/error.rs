@@ -1,7 +1,7 @@
 //! Errors of the store, in the words of the domain.
 
-use rusqlite::ErrorCode;
-use std::error::Error;
+use sqlx::error::DatabaseError;
+use sqlx::postgres::PgDatabaseError;
 use std::io;
 
 /// Why an operation of the store failed.
@@ -16,9 +16,9 @@ pub enum StoreError {
     /// The disk is full.
     #[error("the disk is full")]
     Full,
-    /// The file at the database's path is not the one that was opened.
-    #[error("the database file was deleted, moved or replaced")]
-    Gone,
+    /// The file at the database's path is not the one that was opened, or somebody else has changed it.
+    #[error("the database file was {0}")]
+    Gone(String),
     /// The file cannot be read or written, or the store was closed.
     #[error("the database cannot be used: {0}")]
     Unavailable(String),
@@ -42,7 +42,12 @@ impl StoreError {
 
     /// Whether this error may have ended the transaction.
     pub(super) fn ends_transaction(&self) -> bool {
-        matches!(self, Self::Full | Self::Gone | Self::Unavailable(_))
+        matches!(self, Self::Full | Self::Gone(_) | Self::Unavailable(_))
+    }
+
+    /// The error after the store was closed.
+    pub(super) fn closed() -> Self {
+        Self::Unavailable("it was closed".to_owned())
     }
 
     /// The error for an invalid stored value.
@@ -56,76 +61,67 @@ impl StoreError {
     }
 }
 
-impl From<rusqlite::Error> for StoreError {
-    fn from(error: rusqlite::Error) -> Self {
-        use rusqlite::Error::{
-            FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType, Utf8Error,
+impl From<sqlx::Error> for StoreError {
+    fn from(error: sqlx::Error) -> Self {
+        use sqlx::Error::{
+            ColumnDecode, Database, Decode, Io, PoolClosed, PoolTimedOut, Protocol, Tls,
+            WorkerCrashed,
         };
-        match error.sqlite_error_code() {
-            Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => Self::Locked,
-            Some(ErrorCode::DiskFull) => Self::Full,
-            Some(
-                ErrorCode::SystemIoFailure
-                | ErrorCode::CannotOpen
-                | ErrorCode::ReadOnly
-                | ErrorCode::PermissionDenied
-                | ErrorCode::OutOfMemory
-                | ErrorCode::FileLockingProtocolFailed
-                | ErrorCode::OperationInterrupted,
-            ) => Self::Unavailable(reason(&error)),
-            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
-                Self::Corrupt(reason(&error))
-            }
-            _ => match error {
-                FromSqlConversionFailure(..)
-                | IntegralValueOutOfRange(..)
-                | InvalidColumnType(..)
-                | Utf8Error(..) => Self::corrupt(error),
-                _ => Self::Defect(reason(&error)),
+        match &error {
+            Database(found) => match found.try_downcast_ref::<PgDatabaseError>() {
+                Some(found) => of_postgres(found),
+                None => of_sqlite(&**found),
             },
+            ColumnDecode { .. } | Decode(_) => Self::corrupt(one_line(&error)),
+            Io(_) | Tls(_) | Protocol(_) => Self::Unavailable(advised(&error)),
+            PoolTimedOut => Self::Unavailable("no session became free in time".to_owned()),
+            PoolClosed => Self::closed(),
+            WorkerCrashed => Self::Unavailable("its connection has ended".to_owned()),
+            _ => Self::Defect(one_line(&error)),
         }
     }
 }
 
-impl From<tokio_postgres::Error> for StoreError {
-    fn from(error: tokio_postgres::Error) -> Self {
-        let Some(found) = error.as_db_error() else {
-            let said = cause(&error);
-            let is_network = error.source().is_some_and(|it| it.is::<io::Error>());
-            if error.to_string().contains("deserializing") {
-                return Self::corrupt(said);
-            }
-            let advice = ADVICE.iter().find(|(words, _)| said.contains(words)).map(|(_, it)| *it);
-            let advice = advice.or(is_network.then_some(NO_SERVER)).filter(|_| !error.is_closed());
-            return Self::Unavailable(match advice {
-                Some(advice) => format!("{said}; {advice}"),
-                None => said,
-            });
-        };
-        // Never the detail of a message, which has values of rows.
-        let message = found.message().replace('\n', " ");
-        let advised = |advice: &str| Self::Unavailable(format!("{message}; {advice}"));
-        match found.code().code() {
-            // Serialization failures, deadlocks, and locks that were waited for too long; a reference to
-            // a row that another transaction has just deleted.
-            "40001" | "40P01" | "55P03" | "23503" => Self::Locked,
-            "53100" => Self::Full,
-            // A standby that takes no writes.
-            "25006" => Self::Unavailable(message),
-            "42501" => {
-                advised("use the user who owns the database, or have that one GRANT this right")
-            }
-            "3D000" => advised("create it with 'createdb', or name another one in the address"),
-            code if code.starts_with("28") => advised(
-                "check the user and the password (in the address or in PGPASSWORD), and pg_hba.conf",
-            ),
-            // No resources, operator intervention, connection exceptions.
-            code if ["53", "57", "58", "08"].iter().any(|class| code.starts_with(class)) => {
-                Self::Unavailable(message)
-            }
-            "XX001" | "XX002" => Self::Corrupt(message),
-            _ => Self::Defect(message),
+/// What SQLite's codes mean: <https://www.sqlite.org/rescode.html>.
+fn of_sqlite(error: &dyn DatabaseError) -> StoreError {
+    let message = error.message().replace('\n', " ");
+    // The lower eight bits are the primary code.
+    match error.code().and_then(|code| code.parse::<i32>().ok()).map(|code| code & 0xff) {
+        // BUSY, LOCKED.
+        Some(5 | 6) => StoreError::Locked,
+        // FULL.
+        Some(13) => StoreError::Full,
+        // PERM, NOMEM, READONLY, INTERRUPT, IOERR, CANTOPEN, PROTOCOL.
+        Some(3 | 7..=10 | 14 | 15) => StoreError::Unavailable(message),
+        // CORRUPT, NOTADB.
+        Some(11 | 26) => StoreError::Corrupt(message),
+        _ => StoreError::Defect(message),
+    }
+}
+
+/// What PostgreSQL's codes mean: appendix A of its documentation.
+fn of_postgres(error: &PgDatabaseError) -> StoreError {
+    // Never the detail of a message, which has values of rows.
+    let message = error.message().replace('\n', " ");
+    let advised = |advice: &str| StoreError::Unavailable(format!("{message}; {advice}"));
+    match error.code() {
+        // Serialization failures, deadlocks, and locks that were waited for too long; a reference to
+        // a row that another transaction has just deleted.
+        "40001" | "40P01" | "55P03" | "23503" => StoreError::Locked,
+        "53100" => StoreError::Full,
+        // A standby that takes no writes.
+        "25006" => StoreError::Unavailable(message),
+        "42501" => advised("use the user who owns the database, or have that one GRANT this right"),
+        "3D000" => advised("create it with 'createdb', or name another one in the address"),
+        code if code.starts_with("28") => advised(
+            "check the user and the password (in the address or in PGPASSWORD), and pg_hba.conf",
+        ),
+        // No resources, operator intervention, connection exceptions.
+        code if ["53", "57", "58", "08"].iter().any(|class| code.starts_with(class)) => {
+            StoreError::Unavailable(message)
         }
+        "XX001" | "XX002" => StoreError::Corrupt(message),
+        _ => StoreError::Defect(message),
     }
 }
 
@@ -147,17 +143,18 @@ const ADVICE: [(&str, &str); 4] = [
     ),
 ];
 
-/// What an error of PostgreSQL's client says, with its cause, in one line.
-fn cause(error: &tokio_postgres::Error) -> String {
-    let source = error.source().map_or_else(String::new, |source| format!(": {source}"));
-    format!("{error}{source}").replace('\n', " ")
+/// What is wrong with a connection, and what to do.
+fn advised(error: &sqlx::Error) -> String {
+    let said = one_line(error);
+    let advice = ADVICE.iter().find(|(words, _)| said.contains(words)).map(|(_, it)| *it);
+    let is_refused =
+        matches!(error, sqlx::Error::Io(error) if error.kind() != io::ErrorKind::UnexpectedEof);
+    match advice.or(is_refused.then_some(NO_SERVER)) {
+        Some(advice) => format!("{said}; {advice}"),
+        None => said,
+    }
 }
 
-/// SQLite's message, in one line.
-pub(super) fn reason(error: &rusqlite::Error) -> String {
-    let text = match error {
-        rusqlite::Error::SqliteFailure(_, Some(message)) => message.clone(),
-        other => other.to_string(),
-    };
-    text.replace('\n', " ")
+fn one_line(error: &sqlx::Error) -> String {
+    error.to_string().replace('\n', " ")
 }

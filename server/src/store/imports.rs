@@ -104,21 +104,21 @@ impl Store {
         let StoredStudy { id, config_hash, .. } = destination.study.clone();
         self.write_behind([Lock::Studies], move |db| {
             db.execute(
-                "DELETE FROM study_version WHERE study_id = ?1 \
-                     AND NOT EXISTS (SELECT 1 FROM participant WHERE study_id = ?1)",
+                "DELETE FROM study_version WHERE study_id = $1 \
+                     AND NOT EXISTS (SELECT 1 FROM participant WHERE study_id = $1)",
                 [id],
             )?;
             db.execute(
-                "DELETE FROM study WHERE id = ?1 \
-                     AND NOT EXISTS (SELECT 1 FROM participant WHERE study_id = ?1)",
+                "DELETE FROM study WHERE id = $1 \
+                     AND NOT EXISTS (SELECT 1 FROM participant WHERE study_id = $1)",
                 [id],
             )?;
             db.execute(
-                "DELETE FROM study_config WHERE hash = ?1 \
-                     AND NOT EXISTS (SELECT 1 FROM study WHERE config_hash = ?1) \
-                     AND NOT EXISTS (SELECT 1 FROM study_version WHERE config_hash = ?1) \
-                     AND NOT EXISTS (SELECT 1 FROM participant WHERE config_hash = ?1) \
-                     AND NOT EXISTS (SELECT 1 FROM safety_function WHERE config_hash = ?1)",
+                "DELETE FROM study_config WHERE hash = $1 \
+                     AND NOT EXISTS (SELECT 1 FROM study WHERE config_hash = $1) \
+                     AND NOT EXISTS (SELECT 1 FROM study_version WHERE config_hash = $1) \
+                     AND NOT EXISTS (SELECT 1 FROM participant WHERE config_hash = $1) \
+                     AND NOT EXISTS (SELECT 1 FROM safety_function WHERE config_hash = $1)",
                 [config_hash],
             )?;
             Ok(())
@@ -134,8 +134,8 @@ fn import(
     now_ms: i64,
 ) -> Result<Import, StoreError> {
     let mut is_there =
-        db.prepare_cached("SELECT 1 FROM participant WHERE study_id = ?1 AND import_hash = ?2")?;
-    let mut is_planned = db.prepare_cached("SELECT 1 FROM scene WHERE trial_id = ?1")?;
+        db.prepare_cached("SELECT 1 FROM participant WHERE study_id = $1 AND import_hash = $2")?;
+    let mut is_planned = db.prepare_cached("SELECT 1 FROM scene WHERE trial_id = $1")?;
     // Everything is checked before anything is written, so that a refusal changes nothing.
     let (mut skipped, mut new, mut ids) = (Vec::new(), Vec::new(), HashSet::new());
     for person in people {
@@ -155,8 +155,8 @@ fn import(
         db.prepare_cached(
             "INSERT INTO participant (id, study_id, number, config_hash, import_hash, \
                  enrolled_at_ms, last_seen_at_ms) \
-             VALUES (?1, ?2, coalesce((SELECT max(number) FROM participant \
-                 WHERE study_id = ?2 AND pilot = FALSE), 0) + 1, ?3, ?4, ?5, ?5)",
+             VALUES ($1, $2, coalesce((SELECT max(number) FROM participant \
+                 WHERE study_id = $2 AND pilot = FALSE), 0) + 1, $3, $4, $5, $5)",
         )?
         .execute(params![person.id, study.id, study.config_hash, person.hash, now_ms])?;
         if let Some(reason) = &person.exclusion {
@@ -178,10 +178,10 @@ fn import(
 
 fn delete(db: &Connection, id: &str) -> Result<(), StoreError> {
     for query in [
-        "DELETE FROM trial WHERE trial_id IN (SELECT trial_id FROM scene WHERE participant_id = ?1)",
-        "DELETE FROM scene WHERE participant_id = ?1",
-        "DELETE FROM exclusion WHERE participant_id = ?1",
-        "DELETE FROM participant WHERE id = ?1 AND import_hash IS NOT NULL",
+        "DELETE FROM trial WHERE trial_id IN (SELECT trial_id FROM scene WHERE participant_id = $1)",
+        "DELETE FROM scene WHERE participant_id = $1",
+        "DELETE FROM exclusion WHERE participant_id = $1",
+        "DELETE FROM participant WHERE id = $1 AND import_hash IS NOT NULL",
     ] {
         db.prepare_cached(query)?.execute([id])?;
     }

@@ -57,7 +57,7 @@ const COLUMNS: &str =
     "api_key.id, name, access, is_first, last_used_at_ms, revoked_at_ms IS NOT NULL";
 
 impl StoredKey {
-    fn of(row: &Row<'_>) -> Result<Self, StoreError> {
+    fn of(row: &Row) -> Result<Self, StoreError> {
         Ok(Self {
             id: row.get(0)?,
             name: row.get(1)?,
@@ -74,7 +74,7 @@ impl Store {
     pub async fn key(&self, hash: [u8; 32]) -> Result<Option<StoredKey>, StoreError> {
         self.read(move |db| {
             let mut statement =
-                db.prepare_cached(&format!("SELECT {COLUMNS} FROM api_key WHERE hash = ?1"))?;
+                db.prepare_cached(&format!("SELECT {COLUMNS} FROM api_key WHERE hash = $1"))?;
             statement.query_and_then([hash], StoredKey::of)?.next().transpose()
         })
         .await
@@ -86,7 +86,7 @@ impl Store {
     /// [`StoreError`] if the database cannot be read.
     pub async fn is_valid_key(&self, id: i64) -> Result<bool, StoreError> {
         self.read(move |db| {
-            let query = "SELECT 1 FROM api_key WHERE id = ?1 AND revoked_at_ms IS NULL";
+            let query = "SELECT 1 FROM api_key WHERE id = $1 AND revoked_at_ms IS NULL";
             Ok(db.prepare_cached(query)?.exists([id])?)
         })
         .await
@@ -134,7 +134,7 @@ impl Store {
     ) -> Result<Option<KeySummary>, StoreError> {
         let name = name.to_owned();
         self.write([Lock::Keys], move |db| {
-            let query = "SELECT 1 FROM api_key WHERE lower(name) = lower(?1)";
+            let query = "SELECT 1 FROM api_key WHERE lower(name) = lower($1)";
             let is_reserved = RESERVED.iter().any(|other| name.eq_ignore_ascii_case(other));
             if is_reserved || db.prepare_cached(query)?.exists([&name])? {
                 return Ok(None);
@@ -151,7 +151,7 @@ impl Store {
         self.write([Lock::Keys], move |db| {
             let found: Option<(String, bool, bool)> = db
                 .query_row(
-                    "SELECT name, is_first, revoked_at_ms IS NOT NULL FROM api_key WHERE id = ?1",
+                    "SELECT name, is_first, revoked_at_ms IS NOT NULL FROM api_key WHERE id = $1",
                     [id],
                     |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
                 )
@@ -164,9 +164,9 @@ impl Store {
             }
             // First, since a key may revoke itself.
             audit::add(db, &entry)?;
-            let revoke = "UPDATE api_key SET revoked_at_ms = ?2 WHERE id = ?1";
+            let revoke = "UPDATE api_key SET revoked_at_ms = $2 WHERE id = $1";
             db.execute(revoke, params![id, entry.at_ms])?;
-            db.execute("DELETE FROM session WHERE key_id = ?1", [id])?;
+            db.execute("DELETE FROM session WHERE key_id = $1", [id])?;
             Ok(Revocation::Revoked)
         })
         .await
@@ -175,7 +175,7 @@ impl Store {
     /// Notes that a key is used now.
     pub async fn note_use(&self, id: i64, now_ms: i64) -> Result<(), StoreError> {
         self.write([], move |db| {
-            let note = "UPDATE api_key SET last_used_at_ms = ?2 WHERE id = ?1";
+            let note = "UPDATE api_key SET last_used_at_ms = $2 WHERE id = $1";
             db.prepare_cached(note)?.execute([id, now_ms])?;
             Ok(())
         })
@@ -191,9 +191,9 @@ impl Store {
         entry: NewEntry,
     ) -> Result<(), StoreError> {
         self.write([], move |db| {
-            db.execute("DELETE FROM session WHERE expires_at_ms <= ?1", [entry.at_ms])?;
+            db.execute("DELETE FROM session WHERE expires_at_ms <= $1", [entry.at_ms])?;
             db.execute(
-                "INSERT INTO session (hash, expires_at_ms, key_id) VALUES (?1, ?2, ?3)",
+                "INSERT INTO session (hash, expires_at_ms, key_id) VALUES ($1, $2, $3)",
                 params![hash, expires_at_ms, key_id],
             )?;
             audit::add(db, &entry)
@@ -206,9 +206,9 @@ impl Store {
         self.read(move |db| {
             let mut statement = db.prepare_cached(&format!(
                 "SELECT {COLUMNS} FROM session LEFT JOIN api_key ON api_key.id = session.key_id \
-                 WHERE session.hash = ?1 AND expires_at_ms > ?2"
+                 WHERE session.hash = $1 AND expires_at_ms > $2"
             ))?;
-            let holder = |row: &Row<'_>| match row.get::<_, Option<i64>>(0)? {
+            let holder = |row: &Row| match row.get::<_, Option<i64>>(0)? {
                 Some(_) => Ok(Holder::Key(StoredKey::of(row)?)),
                 None => Ok(Holder::Environment),
             };
@@ -220,7 +220,7 @@ impl Store {
     /// Ends a session.
     pub async fn end_session(&self, hash: [u8; 32]) -> Result<(), StoreError> {
         self.write([], move |db| {
-            db.execute("DELETE FROM session WHERE hash = ?1", [hash])?;
+            db.execute("DELETE FROM session WHERE hash = $1", [hash])?;
             Ok(())
         })
         .await
@@ -239,17 +239,17 @@ fn insert(
     now_ms: i64,
 ) -> Result<i64, StoreError> {
     let query = "INSERT INTO api_key (name, hash, access, is_first, created_at_ms) \
-                 VALUES (?1, ?2, ?3, ?4, ?5) RETURNING id";
+                 VALUES ($1, $2, $3, $4, $5) RETURNING id";
     let new = params![name, hash, access.word(), is_first, now_ms];
     Ok(db.query_row(query, new, |row| row.get(0))?)
 }
 
 fn summary(db: &Connection, id: i64) -> Result<Option<KeySummary>, StoreError> {
-    let mut statement = db.prepare_cached(&format!("{SUMMARIES} WHERE id = ?1"))?;
+    let mut statement = db.prepare_cached(&format!("{SUMMARIES} WHERE id = $1"))?;
     statement.query_and_then([id], summary_of)?.next().transpose()
 }
 
-fn summary_of(row: &Row<'_>) -> Result<KeySummary, StoreError> {
+fn summary_of(row: &Row) -> Result<KeySummary, StoreError> {
     Ok(KeySummary {
         id: row.get(0)?,
         name: row.get(1)?,

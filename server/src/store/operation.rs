@@ -11,6 +11,8 @@ pub(super) trait Operation: Send {
     fn is_wanted(&self) -> bool;
     /// Does the work in a transaction. After an error, what it did is rolled back; it may run again then.
     fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
+    /// Notes that what the work had put off has failed.
+    fn fail(&mut self, error: &StoreError);
     /// Answers, after the commit has succeeded or failed.
     fn answer(self: Box<Self>, committed: Result<(), StoreError>);
 }
@@ -50,6 +52,10 @@ where
         let error = found.as_ref().err().cloned();
         self.found = Some(found);
         error.map_or(Ok(()), Err)
+    }
+
+    fn fail(&mut self, error: &StoreError) {
+        self.found = Some(Err(error.clone()));
     }
 
     fn answer(self: Box<Self>, committed: Result<(), StoreError>) {

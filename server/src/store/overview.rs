@@ -1,6 +1,6 @@
 //! The studies of a database at a glance: their state, and how many people are how far.
 
-use super::sql::{self, Connection, Row, named_params};
+use super::sql::{self, Connection, Row, params};
 use super::{Store, StoreError};
 use serde::Deserialize;
 use sidestep::api::StudySummary;
@@ -77,15 +77,14 @@ fn summaries(
                  count(*) FILTER (WHERE pilot) AS pilots, \
                  count(*) FILTER (WHERE NOT pilot AND complete) AS complete, \
                  count(*) FILTER (WHERE NOT (pilot OR complete OR withdrawn OR screened_out \
-                     OR imported) AND last_seen_at_ms >= :active_since) AS active, \
+                     OR imported) AND last_seen_at_ms >= $2) AS active, \
                  count(*) FILTER (WHERE NOT pilot AND doubtful) AS doubtful, \
                  CAST(sum(stored) FILTER (WHERE NOT pilot) AS BIGINT) AS trials, \
                  max(last_seen_at_ms) FILTER (WHERE NOT pilot) AS last_seen_at_ms \
              FROM tally GROUP BY study_id) AS counts ON counts.study_id = study.id \
-         WHERE :slug IS NULL OR slug = :slug ORDER BY study.id",
+         WHERE $1 IS NULL OR slug = $1 ORDER BY study.id",
     )?;
-    let chosen = named_params! { ":slug": slug, ":active_since": now_ms - ACTIVE_MS };
-    let summary = |row: &Row<'_>| {
+    let summary = |row: &Row| {
         let count = |name: &str| -> sql::Result<u64> {
             Ok(row.get::<_, Option<i64>>(name)?.unwrap_or(0).unsigned_abs())
         };
@@ -107,5 +106,5 @@ fn summaries(
             last_seen_at_ms: row.get("last_seen_at_ms")?,
         })
     };
-    statement.query_and_then(chosen, summary)?.collect()
+    statement.query_and_then(params![slug, now_ms - ACTIVE_MS], summary)?.collect()
 }

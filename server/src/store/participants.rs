@@ -48,7 +48,7 @@ pub(super) const COLUMNS: &str = "participant.id, participant.study_id, number, 
 
 impl Participant {
     /// Reads the columns [`COLUMNS`].
-    pub(super) fn of(row: &Row<'_>) -> sql::Result<Self> {
+    pub(super) fn of(row: &Row) -> sql::Result<Self> {
         Ok(Self {
             id: row.get(0)?,
             study_id: row.get(1)?,
@@ -114,7 +114,7 @@ impl Visitor {
     pub(super) const WIDTH: usize = 19;
 
     /// Reads the columns [`COLUMNS`] and [`TOKEN`].
-    pub(super) fn of(row: &Row<'_>) -> Result<Self, StoreError> {
+    pub(super) fn of(row: &Row) -> Result<Self, StoreError> {
         let scope: String = row.get(15)?;
         let scopes = [Scope::Full, Scope::Continue];
         let known = scopes.into_iter().find(|known| known.word() == scope);
@@ -176,7 +176,7 @@ impl Store {
                 "SELECT {COLUMNS}, {TOKEN} FROM participant_token \
                  JOIN participant ON participant.id = participant_token.participant_id \
                  JOIN study ON study.id = participant.study_id \
-                 WHERE participant_token.hash = ?1"
+                 WHERE participant_token.hash = $1"
             ))?;
             let mut found = statement.query_and_then([token_hash], Visitor::of)?;
             found.next().transpose()
@@ -216,8 +216,8 @@ impl Store {
             let needs_one: bool = db
                 .prepare_cached(
                     "SELECT EXISTS (SELECT 1 FROM participant \
-                         WHERE id = ?1 AND withdrawn_at_ms IS NULL) \
-                     AND NOT EXISTS (SELECT 1 FROM scene WHERE participant_id = ?1)",
+                         WHERE id = $1 AND withdrawn_at_ms IS NULL) \
+                     AND NOT EXISTS (SELECT 1 FROM scene WHERE participant_id = $1)",
                 )?
                 .query_row([&id], |row| row.get(0))?;
             if !needs_one {
@@ -252,7 +252,7 @@ impl Store {
                      understood_at_ms IS NOT NULL OR completed_at_ms IS NOT NULL OR EXISTS \
                          (SELECT 1 FROM scene JOIN trial ON trial.trial_id = scene.trial_id \
                           WHERE participant_id = participant.id), \
-                     screened_out_at_ms IS NOT NULL FROM participant WHERE id = ?1",
+                     screened_out_at_ms IS NOT NULL FROM participant WHERE id = $1",
                 [&id],
                 |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
             )?;
@@ -265,15 +265,15 @@ impl Store {
                 |attempts| most > 0 && (attempts > most || (attempts == most && !passed));
             if let Some(hash) = continues {
                 let count = "UPDATE participant_token SET check_attempts = check_attempts + 1 \
-                             WHERE hash = ?1 RETURNING check_attempts";
+                             WHERE hash = $1 RETURNING check_attempts";
                 let own: i64 = db.query_row(count, [hash], |row| row.get(0))?;
                 if passed && !has_failed(own) {
                     db.execute(
-                        "UPDATE participant SET understood_at_ms = ?3, last_seen_at_ms = ?3, \
+                        "UPDATE participant SET understood_at_ms = $3, last_seen_at_ms = $3, \
                              comprehension_attempts = CASE \
-                                 WHEN comprehension_attempts < ?2 THEN ?2 \
+                                 WHEN comprehension_attempts < $2 THEN $2 \
                                  ELSE comprehension_attempts END \
-                         WHERE id = ?1",
+                         WHERE id = $1",
                         params![id, own, now_ms],
                     )?;
                 }
@@ -283,10 +283,10 @@ impl Store {
             let attempts = before.max(attempts);
             let is_over = has_failed(attempts);
             db.execute(
-                "UPDATE participant SET comprehension_attempts = ?2, last_seen_at_ms = ?3, \
-                     understood_at_ms = CASE WHEN ?4 THEN ?3 END, \
-                     screened_out_at_ms = CASE WHEN ?5 THEN ?3 END, \
-                     holds_place = (holds_place AND NOT ?5) WHERE id = ?1",
+                "UPDATE participant SET comprehension_attempts = $2, last_seen_at_ms = $3, \
+                     understood_at_ms = CASE WHEN $4 THEN $3 END, \
+                     screened_out_at_ms = CASE WHEN $5 THEN $3 END, \
+                     holds_place = (holds_place AND NOT $5) WHERE id = $1",
                 params![id, attempts, now_ms, passed && !is_over, is_over],
             )?;
             Ok(is_over)
@@ -306,13 +306,13 @@ impl Store {
         let (id, replaces) = (participant_id.to_owned(), scope == Scope::Full);
         self.write([Lock::Participant(id.clone())], move |db| {
             let changed = db.execute(
-                "UPDATE participant SET answers = ?2, answered_at_ms = ?3, last_seen_at_ms = ?3 \
-                 WHERE id = ?1 AND completed_at_ms IS NULL AND withdrawn_at_ms IS NULL \
-                     AND (?4 OR answered_at_ms IS NULL)",
+                "UPDATE participant SET answers = $2, answered_at_ms = $3, last_seen_at_ms = $3 \
+                 WHERE id = $1 AND completed_at_ms IS NULL AND withdrawn_at_ms IS NULL \
+                     AND ($4 OR answered_at_ms IS NULL)",
                 params![id, answers, now_ms, replaces],
             )?;
             let mut same =
-                db.prepare_cached("SELECT 1 FROM participant WHERE id = ?1 AND answers = ?2")?;
+                db.prepare_cached("SELECT 1 FROM participant WHERE id = $1 AND answers = $2")?;
             Ok(changed > 0 || same.exists(params![id, answers])?)
         })
         .await
@@ -331,11 +331,11 @@ impl Store {
         self.write([Lock::Participant(id.clone())], move |db| {
             let (of, stored, withdrawn, answered, complete): (i64, i64, bool, bool, bool) = db
                 .query_row(
-                    "SELECT (SELECT count(*) FROM scene WHERE participant_id = ?1), \
+                    "SELECT (SELECT count(*) FROM scene WHERE participant_id = $1), \
                          (SELECT count(*) FROM scene JOIN trial ON trial.trial_id = scene.trial_id \
-                          WHERE participant_id = ?1), \
+                          WHERE participant_id = $1), \
                          withdrawn_at_ms IS NOT NULL, answered_at_ms IS NOT NULL, \
-                         completed_at_ms IS NOT NULL FROM participant WHERE id = ?1",
+                         completed_at_ms IS NOT NULL FROM participant WHERE id = $1",
                     [&id],
                     |row| {
                         let [of, stored] = [row.get(0)?, row.get(1)?];
@@ -355,19 +355,19 @@ impl Store {
             }
             if !complete {
                 db.execute(
-                    "UPDATE participant SET completion_code = ?2, completed_at_ms = ?3, \
-                         last_seen_at_ms = ?3 WHERE id = ?1",
+                    "UPDATE participant SET completion_code = $2, completed_at_ms = $3, \
+                         last_seen_at_ms = $3 WHERE id = $1",
                     params![id, code, now_ms],
                 )?;
                 db.execute(
-                    "UPDATE participant_token SET completed = TRUE WHERE hash = ?1",
+                    "UPDATE participant_token SET completed = TRUE WHERE hash = $1",
                     [token_hash],
                 )?;
             }
             let (code, completed): (String, bool) = db.query_row(
                 "SELECT completion_code, \
-                     (SELECT completed FROM participant_token WHERE hash = ?2) \
-                 FROM participant WHERE id = ?1",
+                     (SELECT completed FROM participant_token WHERE hash = $2) \
+                 FROM participant WHERE id = $1",
                 params![id, token_hash],
                 |row| Ok((row.get(0)?, row.get(1)?)),
             )?;
@@ -413,7 +413,7 @@ impl Store {
         let deleted = self
             .write([Lock::Study(study_id)], move |db| {
                 const PILOTS: &str =
-                    "SELECT id FROM participant WHERE study_id = ?1 AND pilot = TRUE";
+                    "SELECT id FROM participant WHERE study_id = $1 AND pilot = TRUE";
                 for statement in [
                     format!(
                         "DELETE FROM trial WHERE trial_id IN \
@@ -424,7 +424,7 @@ impl Store {
                 ] {
                     db.execute(&statement, [study_id])?;
                 }
-                let delete = "DELETE FROM participant WHERE study_id = ?1 AND pilot = TRUE";
+                let delete = "DELETE FROM participant WHERE study_id = $1 AND pilot = TRUE";
                 let deleted = db.execute(delete, [study_id])?;
                 entry.subject = Some(deleted.to_string());
                 audit::add(db, &entry)?;
@@ -443,7 +443,7 @@ impl Store {
         pilots: bool,
     ) -> Result<Vec<String>, StoreError> {
         self.read_long(move |db| {
-            let query = "SELECT id FROM participant WHERE study_id = ?1 AND (?2 OR pilot = FALSE) \
+            let query = "SELECT id FROM participant WHERE study_id = $1 AND ($2 OR pilot = FALSE) \
                          ORDER BY pilot, number";
             let mut statement = db.prepare_cached(query)?;
             let ids = statement.query_map(params![study_id, pilots], |row| row.get(0))?;
@@ -456,8 +456,8 @@ impl Store {
 /// Ends a participation and frees its place.
 pub(super) fn withdraw(db: &Connection, id: &str, now_ms: i64) -> Result<(), StoreError> {
     db.execute(
-        "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2), \
-             holds_place = FALSE WHERE id = ?1",
+        "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, $2), \
+             holds_place = FALSE WHERE id = $1",
         params![id, now_ms],
     )?;
     Ok(())
@@ -468,25 +468,25 @@ pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
     analyses::withdraw(db, id)?;
     for statement in [
         "DELETE FROM trial WHERE trial_id IN \
-             (SELECT trial_id FROM scene WHERE participant_id = ?1)",
-        "DELETE FROM scene WHERE participant_id = ?1",
+             (SELECT trial_id FROM scene WHERE participant_id = $1)",
+        "DELETE FROM scene WHERE participant_id = $1",
         "UPDATE tally SET next_phase = NULL, familiarisation = 0, practice = 0, task = 0, \
              late_sample = 0, focus_lost = 0, interrupted = 0, never_steered = 0, \
              always_steered = 0, danger_entered = 0, same_timing = 0, waiting = 0 \
-             WHERE participant_id = ?1",
-        "DELETE FROM note WHERE participant_id = ?1",
-        "DELETE FROM exclusion WHERE participant_id = ?1",
+             WHERE participant_id = $1",
+        "DELETE FROM note WHERE participant_id = $1",
+        "DELETE FROM exclusion WHERE participant_id = $1",
         "UPDATE participant SET data_deleted = TRUE, external_id = NULL, external_key = NULL, \
              request_hash = NULL, locale = NULL, screen = NULL, parameters = NULL, \
              consent_language = NULL, consent_hash = NULL, place = NULL, seed = NULL, \
              comprehension_attempts = 0, understood_at_ms = NULL, answers = NULL, \
              answered_at_ms = NULL, completion_code = NULL, completed_at_ms = NULL, \
-             screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = ?1",
+             screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = $1",
         // Their hashes stay: the deletion can be repeated, and every browser of the participant learns
         // of it.
         "UPDATE participant_token SET completed = FALSE, check_attempts = 0, created_at_ms = \
-             (SELECT enrolled_at_ms FROM participant WHERE id = ?1) \
-             WHERE participant_id = ?1",
+             (SELECT enrolled_at_ms FROM participant WHERE id = $1) \
+             WHERE participant_id = $1",
     ] {
         db.execute(statement, [id])?;
     }
@@ -510,7 +510,7 @@ pub(super) fn find(
     column: &'static str,
     value: &dyn sql::ToSql,
 ) -> Result<Option<Participant>, StoreError> {
-    let query = format!("SELECT {COLUMNS} FROM participant WHERE study_id = ?1 AND {column} = ?2");
+    let query = format!("SELECT {COLUMNS} FROM participant WHERE study_id = $1 AND {column} = $2");
     let mut statement = db.prepare_cached(&query)?;
     Ok(statement.query_row(params![study_id, value], Participant::of).optional()?)
 }

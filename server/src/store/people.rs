@@ -1,6 +1,6 @@
 //! The list of a study's participants: filtered, sorted and paged in the database.
 
-use super::sql::{Connection, Row, ToSql, named_params};
+use super::sql::{Connection, Row, ToSql, params};
 use super::{Store, StoreError};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -119,37 +119,36 @@ impl Store {
     }
 }
 
-/// The ids of the participants with the number, external id or completion code that is searched for.
-const FOUND: &str = "SELECT id FROM participant \
-         WHERE study_id = :study AND pilot = :pilot AND number = :search_number \
-     UNION ALL SELECT id FROM participant WHERE study_id = :study AND pilot = :pilot AND :identities \
-         AND external_id IS NOT NULL AND lower(external_id) = :search \
-     UNION ALL SELECT id FROM participant WHERE study_id = :study AND pilot = :pilot AND :identities \
-         AND completion_code IS NOT NULL AND lower(completion_code) = :search";
+/// The ids of the participants of study $1 and pilots $2 with the number, external id or completion code that is
+/// searched for, which are the parameters from `first` on.
+fn found(first: usize) -> String {
+    let [number, text, identities] = [0, 1, 2].map(|i| format!("${}", first + i));
+    format!(
+        "SELECT id FROM participant WHERE study_id = $1 AND pilot = $2 AND number = {number} \
+         UNION ALL SELECT id FROM participant WHERE study_id = $1 AND pilot = $2 AND {identities} \
+             AND external_id IS NOT NULL AND lower(external_id) = {text} \
+         UNION ALL SELECT id FROM participant WHERE study_id = $1 AND pilot = $2 AND {identities} \
+             AND completion_code IS NOT NULL AND lower(completion_code) = {text}"
+    )
+}
 
 fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<ParticipantPage, StoreError> {
     let stage = asked.stage.map(Stage::word);
     let search = asked.search.as_ref().map(|text| text.trim().to_lowercase());
     let search_number = search.as_ref().and_then(|text| text.parse::<i64>().ok());
-    let mut filter = "study_id = :study AND pilot = :pilot".to_owned();
-    let mut chosen: Vec<(&str, &dyn ToSql)> =
-        vec![(":study", &study_id), (":pilot", &asked.pilots)];
+    let mut filter = "study_id = $1 AND pilot = $2".to_owned();
+    let mut chosen: Vec<&dyn ToSql> = vec![&study_id, &asked.pilots];
     if stage.is_some() {
-        filter += " AND stage = :stage";
-        chosen.push((":stage", &stage));
+        chosen.push(&stage);
+        filter += &format!(" AND stage = ${}", chosen.len());
     }
     if let Some(having) = asked.having {
         // Names of columns come from this program alone; what was asked for is bound.
         filter += &format!(" AND {}", having.condition());
     }
     if search.is_some() {
-        filter += &format!(" AND participant_id IN ({FOUND})");
-        let identities = (":identities", &asked.identities as &dyn ToSql);
-        chosen.extend([
-            (":search", &search as _),
-            (":search_number", &search_number as _),
-            identities,
-        ]);
+        filter += &format!(" AND participant_id IN ({})", found(chosen.len() + 1));
+        chosen.extend([&search_number as &dyn ToSql, &search, &asked.identities]);
     }
     let stages = stages(db, study_id, asked.pilots)?;
     let total = if asked.having.is_none() && search.is_none() {
@@ -161,13 +160,14 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
             .unsigned_abs()
     };
     let (by, order) = (asked.sort.column(), if asked.descending { "DESC" } else { "ASC" });
+    let [limit, offset] = [1, 2].map(|i| format!("${}", chosen.len() + i));
     // The rows of the page are found first: only they are joined.
     let mut statement = db.prepare_cached(&format!(
         "{SUMMARY} WHERE tally.participant_id IN (SELECT participant_id FROM tally WHERE {filter} \
-             ORDER BY {by} {order}, number LIMIT :limit OFFSET :offset) \
+             ORDER BY {by} {order}, number LIMIT {limit} OFFSET {offset}) \
          ORDER BY tally.{by} {order}, tally.number"
     ))?;
-    chosen.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
+    chosen.extend([&asked.limit as &dyn ToSql, &asked.offset]);
     let mut participants: Vec<ParticipantSummary> =
         statement.query_and_then(&chosen[..], summary_of)?.collect::<Result<_, StoreError>>()?;
     if !asked.identities {
@@ -180,27 +180,26 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
 
 fn stages(db: &Connection, study_id: i64, pilots: bool) -> Result<Vec<StageCount>, StoreError> {
     let mut statement = db.prepare_cached(
-        "SELECT stage, count(*) FROM tally WHERE study_id = :study AND pilot = :pilot GROUP BY stage",
+        "SELECT stage, count(*) FROM tally WHERE study_id = $1 AND pilot = $2 GROUP BY stage",
     )?;
-    let count = |row: &Row<'_>| {
+    let count = |row: &Row| {
         let participants = row.get::<_, i64>(1)?.unsigned_abs();
         Ok(StageCount { stage: stage_of(row.get(0)?)?, participants })
     };
-    let chosen = named_params! { ":study": study_id, ":pilot": pilots };
-    let mut counts: Vec<StageCount> =
-        statement.query_and_then(chosen, count)?.collect::<Result<_, StoreError>>()?;
+    let mut counts: Vec<StageCount> = statement
+        .query_and_then(params![study_id, pilots], count)?
+        .collect::<Result<_, StoreError>>()?;
     counts.sort_by_key(|count| Stage::ALL.iter().position(|stage| *stage == count.stage));
     Ok(counts)
 }
 
 /// The participant with this id, as in the list.
 pub(super) fn person(db: &Connection, id: &str) -> Result<Option<ParticipantSummary>, StoreError> {
-    let mut statement =
-        db.prepare_cached(&format!("{SUMMARY} WHERE tally.participant_id = :id"))?;
-    statement.query_and_then(named_params! { ":id": id }, summary_of)?.next().transpose()
+    let mut statement = db.prepare_cached(&format!("{SUMMARY} WHERE tally.participant_id = $1"))?;
+    statement.query_and_then([id], summary_of)?.next().transpose()
 }
 
-fn summary_of(row: &Row<'_>) -> Result<ParticipantSummary, StoreError> {
+fn summary_of(row: &Row) -> Result<ParticipantSummary, StoreError> {
     Ok(ParticipantSummary {
         participant_id: row.get("id")?,
         number: row.get("number")?,

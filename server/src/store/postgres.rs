@@ -6,43 +6,39 @@
 //! database, or the one that took its place, is back.
 
 mod address;
-mod lookups;
-mod migrations;
-mod pool;
+mod sessions;
 mod trials;
 
 use super::error::StoreError;
 use super::lanes::{Lane, Lock};
+use super::migrations::{self, Failure, State};
 use super::misfit::Misfit;
 use super::operation::operation;
-use super::sql::{Connection, Question};
+use super::sql::Connection;
 use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use address::Address;
-use lookups::{Lookup, Lookups};
-use migrations::State;
-use pool::Pool;
+use sessions::Sessions;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
+use tokio::runtime::Handle;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task;
 use trials::{Trials, Waiting};
 
 /// Most sessions for each purpose. Those that write trials take turns with those of other servers.
-const SESSIONS: [usize; 6] = [4, 2, 1, 5, 4, 1];
+const SESSIONS: [usize; 5] = [4, 2, 1, 5, 4];
 
-/// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, to read many,
-/// and to look up who uploads a trial.
+/// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, to read many.
 const TRIALS: usize = 0;
 const REQUESTS: usize = 1;
 const JOBS: usize = 2;
 const READS: usize = 3;
 const LONG_READS: usize = 4;
-const LOOKUPS: usize = 5;
 
 /// Most operations that wait for a session of one kind; further ones are refused.
 const QUEUE: usize = 1_024;
@@ -51,8 +47,10 @@ const QUEUE: usize = 1_024;
 const WATCH: Duration = Duration::from_millis(500);
 
 /// The end of a transaction that writes. In one that a statement has broken, COMMIT rolls back without an
-/// error, but no query succeeds. Afterwards, and not before, other servers are to look.
-const COMMIT: &str = "SELECT 1; COMMIT; SELECT nextval('changed')";
+/// error, but no query succeeds. It tells up to where the write-ahead log is acknowledged
+/// with this commit. Afterwards, and not before, other servers are to look.
+const COMMIT: &str = "SELECT CAST(pg_current_wal_insert_lsn() - '0/0' AS BIGINT); COMMIT; \
+     SELECT nextval('changed')";
 
 /// How long the database may take to say that it takes writes.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -63,16 +61,15 @@ pub(super) struct Postgres {
     /// The address without the password.
     name: String,
     shared: Arc<Shared>,
-    kinds: [Kind; 6],
+    kinds: [Kind; 5],
     /// Of which an enrolment needs one, besides its session, while trials come.
     enrolments: Kind,
 }
 
 /// What operations take along to their threads.
 struct Shared {
-    pool: Pool,
+    sessions: Sessions,
     trials: Trials,
-    lookups: Lookups,
     committed: watch::Sender<u64>,
     observed: Commits,
 }
@@ -132,11 +129,15 @@ impl Postgres {
             StoreError::Unavailable(reason) => unusable(reason),
             other => unusable(other.to_string()),
         };
-        let pool = Pool::new(address.config.clone(), address.tls.clone());
-        let db = pool.connect().map_err(refused)?;
-        let misfit = |failure: migrations::Failure| match failure {
-            migrations::Failure::Unusable(error) => refused(error),
-            migrations::Failure::Misfit(reason) => {
+        // The one that looks for what others have stored needs one more.
+        let count = SESSIONS.iter().sum::<usize>() + 1;
+        let runtime = Handle::current();
+        let sessions = Sessions::new(&address, count as u32, runtime);
+        let db = sessions.take().map_err(refused)?;
+        check_schema(&db).map_err(refused)?;
+        let misfit = |failure: Failure| match failure {
+            Failure::Unusable(error) => refused(error),
+            Failure::Misfit(reason) => {
                 OpenError::Version { database: address.name.clone(), reason }
             }
         };
@@ -157,13 +158,13 @@ impl Postgres {
             migrations::apply(&db).map_err(misfit)?;
             check_rights(&db).map_err(refused)?;
         }
-        pool.give_back(db);
-        let mut sessions = SESSIONS;
+        drop(db);
+        let mut counts = SESSIONS;
         // More would only wait for a turn.
-        sessions[TRIALS] = sessions[TRIALS].min(pool.writers());
-        let (kinds, enrolments) = (sessions.map(Kind::new), Kind::new(1));
-        let (trials, lookups, observed) = Default::default();
-        let shared = Shared { pool, trials, lookups, committed: watch::Sender::new(0), observed };
+        counts[TRIALS] = counts[TRIALS].min(sessions.writers());
+        let (kinds, enrolments) = (counts.map(Kind::new), Kind::new(1));
+        let (trials, observed) = Default::default();
+        let shared = Shared { sessions, trials, committed: watch::Sender::new(0), observed };
         Ok(Self { name: database, shared: Arc::new(shared), kinds, enrolments })
     }
 
@@ -224,7 +225,7 @@ impl Postgres {
     pub(super) fn sessions(&self) -> [usize; 2] {
         let busy =
             |kind: &Kind| (kind.sessions as usize).saturating_sub(kind.free.available_permits());
-        [self.kinds.iter().map(busy).sum(), self.shared.pool.count()]
+        [self.kinds.iter().map(busy).sum(), self.shared.sessions.idle()]
     }
 
     /// Waits for what is under way, and gives the sessions up.
@@ -236,7 +237,7 @@ impl Postgres {
             }
             kind.free.close();
         }
-        self.shared.pool.close();
+        self.shared.sessions.close().await;
     }
 
     /// A few rows.
@@ -248,30 +249,9 @@ impl Postgres {
         let shared = Arc::clone(&self.shared);
         let reading = task::spawn_blocking(move || {
             let _turn = turn;
-            shared.pool.with(read)
+            shared.sessions.with(read)
         });
         reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
-    }
-
-    /// What one question finds: whoever gets the session asks all that wait.
-    pub(super) async fn look_up<T: Send + 'static>(
-        &self,
-        question: Question,
-        read: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
-    ) -> Result<T, StoreError> {
-        let (operation, mut answered) = operation(read);
-        self.shared.lookups.push(Lookup { question, operation })?;
-        let lost = |_| Err(StoreError::Defect("a lookup ended without an answer".to_owned()));
-        let turn = tokio::select! {
-            answer = &mut answered => return answer.unwrap_or_else(lost),
-            turn = self.kinds[LOOKUPS].turn() => turn?,
-        };
-        let shared = Arc::clone(&self.shared);
-        task::spawn_blocking(move || {
-            let _turn = turn;
-            shared.look_up();
-        });
-        answered.await.unwrap_or_else(lost)
     }
 
     /// Any number of rows, as they are at one instant.
@@ -313,11 +293,10 @@ impl Postgres {
     pub(super) async fn write_trial<T: Send + 'static>(
         &self,
         locks: Vec<Lock>,
-        question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         let (operation, mut answered) = operation(work);
-        self.shared.trials.push(Waiting { locks, question, operation })?;
+        self.shared.trials.push(Waiting { locks, operation })?;
         let lost = |_| Err(StoreError::Defect("a transaction ended without an answer".to_owned()));
         let turn = tokio::select! {
             answer = &mut answered => return answer.unwrap_or_else(lost),
@@ -362,14 +341,21 @@ impl Shared {
         [begin, commit]: [&str; 2],
         work: impl FnOnce(&Connection) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let db = self.pool.begin(begin)?;
+        let db = self.sessions.begin(begin)?;
         let found = catch_unwind(AssertUnwindSafe(|| work(&db)));
         let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
         let found = found.and_then(|found| db.settle().map(|()| found).map_err(StoreError::from));
-        let ended = if found.is_ok() { db.batch(commit) } else { db.roll_back() };
-        match ended {
-            Ok(()) => self.pool.give_back(db),
-            Err(_) => self.pool.forget(),
+        let ended = match found.is_ok() {
+            true if commit == COMMIT => {
+                db.batch_with_answer(COMMIT, |row| row.get(0)).map(|bytes| {
+                    self.sessions.note_acknowledged(bytes);
+                })
+            }
+            true => db.batch(commit),
+            false => db.roll_back("ROLLBACK"),
+        };
+        if ended.is_err() {
+            self.sessions.give_up(db);
         }
         let found = found?;
         ended?;
@@ -377,10 +363,26 @@ impl Shared {
     }
 }
 
+/// Checks that the user sees the schema. Without rights to it, it would look empty.
+fn check_schema(db: &Connection) -> Result<(), StoreError> {
+    if db.query_row("SELECT current_schema() IS NULL", [], |row| row.get(0))? {
+        let hidden =
+            "this user must not use the schema of the tables; GRANT USAGE ON SCHEMA (public) to it";
+        return Err(StoreError::Unavailable(hidden.to_owned()));
+    }
+    Ok(())
+}
+
+/// What a server writes to: every table but that of the migrations, and the sequence that tells other servers of changes.
+pub(super) const TABLES: &str = "study_config study study_version participant participant_token scene trial \
+     value_function safety_function api_key session audit note exclusion tally analysis analysis_participant \
+     analysis_file analysis_cell analysis_predictor analysis_trial predictor_kind predictor_participant throttle \
+     changed";
+
 /// Checks that the user may write whatever a server writes.
 fn check_rights(db: &Connection) -> Result<(), StoreError> {
     let asked = "SELECT coalesce(string_agg(name, ', '), '') \
-                 FROM unnest(string_to_array(?1, ' ')) AS name WHERE CASE \
+                 FROM unnest(string_to_array($1, ' ')) AS name WHERE CASE \
                  WHEN to_regclass(name) IS NULL THEN TRUE \
                  WHEN name = 'changed' THEN NOT (has_sequence_privilege(to_regclass(name), 'USAGE') \
                      AND has_sequence_privilege(to_regclass(name), 'SELECT')) \
@@ -388,7 +390,7 @@ fn check_rights(db: &Connection) -> Result<(), StoreError> {
                      AND has_table_privilege(to_regclass(name), 'INSERT') \
                      AND has_table_privilege(to_regclass(name), 'UPDATE') \
                      AND has_table_privilege(to_regclass(name), 'DELETE')) END";
-    let refused: String = db.query_row(asked, [migrations::TABLES], |row| row.get(0))?;
+    let refused: String = db.query_row(asked, [TABLES], |row| row.get(0))?;
     if refused.is_empty() {
         return Ok(());
     }
@@ -425,7 +427,7 @@ async fn watch_commits(shared: Weak<Shared>) {
         }
         let looking = task::spawn_blocking(move || {
             let marker = "SELECT last_value FROM changed";
-            let found = shared.pool.with(|db| Ok(db.query_row(marker, [], |row| row.get(0))?));
+            let found = shared.sessions.with(|db| Ok(db.query_row(marker, [], |row| row.get(0))?));
             (shared, found)
         });
         // While the database is away, requests say so.

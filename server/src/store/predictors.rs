@@ -2,7 +2,7 @@
 
 use super::analyses::Job;
 use super::lanes::Lock;
-use super::sql::{Connection, OptionalExtension, Row, ToSql, named_params, params};
+use super::sql::{Connection, OptionalExtension, Row, ToSql, params};
 use super::{Store, StoreError};
 use sidestep::api::{PredictorChoices, PredictorPage, PredictorSource, PredictorSummary, TrialUse};
 
@@ -77,8 +77,8 @@ impl Store {
             let mut insert = db.prepare_cached(
                 "INSERT INTO analysis_predictor (analysis, name, participant_number, place, model, \
                      experiment, feature_set, features, cv_accuracy, test_accuracy) \
-                 SELECT sequence, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11 FROM analysis \
-                 WHERE sequence = ?1 AND state = 'running' AND attempts = ?2",
+                 SELECT sequence, $3, $4, $5, $6, $7, $8, $9, $10, $11 FROM analysis \
+                 WHERE sequence = $1 AND state = 'running' AND attempts = $2",
             )?;
             for new in &predictors {
                 let columns = serde_json::to_string(&new.columns).map_err(StoreError::corrupt)?;
@@ -115,14 +115,14 @@ impl Store {
             // Somebody whose first trials came after the analysis had begun belongs to it as well.
             let mut join = db.prepare_cached(
                 "INSERT INTO analysis_participant (analysis, participant_id) \
-                 SELECT sequence, participant_id FROM analysis, scene WHERE trial_id = ?3 \
-                     AND sequence = ?1 AND state = 'running' AND attempts = ?2 \
+                 SELECT sequence, participant_id FROM analysis, scene WHERE trial_id = $3 \
+                     AND sequence = $1 AND state = 'running' AND attempts = $2 \
                  ON CONFLICT DO NOTHING",
             )?;
             let mut insert = db.prepare_cached(
                 "INSERT INTO analysis_trial (analysis, participant_id, trial_id, trains) \
-                 SELECT sequence, participant_id, trial_id, ?4 FROM analysis, scene \
-                 WHERE trial_id = ?3 AND sequence = ?1 AND state = 'running' AND attempts = ?2",
+                 SELECT sequence, participant_id, trial_id, $4 FROM analysis, scene \
+                 WHERE trial_id = $3 AND sequence = $1 AND state = 'running' AND attempts = $2",
             )?;
             for UsedTask { trial_id, trains } in &tasks {
                 join.execute(params![sequence, attempt, trial_id])?;
@@ -157,20 +157,20 @@ impl Store {
     }
 }
 
-/// The models of the analysis with the row number `:analysis`.
-const OF_ANALYSIS: &str = "analysis = :analysis \
-     AND (SELECT state FROM analysis WHERE sequence = :analysis) = 'done'";
+/// The models of the analysis with the row number `$1`.
+const OF_ANALYSIS: &str = "analysis = $1 \
+     AND (SELECT state FROM analysis WHERE sequence = $1) = 'done'";
 
 /// Those of them, or their kinds, that pass a filter; a participant's models are found by the index.
 fn filter(asked: &Selection) -> String {
     let participant = match asked.participant {
-        Some(_) => "participant_number = :participant",
-        None => ":participant IS NULL",
+        Some(_) => "participant_number = $2",
+        None => "$2 IS NULL",
     };
     format!(
-        "{OF_ANALYSIS} AND {participant} AND (:model IS NULL OR model = :model) \
-         AND (:experiment IS NULL OR experiment = :experiment) \
-         AND (:features IS NULL OR feature_set = :features)"
+        "{OF_ANALYSIS} AND {participant} AND ($3 IS NULL OR model = $3) \
+         AND ($4 IS NULL OR experiment = $4) \
+         AND ($5 IS NULL OR feature_set = $5)"
     )
 }
 
@@ -185,17 +185,12 @@ const COLUMNS: &str = "name, participant_number, model, experiment, feature_set,
          ORDER BY ordinal DESC LIMIT 1) AS newest_task";
 
 fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<PredictorPage>, StoreError> {
-    let query = "SELECT sequence FROM analysis WHERE id = ?1";
+    let query = "SELECT sequence FROM analysis WHERE id = $1";
     let mut analysis = db.prepare_cached(query)?;
     let analysis = analysis.query_row([id], |row| row.get::<_, i64>(0)).optional()?;
     let Some(analysis) = analysis else { return Ok(None) };
-    let mut bound: Vec<(&str, &dyn ToSql)> = vec![
-        (":analysis", &analysis),
-        (":participant", &asked.participant),
-        (":model", &asked.model),
-        (":experiment", &asked.experiment),
-        (":features", &asked.features),
-    ];
+    let mut bound: Vec<&dyn ToSql> =
+        vec![&analysis, &asked.participant, &asked.model, &asked.experiment, &asked.features];
     let filter = filter(asked);
     // A participant has a hundred models, an analysis perhaps a million.
     let query = match asked.participant {
@@ -205,12 +200,12 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
         ),
     };
     let total: i64 = db.prepare_cached(&query)?.query_row(&bound[..], |row| row.get(0))?;
-    bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
+    bound.extend([&asked.limit as &dyn ToSql, &asked.offset]);
     // The rows of the page are found first, by the index alone.
     let mut statement = db.prepare_cached(&format!(
         "SELECT {COLUMNS} FROM analysis_predictor WHERE id IN (SELECT id FROM analysis_predictor \
              WHERE {filter} ORDER BY participant_number, place \
-             LIMIT :limit OFFSET :offset) \
+             LIMIT $6 OFFSET $7) \
          ORDER BY participant_number, place"
     ))?;
     let predictors = statement.query_and_then(&bound[..], summary_of)?;
@@ -220,12 +215,11 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
 }
 
 fn choices(db: &Connection, analysis: i64) -> Result<PredictorChoices, StoreError> {
-    let of_analysis = named_params! { ":analysis": analysis };
     let mut participants = db.prepare_cached(&format!(
         "SELECT participant_number FROM predictor_participant WHERE {OF_ANALYSIS} \
          ORDER BY participant_number"
     ))?;
-    let participants = participants.query_map(of_analysis, |row| row.get(0))?;
+    let participants = participants.query_map([analysis], |row| row.get(0))?;
     let mut choices = PredictorChoices {
         participants: participants.collect::<Result<_, _>>()?,
         ..PredictorChoices::default()
@@ -233,10 +227,10 @@ fn choices(db: &Connection, analysis: i64) -> Result<PredictorChoices, StoreErro
     // An analysis trains the same models for each participant.
     let mut kinds = db.prepare_cached(
         "SELECT model, experiment, feature_set FROM analysis_predictor \
-         WHERE analysis = ?1 AND participant_number = ?2 ORDER BY place",
+         WHERE analysis = $1 AND participant_number = $2 ORDER BY place",
     )?;
     let first = choices.participants.first();
-    let kind = |row: &Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get(2)?));
+    let kind = |row: &Row| Ok((row.get(0)?, row.get(1)?, row.get(2)?));
     for found in kinds.query_map(params![analysis, first], kind)? {
         let (model, experiment, features) = found?;
         add(&mut choices.models, model);
@@ -253,7 +247,7 @@ fn add<T: PartialEq>(list: &mut Vec<T>, value: T) {
     }
 }
 
-fn summary_of(row: &Row<'_>) -> Result<PredictorSummary, StoreError> {
+fn summary_of(row: &Row) -> Result<PredictorSummary, StoreError> {
     let columns: String = row.get("features")?;
     Ok(PredictorSummary {
         file: row.get("name")?,
@@ -280,7 +274,7 @@ fn chosen(
              study.id = driver.study_id AS same_study, \
              study.id = driver.study_id AND driver.number = participant_number AS same_person, \
              (SELECT trains FROM analysis_trial WHERE analysis = sequence \
-                 AND participant_id = driver.id AND trial_id = :trial) AS trains, \
+                 AND participant_id = driver.id AND trial_id = $3) AS trains, \
              (SELECT {} FROM analysis_trial JOIN participant \
                      ON participant.id = analysis_trial.participant_id \
                  WHERE analysis = sequence AND number = participant_number AND trains) \
@@ -288,14 +282,14 @@ fn chosen(
          FROM analysis_predictor JOIN analysis ON analysis.sequence = analysis_predictor.analysis \
          JOIN study ON study.id = analysis.study_id \
          JOIN participant AS driver ON driver.id = \
-             (SELECT participant_id FROM scene WHERE trial_id = :trial) \
-         WHERE analysis.id = :id AND state = 'done' AND name = :file",
+             (SELECT participant_id FROM scene WHERE trial_id = $3) \
+         WHERE analysis.id = $1 AND state = 'done' AND name = $2",
         db.choose(
             "json_group_array(analysis_trial.trial_id)",
             "coalesce(CAST(json_agg(analysis_trial.trial_id) AS TEXT), '[]')"
         )
     ))?;
-    let chosen = |row: &Row<'_>| {
+    let chosen = |row: &Row| {
         let trial = match (row.get("same_study")?, row.get("same_person")?, row.get("trains")?) {
             (false, ..) => TrialUse::OtherStudy,
             (true, false, _) => TrialUse::OtherParticipant,
@@ -308,6 +302,5 @@ fn chosen(
         let trained_on = serde_json::from_str(&row.get::<_, String>("trained_on")?);
         Ok(ChosenPredictor { source, trained_on: trained_on.map_err(StoreError::corrupt)? })
     };
-    let named = named_params! { ":id": id, ":file": file, ":trial": trial_id };
-    statement.query_and_then(named, chosen)?.next().transpose()
+    statement.query_and_then([id, file, trial_id], chosen)?.next().transpose()
 }

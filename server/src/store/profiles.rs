@@ -59,7 +59,7 @@ impl Store {
             }
             let (at_ms, who) = (entry.at_ms, entry.who);
             let query = "INSERT INTO note (participant_id, text, at_ms, who) \
-                         VALUES (?1, ?2, ?3, ?4) RETURNING id";
+                         VALUES ($1, $2, $3, $4) RETURNING id";
             let id = db.query_row(query, params![id, text, at_ms, who], |row| row.get(0))?;
             Ok(Some(Note { id, text, at_ms, who }))
         })
@@ -79,7 +79,7 @@ impl Store {
         let id = id.to_owned();
         let deleted = self
             .write([Lock::Participant(id.clone())], move |db| {
-                let delete = "DELETE FROM note WHERE id = ?1 AND participant_id = ?2";
+                let delete = "DELETE FROM note WHERE id = $1 AND participant_id = $2";
                 Ok(db.execute(delete, params![note, id])? > 0 && said(db, &id, &entry)?)
             })
             .await?;
@@ -109,8 +109,8 @@ impl Store {
             if !said(db, &id, &entry)? {
                 return Ok(false);
             }
-            let end = "UPDATE exclusion SET ended_at_ms = ?2 \
-                       WHERE participant_id = ?1 AND ended_at_ms IS NULL";
+            let end = "UPDATE exclusion SET ended_at_ms = $2 \
+                       WHERE participant_id = $1 AND ended_at_ms IS NULL";
             db.execute(end, params![id, entry.at_ms])?;
             if let Some(reason) = reason {
                 put_exclusion(db, &id, &reason, entry.at_ms, &entry.who)?;
@@ -126,7 +126,7 @@ impl Store {
             let mut statement = db.prepare_cached(
                 "SELECT participant_id, reason FROM exclusion \
                  JOIN participant ON participant.id = participant_id \
-                 WHERE study_id = ?1 AND ended_at_ms IS NULL",
+                 WHERE study_id = $1 AND ended_at_ms IS NULL",
             )?;
             let rows = statement.query_map([study_id], |row| Ok((row.get(0)?, row.get(1)?)))?;
             Ok(rows.collect::<Result<_, _>>()?)
@@ -143,7 +143,7 @@ pub(super) fn put_exclusion(
     at_ms: i64,
     who: &str,
 ) -> Result<(), StoreError> {
-    let put = "INSERT INTO exclusion (participant_id, reason, at_ms, who) VALUES (?1, ?2, ?3, ?4)";
+    let put = "INSERT INTO exclusion (participant_id, reason, at_ms, who) VALUES ($1, $2, $3, $4)";
     db.execute(put, params![id, reason, at_ms, who])?;
     Ok(())
 }
@@ -160,7 +160,7 @@ fn said(db: &Connection, id: &str, entry: &NewEntry) -> Result<bool, StoreError>
 fn number(db: &Connection, id: &str) -> Result<Option<(String, String)>, StoreError> {
     let mut statement = db.prepare_cached(
         "SELECT slug, CASE WHEN pilot THEN 'pilot ' ELSE '' END || number FROM participant \
-         JOIN study ON study.id = study_id WHERE participant.id = ?1 AND NOT data_deleted",
+         JOIN study ON study.id = study_id WHERE participant.id = $1 AND NOT data_deleted",
     )?;
     Ok(statement.query_row([id], |row| Ok((row.get(0)?, row.get(1)?))).optional()?)
 }
@@ -168,26 +168,25 @@ fn number(db: &Connection, id: &str) -> Result<Option<(String, String)>, StoreEr
 fn exclusion(db: &Connection, id: &str) -> Result<Option<ExcludedBy>, StoreError> {
     let mut statement = db.prepare_cached(
         "SELECT reason, at_ms, who FROM exclusion \
-         WHERE participant_id = ?1 AND ended_at_ms IS NULL",
+         WHERE participant_id = $1 AND ended_at_ms IS NULL",
     )?;
-    let found = |row: &Row<'_>| {
-        Ok(ExcludedBy { reason: row.get(0)?, at_ms: row.get(1)?, who: row.get(2)? })
-    };
+    let found =
+        |row: &Row| Ok(ExcludedBy { reason: row.get(0)?, at_ms: row.get(1)?, who: row.get(2)? });
     Ok(statement.query_row([id], found).optional()?)
 }
 
 fn profile(db: &Connection, id: &str) -> Result<Option<Profile>, StoreError> {
     let Some(summary) = person(db, id)? else { return Ok(None) };
     let mut statement = db.prepare_cached(
-        "SELECT id, text, at_ms, who FROM note WHERE participant_id = ?1 ORDER BY id",
+        "SELECT id, text, at_ms, who FROM note WHERE participant_id = $1 ORDER BY id",
     )?;
-    let note = |row: &Row<'_>| {
+    let note = |row: &Row| {
         Ok(Note { id: row.get(0)?, text: row.get(1)?, at_ms: row.get(2)?, who: row.get(3)? })
     };
     let notes = statement.query_map([id], note)?.collect::<Result<_, _>>()?;
     let mut statement = db.prepare_cached(
         "SELECT slug, participant.config_hash, withdrawn_at_ms, data_deleted, answers, parameters \
-         FROM participant JOIN study ON study.id = study_id WHERE participant.id = ?1",
+         FROM participant JOIN study ON study.id = study_id WHERE participant.id = $1",
     )?;
     let profile = statement.query_row([id], |row| {
         let text = |at: usize| -> Result<String, StoreError> {

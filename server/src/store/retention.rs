@@ -54,9 +54,9 @@ impl Store {
     ) -> Result<Vec<Due>, StoreError> {
         self.read_long(move |db| {
             let query = format!(
-                "SELECT id, number, pilot FROM participant WHERE study_id = ?1 AND {} \
+                "SELECT id, number, pilot FROM participant WHERE study_id = $1 AND {} \
                  ORDER BY pilot, number",
-                due("?2", concern)
+                due("$2", concern)
             );
             let mut statement = db.prepare_cached(&query)?;
             let due = statement.query_map(params![study_id, before_ms], |row| {
@@ -74,7 +74,7 @@ impl Store {
         before_ms: i64,
     ) -> Result<Vec<String>, StoreError> {
         self.read_long(move |db| {
-            let query = "SELECT id FROM analysis WHERE study_id = ?1 AND ended_at_ms < ?2 \
+            let query = "SELECT id FROM analysis WHERE study_id = $1 AND ended_at_ms < $2 \
                          ORDER BY sequence";
             let mut statement = db.prepare_cached(query)?;
             let due = statement.query_map([study_id, before_ms], |row| row.get(0))?;
@@ -86,7 +86,7 @@ impl Store {
     /// How many entries of the audit trail are older than `before_ms`.
     pub async fn audit_due(&self, before_ms: i64) -> Result<i64, StoreError> {
         self.read_long(move |db| {
-            let query = "SELECT count(*) FROM audit WHERE at_ms < ?1";
+            let query = "SELECT count(*) FROM audit WHERE at_ms < $1";
             Ok(db.query_row(query, [before_ms], |row| row.get(0))?)
         })
         .await
@@ -108,7 +108,7 @@ impl Store {
         let locks = [Lock::Analyses, Lock::Participant(id.clone())];
         let deleted = self.write(locks, move |db| {
             let query =
-                format!("SELECT 1 FROM participant WHERE id = ?1 AND {}", due("?2", concern));
+                format!("SELECT 1 FROM participant WHERE id = $1 AND {}", due("$2", concern));
             let still = db.prepare_cached(&query)?.query_row(params![id, before_ms], |_| Ok(()));
             if still.optional()?.is_none() {
                 return Ok(false);
@@ -120,7 +120,7 @@ impl Store {
                 }
                 Concern::Identity => {
                     let forget = "UPDATE participant SET external_id = NULL, external_key = NULL, \
-                                  parameters = NULL WHERE id = ?1";
+                                  parameters = NULL WHERE id = $1";
                     db.execute(forget, [&id])?;
                 }
             }
@@ -142,7 +142,7 @@ impl Store {
         mut entry: NewEntry,
     ) -> Result<usize, StoreError> {
         self.write([], move |db| {
-            let deleted = db.execute("DELETE FROM audit WHERE at_ms < ?1", [before_ms])?;
+            let deleted = db.execute("DELETE FROM audit WHERE at_ms < $1", [before_ms])?;
             entry.subject = Some(deleted.to_string());
             audit::add(db, &entry)?;
             Ok(deleted)

@@ -60,9 +60,9 @@ impl Store {
                      parameters, answers, exclusion.at_ms, exclusion.reason \
                  FROM participant LEFT JOIN exclusion \
                      ON exclusion.participant_id = participant.id AND ended_at_ms IS NULL \
-                 WHERE study_id = ?1 AND pilot = ?2 ORDER BY number",
+                 WHERE study_id = $1 AND pilot = $2 ORDER BY number",
             )?;
-            let entry = |row: &Row<'_>| {
+            let entry = |row: &Row| {
                 let id: String = row.get(1)?;
                 let time = |i: usize| row.get::<_, Option<i64>>(8 + i);
                 Ok(RosterEntry {
@@ -103,10 +103,10 @@ fn trials(db: &Connection, study_id: i64) -> Result<HashMap<String, [i64; 3]>, S
         "SELECT participant.id, scene.phase, count(*) FROM participant \
          JOIN scene ON scene.participant_id = participant.id \
          JOIN trial ON trial.trial_id = scene.trial_id \
-         WHERE participant.study_id = ?1 GROUP BY participant.id, scene.phase",
+         WHERE participant.study_id = $1 GROUP BY participant.id, scene.phase",
     )?;
     let mut counts: HashMap<String, [i64; 3]> = HashMap::new();
-    let count = |row: &Row<'_>| {
+    let count = |row: &Row| {
         let (id, phase): (String, String) = (row.get(0)?, row.get(1)?);
         Ok::<_, StoreError>((id, phase, row.get::<_, i64>(2)?))
     };
@@ -120,7 +120,7 @@ fn trials(db: &Connection, study_id: i64) -> Result<HashMap<String, [i64; 3]>, S
 }
 
 /// A JSON object in a column; empty if the column is NULL.
-fn object<T: DeserializeOwned + Default>(row: &Row<'_>, at: usize) -> Result<T, StoreError> {
+fn object<T: DeserializeOwned + Default>(row: &Row, at: usize) -> Result<T, StoreError> {
     let text: Option<String> = row.get(at)?;
     text.map_or(Ok(T::default()), |text| serde_json::from_str(&text).map_err(StoreError::corrupt))
 }

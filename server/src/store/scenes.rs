@@ -45,7 +45,7 @@ pub(super) const SCENE: &str = "human_x, human_y, human_psi, robot_x, robot_y, r
                                 goal_x, goal_y";
 
 /// The scene in the columns [`SCENE`], which begin at `at`.
-pub(super) fn scene_of(row: &Row<'_>, at: usize) -> sql::Result<Scene> {
+pub(super) fn scene_of(row: &Row, at: usize) -> sql::Result<Scene> {
     let number = |i: usize| row.get::<_, f64>(at + i);
     Ok(Scene {
         human: Pose::from([number(0)?, number(1)?, number(2)?]),
@@ -95,11 +95,11 @@ pub(super) fn repeat(db: &Connection, trial_id: &str, new_id: &str) -> Result<()
     db.prepare_cached(
         "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, attempt, human_x, \
              human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) \
-         SELECT ?2, participant_id, (SELECT max(ordinal) + 1 FROM scene AS other \
+         SELECT $2, participant_id, (SELECT max(ordinal) + 1 FROM scene AS other \
                  WHERE other.participant_id = scene.participant_id), \
              phase, idx, attempt + 1, human_x, human_y, human_psi, robot_x, robot_y, robot_psi, \
              goal_x, goal_y \
-         FROM scene WHERE trial_id = ?1",
+         FROM scene WHERE trial_id = $1",
     )?
     .execute([trial_id, new_id])?;
     Ok(())
@@ -108,7 +108,7 @@ pub(super) fn repeat(db: &Connection, trial_id: &str, new_id: &str) -> Result<()
 /// The first trial of a participant's plan that is not stored.
 pub(super) fn next(db: &Connection, participant_id: &str) -> Result<Option<String>, StoreError> {
     let mut statement = db.prepare_cached(
-        "SELECT trial_id FROM scene WHERE participant_id = ?1 \
+        "SELECT trial_id FROM scene WHERE participant_id = $1 \
              AND NOT EXISTS (SELECT 1 FROM trial WHERE trial.trial_id = scene.trial_id) \
          ORDER BY ordinal LIMIT 1",
     )?;
@@ -120,9 +120,9 @@ pub(super) fn plan(db: &Connection, participant_id: &str) -> Result<Vec<PlannedR
     let mut statement = db.prepare_cached(&format!(
         "SELECT scene.trial_id, ordinal, phase, idx, attempt, trial.trial_id IS NOT NULL, {SCENE} \
          FROM scene LEFT JOIN trial ON trial.trial_id = scene.trial_id \
-         WHERE scene.participant_id = ?1 ORDER BY ordinal"
+         WHERE scene.participant_id = $1 ORDER BY ordinal"
     ))?;
-    let planned = |row: &Row<'_>| {
+    let planned = |row: &Row| {
         Ok(PlannedRow {
             trial_id: row.get(0)?,
             ordinal: row.get(1)?,

@@ -1,9 +1,14 @@
 //! A new SQLite file for an export. The caller names its tables and columns.
 
 use super::StoreError;
-use rusqlite::types::{ToSqlOutput, ValueRef};
-use rusqlite::{Connection, OpenFlags, ToSql, params_from_iter};
+use super::sql::{self, Connection, ToSql};
+use super::sqlite;
+use sqlx::ConnectOptions;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use std::path::Path;
+
+/// Rows that are inserted with one statement.
+const ROWS: usize = 64;
 
 /// A SQLite file that is being filled. It is not safe against a crash until it is finished.
 #[derive(Debug)]
@@ -35,14 +40,15 @@ pub enum Value<'a> {
     Text(&'a str),
 }
 
-impl ToSql for Value<'_> {
-    fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
-        Ok(ToSqlOutput::Borrowed(match *self {
-            Self::Null => ValueRef::Null,
-            Self::Whole(number) => ValueRef::Integer(number),
-            Self::Number(number) => ValueRef::Real(number),
-            Self::Text(text) => ValueRef::Text(text.as_bytes()),
-        }))
+impl sql::ToSql for Value<'_> {
+    fn value(&self) -> sql::Value<'_> {
+        match *self {
+            // No type: SQLite needs none.
+            Self::Null => sql::Value::Null(sql::Kind::Text),
+            Self::Whole(number) => sql::Value::Integer(number),
+            Self::Number(number) => sql::Value::Real(number),
+            Self::Text(text) => sql::Value::Text(text.into()),
+        }
     }
 }
 
@@ -52,15 +58,18 @@ impl Snapshot {
     /// # Errors
     /// [`StoreError`] if the disk refuses it.
     pub fn create(path: &Path) -> Result<Self, StoreError> {
-        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
-            | OpenFlags::SQLITE_OPEN_CREATE
-            | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-        let db = Connection::open_with_flags(path, flags)?;
-        // A half file is thrown away, so nothing has to survive a crash.
-        db.pragma_update(None, "journal_mode", "OFF")?;
-        db.pragma_update(None, "synchronous", "OFF")?;
-        db.pragma_update(None, "cache_size", -8_000)?;
-        db.execute_batch("BEGIN")?;
+        // SQLite would fill a file that is there.
+        std::fs::File::create_new(path)
+            .map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        let options = SqliteConnectOptions::new()
+            .filename(path)
+            // A half file is thrown away, so nothing has to survive a crash.
+            .journal_mode(SqliteJournalMode::Off)
+            .synchronous(SqliteSynchronous::Off)
+            .pragma("cache_size", "-8000")
+            .disable_statement_logging();
+        let db = sqlite::open(&options)?;
+        db.batch("BEGIN")?;
         Ok(Self { db })
     }
 
@@ -87,7 +96,7 @@ impl Snapshot {
         let (fields, key) = (fields.join(", "), key.join(", "));
         let name = quoted(name);
         let create = format!("CREATE TABLE {name} ({fields}, PRIMARY KEY ({key})) WITHOUT ROWID");
-        Ok(self.db.execute_batch(&create)?)
+        Ok(self.db.batch(&create)?)
     }
 
     /// Adds rows to a table with this number of columns.
@@ -100,12 +109,29 @@ impl Snapshot {
         columns: usize,
         rows: impl Iterator<Item = R>,
     ) -> Result<(), StoreError> {
-        let places = vec!["?"; columns].join(", ");
-        let insert = format!("INSERT INTO {} VALUES ({places})", quoted(table));
-        let mut insert = self.db.prepare_cached(&insert)?;
+        let mut waiting: Vec<sql::Value<'static>> = Vec::new();
         for row in rows {
-            insert.execute(params_from_iter(row))?;
+            waiting.extend(row.map(|value| value.value().into_owned()));
+            if waiting.len() >= ROWS * columns {
+                self.insert(table, columns, &waiting)?;
+                waiting.clear();
+            }
         }
+        self.insert(table, columns, &waiting)
+    }
+
+    fn insert(
+        &self,
+        table: &str,
+        columns: usize,
+        values: &[sql::Value<'_>],
+    ) -> Result<(), StoreError> {
+        if values.is_empty() {
+            return Ok(());
+        }
+        let row = format!("({})", vec!["?"; columns].join(", "));
+        let rows = vec![row; values.len() / columns].join(", ");
+        self.db.execute(&format!("INSERT INTO {} VALUES {rows}", quoted(table)), values)?;
         Ok(())
     }
 
@@ -114,9 +140,7 @@ impl Snapshot {
     /// # Errors
     /// [`StoreError`] if the disk refuses it.
     pub fn finish(self) -> Result<(), StoreError> {
-        self.db.execute_batch("COMMIT")?;
-        self.db.flush_prepared_statement_cache();
-        self.db.close().map_err(|(_, error)| error.into())
+        Ok(self.db.batch("COMMIT")?)
     }
 }
 

@@ -1,27 +1,32 @@
-//! SQL on two databases: the part of rusqlite's interface that the store uses, over SQLite and PostgreSQL.
+//! SQL on two databases, through sqlx: what the store's operations see of a connection.
 //!
-//! A statement is written once, in the subset that both databases understand, with SQLite's numbered
-//! (`?1`) or named (`:name`) parameters. Where they differ, [`Connection::choose`] picks the words.
-//! The subset: truth values are `TRUE` and `FALSE`, and `CAST(… AS INTEGER)` makes them numbers; a sum
-//! of numbers is cast to `BIGINT`; `IS DISTINCT FROM` compares what may be NULL; a table in `FROM (…)`
-//! has a name. The type of a parameter is that of the Rust value, also for NULL, so PostgreSQL guesses
-//! none.
+//! A statement is written once, in the subset that both databases understand, with numbered parameters (`$1`).
+//! Where they differ, [`Connection::choose`] picks the words. The subset: truth values are `TRUE` and `FALSE`,
+//! and `CAST(… AS BIGINT)` makes them numbers; a sum of numbers is cast to `BIGINT`; `IS DISTINCT FROM` compares
+//! what may be NULL; a table in `FROM (…)` has a name. The type of a parameter is that of the Rust value, also for
+//! NULL, so PostgreSQL guesses none.
+//!
+//! An operation is a plain function that blocks its thread for each answer. A request that is cancelled
+//! therefore never leaves a transaction half done: the thread goes on to its end.
 
 mod value;
 mod row;
-mod placeholders;
 mod rows;
-mod session;
 
 use super::error::StoreError;
-use placeholders::Translated;
+use futures_executor::block_on;
+use sqlx::pool::PoolConnection;
+use sqlx::postgres::{PgArguments, PgConnection};
+use sqlx::sqlite::{SqliteArguments, SqliteConnection};
+use sqlx::{AssertSqlSafe, Database, Executor, Postgres, Sqlite, raw_sql};
+use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 use std::vec::IntoIter;
+use tokio::runtime::Handle;
 
 pub(super) use row::Row;
-pub(super) use rows::{Question, Rows};
-use session::Session;
-use tokio_postgres_rustls::MakeRustlsConnect;
+pub(super) use rows::Rows;
+use rows::Waiting;
 pub(super) use value::{Kind, ToSql, Value};
 
 /// The error of a statement.
@@ -48,14 +53,8 @@ impl From<Error> for StoreError {
     }
 }
 
-impl From<rusqlite::Error> for Error {
-    fn from(error: rusqlite::Error) -> Self {
-        Self::Store(error.into())
-    }
-}
-
-impl From<tokio_postgres::Error> for Error {
-    fn from(error: tokio_postgres::Error) -> Self {
+impl From<sqlx::Error> for Error {
+    fn from(error: sqlx::Error) -> Self {
         Self::Store(error.into())
     }
 }
@@ -79,15 +78,15 @@ impl<T> OptionalExtension<T> for Result<T> {
     }
 }
 
-/// The parameters of a statement.
+/// The parameters of a statement, in the order of their numbers.
 pub(super) trait Params {
-    /// Their values, with their names if they have some.
-    fn values(&self) -> Vec<(Option<&str>, Value<'_>)>;
+    /// Their values.
+    fn values(&self) -> Vec<Value<'_>>;
 }
 
 /// No parameters.
 impl Params for [&dyn ToSql; 0] {
-    fn values(&self) -> Vec<(Option<&str>, Value<'_>)> {
+    fn values(&self) -> Vec<Value<'_>> {
         Vec::new()
     }
 }
@@ -95,8 +94,8 @@ impl Params for [&dyn ToSql; 0] {
 macro_rules! arrays {
     ($($length:literal)*) => {$(
         impl<T: ToSql> Params for [T; $length] {
-            fn values(&self) -> Vec<(Option<&str>, Value<'_>)> {
-                self.iter().map(|value| (None, value.value())).collect()
+            fn values(&self) -> Vec<Value<'_>> {
+                self.iter().map(ToSql::value).collect()
             }
         }
     )*};
@@ -104,133 +103,178 @@ macro_rules! arrays {
 arrays!(1 2 3);
 
 impl Params for &[&dyn ToSql] {
-    fn values(&self) -> Vec<(Option<&str>, Value<'_>)> {
-        self.iter().map(|value| (None, value.value())).collect()
+    fn values(&self) -> Vec<Value<'_>> {
+        self.iter().map(|value| value.value()).collect()
     }
 }
 
-impl Params for &[(&str, &dyn ToSql)] {
-    fn values(&self) -> Vec<(Option<&str>, Value<'_>)> {
-        self.iter().map(|(name, value)| (Some(*name), value.value())).collect()
+impl Params for &[Value<'_>] {
+    fn values(&self) -> Vec<Value<'_>> {
+        self.iter().map(ToSql::value).collect()
     }
 }
 
-/// Numbered parameters of different types.
+/// Parameters of different types.
 macro_rules! params {
     ($($value:expr),* $(,)?) => {
         &[$(&$value as &dyn $crate::store::sql::ToSql),*] as &[&dyn $crate::store::sql::ToSql]
     };
 }
 
-/// Named parameters.
-macro_rules! named_params {
-    ($($name:literal: $value:expr),* $(,)?) => {
-        &[$(($name, &$value as &dyn $crate::store::sql::ToSql)),*]
-            as &[(&str, &dyn $crate::store::sql::ToSql)]
-    };
+pub(super) use params;
+
+/// References to missing rows, each as a sentence.
+pub(super) const DANGLING: &str = "SELECT \"table\" || ': row ' || coalesce(rowid, -1) || \
+     ' refers to nothing in ' || parent FROM pragma_foreign_key_check";
+
+/// A connection to a database. It belongs to one thread at a time.
+#[derive(Debug)]
+pub(super) struct Connection {
+    link: RefCell<Link>,
+    /// Rows that wait for the execution of their statement.
+    waiting: RefCell<Waiting>,
+    /// How many rows were changed.
+    changed: Cell<u64>,
 }
 
-pub(super) use {named_params, params};
-
-/// A connection to a database.
 #[derive(Debug)]
-pub(super) enum Connection {
-    /// To a file.
-    Sqlite(rusqlite::Connection),
-    /// To a server.
-    Postgres(Box<Session>),
+enum Link {
+    /// To a file. A thread of sqlx executes the statements.
+    Sqlite(SqliteConnection),
+    /// To a server, whose answers a runtime waits for.
+    Postgres(Box<PoolConnection<Postgres>>, Handle),
+    /// To nothing any more.
+    Closed,
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        // sqlx would close the file some time later, on its own thread; whoever looks at it then would find its log.
+        if let Link::Sqlite(db) = self.link.replace(Link::Closed) {
+            let _ = block_on(sqlx::Connection::close(db));
+        }
+    }
+}
+
+impl From<SqliteConnection> for Connection {
+    fn from(db: SqliteConnection) -> Self {
+        Self::to(Link::Sqlite(db))
+    }
 }
 
 impl Connection {
-    /// A connection to PostgreSQL.
-    pub(super) fn to_server(
-        config: &tokio_postgres::Config,
-        tls: MakeRustlsConnect,
-    ) -> Result<Self> {
-        Ok(Self::Postgres(Box::new(Session::begin(config, tls)?)))
+    fn to(link: Link) -> Self {
+        let link = RefCell::new(link);
+        Self { link, waiting: RefCell::default(), changed: Cell::default() }
     }
 
-    /// Whether it can be used no more.
-    pub(super) fn is_closed(&self) -> bool {
-        match self {
-            Self::Sqlite(_) => false,
-            Self::Postgres(session) => session.is_closed(),
+    /// A session with PostgreSQL. It must not be used on a thread that drives `runtime`.
+    pub(super) fn to_server(session: PoolConnection<Postgres>, runtime: Handle) -> Self {
+        Self::to(Link::Postgres(Box::new(session), runtime))
+    }
+
+    /// The session, to be given back.
+    pub(super) fn into_session(self) -> Option<PoolConnection<Postgres>> {
+        match self.link.replace(Link::Closed) {
+            Link::Postgres(session, _) => Some(*session),
+            _ => None,
         }
+    }
+
+    /// Whether it is to a file.
+    pub(super) fn is_sqlite(&self) -> bool {
+        matches!(*self.link.borrow(), Link::Sqlite(_))
+    }
+
+    /// How many rows its statements have changed.
+    pub(super) fn changed(&self) -> u64 {
+        self.changed.get()
+    }
+
+    /// What this database says differently.
+    pub(super) fn choose<'a>(&self, sqlite: &'a str, postgres: &'a str) -> &'a str {
+        if self.is_sqlite() { sqlite } else { postgres }
     }
 
     /// Statements without parameters and rows.
     pub(super) fn batch(&self, sql: &str) -> Result<()> {
-        match self {
-            Self::Sqlite(db) => Ok(db.execute_batch(sql)?),
-            Self::Postgres(session) => session.batch(sql),
+        self.settle()?;
+        let sql = raw_sql(AssertSqlSafe(sql));
+        match &mut *self.link.borrow_mut() {
+            Link::Sqlite(db) => block_on(sql.execute(db)).map(|_| ())?,
+            Link::Postgres(db, runtime) => {
+                runtime.block_on(sql.execute(connection(db))).map(|_| ())?;
+            }
+            Link::Closed => return Err(StoreError::closed().into()),
         }
+        Ok(())
     }
 
-    /// Waits for what was [put off](Self::execute_row_later), and returns the first error of it.
-    pub(super) fn settle(&self) -> Result<()> {
-        match self {
-            Self::Sqlite(_) => Ok(()),
-            Self::Postgres(session) => session.settle(),
-        }
+    /// Statements without parameters for PostgreSQL, of which the first has a row.
+    pub(super) fn batch_with_answer<T>(
+        &self,
+        sql: &'static str,
+        read: impl FnOnce(&Row) -> Result<T>,
+    ) -> Result<T> {
+        self.settle()?;
+        let rows = match &mut *self.link.borrow_mut() {
+            Link::Postgres(db, runtime) => {
+                runtime.block_on(raw_sql(sql).fetch_all(connection(db)))?
+            }
+            _ => Vec::new(),
+        };
+        read(&Row::Postgres(rows.into_iter().next().ok_or(Error::NoRow)?))
     }
 
-    /// Executes a statement for one row of parameters, without a result. PostgreSQL does so for many rows at once,
-    /// together with the next statement that is not like that, or when the transaction ends; an error comes then. The
-    /// rows of one statement have different targets: what it changes for one target does not depend on what it changes for
-    /// another. Statements for rows are executed in the order of their first rows.
+    /// Executes a statement for one row of parameters, without a result: for many rows at once, before the next other
+    /// statement or when the operation ends; an error comes then. The rows of one statement have different targets: what it
+    /// changes for one target does not depend on what it changes for another. Statements for rows are executed in the
+    /// order of their first rows.
     pub(super) fn execute_row_later(
         &self,
         rows: &'static Rows,
         target: &str,
         params: impl Params,
     ) -> Result<()> {
-        match self {
-            Self::Sqlite(_) => {
-                let values = params.values();
-                self.prepare_cached(&rows.text(1, values.len()))?.execute(params).map(drop)
-            }
-            Self::Postgres(session) => session.execute_row_later(rows, target, &params.values()),
+        let values = params.values();
+        if !self.waiting.borrow_mut().add(rows, target, &values) {
+            self.settle()?;
+            self.waiting.borrow_mut().add(rows, target, &values);
         }
+        Ok(())
     }
 
-    /// Has PostgreSQL answer questions, all at once. A query that asks one of them finds its answer here, if it is
-    /// asked before the transaction ends; until then nobody may change the answer.
-    pub(super) fn ask_ahead(&self, questions: &[&Question]) -> Result<()> {
-        match self {
-            Self::Sqlite(_) => Ok(()),
-            Self::Postgres(session) => session.ask_ahead(questions),
-        }
-    }
-
-    /// Forgets answers to questions that were [asked ahead](Self::ask_ahead).
-    pub(super) fn forget_answers(&self) {
-        if let Self::Postgres(session) = self {
-            session.forget_later();
-        }
-    }
-
-    /// Undoes a transaction of PostgreSQL, with what was put off in it.
-    pub(super) fn roll_back(&self) -> Result<()> {
-        if let Self::Postgres(session) = self {
-            session.forget_later();
-        }
-        self.batch("ROLLBACK")
-    }
-
-    /// What this database says differently.
-    pub(super) fn choose<'a>(&self, sqlite: &'a str, postgres: &'a str) -> &'a str {
-        match self {
-            Self::Sqlite(_) => sqlite,
-            Self::Postgres(_) => postgres,
-        }
-    }
-
-    /// A statement that will be used again.
-    pub(super) fn prepare_cached(&self, sql: &str) -> Result<Statement<'_>> {
-        Ok(match self {
-            Self::Sqlite(db) => Statement::Sqlite(db.prepare_cached(sql)?),
-            Self::Postgres(session) => Statement::Postgres(session, session.translated(sql)),
+    /// Executes what was [put off](Self::execute_row_later).
+    pub(super) fn settle(&self) -> Result<()> {
+        let statements = self.waiting.borrow_mut().take();
+        statements.into_iter().try_for_each(|(sql, values)| {
+            self.change(&sql.into(), &values)?;
+            Ok(())
         })
+    }
+
+    /// Undoes a transaction, or a part of it, with what was put off.
+    pub(super) fn roll_back(&self, undo: &str) -> Result<()> {
+        self.waiting.borrow_mut().take();
+        self.batch(undo)
+    }
+
+    /// What `sqlite` or `postgres` does with sqlx's own connection.
+    pub(super) fn with_link<T>(
+        &self,
+        sqlite: impl AsyncFnOnce(&mut SqliteConnection) -> T,
+        postgres: impl AsyncFnOnce(&mut PgConnection) -> T,
+    ) -> Result<T> {
+        match &mut *self.link.borrow_mut() {
+            Link::Sqlite(db) => Ok(block_on(sqlite(db))),
+            Link::Postgres(db, runtime) => Ok(runtime.block_on(postgres(connection(db)))),
+            Link::Closed => Err(StoreError::closed().into()),
+        }
+    }
+
+    /// A statement that will be used again: the connection keeps it prepared.
+    pub(super) fn prepare_cached(&self, sql: &str) -> Result<Statement<'_>> {
+        Ok(Statement { db: self, sql: sql.into() })
     }
 
     /// The number of rows that a statement changes.
@@ -243,61 +287,126 @@ impl Connection {
         &self,
         sql: &str,
         params: impl Params,
-        read: impl FnOnce(&Row<'_>) -> Result<T>,
+        read: impl FnOnce(&Row) -> Result<T>,
     ) -> Result<T> {
         self.prepare_cached(sql)?.query_row(params, read)
     }
+
+    /// Executes a statement and returns how many rows it changed.
+    fn run(&self, sql: &Arc<str>, values: &[Value<'_>]) -> Result<u64> {
+        let changed = match &mut *self.link.borrow_mut() {
+            Link::Sqlite(db) => block_on(db.execute(query(sql, sqlite(values)?)))?.rows_affected(),
+            Link::Postgres(db, runtime) => {
+                let query = query(sql, postgres(values)?);
+                runtime.block_on(connection(db).execute(query))?.rows_affected()
+            }
+            Link::Closed => return Err(StoreError::closed().into()),
+        };
+        Ok(changed)
+    }
+
+    /// The same for one that changes rows, which are counted.
+    fn change(&self, sql: &Arc<str>, values: &[Value<'_>]) -> Result<u64> {
+        let changed = self.run(sql, values)?;
+        self.changed.set(self.changed.get() + changed);
+        Ok(changed)
+    }
+
+    /// Executes a statement that begins or ends a transaction or a part of one. Of such a one, SQLite tells the rows that
+    /// the statement before it has changed.
+    pub(super) fn control(&self, sql: &'static str) -> Result<()> {
+        self.run(&sql.into(), &[]).map(drop)
+    }
+
+    /// The rows that a statement finds.
+    fn rows(&self, sql: &Arc<str>, values: &[Value<'_>]) -> Result<Vec<Row>> {
+        Ok(match &mut *self.link.borrow_mut() {
+            Link::Sqlite(db) => {
+                let rows = block_on(db.fetch_all(query(sql, sqlite(values)?)))?;
+                rows.into_iter().map(Row::Sqlite).collect()
+            }
+            Link::Postgres(db, runtime) => {
+                let query = query(sql, postgres(values)?);
+                let rows = runtime.block_on(connection(db).fetch_all(query))?;
+                rows.into_iter().map(Row::Postgres).collect()
+            }
+            Link::Closed => return Err(StoreError::closed().into()),
+        })
+    }
+
+    /// The first of them.
+    fn row(&self, sql: &Arc<str>, values: &[Value<'_>]) -> Result<Option<Row>> {
+        self.settle()?;
+        Ok(match &mut *self.link.borrow_mut() {
+            Link::Sqlite(db) => {
+                block_on(db.fetch_optional(query(sql, sqlite(values)?)))?.map(Row::Sqlite)
+            }
+            Link::Postgres(db, runtime) => {
+                let query = query(sql, postgres(values)?);
+                runtime.block_on(connection(db).fetch_optional(query))?.map(Row::Postgres)
+            }
+            Link::Closed => return Err(StoreError::closed().into()),
+        })
+    }
+}
+
+fn connection(session: &mut PoolConnection<Postgres>) -> &mut PgConnection {
+    session
+}
+
+fn query<DB: Database>(
+    sql: &Arc<str>,
+    arguments: DB::Arguments,
+) -> sqlx::query::Query<'static, DB, DB::Arguments>
+where
+    DB::Arguments: sqlx::IntoArguments<DB>,
+{
+    // Every text is the store's own: what others send goes into parameters.
+    sqlx::query_with(AssertSqlSafe(Arc::clone(sql)), arguments)
+}
+
+fn sqlite(values: &[Value<'_>]) -> Result<SqliteArguments> {
+    Ok(value::arguments::<Sqlite>(values)?)
+}
+
+fn postgres(values: &[Value<'_>]) -> Result<PgArguments> {
+    let values: Vec<Value<'_>> = values.iter().map(Value::without_nul).collect();
+    Ok(value::arguments::<Postgres>(&values)?)
 }
 
 /// A statement of a connection.
-pub(super) enum Statement<'c> {
-    /// Prepared.
-    Sqlite(rusqlite::CachedStatement<'c>),
-    /// Prepared when the types of its parameters are known.
-    Postgres(&'c Session, Arc<Translated>),
+pub(super) struct Statement<'c> {
+    db: &'c Connection,
+    sql: Arc<str>,
 }
 
 impl Statement<'_> {
     /// The number of rows that it changes.
     pub(super) fn execute(&mut self, params: impl Params) -> Result<usize> {
-        match self {
-            Self::Sqlite(statement) => {
-                bind(statement, &params)?;
-                Ok(statement.raw_execute()?)
-            }
-            Self::Postgres(session, text) => session.execute(text, &params.values()),
-        }
+        self.db.settle()?;
+        let changed = self.db.change(&self.sql, &params.values())?;
+        Ok(usize::try_from(changed).unwrap_or(usize::MAX))
     }
 
     /// Whether it finds a row.
     pub(super) fn exists(&mut self, params: impl Params) -> Result<bool> {
-        Ok(self.query_row(params, |_| Ok(())).optional()?.is_some())
+        Ok(self.db.row(&self.sql, &params.values())?.is_some())
     }
 
     /// The first row that it finds.
     pub(super) fn query_row<T>(
         &mut self,
         params: impl Params,
-        read: impl FnOnce(&Row<'_>) -> Result<T>,
+        read: impl FnOnce(&Row) -> Result<T>,
     ) -> Result<T> {
-        match self {
-            Self::Sqlite(statement) => {
-                bind(statement, &params)?;
-                let mut rows = statement.raw_query();
-                read(&Row::Sqlite(rows.next()?.ok_or(Error::NoRow)?))
-            }
-            Self::Postgres(session, text) => {
-                let rows = session.query(text, &params.values())?;
-                read(&Row::Postgres(rows.first().ok_or(Error::NoRow)?))
-            }
-        }
+        read(&self.db.row(&self.sql, &params.values())?.ok_or(Error::NoRow)?)
     }
 
     /// What `read` makes of each row.
     pub(super) fn query_map<T>(
         &mut self,
         params: impl Params,
-        read: impl FnMut(&Row<'_>) -> Result<T>,
+        read: impl FnMut(&Row) -> Result<T>,
     ) -> Result<IntoIter<Result<T>>> {
         self.query_and_then(params, read)
     }
@@ -306,44 +415,20 @@ impl Statement<'_> {
     pub(super) fn query_and_then<T, E: From<Error>>(
         &mut self,
         params: impl Params,
-        mut read: impl FnMut(&Row<'_>) -> Result<T, E>,
+        read: impl FnMut(&Row) -> Result<T, E>,
     ) -> Result<IntoIter<Result<T, E>>> {
-        let mut found = Vec::new();
-        match self {
-            Self::Sqlite(statement) => {
-                bind(statement, &params)?;
-                let mut rows = statement.raw_query();
-                while let Some(row) = rows.next()? {
-                    found.push(read(&Row::Sqlite(row)));
-                }
-            }
-            Self::Postgres(session, text) => {
-                let rows = session.query(text, &params.values())?;
-                found.extend(rows.iter().map(|row| read(&Row::Postgres(row))));
-            }
-        }
+        self.db.settle()?;
+        self.query_ahead(params, read)
+    }
+
+    /// The same before what was [put off](Connection::execute_row_later), which must not concern it, is executed.
+    pub(super) fn query_ahead<T, E: From<Error>>(
+        &mut self,
+        params: impl Params,
+        read: impl FnMut(&Row) -> Result<T, E>,
+    ) -> Result<IntoIter<Result<T, E>>> {
+        let rows = self.db.rows(&self.sql, &params.values())?;
+        let found: Vec<_> = rows.iter().map(read).collect();
         Ok(found.into_iter())
     }
-}
-
-/// Binds parameters by their numbers or names.
-fn bind(statement: &mut rusqlite::Statement<'_>, params: &impl Params) -> Result<()> {
-    let values = params.values();
-    let expected = statement.parameter_count();
-    if values.len() != expected {
-        let found = values.len();
-        let defect = format!("a statement has {expected} parameters, and {found} were given");
-        return Err(StoreError::Defect(defect).into());
-    }
-    for (i, (name, value)) in values.iter().enumerate() {
-        let at = match name {
-            None => i + 1,
-            Some(name) => {
-                let unknown = || StoreError::Defect(format!("no parameter is called {name}"));
-                statement.parameter_index(name)?.ok_or_else(unknown)?
-            }
-        };
-        statement.raw_bind_parameter(at, value)?;
-    }
-    Ok(())
 }

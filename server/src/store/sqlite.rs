@@ -5,19 +5,21 @@
 
 mod file;
 mod connection;
-mod migrations;
+mod mark;
+mod original;
 mod readers;
 mod write_back;
 mod writer;
 
-use super::error::{StoreError, reason};
+use super::error::StoreError;
 use super::lanes::Lane;
-use super::sql::Connection;
+use super::migrations::{self, Failure, State};
+use super::sql::{self, Connection};
 use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use file::Copied;
+use original::{Original, Watch};
 use readers::Readers;
-use rusqlite::ErrorCode;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -26,8 +28,10 @@ use std::time::Duration;
 use tokio::sync::watch;
 use writer::Writer;
 
+pub(super) use connection::open;
 pub use file::LEAST_FREE_BYTES;
 pub(super) use file::{DatabaseFile, Identity};
+pub use mark::Misplaced;
 
 /// An open file of this version.
 #[derive(Debug)]
@@ -36,8 +40,10 @@ pub(super) struct Sqlite {
     named: DatabaseFile,
     /// The file that is used: that one, or the copy of it.
     file: DatabaseFile,
+    original: Arc<Original>,
     readers: Arc<Readers>,
     writer: Writer,
+    watch: Mutex<Option<Watch>>,
     /// The lock of who uses the file alone.
     lock: Mutex<Option<File>>,
     #[expect(dead_code, reason = "it is deleted when this is dropped")]
@@ -54,23 +60,29 @@ impl Sqlite {
             _ => "check the path, that it is writable, and that its disk has room",
         };
         let hint = |reason: String| unusable(format!("{reason}; {advice}"));
-        let sqlite = |error: rusqlite::Error| match error.sqlite_error_code() {
-            Some(ErrorCode::NotADatabase) => unusable(reason(&error)),
-            Some(ErrorCode::DatabaseCorrupt) => {
-                unusable(format!("{}; restore a backup with 'sidestep restore'", reason(&error)))
+        let sqlite = |error: StoreError| match error {
+            StoreError::Corrupt(reason) if reason.contains("not a database") => unusable(reason),
+            StoreError::Corrupt(reason) => {
+                unusable(format!("{reason}; restore a backup with 'sidestep restore'"))
             }
-            Some(ErrorCode::DatabaseBusy) => {
-                unusable(format!("{}; another program writes to it, try again", reason(&error)))
+            StoreError::Locked => {
+                unusable("database is locked; another program writes to it, try again".to_owned())
             }
-            _ => hint(reason(&error)),
+            StoreError::Unavailable(reason) => hint(reason),
+            other => hint(other.to_string()),
         };
-        let misfit = |failure: migrations::Failure| match failure {
-            migrations::Failure::Unusable(error) => sqlite(error),
-            migrations::Failure::Misfit(reason) => OpenError::Version { database: name(), reason },
+        let refused = |error: sql::Error| sqlite(error.into());
+        let misfit = |failure: Failure| match failure {
+            Failure::Unusable(error) => sqlite(error),
+            Failure::Misfit(reason) => OpenError::Version { database: name(), reason },
         };
         let disk = |error: io::Error| hint(error.to_string());
         if named.is_log_alone() {
             return Err(OpenError::LogAlone { database: name(), log: named.log().to_owned() });
+        }
+        if let Some(why) = mark::misplaced(&named).map_err(disk)? {
+            let log = named.log().to_owned();
+            return Err(OpenError::Misplaced { database: name(), log, why });
         }
         match purpose {
             Purpose::Alone | Purpose::Create => {
@@ -83,8 +95,8 @@ impl Sqlite {
             Purpose::Change | Purpose::Read => {}
         }
         // A file that this program cannot use, or that another server uses, is not changed by a single byte.
-        let untouching = connection::untouching(&named).map_err(sqlite)?;
-        let is_current = migrations::check(&untouching).map_err(misfit)?;
+        let untouching = connection::untouching(&named).map_err(refused)?;
+        let is_current = migrations::check(&untouching).map_err(misfit)? == State::Current;
         drop(untouching);
         let lock = match (purpose, is_current) {
             // A server of an older version may use the file, which could not go on with a migrated one.
@@ -100,34 +112,41 @@ impl Sqlite {
             None => named.clone(),
             Some(copy) => {
                 let place = copy.file();
-                let full = |error: rusqlite::Error| match error.sqlite_error_code() {
-                    Some(ErrorCode::DiskFull) => unusable(format!(
+                let full = |error: sql::Error| match error.into() {
+                    StoreError::Full => unusable(format!(
                         "it is of an older version, and there is no room for a copy of it in {}",
                         place.folder().display()
                     )),
-                    _ => sqlite(error),
+                    other => sqlite(other),
                 };
                 connection::copy(&named, place.path()).map_err(full)?;
                 copy.file()
             }
         };
         if purpose != Purpose::Read || is_copied {
-            let mut db = connection::writing(file.path()).map_err(sqlite)?;
-            migrations::apply(&mut db).map_err(misfit)?;
+            let db = connection::migrating(file.path()).map_err(refused)?;
+            migrations::apply(&db).map_err(misfit)?;
         }
         let unstarted = |error: StoreError| unusable(error.to_string());
+        let original = Arc::new(Original::new(file.clone()).map_err(unstarted)?);
         let writer = match purpose {
             Purpose::Read => Ok(Writer::none()),
-            _ => Writer::start(file.clone()),
+            _ => Writer::start(file.clone(), Arc::clone(&original)),
         };
         let writer = writer.map_err(unstarted)?;
-        let readers = Arc::new(Readers::new(file.clone()).map_err(unstarted)?);
-        Ok(Self { named, file, readers, writer, lock: Mutex::new(lock), copy })
+        let readers = Arc::new(Readers::new(file.clone(), Arc::clone(&original)));
+        let watch = match purpose {
+            Purpose::Read => None,
+            _ => Some(Watch::start(Arc::clone(&original), writer.rescue()).map_err(unstarted)?),
+        };
+        let (watch, lock) = (Mutex::new(watch), Mutex::new(lock));
+        Ok(Self { named, file, original, readers, writer, watch, lock, copy })
     }
 
     /// Whether a write could be made now.
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
         const PATIENCE: Duration = Duration::from_secs(2);
+        self.original.check()?;
         let begun = self.write(Lane::Request, |db| Ok(db.query_row("SELECT 1", [], |_| Ok(()))?));
         tokio::time::timeout(PATIENCE, begun).await.unwrap_or(Err(StoreError::Locked))?;
         self.file.check_disk()
@@ -164,11 +183,7 @@ impl Sqlite {
 
     /// Damaged pages and references to nothing.
     pub(super) async fn damage(&self) -> Result<Vec<String>, StoreError> {
-        self.read_long(|db| match db {
-            Connection::Sqlite(db) => connection::damage(db),
-            Connection::Postgres(_) => Ok(Vec::new()),
-        })
-        .await
+        self.read_long(connection::damage).await
     }
 
     pub(super) fn commits(&self) -> watch::Receiver<u64> {
@@ -181,6 +196,7 @@ impl Sqlite {
     }
 
     pub(super) fn close(&self) {
+        self.watch.lock().unwrap_or_else(PoisonError::into_inner).take();
         self.readers.close();
         self.writer.close();
         // Last: closing any handle of the file gives up SQLite's locks on it.

@@ -84,8 +84,8 @@ impl Store {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(
                 "SELECT hash, json FROM study_config WHERE hash IN \
-                     (SELECT config_hash FROM participant WHERE study_id = ?1 \
-                      UNION SELECT config_hash FROM study WHERE id = ?1) \
+                     (SELECT config_hash FROM participant WHERE study_id = $1 \
+                      UNION SELECT config_hash FROM study WHERE id = $1) \
                  ORDER BY hash",
             )?;
             let rows = statement.query_map([study_id], |row| Ok((row.get(0)?, row.get(1)?)))?;
@@ -103,9 +103,9 @@ impl Store {
                 "SELECT config_hash, since_ms, by_file, \
                      (SELECT count(*) FROM participant WHERE study_id = version.study_id \
                       AND config_hash = version.config_hash AND pilot = FALSE) \
-                 FROM study_version version WHERE study_id = ?1 ORDER BY number",
+                 FROM study_version version WHERE study_id = $1 ORDER BY number",
             )?;
-            let row = |row: &Row<'_>| -> Result<(String, i64, bool, i64), sql::Error> {
+            let row = |row: &Row| -> Result<(String, i64, bool, i64), sql::Error> {
                 Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
             };
             let rows: Vec<_> = statement.query_map([study_id], row)?.collect::<Result<_, _>>()?;
@@ -224,7 +224,7 @@ impl Store {
 /// The study with this name.
 pub(super) fn find(db: &Connection, slug: &str) -> Result<Option<StoredStudy>, StoreError> {
     let mut statement =
-        db.prepare_cached("SELECT id, slug, config_hash FROM study WHERE slug = ?1")?;
+        db.prepare_cached("SELECT id, slug, config_hash FROM study WHERE slug = $1")?;
     let row =
         statement.query_row([slug], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, String>(2)?)));
     let Some((id, slug, config_hash)) = row.optional()? else { return Ok(None) };
@@ -233,7 +233,7 @@ pub(super) fn find(db: &Connection, slug: &str) -> Result<Option<StoredStudy>, S
 }
 
 fn config(db: &Connection, hash: &str) -> Result<StudyConfig, StoreError> {
-    let mut statement = db.prepare_cached("SELECT json FROM study_config WHERE hash = ?1")?;
+    let mut statement = db.prepare_cached("SELECT json FROM study_config WHERE hash = $1")?;
     let json: String = statement.query_row([hash], |row| row.get(0))?;
     let faulty = |error| StoreError::Corrupt(format!("configuration {hash}: {error}"));
     serde_json::from_str(&json).map_err(faulty)
@@ -253,8 +253,8 @@ pub(super) fn put(
         if by_file {
             // The version may be of the laboratory, or of a database that did not record its origin.
             db.execute(
-                "UPDATE study_version SET by_file = TRUE WHERE study_id = ?1 AND NOT by_file \
-                     AND number = (SELECT max(number) FROM study_version WHERE study_id = ?1)",
+                "UPDATE study_version SET by_file = TRUE WHERE study_id = $1 AND NOT by_file \
+                     AND number = (SELECT max(number) FROM study_version WHERE study_id = $1)",
                 [known.id],
             )?;
         }
@@ -263,19 +263,19 @@ pub(super) fn put(
     let json = serde_json::to_string(&**new).map_err(StoreError::corrupt)?;
     let hash = hex::encode(Sha256::digest(json.as_bytes()));
     db.execute(
-        "INSERT INTO study_config (hash, json) VALUES (?1, ?2) ON CONFLICT (hash) DO NOTHING",
+        "INSERT INTO study_config (hash, json) VALUES ($1, $2) ON CONFLICT (hash) DO NOTHING",
         params![hash, json],
     )?;
     let id = db.query_row(
-        "INSERT INTO study (slug, config_hash, created_at_ms) VALUES (?1, ?2, ?3) \
+        "INSERT INTO study (slug, config_hash, created_at_ms) VALUES ($1, $2, $3) \
          ON CONFLICT (slug) DO UPDATE SET config_hash = excluded.config_hash RETURNING id",
         params![new.slug, hash, now_ms],
         |row| row.get(0),
     )?;
     db.execute(
         "INSERT INTO study_version (study_id, number, config_hash, since_ms, by_file) \
-         SELECT ?1, 1 + coalesce(max(number), 0), ?2, ?3, ?4 FROM study_version \
-         WHERE study_id = ?1",
+         SELECT $1, 1 + coalesce(max(number), 0), $2, $3, $4 FROM study_version \
+         WHERE study_id = $1",
         params![id, hash, now_ms, by_file],
     )?;
     Ok(StoredStudy { id, slug: new.slug.clone(), config: Arc::clone(new), config_hash: hash })

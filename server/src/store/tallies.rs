@@ -76,7 +76,7 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
 
 /// Records how many further trials wait in the participant's browser, when a trial was uploaded again.
 pub(super) fn waits(db: &Connection, participant_id: &str, waiting: u32) -> Result<(), StoreError> {
-    db.prepare_cached("UPDATE tally SET waiting = ?2 WHERE participant_id = ?1 AND waiting <> ?2")?
+    db.prepare_cached("UPDATE tally SET waiting = $2 WHERE participant_id = $1 AND waiting <> $2")?
         .execute(params![participant_id, waiting])?;
     Ok(())
 }
@@ -85,7 +85,7 @@ pub(super) fn waits(db: &Connection, participant_id: &str, waiting: u32) -> Resu
 pub(super) fn goes_on(db: &Connection, trial_id: &str) -> Result<(), StoreError> {
     db.prepare_cached(
         "UPDATE tally SET next_phase = coalesce(next_phase, phase) FROM scene \
-         WHERE scene.trial_id = ?1 AND tally.participant_id = scene.participant_id",
+         WHERE scene.trial_id = $1 AND tally.participant_id = scene.participant_id",
     )?
     .execute([trial_id])?;
     Ok(())

@@ -30,11 +30,11 @@ impl Store {
         self.read(move |db| {
             // Nobody waits for the disk: after a power cut, somebody may try a few more times.
             let take = format!(
-                "INSERT INTO throttle (kind, who, full_at_ms) SELECT ?1, ?2, {NOW} + ?3 \
+                "INSERT INTO throttle (kind, who, full_at_ms) SELECT $1, $2, {NOW} + $3 \
                      FROM set_config('synchronous_commit', 'off', TRUE) \
                  ON CONFLICT (kind, who) DO UPDATE \
-                 SET full_at_ms = greatest(throttle.full_at_ms, {NOW}) + ?3 \
-                 WHERE greatest(throttle.full_at_ms, {NOW}) + ?3 <= {NOW} + ?4"
+                 SET full_at_ms = greatest(throttle.full_at_ms, {NOW}) + $3 \
+                 WHERE greatest(throttle.full_at_ms, {NOW}) + $3 <= {NOW} + $4"
             );
             let taken = db.execute(&take, params![kind, who, pause_ms, burst_ms])?;
             if taken > 0 {
@@ -59,7 +59,7 @@ impl Store {
 
 /// How long it takes until all turns are there again, ms.
 fn spent_ms(db: &Connection, kind: &str, who: [u8; 32]) -> Result<Option<i64>, StoreError> {
-    let query = format!("SELECT full_at_ms - {NOW} FROM throttle WHERE kind = ?1 AND who = ?2");
+    let query = format!("SELECT full_at_ms - {NOW} FROM throttle WHERE kind = $1 AND who = $2");
     let spent = db.prepare_cached(&query)?.query_row(params![kind, who], |row| row.get(0));
     Ok(spent.optional()?)
 }

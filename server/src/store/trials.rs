@@ -3,7 +3,7 @@
 use super::lanes::Lock;
 use super::participants::{self, COLUMNS, TOKEN, Visitor};
 use super::scenes::{self, SCENE, phase_of, scene_of};
-use super::sql::{Connection, OptionalExtension, Question, Row, Rows, params};
+use super::sql::{Connection, OptionalExtension, Row, Rows, params};
 use super::tallies::{self, Counted};
 use super::{Store, StoreError};
 use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
@@ -160,11 +160,10 @@ impl Store {
             "SELECT {COLUMNS}, {TOKEN}, scene.phase, scene.attempt, {SCENE} FROM participant_token \
              JOIN participant ON participant.id = participant_token.participant_id \
              JOIN study ON study.id = participant.study_id \
-             LEFT JOIN scene ON scene.trial_id = ?2 AND scene.participant_id = participant.id \
-             WHERE participant_token.hash = ?1"
+             LEFT JOIN scene ON scene.trial_id = $2 AND scene.participant_id = participant.id \
+             WHERE participant_token.hash = $1"
         );
-        let question = Question::new(&asked, params![token_hash, trial_id]);
-        self.look_up(question, move |db| {
+        self.read(move |db| {
             let mut statement = db.prepare_cached(&asked)?;
             let mut found = statement.query_and_then(params![token_hash, trial_id], |row| {
                 let after = Visitor::WIDTH;
@@ -197,8 +196,7 @@ impl Store {
     ) -> Result<PutTrial, StoreError> {
         let participant_id = participant_id.to_owned();
         let locks = [Lock::Participant(participant_id.clone())];
-        let place = Question::new(PLACE, params![participant_id, trial.trial_id]);
-        self.write_first(locks, Some(place), move |db| put(db, &participant_id, &trial)).await
+        self.write_first(locks, move |db| put(db, &participant_id, &trial)).await
     }
 
     /// At most `limit` trials of a study, newest first, from before `before`; none of pilots.
@@ -211,8 +209,8 @@ impl Store {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(&format!(
                 "SELECT {HEAD} FROM stored_trial \
-                 WHERE study_id = ?1 AND sequence < ?2 AND pilot = FALSE \
-                 ORDER BY sequence DESC LIMIT ?3"
+                 WHERE study_id = $1 AND sequence < $2 AND pilot = FALSE \
+                 ORDER BY sequence DESC LIMIT $3"
             ))?;
             statement.query_and_then(params![study_id, before, limit], head_of)?.collect()
         })
@@ -250,7 +248,7 @@ impl Store {
                 let query = format!(
                     "SELECT coalesce(({own}), ({})) FROM scene AS here \
                      JOIN participant AS person ON person.id = here.participant_id \
-                     WHERE here.trial_id = ?1",
+                     WHERE here.trial_id = $1",
                     of(&other, "")
                 );
                 let found = db.prepare_cached(&query)?.query_row([&trial_id], |row| row.get(0));
@@ -265,7 +263,7 @@ impl Store {
     pub async fn trial_ids(&self, participant_id: &str) -> Result<Vec<String>, StoreError> {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| {
-            let query = "SELECT trial_id FROM stored_trial WHERE participant_id = ?1 \
+            let query = "SELECT trial_id FROM stored_trial WHERE participant_id = $1 \
                          ORDER BY ordinal";
             let mut statement = db.prepare_cached(query)?;
             Ok(statement
@@ -287,7 +285,7 @@ const HEAD: &str = "sequence, trial_id, participant_id, participant_number, ordi
                     received_at_ms, flags, closest_m, first_step_in_danger, avoidance_first, \
                     avoidance_last, attempt";
 
-fn head_of(row: &Row<'_>) -> Result<TrialHead, StoreError> {
+fn head_of(row: &Row) -> Result<TrialHead, StoreError> {
     let step = |column: usize| -> Result<Option<usize>, StoreError> {
         let step: Option<i64> = row.get(column)?;
         step.map(usize::try_from).transpose().map_err(StoreError::corrupt)
@@ -320,9 +318,9 @@ pub(super) fn whole(
     let mut statement = db.prepare_cached(&format!(
         "SELECT {HEAD}, study, config_hash, started_at_ms, inputs, states, sampled_at_ms, \
              key_events, page_events, exposures, display, content_version, content_hash, {SCENE} \
-         FROM stored_trial WHERE {column} = ?1 ORDER BY ordinal"
+         FROM stored_trial WHERE {column} = $1 ORDER BY ordinal"
     ))?;
-    let trial = |row: &Row<'_>| -> Result<StoredTrial, StoreError> {
+    let trial = |row: &Row| -> Result<StoredTrial, StoreError> {
         let sampled_at_ms: Option<Vec<u8>> = row.get(19)?;
         let content = Content {
             started_at_ms: row.get(16)?,
@@ -377,22 +375,23 @@ struct Place {
     next_phase: Option<Phase>,
 }
 
-/// Where a trial is in its participant's plan: of the participant `?1`, the trial `?2`.
+/// Where a trial is in its participant's plan: of the participant `$1`, the trial `$2`.
 const PLACE: &str = "SELECT participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
          trial.content_version, trial.content_hash, \
          scene.ordinal = 0 OR EXISTS (SELECT 1 FROM scene AS ahead \
              JOIN trial ON trial.trial_id = ahead.trial_id \
-             WHERE ahead.participant_id = ?1 AND ahead.ordinal = scene.ordinal - 1), \
+             WHERE ahead.participant_id = $1 AND ahead.ordinal = scene.ordinal - 1), \
          after.trial_id, scene.phase, after.phase \
      FROM scene JOIN participant ON participant.id = scene.participant_id \
      LEFT JOIN trial ON trial.trial_id = scene.trial_id \
      LEFT JOIN scene AS after \
          ON after.participant_id = scene.participant_id AND after.ordinal = scene.ordinal + 1 \
-     WHERE scene.trial_id = ?2 AND scene.participant_id = ?1";
+     WHERE scene.trial_id = $2 AND scene.participant_id = $1";
 
 fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTrial, StoreError> {
     let mut statement = db.prepare_cached(PLACE)?;
-    let mut found = statement.query_and_then(params![participant_id, trial.trial_id], |row| {
+    // Nothing that waits concerns this participant.
+    let mut found = statement.query_ahead(params![participant_id, trial.trial_id], |row| {
         let version: Option<i64> = row.get(2)?;
         let phase = |word: Option<String>| word.as_deref().map(phase_of).transpose();
         Ok::<_, StoreError>(Place {
@@ -453,7 +452,7 @@ fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTri
 }
 
 fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreError> {
-    let query = "SELECT withdrawn_at_ms IS NOT NULL FROM participant WHERE id = ?1";
+    let query = "SELECT withdrawn_at_ms IS NOT NULL FROM participant WHERE id = $1";
     let found = db.prepare_cached(query)?.query_row([participant_id], |row| row.get(0));
     Ok(found.optional()?.unwrap_or(false))
 }

@@ -32,13 +32,13 @@ impl Store {
         self.write_behind([], move |db| {
             for NewValueFunction { evader, id, bytes } in &functions {
                 db.execute(
-                    "INSERT INTO value_function (id, octets) VALUES (?1, ?2) \
+                    "INSERT INTO value_function (id, octets) VALUES ($1, $2) \
                      ON CONFLICT (id) DO NOTHING",
                     params![id, bytes],
                 )?;
                 db.execute(
                     "INSERT INTO safety_function (config_hash, evader, value_function_id) \
-                     VALUES (?1, ?2, ?3) ON CONFLICT (config_hash, evader) DO NOTHING",
+                     VALUES ($1, $2, $3) ON CONFLICT (config_hash, evader) DO NOTHING",
                     params![config_hash, evader.word(), id],
                 )?;
             }
@@ -51,7 +51,7 @@ impl Store {
     pub async fn value_function(&self, id: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let id = id.to_owned();
         self.read_long(move |db| {
-            let query = "SELECT octets FROM value_function WHERE id = ?1";
+            let query = "SELECT octets FROM value_function WHERE id = $1";
             Ok(db.prepare_cached(query)?.query_row([id], |row| row.get(0)).optional()?)
         })
         .await
@@ -67,7 +67,7 @@ impl Store {
         self.read(move |db| {
             let mut statement = db.prepare_cached(
                 "SELECT value_function_id FROM safety_function \
-                 WHERE config_hash = ?1 AND evader = ?2",
+                 WHERE config_hash = $1 AND evader = $2",
             )?;
             let found =
                 statement.query_row([config_hash.as_str(), evader.word()], |row| row.get(0));

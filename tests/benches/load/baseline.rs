@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use rusqlite::{Connection, Result, params};
-use sidestep::math::SeededRng;
 use sidestep_tests::Folder;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
+use sqlx::{ConnectOptions, Connection, Result};
 
 const STEPS: usize = 50;
 
@@ -14,45 +14,50 @@ const DISPLAY: &str = r#"{"refresh_hz":60.0,"frames":612,"longest_frame_ms":18.4
 
 /// Inserts trials durably for `seconds` s, `per_commit` in each transaction, with the server's rows
 /// and settings. Returns the number of trials a second.
-pub(crate) fn inserts(folder: &Folder, per_commit: usize, seconds: f64) -> f64 {
+pub(crate) async fn inserts(folder: &Folder, per_commit: usize, seconds: f64) -> f64 {
     let begin = Instant::now();
     let goes_on = || begin.elapsed().as_secs_f64() < seconds;
-    let count = insert(folder, per_commit, goes_on).expect("SQLite inserts");
+    let count = insert(folder, per_commit, goes_on).await.expect("SQLite inserts");
     count as f64 / begin.elapsed().as_secs_f64()
 }
 
-fn insert(folder: &Folder, per_commit: usize, goes_on: impl Fn() -> bool) -> Result<usize> {
-    let db = Connection::open(folder.path(&format!("baseline-{per_commit}.db")))?;
-    db.execute_batch(
-        "PRAGMA journal_mode = WAL;
-         PRAGMA synchronous = FULL;
-         CREATE TABLE trial (sequence INTEGER PRIMARY KEY, trial_id TEXT NOT NULL UNIQUE,
+async fn insert(folder: &Folder, per_commit: usize, goes_on: impl Fn() -> bool) -> Result<usize> {
+    let mut db = SqliteConnectOptions::new()
+        .filename(folder.path(&format!("baseline-{per_commit}.db")))
+        .create_if_missing(true)
+        .journal_mode(SqliteJournalMode::Wal)
+        .synchronous(SqliteSynchronous::Full)
+        .connect()
+        .await?;
+    sqlx::raw_sql(
+        "CREATE TABLE trial (sequence INTEGER PRIMARY KEY, trial_id TEXT NOT NULL UNIQUE,
              content_hash BLOB NOT NULL, inputs BLOB NOT NULL, states BLOB NOT NULL,
              sampled_at_ms BLOB NOT NULL, key_events TEXT NOT NULL, display TEXT NOT NULL) STRICT",
-    )?;
+    )
+    .execute(&mut db)
+    .await?;
     let states = vec![0x5a_u8; 48 * (STEPS + 1)];
-    let mut insert = db.prepare(
-        "INSERT INTO trial (trial_id, content_hash, inputs, states, sampled_at_ms, key_events, \
-         display) VALUES ($1, $2, $3, $4, $5, $6, $7)",
-    )?;
-    // As long as the server's ids, and as unordered.
-    let mut rng = SeededRng::new(1);
     let mut count = 0;
     while goes_on() {
-        db.execute_batch("BEGIN IMMEDIATE")?;
-        for _ in 0..per_commit {
-            insert.execute(params![
-                format!("{:036}", rng.below(usize::MAX)),
-                &states[..32],
-                &states[..STEPS],
-                states,
-                &states[..8 * STEPS],
-                KEY_EVENTS,
-                DISPLAY,
-            ])?;
-        }
-        db.execute_batch("COMMIT")?;
+        // One statement for all, so that only SQLite is measured. The ids are as long as the server's, and as
+        // unordered.
+        let insert = sqlx::query(
+            "WITH RECURSIVE one(number) AS
+                 (SELECT 1 UNION ALL SELECT number + 1 FROM one WHERE number < ?1)
+             INSERT INTO trial (trial_id, content_hash, inputs, states, sampled_at_ms, key_events,
+                 display)
+             SELECT hex(randomblob(18)), ?2, ?3, ?4, ?5, ?6, ?7 FROM one",
+        )
+        .bind(per_commit as i64)
+        .bind(&states[..32])
+        .bind(&states[..STEPS])
+        .bind(&states[..])
+        .bind(&states[..8 * STEPS])
+        .bind(KEY_EVENTS)
+        .bind(DISPLAY);
+        insert.execute(&mut db).await?;
         count += per_commit;
     }
+    db.close().await?;
     Ok(count)
 }

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::time::Instant;
 
-use rusqlite::{Connection, Result};
 use sidestep_tests::load::figures::{at_most, row};
-use sidestep_tests::{Database, Driver, Folder, Process};
+use sidestep_tests::{Database, Driver, Folder, Process, sqlite};
+use sqlx::{AssertSqlSafe, SqliteConnection};
 
 /// Measures how long a server takes to be ready on a database with so many trials, which is kept
 /// beside other temporary files for the next time.
@@ -19,7 +19,7 @@ pub(crate) async fn measure(trials: usize) {
         make(&folder, file, trials).await;
         row("the database was made in", format!("{:.0} s", begin.elapsed().as_secs_f64()), name);
     }
-    let stored = database.number("SELECT count(*) FROM trial");
+    let stored = database.number("SELECT count(*) FROM trial").await;
     for time in ["first", "second", "third"] {
         let begin = Instant::now();
         let server = Process::start_on(&folder, &database).await;
@@ -46,14 +46,15 @@ async fn make(folder: &Folder, file: &Path, trials: usize) {
     driver.drive(&server, each).await;
     server.kill().await;
     let people = trials.div_ceil(each).try_into().expect("fewer people");
-    copy(&aside, people).expect("copies of a participant");
+    let copied = sqlite::with(&aside, async |db| copy(db, people).await);
+    copied.await.expect("copies of a participant");
     std::fs::rename(aside, file).expect("the database");
 }
 
 /// Copies the only participant with everything that refers to them until there are `people`.
-fn copy(file: &Path, people: u32) -> Result<()> {
-    let db = Connection::open(file)?;
-    db.execute_batch("PRAGMA synchronous = OFF; PRAGMA foreign_keys = OFF; BEGIN")?;
+async fn copy(db: &mut SqliteConnection, people: u32) -> sqlx::Result<()> {
+    let begin = "PRAGMA synchronous = OFF; PRAGMA foreign_keys = OFF; BEGIN";
+    sqlx::raw_sql(begin).execute(&mut *db).await?;
     for number in 2..=people {
         for (table, changed) in [
             ("participant", &["id", "number", "place", "seed"][..]),
@@ -62,17 +63,18 @@ fn copy(file: &Path, people: u32) -> Result<()> {
             ("trial", &["sequence", "trial_id"]),
             ("tally", &["participant_id"]),
         ] {
-            db.execute(&copying(&db, table, changed)?, [number])?;
+            let copying = AssertSqlSafe(copying(db, table, changed).await?);
+            sqlx::query(copying).bind(number).execute(&mut *db).await?;
         }
     }
-    db.execute_batch("COMMIT; PRAGMA wal_checkpoint(TRUNCATE)")
+    sqlx::raw_sql("COMMIT; PRAGMA wal_checkpoint(TRUNCATE)").execute(db).await.map(drop)
 }
 
 /// The statement that copies the rows of the first participant in a table, with other values in the
 /// columns that tell them apart.
-fn copying(db: &Connection, table: &str, changed: &[&str]) -> Result<String> {
-    let mut statement = db.prepare(&format!("SELECT name FROM pragma_table_info('{table}')"))?;
-    let columns: Vec<String> = statement.query_map([], |row| row.get(0))?.collect::<Result<_>>()?;
+async fn copying(db: &mut SqliteConnection, table: &str, changed: &[&str]) -> sqlx::Result<String> {
+    let columns = "SELECT name FROM pragma_table_info(?1)";
+    let columns: Vec<String> = sqlx::query_scalar(columns).bind(table).fetch_all(db).await?;
     let value = |column: &String| match column.as_str() {
         column if !changed.contains(&column) => column.to_owned(),
         "number" | "place" | "seed" => "?1".to_owned(),

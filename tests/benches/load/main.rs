@@ -129,7 +129,7 @@ async fn measure(options: &Options, folder: &Folder) -> ExitCode {
     }
     if options.has(Scenario::Fast) {
         for per_commit in [1, options.connections] {
-            let per_s = baseline::inserts(folder, per_commit, options.seconds / 4.0);
+            let per_s = baseline::inserts(folder, per_commit, options.seconds / 4.0).await;
             let name = format!("SQLite alone, trials a commit: {per_commit}");
             row(&name, format!("{per_s:.0}/s"), "");
         }

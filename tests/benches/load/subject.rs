@@ -95,6 +95,6 @@ impl Under {
         for server in self.servers {
             server.kill().await;
         }
-        compare(&self.crowd.everybody(), &self.database)
+        compare(&self.crowd.everybody(), &self.database).await
     }
 }

@@ -41,8 +41,7 @@ const QUERY: &str = "SELECT trial.trial_id, scene.participant_id, trial.started_
 ///
 /// # Panics
 /// If the database cannot be read.
-#[must_use]
-pub fn compare(people: &[Person], database: &Database) -> Comparison {
+pub async fn compare(people: &[Person], database: &Database) -> Comparison {
     let mut found = Comparison::default();
     let mut expected: HashMap<&str, (&Person, usize)> = HashMap::new();
     let mut seen: HashMap<String, u32> = HashMap::new();
@@ -55,7 +54,7 @@ pub fn compare(people: &[Person], database: &Database) -> Comparison {
         expected.extend(trials.map(|(place, trial_id)| (trial_id, (person, place))));
     }
     found.acknowledged = expected.len();
-    database.each_row(QUERY, |row| {
+    let compared = |row: &[&str]| {
         if gone.contains(row[1]) {
             found.undeleted += 1;
         }
@@ -69,7 +68,8 @@ pub fn compare(people: &[Person], database: &Database) -> Comparison {
             }
             None => found.unacknowledged += 1,
         }
-    });
+    };
+    database.each_row(QUERY, compared).await;
     found.lost = expected.len();
     found
 }

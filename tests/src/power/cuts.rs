@@ -2,12 +2,12 @@
 
 use super::{Disk, Recording};
 use crate::load::{Comparison, Person, compare};
-use crate::{Answer, Database, Folder, Server};
+use crate::{Answer, Database, Folder, Server, sqlite};
 use reqwest::Method;
-use rusqlite::Connection;
 use serde_json::json;
 use sidestep::api::routes;
 use sidestep::math::SeededRng;
+use sqlx::SqliteConnection;
 
 /// What happens before the power is cut.
 #[derive(Clone, Copy, Debug)]
@@ -97,15 +97,15 @@ impl Recorded {
     ///
     /// # Panics
     /// If files cannot be written.
-    pub fn cut(&mut self, moment: usize, disk: Disk) -> Result<(Comparison, Folder), String> {
+    pub async fn cut(&mut self, moment: usize, disk: Disk) -> Result<(Comparison, Folder), String> {
         let folder = Folder::default();
         self.recording.cut(moment, disk, &mut self.rng, folder.root());
-        let damage = damage(&folder).unwrap_or_else(|error| error.to_string());
+        let damage = damage(&folder).await.unwrap_or_else(|error| error.to_string());
         if damage != "ok" {
             return Err(damage);
         }
         let database = Database::file(folder.root(), "sidestep.db");
-        Ok((compare(&self.people_at(moment), &database), folder))
+        Ok((compare(&self.people_at(moment), &database).await, folder))
     }
 
     /// A moment by chance.
@@ -130,8 +130,10 @@ impl Recorded {
 }
 
 /// What SQLite says of the database in a folder: `ok`, or what is damaged.
-fn damage(folder: &Folder) -> rusqlite::Result<String> {
-    let db = Connection::open(folder.path("sidestep.db"))?;
-    db.query_row("SELECT count(*) FROM trial", [], |row| row.get::<_, i64>(0))?;
-    db.query_row("PRAGMA integrity_check", [], |row| row.get(0))
+async fn damage(folder: &Folder) -> sqlx::Result<String> {
+    let asked = async |db: &mut SqliteConnection| {
+        let _: i64 = sqlx::query_scalar("SELECT count(*) FROM trial").fetch_one(&mut *db).await?;
+        sqlx::query_scalar("PRAGMA integrity_check").fetch_one(&mut *db).await
+    };
+    sqlite::with(&folder.path("sidestep.db"), asked).await
 }

@@ -5,7 +5,7 @@
 #![allow(unsafe_code, reason = "SQLite calls a file layer through C functions")]
 
 use super::{Act, Acts, Recordings, name_in};
-use rusqlite::ffi;
+use libsqlite3_sys as ffi;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;

@@ -71,9 +71,9 @@ async fn file(server: &Server, id: &str, name: &str) -> reqwest::Response {
 }
 
 /// So many rows of a table, read behind the server's back.
-fn count(server: &Server, table: &str) -> i64 {
+async fn count(server: &Server, table: &str) -> i64 {
     let query = format!("SELECT count(*) FROM {table}");
-    behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
+    behind(&server.database()).row(&query, |row| row.get(0)).await.unwrap()
 }
 
 #[tokio::test]
@@ -144,13 +144,13 @@ async fn a_study_is_analysed_as_by_the_command() {
     }
 
     // A second one with the same data finds every cell there, and the same again.
-    let cells = count(&server, "analysis_cell");
+    let cells = count(&server, "analysis_cell").await;
     assert!(cells > 0);
     let again = ask(&server, json!({ "leakage": true })).await;
     assert_ne!(again.id, asked.id);
     let second = done(&server, &again.id).await;
     assert_eq!(second.files, detail.files);
-    assert_eq!(count(&server, "analysis_cell"), cells);
+    assert_eq!(count(&server, "analysis_cell").await, cells);
 
     // Another set and another grid: only what is new is computed, and told beside the rest.
     let slopes = json!({ "slopes": ["v_h", "dv_h_ahead", "dv_h_left"] });
@@ -192,7 +192,7 @@ async fn a_study_is_analysed_as_by_the_command() {
     assert_eq!(file(&server, &asked.id, "table1.csv").await.status(), 404);
     let files = show(&server, &second.summary.id).await.files.len()
         + show(&server, &wider.id).await.files.len();
-    assert_eq!(count(&server, "analysis_file"), files as i64);
+    assert_eq!(count(&server, "analysis_file").await, files as i64);
 }
 
 #[tokio::test]
@@ -213,10 +213,10 @@ async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
     let third = ask(&server, json!({ "synthetic": true })).await;
 
     // The server ends and starts again: the first goes on with what it had.
-    let kept = count(&server, "analysis_cell");
+    let kept = count(&server, "analysis_cell").await;
     assert!(kept >= 10, "{kept}");
     let server = server.restarted().await;
-    assert!(count(&server, "analysis_cell") >= kept);
+    assert!(count(&server, "analysis_cell").await >= kept);
     until(&server, &first.id, |now| now.state == AnalysisState::Running).await;
 
     // One that waits and one that is being made are cancelled alike, also twice.
@@ -248,10 +248,10 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
 
     // Who drove nothing takes nothing with them.
     let passing = Driver::enrol(&server).await;
-    let cells = count(&server, "analysis_cell");
+    let cells = count(&server, "analysis_cell").await;
     assert_eq!(passing.withdraw(&server, "delete").await.status, 200);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
-    assert!(count(&server, "analysis_cell") >= cells);
+    assert!(count(&server, "analysis_cell").await >= cells);
     // Who leaves and lets their data be used changes nothing.
     assert_eq!(stays.withdraw(&server, "keep").await.status, 200);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
@@ -268,7 +268,7 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
     }
     let after = ask(&server, json!({})).await;
     assert_eq!(done(&server, &after.id).await.summary.result.unwrap().participants, 1);
-    assert_eq!(count(&server, "analysis_file WHERE analysis = 1"), 0);
+    assert_eq!(count(&server, "analysis_file WHERE analysis = 1").await, 0);
 }
 
 #[tokio::test]

@@ -282,12 +282,12 @@ async fn the_analysis_of_a_killed_server_is_taken_over() {
     first.kill().await;
     gone(process).await;
     // The lease of the dead runs out, after a minute.
-    let attempts = || database.number("SELECT attempts FROM analysis");
+    let attempts = async || database.number("SELECT attempts FROM analysis").await;
     let begun = Instant::now();
-    while attempts() == 1 {
+    while attempts().await == 1 {
         assert!(begun.elapsed() < Duration::from_secs(90), "nobody takes it over");
         tokio::time::sleep(Duration::from_millis(100)).await;
     }
     let over = until(&second, &id, |now| now.state.is_over()).await;
-    assert_eq!((over.state, attempts()), (AnalysisState::Done, 2));
+    assert_eq!((over.state, attempts().await), (AnalysisState::Done, 2));
 }

@@ -9,9 +9,7 @@ use sidestep::api::{
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep_tests::behind::new_postgres_database;
 use sidestep_tests::server::{SHORT_STUDY, write_site};
-use sidestep_tests::{
-    Answer, Driver, Folder, Server, behind, behind_file, driven, driven_with, run,
-};
+use sidestep_tests::{Answer, Driver, Folder, Server, behind, driven, driven_with, run};
 use std::path::{Path, PathBuf};
 
 fn old(name: &str) -> PathBuf {
@@ -55,9 +53,9 @@ async fn a_database_of_the_version_before_goes_on() {
 #[tokio::test]
 #[ignore = "needs PostgreSQL"]
 async fn a_postgresql_database_of_the_version_before_goes_on() {
-    let url = new_postgres_database().expect("a cluster, which cargo xtask test starts");
+    let url = new_postgres_database().await.expect("a cluster, which cargo xtask test starts");
     let dump = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-postgres/schema-2.sql");
-    behind(&url).execute_batch(&std::fs::read_to_string(dump).unwrap()).unwrap();
+    behind(&url).execute(&std::fs::read_to_string(dump).unwrap()).await.unwrap();
     goes_on_with_all(Server::on(url, Some(SHORT_STUDY)).await).await;
 }
 
@@ -142,14 +140,12 @@ async fn ids_that_are_one_person_now_belong_to_the_first() {
     let database = folder.database("sidestep.db");
     let change = "UPDATE participant SET external_id = ' P-' || 18 WHERE number = 2 AND study_id = 1; \
                   UPDATE participant SET external_id = 'p-18' WHERE number = 3 AND study_id = 1";
-    behind_file(&database).execute_batch(change).unwrap();
+    behind(&database).execute(change).await.unwrap();
     Server::on(database.clone(), None).await.stop().await;
     let query = "SELECT number, external_key FROM participant WHERE study_id = 1 \
                  AND number IN (2, 3) ORDER BY number";
-    let db = behind_file(&database);
-    let mut statement = db.prepare(query).unwrap();
     let found: Vec<(i64, Option<String>)> =
-        statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?))).unwrap().flatten().collect();
+        behind(&database).rows(query, |row| Ok((row.get(0)?, row.get(1)?))).await.unwrap();
     assert_eq!(found, [(2, Some("p-18".to_owned())), (3, None)]);
 }
 
@@ -165,21 +161,23 @@ async fn a_configuration_is_known_by_what_was_stored() {
             "robot": { "turn_rate_radps": 0.5, "speed_mps": 2.0 },
             "human": { "turn_rate_radps": 0.5, "speed_mps": 2.0 } } }"#;
     let hash = "0123456789abcdef".repeat(4);
-    let db = behind_file(&database);
-    db.execute("INSERT INTO study_config VALUES (?1, ?2)", [&hash, otherwise]).unwrap();
-    db.execute("UPDATE study SET config_hash = ?1", [&hash]).unwrap();
-    drop(db);
+    let change = format!(
+        "INSERT INTO study_config VALUES ('{hash}', '{otherwise}'); \
+         UPDATE study SET config_hash = '{hash}'"
+    );
+    behind(&database).execute(&change).await.unwrap();
     let same = "title = \"Short\"\nphases = [{ phase = \"task\", scenes = 2 }]\n";
     stopped.write_study(same);
     let server = stopped.start().await;
     let driver = Driver::enrol(&server).await;
     driver.drive(&server, 2).await;
-    let db = behind_file(&database);
-    let under = "SELECT count(*) FROM participant WHERE config_hash = ?1";
-    let count: i64 = db.query_row(under, [&hash], |row| row.get(0)).unwrap();
-    let configs: i64 =
-        db.query_row("SELECT count(*) FROM study_config", [], |row| row.get(0)).unwrap();
-    assert_eq!((count, configs), (1, 2), "an equal configuration is not stored again");
+    let counts = format!(
+        "SELECT count(*), (SELECT count(*) FROM study_config) FROM participant \
+         WHERE config_hash = '{hash}'"
+    );
+    let counts: (i64, i64) =
+        behind(&database).row(&counts, |row| Ok((row.get(0)?, row.get(1)?))).await.unwrap();
+    assert_eq!(counts, (1, 2), "an equal configuration is not stored again");
     let detail: TrialDetail =
         server.admin(&routes::admin_trial(&driver.scenes()[0].0)).await.into(200);
     assert!(detail.value_function(Evader::Human).is_some());
@@ -188,18 +186,18 @@ async fn a_configuration_is_known_by_what_was_stored() {
 #[tokio::test]
 async fn numbers_are_never_used_twice() {
     let server = Server::with_database(SHORT_STUDY, &old("sidestep.db")).await;
-    let highest = |table: &str| -> i64 {
+    let highest = async |table: &str| -> i64 {
         let query = format!("SELECT seq FROM sqlite_sequence WHERE name = '{table}'");
-        behind_file(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
+        behind(&server.database()).row(&query, |row| row.get(0)).await.unwrap()
     };
-    let before = highest("analysis");
+    let before = highest("analysis").await;
     let id = facts()["analysis"]["id"].as_str().unwrap().to_owned();
     let delete = server.request(Method::DELETE, &routes::admin_analysis(&id));
     assert_eq!(Answer::of(delete.bearer_auth(&server.key)).await.status, 204);
     let ask = server.request(Method::POST, &routes::admin_analyses("second"));
     let asked = Answer::of(ask.bearer_auth(&server.key).json(&json!({}))).await;
     assert_eq!(asked.status, 201, "{}", asked.body);
-    assert_eq!(highest("analysis"), before + 1);
+    assert_eq!(highest("analysis").await, before + 1);
 
     let drives = async || {
         let enrolled = Driver::ask_in(&server, "first", json!({ "consent": true })).await;
@@ -208,10 +206,10 @@ async fn numbers_are_never_used_twice() {
         driver
     };
     let driver = drives().await;
-    let before = highest("trial");
+    let before = highest("trial").await;
     assert_eq!(driver.withdraw(&server, "delete").await.status, 200);
     drives().await;
-    assert_eq!(highest("trial"), before + 1);
+    assert_eq!(highest("trial").await, before + 1);
 }
 
 /// What is refused stays as it was to the last byte; the line says why.
@@ -220,7 +218,7 @@ async fn is_refused(change: &str, words: &[&str]) {
     let file = folder.path("sidestep.db");
     std::fs::copy(old("sidestep.db"), &file).unwrap();
     let database = folder.database("sidestep.db");
-    behind_file(&database).execute_batch(change).unwrap();
+    behind(&database).execute(change).await.unwrap();
     let before = std::fs::read(&file).unwrap();
     let out = folder.name("out");
     for args in [
@@ -297,8 +295,9 @@ async fn reading_changes_no_file_of_an_older_version() {
 #[tokio::test]
 #[ignore = "needs PostgreSQL"]
 async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
-    let new = || new_postgres_database().expect("a cluster, which cargo xtask test starts");
-    let url = new();
+    let new =
+        async || new_postgres_database().await.expect("a cluster, which cargo xtask test starts");
+    let url = new().await;
     let whole = url.as_str();
     let (_, rest) = whole.split_once(":///").unwrap();
     let name = rest.split('?').next().unwrap();
@@ -313,14 +312,14 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
     serve(&whole.replace(name, "absent")).await.refused(1, &["absent", "createdb"]);
     let narrow = format!("{name}_narrow");
     let encoding = "ENCODING 'SQL_ASCII' LC_COLLATE 'C' LC_CTYPE 'C' TEMPLATE template0";
-    admin.execute_batch(&format!("CREATE DATABASE {narrow} {encoding}")).unwrap();
+    admin.execute(&format!("CREATE DATABASE {narrow} {encoding}")).await.unwrap();
     serve(&whole.replace(name, &narrow)).await.refused(1, &["UTF8", "SQL_ASCII", "template0"]);
     let asks = |number: &str| format!("ALTER DATABASE {name} SET sidestep.writers = '{number}'");
     for wrong in ["abc", "0", "65"] {
-        admin.execute_batch(&asks(wrong)).unwrap();
+        admin.execute(&asks(wrong)).await.unwrap();
         serve(whole).await.refused(1, &["sidestep.writers", "from 1 to 64", wrong]);
     }
-    admin.execute_batch(&asks("4")).unwrap();
+    admin.execute(&asks("4")).await.unwrap();
     Server::on(url.clone(), Some(SHORT_STUDY)).await.stop().await;
 
     // Somebody who may only read.
@@ -329,7 +328,7 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
         "CREATE ROLE {reader} LOGIN; GRANT USAGE ON SCHEMA public TO {reader}; \
          GRANT SELECT ON ALL TABLES IN SCHEMA public TO {reader}"
     );
-    admin.execute_batch(&grants).unwrap();
+    admin.execute(&grants).await.unwrap();
     let owner = rest.split('&').find(|part| part.starts_with("user=")).unwrap();
     let of = |user: &str| whole.replace(owner, &format!("user={user}"));
     serve(&of(&reader)).await.refused(1, &["must not write to", "trial", "GRANT"]);
@@ -339,11 +338,11 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
         "GRANT INSERT, UPDATE, DELETE ON ALL TABLES IN SCHEMA public TO {reader}; \
          GRANT USAGE, SELECT ON SEQUENCE changed TO {reader}"
     );
-    admin.execute_batch(&writes).unwrap();
+    admin.execute(&writes).await.unwrap();
     let server = Server::on(of(&reader), Some(SHORT_STUDY)).await;
     assert_eq!(server.get("/readyz").await.status, 200);
     Driver::enrol(&server).await.drive(&server, 5).await;
-    admin.execute_batch(&format!("REVOKE INSERT ON trial FROM {reader}")).unwrap();
+    admin.execute(&format!("REVOKE INSERT ON trial FROM {reader}")).await.unwrap();
     let told = server.get("/readyz").await;
     assert!(told.problem(503, "not_ready", None).contains("must not write to trial"));
     // What is hidden is not taken for a new database.
@@ -351,25 +350,25 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
         ("ALTER TABLE trial RENAME TO hidden", "ALTER TABLE hidden RENAME TO trial"),
         ("REVOKE USAGE ON SCHEMA public FROM PUBLIC", "GRANT USAGE ON SCHEMA public TO PUBLIC"),
     ] {
-        admin.execute_batch(&format!("GRANT INSERT ON trial TO {reader}")).unwrap();
-        admin.execute_batch(&format!("REVOKE USAGE ON SCHEMA public FROM {reader}")).unwrap();
+        admin.execute(&format!("GRANT INSERT ON trial TO {reader}")).await.unwrap();
+        admin.execute(&format!("REVOKE USAGE ON SCHEMA public FROM {reader}")).await.unwrap();
         assert_eq!(server.get("/readyz").await.status, 200);
-        admin.execute_batch(hide).unwrap();
+        admin.execute(hide).await.unwrap();
         server.get("/readyz").await.problem(503, "not_ready", None);
         let said = run(&["check", "--database", &of(&reader)]).await;
         assert_eq!(said.code, Some(1), "{said:?}");
         assert!(!said.err.contains("does not exist, or it is empty"), "{said:?}");
-        admin.execute_batch(show).unwrap();
+        admin.execute(show).await.unwrap();
     }
     server.stop().await;
 
     // Reading migrates nothing.
-    let old = new();
+    let old = new().await;
     let dump = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-postgres/schema-2.sql");
-    behind(&old).execute_batch(&std::fs::read_to_string(dump).unwrap()).unwrap();
+    behind(&old).execute(&std::fs::read_to_string(dump).unwrap()).await.unwrap();
     run(&["check", "--database", &old]).await.refused(1, &["older version", "sidestep serve"]);
     let last = "SELECT CAST(max(version) AS BIGINT) FROM sidestep_migration";
-    assert_eq!(behind(&old).query_row(last, [], |row| row.get::<i64>(0)).unwrap(), 2);
+    assert_eq!(behind(&old).row(last, |row| row.get::<i64>(0)).await.unwrap(), 2);
 }
 
 #[tokio::test]
@@ -400,7 +399,6 @@ async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
     let short = json!({ "consent": true, "request_id": "1" });
     Driver::ask(&server, short).await.problem(422, "invalid", Some("request_id"));
     let query = "SELECT count(*) FROM participant";
-    let people: i64 =
-        behind_file(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    let people: i64 = behind(&server.database()).row(query, |row| row.get(0)).await.unwrap();
     assert_eq!(people, 4);
 }

@@ -8,7 +8,7 @@ use sidestep::api::{
 };
 use sidestep::study::Status;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Address, Answer, Driver, Folder, Process, Server, behind, behind_file, run};
+use sidestep_tests::{Address, Answer, Driver, Folder, Process, Server, behind, run};
 use std::time::Duration;
 
 /// Long enough for any machine.
@@ -129,24 +129,22 @@ fn assert_same(found: &[Driven], expected: &[Driven]) {
 }
 
 /// What everybody drove, and how far they are.
-fn drives(folder: &Folder) -> Vec<Driven> {
-    let db = behind_file(&folder.database("sidestep.db"));
+async fn drives(folder: &Folder) -> Vec<Driven> {
     let query = "SELECT participant.number, scene.ordinal, trial.states, completed_at_ms IS NOT NULL \
                  FROM trial JOIN scene ON scene.trial_id = trial.trial_id \
                  JOIN participant ON participant.id = scene.participant_id ORDER BY 1, 2";
-    let mut statement = db.prepare(query).unwrap();
-    let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?));
-    statement.query_map([], row).unwrap().collect::<Result<_, _>>().unwrap()
+    let db = behind(&folder.database("sidestep.db"));
+    db.rows(query, |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))).await.unwrap()
 }
 
 async fn until_status(server: &Address, folder: &Folder, enough: impl Fn(i64, bool) -> bool) {
     let waited = tokio::time::timeout(PATIENCE, async {
         loop {
             assert_eq!(server.get("/readyz").await.status, 200, "pages answer meanwhile");
-            let db = behind_file(&folder.database("sidestep.db"));
+            let db = behind(&folder.database("sidestep.db"));
             let query = "SELECT (SELECT count(*) FROM trial), json ->> '$.status' = 'closed' FROM study \
                          JOIN study_config ON hash = config_hash";
-            let found = db.query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?)));
+            let found = db.row(query, |row| Ok((row.get(0)?, row.get(1)?))).await;
             if found.is_ok_and(|(trials, closed)| enough(trials, closed)) {
                 break;
             }
@@ -162,7 +160,7 @@ async fn a_demonstration_that_was_killed_goes_on_and_is_the_same() {
     let server = Process::start_demo(&whole).await;
     until_status(&server, &whole, |_, closed| closed).await;
     server.kill().await;
-    let expected = drives(&whole);
+    let expected = drives(&whole).await;
 
     // In the midst of the people, and when some have withdrawn or were screened out.
     for trials in [50, 200] {
@@ -173,22 +171,22 @@ async fn a_demonstration_that_was_killed_goes_on_and_is_the_same() {
     let server = Process::start_demo(&broken).await;
     until_status(&server, &broken, |_, closed| closed).await;
     server.kill().await;
-    assert_same(&drives(&broken), &expected);
-    let count = |table: &str| -> i64 {
-        let query = format!("SELECT count(*) FROM {table}");
-        behind_file(&broken.database("sidestep.db"))
-            .query_row(&query, [], |row| row.get(0))
-            .unwrap()
+    assert_same(&drives(&broken).await, &expected);
+    let counts = async || -> [i64; 4] {
+        let query = "SELECT (SELECT count(*) FROM participant), (SELECT count(*) FROM note), \
+                     (SELECT count(*) FROM exclusion), (SELECT count(*) FROM analysis)";
+        let db = behind(&broken.database("sidestep.db"));
+        let row = db.row(query, |row| Ok([row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?]));
+        row.await.unwrap()
     };
-    let once = ["participant", "note", "exclusion", "analysis"].map(count);
-    assert_eq!(once, [12, 4, 1, 1]);
+    assert_eq!(counts().await, [12, 4, 1, 1]);
 
     // Once it is closed, a start adds nothing, and says nothing of filling.
     let server = Process::start_demo(&broken).await;
     assert!(!server.announcement.concat().contains("being filled"));
     server.kill().await;
-    assert_eq!(["participant", "note", "exclusion", "analysis"].map(count), once);
-    assert_same(&drives(&broken), &expected);
+    assert_eq!(counts().await, [12, 4, 1, 1]);
+    assert_same(&drives(&broken).await, &expected);
     run(&["check", "--database", &broken.database("sidestep.db")]).await.json();
 }
 
@@ -205,7 +203,7 @@ async fn a_study_that_somebody_else_made_stays_as_it_is() {
     let said = run(&[&args[..], &["--database", &database]].concat()).await;
     said.refused(2, &["--demo", "found another one", "--database"]);
     let query = "SELECT count(*) FROM participant";
-    let people: i64 = behind(&database).query_row(query, [], |row| row.get(0)).unwrap();
+    let people: i64 = behind(&database).row(query, |row| row.get(0)).await.unwrap();
     assert_eq!(people, 0);
     let said = run(&[&args[..], &["--database", &database, "--study", &file]].concat()).await;
     said.refused(2, &["--demo", "--study"]);

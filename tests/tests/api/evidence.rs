@@ -63,16 +63,16 @@ async fn trials_of_odd_computers_are_stored_and_flagged() {
     };
     assert!(checked(&server.database()).await);
     // A trial of an earlier version lacks the flags that came later, and is sound; others are damaged.
-    let change = |flags: &str| {
+    let change = async |flags: &str| {
         let change =
             format!("UPDATE trial SET flags = '{flags}' WHERE trial_id = '{}'", scenes[0].0);
-        behind(&server.database()).execute(&change, []).unwrap();
+        behind(&server.database()).execute(&change).await.unwrap();
     };
-    change("");
+    change("").await;
     assert!(checked(&server.database()).await);
-    change("fast_keys");
+    change("fast_keys").await;
     assert!(!checked(&server.database()).await);
-    change("wrong_clock");
+    change("wrong_clock").await;
     // An export comes back as it is.
     let folder = Folder::default();
     let file = folder.file("steps.csv", server.export("default").await);
@@ -121,7 +121,7 @@ async fn characters_that_no_file_can_hold_are_replaced_and_flagged() {
     assert_eq!(send(&server, &driver, routes::ANSWERS, answers).await.status, 204);
     let _: Completed = driver.complete(&server).await.into(200);
     let query = "SELECT answers FROM participant";
-    let stored: String = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    let stored: String = behind(&server.database()).row(query, |row| row.get(0)).await.unwrap();
     assert_eq!(stored, "{\"words\":\"😀\u{fffd}\u{fffd}\u{fffd}\\na\"}");
     // Still refused: what is too long, and what is no JSON.
     let long = format!(r#"{{"answers":{{"words":"{}"}}}}"#, "\\ud800".repeat(10));

@@ -1,12 +1,13 @@
 //! Exports as Psych-DS and SQLite, and as archives over HTTP.
 
-use rusqlite::Connection;
-use rusqlite::types::Value as Cell;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use sidestep::api::{KeyEvent, routes};
 use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::sqlite::{self, Cell, cells};
 use sidestep_tests::{Driver, Folder, Server, driven, run};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{AssertSqlSafe, Column, Connection, Row, SqliteConnection};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -121,39 +122,40 @@ async fn psych_ds_is_what_its_validator_wants() {
     assert_eq!(found["documentation/configurations.json"], tables["configurations.json"]);
 }
 
+async fn rows(db: &mut SqliteConnection, query: &str) -> Vec<SqliteRow> {
+    sqlx::query(AssertSqlSafe(query)).fetch_all(db).await.unwrap()
+}
+
 #[tokio::test]
 async fn sqlite_has_the_same_rows() {
     let server = study().await;
     let folder = Folder::default();
     export(&server, "csv", &folder.name("csv"), &[]).await;
     export(&server, "sqlite", &folder.name("sqlite"), &[]).await;
-    let db = Connection::open(folder.path("sqlite/study.sqlite")).unwrap();
-    let sound: String = db.query_row("PRAGMA integrity_check", [], |row| row.get(0)).unwrap();
-    assert_eq!(sound, "ok");
+    let mut db = sqlite::open(&folder.path("sqlite/study.sqlite")).await.unwrap();
+    let sound = sqlx::query_scalar::<_, String>("PRAGMA integrity_check").fetch_one(&mut db).await;
+    assert_eq!(sound.unwrap(), "ok");
     for (table, key) in [
         ("steps", &["participant", "trial", "step"][..]),
         ("trials", &["participant", "trial"]),
         ("key_events", &["participant", "trial", "event"]),
         ("participants", &["participant"]),
     ] {
-        let mut columns = db.prepare(&format!("PRAGMA table_info({table})")).unwrap();
-        let primary = columns.query_map([], |row| Ok((row.get(1)?, row.get(5)?))).unwrap();
-        let primary: Vec<(String, i64)> = primary.map(Result::unwrap).collect();
-        let mut primary: Vec<_> = primary.into_iter().filter(|(_, place)| *place > 0).collect();
-        primary.sort_by_key(|(_, place)| *place);
-        assert_eq!(primary.into_iter().map(|(name, _)| name).collect::<Vec<_>>(), key);
+        let primary =
+            format!("SELECT name FROM pragma_table_info('{table}') WHERE pk > 0 ORDER BY pk");
+        let primary = sqlx::query_scalar::<_, String>(AssertSqlSafe(primary)).fetch_all(&mut db);
+        assert_eq!(primary.await.unwrap(), key);
 
         let text = folder.text(&format!("csv/{table}.csv"));
         let mut reader = csv::Reader::from_reader(text.as_bytes());
-        let mut select = db.prepare(&format!("SELECT * FROM {table}")).unwrap();
-        let width = select.column_count();
-        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), select.column_names());
-        let mut rows = select.query([]).unwrap();
-        let mut count = 0;
-        for record in reader.records() {
-            let (record, row) = (record.unwrap(), rows.next().unwrap().unwrap());
-            for place in 0..width {
-                match row.get::<_, Cell>(place).unwrap() {
+        let rows = rows(&mut db, &format!("SELECT * FROM {table}")).await;
+        let columns: Vec<&str> = rows[0].columns().iter().map(Column::name).collect();
+        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), columns);
+        let records: Vec<_> = reader.records().map(Result::unwrap).collect();
+        assert_eq!(records.len(), rows.len(), "{table}");
+        for (record, row) in records.iter().zip(&rows) {
+            for (place, cell) in cells(row).unwrap().into_iter().enumerate() {
+                match cell {
                     Cell::Null => assert_eq!(&record[place], ""),
                     Cell::Integer(number) => assert_eq!(record[place], number.to_string()),
                     Cell::Real(number) => {
@@ -167,19 +169,17 @@ async fn sqlite_has_the_same_rows() {
                             text
                         );
                     }
-                    Cell::Blob(_) => panic!("a blob in {table}"),
+                    Cell::Bytes(_) => panic!("a blob in {table}"),
                 }
             }
-            count += 1;
         }
-        assert!(rows.next().unwrap().is_none() && count > 0, "{table}");
     }
     let words = "SELECT unit FROM dictionary WHERE \"table\" = 'steps' AND name = 'omega'";
-    assert_eq!(db.query_row(words, [], |row| row.get::<_, String>(0)).unwrap(), "rad/s");
-    let (hash, study): (String, String) = db
-        .query_row("SELECT * FROM configurations", [], |row| Ok((row.get(0)?, row.get(1)?)))
-        .unwrap();
+    assert_eq!(rows(&mut db, words).await[0].get::<&str, _>(0), "rad/s");
+    let configuration = &rows(&mut db, "SELECT * FROM configurations").await[0];
+    let (hash, study): (&str, &str) = (configuration.get(0), configuration.get(1));
     assert_eq!(hash, hex::encode(Sha256::digest(study)));
+    db.close().await.unwrap();
     let dictionary = json(folder.text("sqlite/dictionary.json").as_bytes());
     assert_eq!(
         (&dictionary[0]["table"], &dictionary[0]["missing"]),

@@ -7,7 +7,7 @@ use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
 use sidestep_tests::process::Said;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Folder, Process, Server, behind_file, driven, run};
+use sidestep_tests::{Driver, Folder, Process, Server, behind, driven, run};
 
 async fn import(database: &str, study: &str, file: &str) -> Said {
     run(&["import", "--database", database, "--study", study, "--trials", file]).await
@@ -387,8 +387,9 @@ async fn a_check_finds_what_was_tampered_with() {
     let sound = run(&["check", "--database", &database]).await.json();
     assert_eq!((&sound["trials"], &sound["flagged"]), (&1.into(), &1.into()));
 
-    let inputs = [vec![0; 49], vec![1]].concat();
-    behind_file(&database).execute("UPDATE trial SET inputs = ?1", [inputs]).unwrap();
+    let inputs = hex::encode([vec![0; 49], vec![1]].concat());
+    let change = format!("UPDATE trial SET inputs = X'{inputs}'");
+    behind(&database).execute(&change).await.unwrap();
     let checked = run(&["check", "--database", &database]).await;
     assert_eq!(checked.code, Some(1));
     let report: Value = serde_json::from_str(&checked.out).unwrap();

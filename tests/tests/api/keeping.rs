@@ -34,7 +34,7 @@ async fn stored_data_are_checked_while_the_server_runs() {
     assert_eq!((check.fault_count, check.message), (0, None));
     let wrong = "UPDATE trial SET closest_m = closest_m + 1 \
                  WHERE sequence = (SELECT max(sequence) FROM trial)";
-    behind(&server.database()).execute_batch(wrong).unwrap();
+    behind(&server.database()).execute(wrong).await.unwrap();
     let check = until(&server, |it| it.fault_count == 1).await;
     assert!(check.faults[0].contains("closest range"), "{check:?}");
     // The laboratory and the operator hear of it, and nobody is kept from driving.
@@ -91,7 +91,7 @@ async fn a_faulty_trial_is_told_and_ends_no_backups() {
     Driver::enrol(&server).await.drive(&server, 3).await;
     let faulty = "UPDATE trial SET closest_m = closest_m + 1 \
                   WHERE trial_id = (SELECT max(trial_id) FROM trial)";
-    behind(&server.database()).execute_batch(faulty).unwrap();
+    behind(&server.database()).execute(faulty).await.unwrap();
     let wanted = folder.path().to_owned();
     let change = |args: &mut ServeArgs| {
         often(args);

@@ -142,9 +142,9 @@ async fn a_wrong_tally_is_found() {
         ("UPDATE tally SET number = 9", "UPDATE tally SET number = 1"),
         ("DELETE FROM tally", ""),
     ] {
-        behind(&url).execute(damage, []).unwrap();
+        behind(&url).execute(damage).await.unwrap();
         assert_eq!(wrong().await, [id], "{damage}");
-        behind(&url).execute_batch(repair).unwrap();
+        behind(&url).execute(repair).await.unwrap();
         assert_eq!(wrong().await.is_empty(), !repair.is_empty());
     }
 }

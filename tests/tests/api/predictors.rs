@@ -64,19 +64,19 @@ async fn model(server: &Server, trial: &str, id: &str, file: &str) -> Answer {
     server.admin(&format!("{route}?analysis={id}&file={file}")).await
 }
 
-fn count(server: &Server, table: &str) -> i64 {
+async fn count(server: &Server, table: &str) -> i64 {
     let query = format!("SELECT count(*) FROM {table}");
-    behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
+    behind(&server.database()).row(&query, |row| row.get(0)).await.unwrap()
 }
 
 /// The number of models that the database holds: by their rows, by their kinds and by participant.
-fn models_counted(server: &Server) -> [i64; 3] {
-    let sum = |table: &str| {
+async fn models_counted(server: &Server) -> [i64; 3] {
+    let sum = async |table: &str| -> i64 {
         let query = format!("SELECT CAST(coalesce(sum(models), 0) AS BIGINT) FROM {table}");
-        behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
+        behind(&server.database()).row(&query, |row| row.get(0)).await.unwrap()
     };
-    let rows = count(server, "analysis_predictor");
-    [rows, sum("predictor_kind"), sum("predictor_participant")]
+    let rows = count(server, "analysis_predictor").await;
+    [rows, sum("predictor_kind").await, sum("predictor_participant").await]
 }
 
 #[tokio::test]
@@ -267,12 +267,12 @@ async fn models_go_with_their_participant_and_their_analysis() {
     for id in [&before, &deleted] {
         done(&server, id).await;
     }
-    assert_eq!(models_counted(&server), [4 * MODELS as i64; 3]);
-    assert_eq!(count(&server, "analysis_trial"), 2 * 2 * 8);
+    assert_eq!(models_counted(&server).await, [4 * MODELS as i64; 3]);
+    assert_eq!(count(&server, "analysis_trial").await, 2 * 2 * 8);
     let request = server.request(Method::DELETE, &routes::admin_analysis(&deleted));
     assert_eq!(Answer::of(request.bearer_auth(&server.key)).await.status, 204);
-    assert_eq!(models_counted(&server), [2 * MODELS as i64; 3]);
-    assert_eq!(count(&server, "analysis_trial"), 2 * 8);
+    assert_eq!(models_counted(&server).await, [2 * MODELS as i64; 3]);
+    assert_eq!(count(&server, "analysis_trial").await, 2 * 8);
     let trial = tasks(&stays).swap_remove(0);
     let file = "models/lr-1-hrd-1.json";
     model(&server, &trial, &deleted, file).await.problem(404, "not_found", None);
@@ -282,9 +282,9 @@ async fn models_go_with_their_participant_and_their_analysis() {
     let page = list(&server, &before, "").await;
     assert_eq!((page.total, page.predictors, page.choices.participants), (0, vec![], vec![]));
     model(&server, &trial, &before, file).await.problem(404, "not_found", None);
-    assert_eq!(models_counted(&server), [0; 3]);
+    assert_eq!(models_counted(&server).await, [0; 3]);
     // What is left are the trials of whoever stays.
-    assert_eq!(count(&server, "analysis_trial"), 8);
+    assert_eq!(count(&server, "analysis_trial").await, 8);
     let after = ask(&server, quick()).await.id;
     done(&server, &after).await;
     assert_eq!(list(&server, &after, "").await.choices.participants, [1]);

@@ -46,7 +46,7 @@ async fn behind(kind: Kind) {
     };
     let (completed, ()) = tokio::join!(drives, kill);
     assert_eq!(completed, [200; PEOPLE]);
-    let stored = database.number("SELECT count(*) FROM trial");
+    let stored = database.number("SELECT count(*) FROM trial").await;
     assert_eq!(stored, 5 * PEOPLE as i64);
 
     // Without any server, the page hears what it understands, and when to ask again.

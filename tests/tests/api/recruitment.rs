@@ -31,9 +31,11 @@ async fn admission(server: &Server) -> Admission {
 }
 
 /// Moves the last sign of everybody into the past.
-fn all_away_for_hours(server: &Server) {
+async fn all_away_for_hours(server: &Server) {
     let db = behind(&server.database());
-    db.execute("UPDATE participant SET last_seen_at_ms = last_seen_at_ms - 10000000", []).unwrap();
+    db.execute("UPDATE participant SET last_seen_at_ms = last_seen_at_ms - 10000000")
+        .await
+        .unwrap();
 }
 
 #[tokio::test]
@@ -48,7 +50,7 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
     assert_eq!(admission(&server).await, Admission::Full);
     let query = "SELECT place FROM participant ORDER BY place";
     let db = behind(&server.database());
-    let places: Vec<i64> = db.rows(query, |row| row.get(0)).unwrap();
+    let places: Vec<i64> = db.rows(query, |row| row.get(0)).await.unwrap();
     assert_eq!(places, (0..10).collect::<Vec<_>>());
 
     // Pilots need no place. Who left makes room; who stayed away does too, and may still finish.
@@ -60,7 +62,7 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
     assert_eq!(admission(&server).await, Admission::Open);
     Driver::enrol(&server).await;
     Driver::ask(&server, json!({ "consent": true })).await.problem(403, "full", None);
-    all_away_for_hours(&server);
+    all_away_for_hours(&server).await;
     assert_eq!(admission(&server).await, Admission::Open);
     begun[1].drive(&server, 2).await;
     assert_eq!(begun[1].complete(&server).await.status, 200);
@@ -71,7 +73,7 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
     begun[2].drive(&server, 2).await;
     assert_eq!(begun[2].complete(&server).await.status, 200);
     let held = "SELECT count(*), count(DISTINCT place) FROM participant WHERE holds_place";
-    let counts: (i64, i64) = db.query_row(held, [], |row| Ok((row.get(0)?, row.get(1)?))).unwrap();
+    let counts: (i64, i64) = db.row(held, |row| Ok((row.get(0)?, row.get(1)?))).await.unwrap();
     assert_eq!(counts, (10, 10), "one holder a place");
 }
 
@@ -79,7 +81,7 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
 async fn whoever_opens_the_page_again_keeps_their_place() {
     let server = Server::with_study(&study("[recruitment]\nquota = 1\n")).await;
     let driver = Driver::enrol(&server).await;
-    all_away_for_hours(&server);
+    all_away_for_hours(&server).await;
     assert_eq!(admission(&server).await, Admission::Open);
     let _: Progress = driver.me(&server).await.into(200);
     // It is noted behind the answer.
@@ -109,7 +111,7 @@ async fn a_crash_between_enrolment_and_plan_heals() {
     let server = Server::with_study(SHORT_STUDY).await;
     let body = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000009" });
     Driver::ask(&server, body.clone()).await.into::<Enrolled>(201);
-    behind(&server.database()).execute("DELETE FROM scene", []).unwrap();
+    behind(&server.database()).execute("DELETE FROM scene").await.unwrap();
     let answers = join_all((0..8).map(|_| Driver::ask(&server, body.clone()))).await;
     let healed: Vec<Enrolled> = answers.into_iter().map(|answer| answer.into(200)).collect();
     assert_eq!(healed[0].plan.scenes().count(), 5);
@@ -186,15 +188,15 @@ async fn what_the_link_brought_is_stored_if_the_study_records_it() {
     });
     Driver::ask(&server, body).await.into::<Enrolled>(201);
     let row = behind(&server.database())
-        .query_row(
+        .row(
             "SELECT parameters, consent_language, length(consent_hash), external_id, external_key \
              FROM participant",
-            [],
             |row| {
                 let text = |i: usize| row.get::<String>(i);
                 Ok((text(0)?, text(1)?, row.get::<i64>(2)?, text(3)?, text(4)?))
             },
         )
+        .await
         .unwrap();
     let text = |text: &str| text.to_owned();
     assert_eq!(row, (text("{\"STUDY_ID\":\"s-1\"}"), text("de"), 64, text("P1"), text("p1")));
@@ -316,12 +318,12 @@ async fn answers_are_checked_replaced_and_kept() {
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!((me.answered, me.return_url), (true, Some(url)));
     let query = "SELECT answers FROM participant";
-    let stored: String = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    let stored: String = behind(&server.database()).row(query, |row| row.get(0)).await.unwrap();
     assert_eq!(stored, "{\"age\":21,\"hand\":\"left\"}");
     let left: Withdrawn = driver.withdraw(&server, "delete").await.into(200);
     assert_eq!(left.return_url.as_deref(), Some("https://app.example.org/left"));
     let stored: Option<String> =
-        behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+        behind(&server.database()).row(query, |row| row.get(0)).await.unwrap();
     assert_eq!(stored, None);
 }
 
@@ -556,8 +558,7 @@ async fn whoever_began_in_a_language_goes_on_in_it() {
     behind(&server.database())
         .execute(
             "UPDATE study_config SET json = replace(json, '\"text\":{}', '\"text\":{\"en\":\"Hello\"}')",
-            [],
-        )
+        ).await
         .unwrap();
     let server = server.restarted_with_study(&study("[consent.text]\nen = \"Hello\"\n")).await;
     let url = routes::texts("default") + "?language=es";

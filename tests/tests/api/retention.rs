@@ -24,7 +24,7 @@ async fn people() -> Server {
     assert_eq!(Driver::ask(&server, called).await.status, 201);
     let long_ago = "UPDATE participant SET last_seen_at_ms = last_seen_at_ms - 3456000000 \
                     WHERE number <> 3";
-    behind(&server.database()).execute_batch(long_ago).unwrap();
+    behind(&server.database()).execute(long_ago).await.unwrap();
     server
 }
 
@@ -43,11 +43,11 @@ async fn rules_say_what_they_would_delete_and_delete_it_when_asked_to() {
     assert_eq!(rule(&told, 0), found("unfinished", json!(["2", "4"]), 2));
     assert_eq!(rule(&told, 1), found("identities", json!(["4"]), 1));
     assert_eq!(rule(&told, 2), (json!("audit"), Value::Null, Value::Null, json!(0)));
-    let trials = || -> i64 {
+    let trials = async || -> i64 {
         let query = "SELECT count(*) FROM trial";
-        behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap()
+        behind(&server.database()).row(query, |row| row.get(0)).await.unwrap()
     };
-    assert_eq!(trials(), 8, "nothing was deleted");
+    assert_eq!(trials().await, 8, "nothing was deleted");
 
     let identity = ["--identities", "39", "--delete"];
     assert_eq!(rule(&retention(&server, &identity).await, 0), rule(&told, 1));
@@ -55,12 +55,12 @@ async fn rules_say_what_they_would_delete_and_delete_it_when_asked_to() {
     assert_eq!(rule(&again, 0), (json!("identities"), json!("default"), Value::Null, json!(0)));
     let people = "SELECT count(*) FROM participant \
                   WHERE external_id IS NOT NULL OR external_key IS NOT NULL OR parameters IS NOT NULL";
-    let known: i64 = behind(&server.database()).query_row(people, [], |row| row.get(0)).unwrap();
+    let known: i64 = behind(&server.database()).row(people, |row| row.get(0)).await.unwrap();
     assert_eq!(known, 0);
 
     let unfinished = ["--study", "default", "--unfinished", "30", "--delete"];
     assert_eq!(retention(&server, &unfinished).await["rules"][0]["count"], 2);
-    assert_eq!(trials(), 6, "those of people 1 and 3 remain");
+    assert_eq!(trials().await, 6, "those of people 1 and 3 remain");
     assert_eq!(retention(&server, &unfinished).await["rules"][0]["count"], 0);
     let route = routes::admin_participants("default");
     let page: ParticipantPage = server.admin(&route).await.into(200);
@@ -71,7 +71,7 @@ async fn rules_say_what_they_would_delete_and_delete_it_when_asked_to() {
 
     // The trail has each of them, and says when it was shortened itself.
     let aged = "UPDATE audit SET at_ms = at_ms - 3 * 86400000";
-    behind(&server.database()).execute_batch(aged).unwrap();
+    behind(&server.database()).execute(aged).await.unwrap();
     let before: AuditPage = server.admin(routes::AUDIT).await.into(200);
     let by_us = |page: &AuditPage| -> Vec<(Action, Option<String>)> {
         let ours = page.entries.iter().filter(|entry| entry.who == "sidestep retention");
@@ -93,7 +93,7 @@ async fn rules_say_what_they_would_delete_and_delete_it_when_asked_to() {
     run(&["check", "--database", &server.database()]).await.json();
     let all = retention(&server, &["--data", "30", "--analyses", "1", "--delete"]).await;
     assert_eq!(all["rules"][0]["which"], json!(["1"]), "{all}");
-    assert_eq!(trials(), 1);
+    assert_eq!(trials().await, 1);
     run(&["check", "--database", &server.database()]).await.json();
 }
 

@@ -132,11 +132,11 @@ async fn deletion_leaves_a_number_and_nothing_in_the_file() {
                    screened_out_at_ms, understood_at_ms, completed_at_ms) FROM participant";
     let tokens = "SELECT json_group_array(completed) FROM participant_token \
                   JOIN participant ON participant.id = participant_id AND created_at_ms = enrolled_at_ms";
-    let [row, tokens] = [row, tokens].map(|query| -> String {
-        behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap()
-    });
-    assert_eq!(row, "[1,1,1,1,null,null,null,null,null,null,null,null,null]");
-    assert_eq!(tokens, "[0]");
+    let asked = async |query| -> String {
+        behind(&server.database()).row(query, |row| row.get(0)).await.unwrap()
+    };
+    assert_eq!(asked(row).await, "[1,1,1,1,null,null,null,null,null,null,null,null,null]");
+    assert_eq!(asked(tokens).await, "[0]");
     // The id is unknown now: the same person may begin again.
     enrolled(&server, "mine", 201).await;
 }
@@ -150,6 +150,6 @@ async fn deletion_after_being_screened_out_leaves_no_trace_of_it() {
     driver.put(&server, routes::COMPREHENSION, &wrong).await.into::<ComprehensionStored>(200);
     assert_eq!(driver.withdraw(&server, "delete").await.status, 200);
     let query = "SELECT count(*) FROM participant WHERE screened_out_at_ms IS NOT NULL";
-    let count: i64 = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    let count: i64 = behind(&server.database()).row(query, |row| row.get(0)).await.unwrap();
     assert_eq!(count, 0);
 }

@@ -114,7 +114,8 @@ async fn a_database_that_lacks_its_functions_gets_them() {
         let database = server.database();
         let stopped = server.stop().await;
         behind(&database)
-            .execute_batch("DELETE FROM safety_function; DELETE FROM value_function;")
+            .execute("DELETE FROM safety_function; DELETE FROM value_function;")
+            .await
             .unwrap();
         let server = stopped.start().await;
         assert_eq!(solved(&server, &ids[0]).await, before);

@@ -4,7 +4,7 @@
 use futures_util::future::join_all;
 use rcgen::{CertificateParams, KeyPair};
 use reqwest::Method;
-use sidestep::api::{AnalysisDetail, AnalysisState, AnalysisSummary, routes};
+use sidestep::api::{AnalysisDetail, AnalysisState, AnalysisSummary, Progress, routes};
 use sidestep_tests::front::free_port;
 use sidestep_tests::postgres::{Cluster, Fsync, Stop};
 use sidestep_tests::process::{Said, binary};
@@ -39,10 +39,10 @@ async fn servers_on_one_database_are_as_one() {
     // Whoever enrols at once, at either, has a number and a place of their own.
     join_all((0..20).map(|i| Driver::enrol(servers[i % 2]))).await;
     let numbers = "SELECT number FROM participant ORDER BY number";
-    let numbers: Vec<i64> = behind(&one.database()).rows(numbers, |row| row.get(0)).unwrap();
+    let numbers: Vec<i64> = behind(&one.database()).rows(numbers, |row| row.get(0)).await.unwrap();
     assert_eq!(numbers, (1..=21).collect::<Vec<_>>());
     let places = "SELECT place FROM participant WHERE holds_place ORDER BY place";
-    let places: Vec<i64> = behind(&one.database()).rows(places, |row| row.get(0)).unwrap();
+    let places: Vec<i64> = behind(&one.database()).rows(places, |row| row.get(0)).await.unwrap();
     assert_eq!(places, (0..21).collect::<Vec<_>>());
 
     // One of them is gone: the other goes on.
@@ -73,11 +73,11 @@ async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() 
     // Three tasks are too few to compare models: it ends with a sentence, and by one attempt.
     assert!([AnalysisState::Done, AnalysisState::Failed].contains(&over.state));
     let attempts = "SELECT attempts FROM analysis";
-    let attempts: i64 = behind(&one.database()).query_row(attempts, [], |row| row.get(0)).unwrap();
+    let attempts: i64 = behind(&one.database()).row(attempts, |row| row.get(0)).await.unwrap();
     assert_eq!(attempts, 1);
     let lost = "UPDATE analysis SET state = 'running', worker = 'lost', lease_until_ms = 1, \
                 ended_at_ms = NULL, message = NULL, result = NULL";
-    behind(&one.database()).execute_batch(lost).unwrap();
+    behind(&one.database()).execute(lost).await.unwrap();
     loop {
         let now: AnalysisDetail = two.admin(&routes::admin_analysis(&asked.id)).await.into(200);
         if now.summary.state.is_over() {
@@ -87,7 +87,7 @@ async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() 
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     let attempts = "SELECT attempts FROM analysis";
-    let attempts: i64 = behind(&one.database()).query_row(attempts, [], |row| row.get(0)).unwrap();
+    let attempts: i64 = behind(&one.database()).row(attempts, |row| row.get(0)).await.unwrap();
     assert_eq!(attempts, 2, "one server took it over");
 }
 
@@ -115,7 +115,7 @@ async fn a_database_that_is_killed_and_back_loses_nothing() {
         }
     }
     let stored = "SELECT count(*) FROM trial";
-    let stored: i64 = behind(&database.url()).query_row(stored, [], |row| row.get(0)).unwrap();
+    let stored: i64 = behind(&database.url()).row(stored, |row| row.get(0)).await.unwrap();
     assert_eq!(stored, 4);
     server.stop().await;
 }
@@ -175,8 +175,44 @@ async fn a_standby_takes_over_and_has_everything() {
         let again = driver.send(&server, id, &driven(scene)).await;
         assert_eq!(again.status, 200, "stored before: {}", again.body);
     }
-    assert_eq!(Database::Postgres(standby.url(name)).number("SELECT count(*) FROM trial"), 3);
+    let new = Database::Postgres(standby.url(name));
+    assert_eq!(new.number("SELECT count(*) FROM trial").await, 3);
+
+    // Nobody fences the old primary: it comes back at its place, which is the first of the address, takes writes without
+    // waiting for a standby, and every session ends.
+    let primary = tokio::task::spawn_blocking(move || {
+        primary.settings.push("synchronous_standby_names=".to_owned());
+        primary.start_again();
+        primary
+    });
+    let mut primary = primary.await.unwrap();
+    let end = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity \
+               WHERE application_name = 'sidestep'";
+    assert_ne!(new.number(end).await, 0);
+    let (id, scene) = &scenes[3];
+    let begun = Instant::now();
+    loop {
+        let answer = driver.send(&server, id, &driven(scene)).await;
+        match answer.status {
+            201 => break,
+            status => assert_eq!(status, 503, "{}", answer.body),
+        }
+        assert!(begun.elapsed() < Duration::from_secs(10), "the server stays at the new primary");
+    }
+    assert_eq!(new.number("SELECT count(*) FROM trial").await, 4);
+    assert_eq!(Database::Postgres(primary.url(name)).number("SELECT count(*) FROM trial").await, 2);
+    // A server that is started now chooses the new one, too.
+    let server = server.restarted().await;
+    assert_eq!(driver.me(&server).await.into::<Progress>(200).stored.len(), 4);
+    // With the new one away, the old one is refused, and whoever asks hears why.
+    let mut standby = standby;
+    standby.stop(Stop::Kill);
+    let ready = server.get("/readyz").await;
+    let why = ready.problem(503, "not_ready", None);
+    assert!(why.contains("old primary") && why.contains("Fence it"), "{why}");
+    driver.me(&server).await.problem(503, "storage", None);
     server.stop().await;
+    primary.stop(Stop::Kill);
 }
 
 #[tokio::test]
@@ -203,8 +239,8 @@ async fn a_database_is_reached_by_tls_and_a_password() {
     let mine = "SELECT count(*) FROM pg_stat_ssl JOIN pg_stat_activity USING (pid) \
                 WHERE application_name LIKE 'sidestep%' AND ssl = ";
     let database = Database::Postgres(local.clone());
-    assert_eq!(database.number(&format!("{mine} FALSE")), 0);
-    assert!(database.number(&format!("{mine} TRUE")) > 0);
+    assert_eq!(database.number(&format!("{mine} FALSE")).await, 0);
+    assert!(database.number(&format!("{mine} TRUE")).await > 0);
     server.kill().await;
 
     // Whatever is wrong is one line, and no password is repeated.

@@ -79,15 +79,15 @@ async fn people_take_part_through_the_server() {
         "url": server.origin, "study": "default",
     });
     assert_eq!(summary(&[&args[..], &["2", "--tasks", "2"]].concat()).await, expected);
-    let complete = || -> i64 {
+    let complete = async || -> i64 {
         let query = "SELECT count(completed_at_ms) FROM participant";
-        behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap()
+        behind(&server.database()).row(query, |row| row.get(0)).await.unwrap()
     };
-    assert_eq!(complete(), 0);
+    assert_eq!(complete().await, 0);
     expected["trials"] = json!(10);
     expected["already_stored"] = json!(8);
     assert_eq!(summary(&[&args[..], &["2", "--tasks", "50"]].concat()).await, expected);
-    assert_eq!(complete(), 2);
+    assert_eq!(complete().await, 2);
 
     let page: TrialPage = server.admin(&routes::admin_trials("default")).await.into(200);
     assert_eq!(page.trials.len(), 10);
@@ -148,7 +148,8 @@ text = { en = "Anything else?" }
     let query = "SELECT count(understood_at_ms), count(completed_at_ms), min(answers), \
                      min(consent_language) FROM participant";
     let found: (i64, i64, String, String) = behind(&server.database())
-        .query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?)))
+        .row(query, |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?)))
+        .await
         .unwrap();
     let answers = r#"{"age":24,"hand":"left","words":"syn"}"#;
     assert_eq!(found, (2, 2, answers.to_owned(), "en".to_owned()));

@@ -44,7 +44,7 @@ async fn a_restart_with_the_same_file_keeps_what_the_laboratory_changed() {
             // As a database of an earlier version, which does not say where its versions are from.
             let database = server.database();
             let stopped = server.stop().await;
-            behind(&database).execute("UPDATE study_version SET by_file = FALSE", []).unwrap();
+            behind(&database).execute("UPDATE study_version SET by_file = FALSE").await.unwrap();
             server = stopped.start().await;
         }
         let route = routes::admin_configuration("default");

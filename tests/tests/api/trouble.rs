@@ -5,7 +5,8 @@ use reqwest::{Method, StatusCode};
 use serde_json::json;
 use sidestep::api::{Progress, routes};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Driver, Folder, Process, Server, behind_file, driven, run};
+use sidestep_tests::{Answer, Driver, Folder, Process, Server, driven, run, sqlite};
+use sqlx::Executor;
 use std::path::Path;
 
 #[tokio::test]
@@ -14,8 +15,8 @@ async fn a_lock_of_another_process_is_waited_for_and_then_refused() {
     let driver = Driver::enrol(&server).await;
     let (trial_id, scene) = driver.scenes()[0].clone();
     let trial = driven(&scene);
-    let other = behind_file(&server.database());
-    other.execute_batch("BEGIN IMMEDIATE").unwrap();
+    let mut other = sqlite::open(&server.path("sidestep.db")).await.unwrap();
+    other.execute("BEGIN IMMEDIATE").await.unwrap();
     // Reading goes on.
     assert_eq!(driver.me(&server).await.status, 200);
     let request = driver.request(&server, Method::PUT, &routes::my_trial(&trial_id));
@@ -23,7 +24,7 @@ async fn a_lock_of_another_process_is_waited_for_and_then_refused() {
     assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);
     assert_eq!(refused.headers()["retry-after"], "5");
     server.get("/readyz").await.problem(503, "not_ready", None);
-    other.execute_batch("ROLLBACK").unwrap();
+    other.execute("ROLLBACK").await.unwrap();
     assert_eq!(server.get("/readyz").await.status, 200);
     assert_eq!(driver.send(&server, &trial_id, &trial).await.status, 201);
 }

@@ -25,19 +25,20 @@ async fn a_lost_a_changed_and_a_doubled_trial_are_noticed() {
         .await;
     server.kill().await;
     let people = crowd.everybody();
-    let sound = compare(&people, &database);
+    let sound = compare(&people, &database).await;
     assert!(sound.acknowledged >= 20, "{sound:?}");
     assert_eq!(sound, Comparison { acknowledged: sound.acknowledged, ..Comparison::default() });
     // The bytes of a number, the time of a trial that is then there twice, and a row.
     let third = "(SELECT sequence FROM trial ORDER BY sequence LIMIT 1 OFFSET 2)";
-    database.change(&format!(
+    let change = format!(
         "UPDATE trial SET states = zeroblob(length(states)) WHERE sequence = {third}; \
          UPDATE trial SET started_at_ms = (SELECT max(started_at_ms) FROM trial) \
          WHERE sequence = (SELECT min(sequence) FROM trial); \
          DELETE FROM trial WHERE sequence = (SELECT max(sequence) FROM trial \
          WHERE started_at_ms < (SELECT max(started_at_ms) FROM trial));"
-    ));
-    let found = compare(&people, &database);
+    );
+    database.change(&change).await;
+    let found = compare(&people, &database).await;
     assert_eq!((found.lost, found.different, found.twice), (1, 2, 1), "{found:?}");
 }
 
@@ -62,7 +63,7 @@ async fn people_who_reload_repeat_vanish_and_withdraw_are_owed_the_same() {
     let people = crowd.everybody();
     let withdrawn = people.iter().filter_map(|person| person.withdrawal);
     assert!(withdrawn.clone().any(|one| one.delete) && withdrawn.clone().any(|one| !one.delete));
-    let found = compare(&people, &database);
+    let found = compare(&people, &database).await;
     assert_eq!(found, Comparison { acknowledged: found.acknowledged, ..Comparison::default() });
     assert!(found.acknowledged > 59, "{found:?}");
 }

@@ -16,7 +16,7 @@ async fn a_read_only_database_is_refused_and_unchanged() {
     server.kill().await;
     // The log's content into the file, so that there is one file to compare.
     let database = folder.database("sidestep.db");
-    sidestep_tests::behind(&database).execute_batch("PRAGMA wal_checkpoint(TRUNCATE)").unwrap();
+    sidestep_tests::behind(&database).execute("PRAGMA wal_checkpoint(TRUNCATE)").await.unwrap();
     let file = folder.path("sidestep.db");
     let before = std::fs::read(&file).unwrap();
 

@@ -14,7 +14,7 @@ async fn a_server_that_is_killed_keeps_its_word() {
     let killing = kill(&crowd, std::slice::from_ref(&folder), &database, kills);
     LocalSet::new().run_until(killing).await;
     assert_eq!(crowd.problems(), [""; 0]);
-    let found = compare(&crowd.everybody(), &database);
+    let found = compare(&crowd.everybody(), &database).await;
     assert_eq!(found.broken(), 0, "{found:?}");
     assert!(found.acknowledged > 0, "{found:?}");
 }

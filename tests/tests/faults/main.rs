@@ -14,5 +14,6 @@ mod clock;
 mod comparison;
 mod file;
 mod kills;
+mod matrix;
 mod power;
 mod postgres;

@@ -14,7 +14,7 @@ async fn what_was_acknowledged_survives_a_power_cut() {
     for cut in 0..60 {
         // The last moment too, when everything was acknowledged.
         let moment = if cut == 0 { last } else { recorded.any_moment() };
-        let (found, folder) = recorded.cut(moment, Disk::Honest).unwrap();
+        let (found, folder) = recorded.cut(moment, Disk::Honest).await.unwrap();
         assert_eq!(found.broken(), 0, "at {moment} of {last}: {found:?}");
         if cut % 20 == 0 {
             let database = Database::file(folder.root(), "sidestep.db");
@@ -29,7 +29,7 @@ async fn what_was_acknowledged_survives_a_power_cut() {
     let mut lost = 0;
     for _ in 0..40 {
         let moment = recorded.any_moment();
-        lost += usize::from(recorded.cut(moment, Disk::Lying).is_ok_and(|(f, _)| f.lost > 0));
+        lost += usize::from(recorded.cut(moment, Disk::Lying).await.is_ok_and(|(f, _)| f.lost > 0));
     }
     assert!(lost > 0);
 }

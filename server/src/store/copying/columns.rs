@@ -12,7 +12,7 @@ pub(super) struct Table {
     pub(super) owner: Option<&'static str>,
     /// Whether the trial's number is copied, shifted.
     pub(super) is_numbered: bool,
-    /// Which rows, of the participant or analysis with the id ?1.
+    /// Which rows, of the participant or analysis with the id $1.
     pub(super) of: &'static str,
     /// In which order.
     pub(super) order: &'static str,
@@ -46,7 +46,7 @@ impl Table {
         self
     }
 
-    /// Deletes the rows of ?1.
+    /// Deletes the rows of $1.
     pub(super) fn delete(&self) -> String {
         format!("DELETE FROM {} WHERE {}", self.name, self.of)
     }
@@ -62,7 +62,7 @@ macro_rules! columns {
     ($($kind:ident: $($name:ident)*;)*) => { &[$($((stringify!($name), Kind::$kind)),*),*] };
 }
 
-const OF_PARTICIPANT: &str = "participant_id = ?1";
+const OF_PARTICIPANT: &str = "participant_id = $1";
 
 /// The rows of a participant, after those that they refer to.
 pub(super) const PARTICIPANT_TABLES: &[Table] = &[
@@ -79,7 +79,7 @@ pub(super) const PARTICIPANT_TABLES: &[Table] = &[
         },
     )
     .owned("study_id")
-    .of("id = ?1", "id"),
+    .of("id = $1", "id"),
     Table::new(
         "participant_token",
         columns! {
@@ -107,7 +107,7 @@ pub(super) const PARTICIPANT_TABLES: &[Table] = &[
     )
     .owned("study_id")
     .numbered()
-    .of("trial_id IN (SELECT trial_id FROM scene WHERE participant_id = ?1)", "sequence"),
+    .of("trial_id IN (SELECT trial_id FROM scene WHERE participant_id = $1)", "sequence"),
     Table::new("note", columns! { Text: participant_id text; Integer: at_ms; Text: who; })
         .of(OF_PARTICIPANT, "id"),
     Table::new(
@@ -127,7 +127,7 @@ pub(super) const PARTICIPANT_TABLES: &[Table] = &[
     .made(),
 ];
 
-const OF_ANALYSIS: &str = "analysis = (SELECT sequence FROM analysis WHERE id = ?1)";
+const OF_ANALYSIS: &str = "analysis = (SELECT sequence FROM analysis WHERE id = $1)";
 
 /// The rows of an analysis, after those that they refer to.
 pub(super) const ANALYSIS_TABLES: &[Table] = &[
@@ -140,7 +140,7 @@ pub(super) const ANALYSIS_TABLES: &[Table] = &[
         },
     )
     .owned("study_id")
-    .of("id = ?1", "id"),
+    .of("id = $1", "id"),
     Table::new("analysis_participant", columns! { Text: participant_id; })
         .owned("analysis")
         .of(OF_ANALYSIS, "participant_id"),
@@ -177,19 +177,19 @@ pub(super) const ACCESS_TABLES: &[Table] = &[
 
 /// Ensures that the numbers up to `last` of a table are not given to new rows.
 pub(super) fn take_numbers(db: &Connection, table: &str, last: i64) -> Result<(), StoreError> {
-    match db {
-        Connection::Sqlite(_) => {
-            let known = "UPDATE sqlite_sequence SET seq = max(seq, ?2) WHERE name = ?1";
+    match db.is_sqlite() {
+        true => {
+            let known = "UPDATE sqlite_sequence SET seq = max(seq, $2) WHERE name = $1";
             if db.execute(known, params![table, last])? == 0 {
-                let new = "INSERT INTO sqlite_sequence (name, seq) VALUES (?1, ?2)";
+                let new = "INSERT INTO sqlite_sequence (name, seq) VALUES ($1, $2)";
                 db.execute(new, params![table, last])?;
             }
         }
-        Connection::Postgres(_) => {
+        false => {
             let column = if table == "api_key" { "id" } else { "sequence" };
             let sequence = format!("pg_get_serial_sequence('{table}', '{column}')");
             let take = format!(
-                "SELECT setval({sequence}, greatest(?1, (SELECT coalesce(max({column}), 0) FROM {table}), \
+                "SELECT setval({sequence}, greatest($1, (SELECT coalesce(max({column}), 0) FROM {table}), \
                      nextval({sequence})))"
             );
             db.query_row(&take, [last], |_| Ok(()))?;
@@ -247,9 +247,9 @@ mod tests {
             let found: BTreeSet<String> = store
                 .read_long(|db| {
                     let query = db.choose(
-                        "SELECT name FROM pragma_table_xinfo(?1)",
+                        "SELECT name FROM pragma_table_xinfo($1)",
                         "SELECT CAST(column_name AS TEXT) FROM information_schema.columns \
-                         WHERE table_schema = current_schema() AND table_name = ?1",
+                         WHERE table_schema = current_schema() AND table_name = $1",
                     );
                     let mut statement = db.prepare_cached(query)?;
                     let names = statement.query_map([table.name], |row| row.get(0))?;

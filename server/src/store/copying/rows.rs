@@ -5,34 +5,10 @@ use crate::store::StoreError;
 use crate::store::sql::{Connection, Kind, Row, ToSql, Value};
 use sha2::{Digest, Sha256};
 
-/// A value that nobody lends.
-#[derive(Clone, Debug, PartialEq)]
-enum Owned {
-    Null(Kind),
-    Integer(i64),
-    Real(f64),
-    Text(String),
-    Bytes(Vec<u8>),
-    Truth(bool),
-}
-
-impl ToSql for Owned {
-    fn value(&self) -> Value<'_> {
-        match self {
-            Self::Null(kind) => Value::Null(*kind),
-            Self::Integer(number) => Value::Integer(*number),
-            Self::Real(number) => Value::Real(*number),
-            Self::Text(text) => Value::Text(text),
-            Self::Bytes(bytes) => Value::Bytes(bytes),
-            Self::Truth(truth) => Value::Truth(*truth),
-        }
-    }
-}
-
 /// Rows of a table in their order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rows {
-    rows: Vec<Vec<Owned>>,
+    rows: Vec<Vec<Value<'static>>>,
     /// The numbers of trials.
     numbers: Vec<i64>,
 }
@@ -46,8 +22,8 @@ impl Rows {
     pub(super) fn number(&self, table: &Table, column: &str) -> Option<i64> {
         let place = table.columns.iter().position(|(name, _)| *name == column)?;
         match self.rows.first()?.get(place)? {
-            Owned::Integer(number) => Some(*number),
-            Owned::Truth(truth) => Some(i64::from(*truth)),
+            Value::Integer(number) => Some(*number),
+            Value::Truth(truth) => Some(i64::from(*truth)),
             _ => None,
         }
     }
@@ -62,12 +38,12 @@ impl Rows {
                 hasher.update(bytes);
             };
             match value {
-                Owned::Null(_) => sized(0, &[]),
-                Owned::Integer(number) => sized(1, &number.to_le_bytes()),
-                Owned::Real(number) => sized(2, &number.to_bits().to_le_bytes()),
-                Owned::Text(text) => sized(3, text.as_bytes()),
-                Owned::Bytes(bytes) => sized(4, bytes),
-                Owned::Truth(truth) => sized(5, &[(*truth).into()]),
+                Value::Null(_) => sized(0, &[]),
+                Value::Integer(number) => sized(1, &number.to_le_bytes()),
+                Value::Real(number) => sized(2, &number.to_bits().to_le_bytes()),
+                Value::Text(text) => sized(3, text.as_bytes()),
+                Value::Bytes(bytes) => sized(4, bytes),
+                Value::Truth(truth) => sized(5, &[(*truth).into()]),
             }
         }
     }
@@ -84,12 +60,12 @@ pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<R
         table.order
     );
     let mut rows = Rows::default();
-    let row = |row: &Row<'_>| {
+    let row = |row: &Row| {
         for at in 0..usize::from(table.is_numbered) {
             rows.numbers.push(row.get(table.columns.len() + at)?);
         }
         let kinds = table.columns.iter().enumerate();
-        kinds.map(|(at, (_, kind))| owned(row, at, *kind)).collect::<Result<Vec<_>, StoreError>>()
+        kinds.map(|(at, (_, kind))| value(row, at, *kind)).collect::<Result<Vec<_>, StoreError>>()
     };
     let mut statement = db.prepare_cached(&query)?;
     let found = match id {
@@ -100,15 +76,15 @@ pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<R
     Ok(rows)
 }
 
-fn owned(row: &Row<'_>, at: usize, kind: Kind) -> Result<Owned, StoreError> {
+fn value(row: &Row, at: usize, kind: Kind) -> Result<Value<'static>, StoreError> {
     let found = match kind {
-        Kind::Integer => row.get::<_, Option<i64>>(at)?.map(Owned::Integer),
-        Kind::Real => row.get::<_, Option<f64>>(at)?.map(Owned::Real),
-        Kind::Text => row.get::<_, Option<String>>(at)?.map(Owned::Text),
-        Kind::Bytes => row.get::<_, Option<Vec<u8>>>(at)?.map(Owned::Bytes),
-        Kind::Truth => row.get::<_, Option<bool>>(at)?.map(Owned::Truth),
+        Kind::Integer => row.get::<_, Option<i64>>(at)?.map(Value::Integer),
+        Kind::Real => row.get::<_, Option<f64>>(at)?.map(Value::Real),
+        Kind::Text => row.get::<_, Option<String>>(at)?.map(|text| Value::Text(text.into())),
+        Kind::Bytes => row.get::<_, Option<Vec<u8>>>(at)?.map(|bytes| Value::Bytes(bytes.into())),
+        Kind::Truth => row.get::<_, Option<bool>>(at)?.map(Value::Truth),
     };
-    Ok(found.unwrap_or(Owned::Null(kind)))
+    Ok(found.unwrap_or(Value::Null(kind)))
 }
 
 /// Stores rows. `owner` is the number of the study or analysis that they belong to; `shift` is added to the
@@ -122,18 +98,17 @@ pub(super) fn insert(
 ) -> Result<(), StoreError> {
     let mut names: Vec<&str> = table.columns.iter().map(|(name, _)| *name).collect();
     if table.is_made {
-        let set = |(i, name): (usize, &&str)| format!("{name} = ?{}", i + 1);
+        let set = |(i, name): (usize, &&str)| format!("{name} = ${}", i + 1);
         let sets: Vec<String> = names.iter().enumerate().skip(1).map(set).collect();
         let query = format!("UPDATE {} SET {} WHERE {}", table.name, sets.join(", "), table.of);
         for row in &rows.rows {
-            let values: Vec<&dyn ToSql> = row.iter().map(|value| value as _).collect();
-            db.execute(&query, &values[..])?;
+            db.execute(&query, &row[..])?;
         }
         return Ok(());
     }
     names.extend(table.owner);
     names.extend(table.is_numbered.then_some("sequence"));
-    let places: Vec<String> = (1..=names.len()).map(|place| format!("?{place}")).collect();
+    let places: Vec<String> = (1..=names.len()).map(|place| format!("${place}")).collect();
     let query =
         format!("INSERT INTO {} ({}) VALUES ({})", table.name, names.join(", "), places.join(", "));
     let mut statement = db.prepare_cached(&query)?;

@@ -1,31 +1,42 @@
-//! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`.
+//! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`, with several hosts if there are standbys.
 
 use crate::store::OpenError;
-use crate::tls_client;
-use rustls::pki_types::CertificateDer;
-use rustls::pki_types::pem::PemObject;
-use rustls::{ClientConfig, RootCertStore};
-use std::error::Error;
-use std::path::Path;
+use sqlx::ConnectOptions;
+use sqlx::postgres::{PgConnectOptions, PgSslMode};
 use std::time::Duration;
-use tokio_postgres::Config;
-use tokio_postgres::config::{Host, SslMode, TargetSessionAttrs};
 
 /// How long a connection may take.
-const CONNECT_PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = Duration::from_secs(5);
 
-/// The environment variable with the password, as for PostgreSQL's own programs.
-const PASSWORD: &str = "PGPASSWORD";
-
-/// After this silence of the network a connection counts as lost.
-const SILENCE: Duration = Duration::from_secs(10);
+/// The options that sqlx reads from an address.
+const OPTIONS: [&str; 19] = [
+    "application_name",
+    "dbname",
+    "host",
+    "hostaddr",
+    "options",
+    "password",
+    "port",
+    "ssl-ca",
+    "ssl-cert",
+    "ssl-key",
+    "ssl-mode",
+    "ssl-root-cert",
+    "sslcert",
+    "sslkey",
+    "sslmode",
+    "sslrootcert",
+    "statement-cache-capacity",
+    "user",
+    "connect_timeout",
+];
 
 /// An address that was understood.
 pub(super) struct Address {
-    /// How to connect.
-    pub(super) config: Config,
-    /// How to encrypt.
-    pub(super) tls: ClientConfig,
+    /// How to connect to each host.
+    pub(super) hosts: Vec<PgConnectOptions>,
+    /// How long a connection may take.
+    pub(super) patience: Duration,
     /// What messages call the database: the address without the password.
     pub(super) name: String,
 }
@@ -38,105 +49,111 @@ impl Address {
     /// # Errors
     /// [`OpenError::Address`], without the address, which may hold a password.
     pub(super) fn parse(url: &str) -> Result<Self, OpenError> {
-        let refuse = |found: String| OpenError::Address { url: "postgres:…".to_owned(), found };
-        let (url, certificates) = without_certificates(url);
-        let mut config: Config = url.parse().map_err(|error| refuse(unreadable(&error)))?;
-        if config.get_hosts().is_empty() {
-            return Err(refuse("no host".to_owned()));
+        Self::read(url)
+            .map_err(|found| OpenError::Address { url: "postgres:…".to_owned(), found })
+    }
+
+    /// What is wrong with an address: an option by its name, but nothing else of what was given.
+    fn read(url: &str) -> Result<Self, String> {
+        let unreadable = || "an address that cannot be read".to_owned();
+        let (scheme, rest) = url.split_once("://").ok_or_else(unreadable)?;
+        let (place, query) = rest.split_once('?').unwrap_or((rest, ""));
+        let (authority, database) = place.split_once('/').unwrap_or((place, ""));
+        let (user, hosts) = authority.rsplit_once('@').unwrap_or(("", authority));
+        if user.contains('@') {
+            return Err("a user, password or host with @; write %40 for it".to_owned());
         }
-        let is_cut = |host: &Host| matches!(host, Host::Tcp(name) if name.contains('@'));
-        if config.get_hosts().iter().any(is_cut) {
-            return Err(refuse("a user, password or host with @; write %40 for it".to_owned()));
+        let (mut patience, mut others) = (PATIENCE, Vec::new());
+        for option in query.split('&').filter(|option| !option.is_empty()) {
+            let (name, value) = option.split_once('=').unwrap_or((option, ""));
+            let refused = || format!("an invalid value for option `{name}`");
+            match name {
+                "connect_timeout" => {
+                    patience = Duration::from_secs(value.parse().map_err(|_| refused())?);
+                    continue;
+                }
+                // Only this makes sense here.
+                "target_session_attrs" if value == "read-write" => continue,
+                "target_session_attrs" => return Err(refused()),
+                "sslmode" | "ssl-mode" => drop(value.parse::<PgSslMode>().map_err(|_| refused())?),
+                "sslrootcert" | "ssl-root-cert" | "ssl-ca" => certificates(name, value)?,
+                _ if OPTIONS.contains(&name) || name.starts_with("options[") => {}
+                _ if name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') => {
+                    return Err(format!(
+                        "the option `{name}`, which PostgreSQL's addresses do not have"
+                    ));
+                }
+                _ => return Err(unreadable()),
+            }
+            others.push(option);
         }
-        if config.get_dbname().is_none() {
-            return Err(refuse("no database".to_owned()));
+        let is_elsewhere =
+            |option: &&str| option.starts_with("host=") || option.starts_with("hostaddr=");
+        if hosts.is_empty() && !others.iter().any(is_elsewhere) {
+            return Err("no host".to_owned());
         }
-        // A password in the environment is in no list of processes.
-        if config.get_password().is_none()
-            && let Some(password) = std::env::var_os(PASSWORD)
-        {
-            config.password(password.as_encoded_bytes());
+        let at = if user.is_empty() { String::new() } else { format!("{user}@") };
+        let one = |host: &str| {
+            if host.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_err()) {
+                return Err("an invalid value for option `port`".to_owned());
+            }
+            let url = format!("{scheme}://{at}{host}/{database}?{}", others.join("&"));
+            let options: PgConnectOptions = url.parse().map_err(|_| unreadable())?;
+            // Between machines nobody reads along, or takes the server's place, unless the address allows it.
+            let is_chosen = others.iter().any(|option| option.starts_with("ssl"));
+            let mode = match (is_chosen, options.get_ssl_mode()) {
+                (false, _) if is_this_machine(&options) => PgSslMode::Disable,
+                (false, _) | (true, PgSslMode::Require) => PgSslMode::VerifyFull,
+                (true, mode) => mode,
+            };
+            let options = options.ssl_mode(mode).statement_cache_capacity(STATEMENTS);
+            let options = match options.get_application_name() {
+                Some(_) => options,
+                None => options.application_name("sidestep"),
+            };
+            Ok(options.disable_statement_logging())
+        };
+        let hosts: Vec<_> = hosts.split(',').map(one).collect::<Result<_, _>>()?;
+        if hosts[0].get_database().is_none() {
+            return Err("no database".to_owned());
         }
-        // Between machines nobody reads along, unless the address says that they may.
-        if !url.contains("sslmode=") {
-            let is_here = config.get_hosts().iter().all(is_this_machine);
-            config.ssl_mode(if is_here { SslMode::Disable } else { SslMode::Require });
-        }
-        if config.get_connect_timeout().is_none() {
-            config.connect_timeout(CONNECT_PATIENCE);
-        }
-        config.tcp_user_timeout(SILENCE).keepalives_idle(SILENCE);
-        // Of several hosts, the one that takes writes.
-        config.target_session_attrs(TargetSessionAttrs::ReadWrite);
-        if config.get_application_name().is_none() {
-            config.application_name("sidestep");
-        }
-        let roots = roots(certificates.as_deref()).map_err(refuse)?;
-        let tls = tls_client::config(roots).map_err(|error| refuse(error.to_string()))?;
-        Ok(Self { name: name(&config), config, tls })
+        Ok(Self { name: name(&hosts), hosts, patience })
     }
 }
 
-/// What is wrong with an address: the option, if it is one of PostgreSQL's, but nothing else of what was given.
-fn unreadable(error: &tokio_postgres::Error) -> String {
-    let reason = error.source().map_or_else(String::new, ToString::to_string);
-    match reason.starts_with("invalid value for option") {
-        true => format!("an {reason}"),
-        false => "an address that cannot be read".to_owned(),
+/// Most statements that stay prepared; the store has fewer, but for lists that are filtered in many ways.
+const STATEMENTS: usize = 256;
+
+/// Checks that a file holds certificates.
+fn certificates(option: &str, file: &str) -> Result<(), String> {
+    let faulty = |found: String| format!("{option}={file}: expected certificates, {found}");
+    let text = std::fs::read(file).map_err(|error| faulty(error.to_string()))?;
+    let marker = b"-----BEGIN CERTIFICATE-----";
+    match text.windows(marker.len()).any(|part| part == marker) {
+        true => Ok(()),
+        false => Err(faulty("found none".to_owned())),
     }
 }
 
-/// The address without the file of certificates in it, and that file.
-fn without_certificates(url: &str) -> (String, Option<String>) {
-    let Some((before, query)) = url.split_once('?') else { return (url.to_owned(), None) };
-    let (named, others): (Vec<&str>, Vec<&str>) =
-        query.split('&').partition(|part| part.starts_with("sslrootcert="));
-    let file = named.first().and_then(|part| part.split_once('=')).map(|(_, file)| file.to_owned());
-    let others = others.join("&");
-    let url = if others.is_empty() { before.to_owned() } else { format!("{before}?{others}") };
-    (url, file)
-}
-
-fn is_this_machine(host: &Host) -> bool {
-    match host {
-        Host::Tcp(name) => {
-            name == "localhost"
-                || name.parse::<std::net::IpAddr>().is_ok_and(|address| address.is_loopback())
-        }
-        #[cfg(unix)]
-        Host::Unix(_) => true,
-    }
-}
-
-/// The certificates that are trusted: those of a file, or the system's.
-fn roots(file: Option<&str>) -> Result<RootCertStore, String> {
-    let Some(file) = file else { return Ok(tls_client::system_roots()) };
-    let mut roots = RootCertStore::empty();
-    let faulty = |found: String| format!("sslrootcert={file}: expected certificates, {found}");
-    for certificate in
-        CertificateDer::pem_file_iter(Path::new(file)).map_err(|error| faulty(error.to_string()))?
-    {
-        let certificate = certificate.map_err(|error| faulty(error.to_string()))?;
-        roots.add(certificate).map_err(|error| faulty(error.to_string()))?;
-    }
-    if roots.is_empty() { Err(faulty("found none".to_owned())) } else { Ok(roots) }
+fn is_this_machine(options: &PgConnectOptions) -> bool {
+    let host = options.get_host();
+    let is_loopback = |address: std::net::IpAddr| address.is_loopback();
+    options.get_socket().is_some()
+        || host.starts_with('/')
+        || host == "localhost"
+        || host.trim_matches(['[', ']']).parse().is_ok_and(is_loopback)
 }
 
 /// The address without password and options.
-fn name(config: &Config) -> String {
-    let user = config.get_user().map_or_else(String::new, |user| format!("{user}@"));
-    let ports = config.get_ports();
-    let host = |(i, host): (usize, &Host)| {
-        let port = ports.get(i).or(ports.first());
-        let port = port.map_or_else(String::new, |port| format!(":{port}"));
-        match host {
-            Host::Tcp(name) => format!("{name}{port}"),
-            #[cfg(unix)]
-            Host::Unix(folder) => format!("{}{port}", folder.display()),
-        }
+fn name(hosts: &[PgConnectOptions]) -> String {
+    let first = &hosts[0];
+    let host = |options: &PgConnectOptions| match options.get_socket() {
+        Some(folder) => folder.display().to_string(),
+        None => format!("{}:{}", options.get_host(), options.get_port()),
     };
-    let hosts: Vec<String> = config.get_hosts().iter().enumerate().map(host).collect();
-    format!("postgres://{user}{}/{}", hosts.join(","), config.get_dbname().unwrap_or_default())
+    let hosts: Vec<String> = hosts.iter().map(host).collect();
+    let (user, database) = (first.get_username(), first.get_database().unwrap_or_default());
+    format!("postgres://{user}@{}/{database}", hosts.join(","))
 }
 
 #[cfg(test)]
@@ -152,7 +169,8 @@ mod tests {
     fn an_address_that_is_refused_is_not_repeated() {
         check("postgres://me:secret@host:x/db", "`port`");
         check("postgres://me:secret@host/db?sslmode=secret", "`sslmode`");
-        check("postgres://me:secret@host/db?secret=1", "cannot be read");
+        check("postgres://me:secret@host/db?bogus=secret", "`bogus`");
+        check("postgres://me:secret@host/db?%73=secret", "cannot be read");
         check("postgres://me:secret@host:5432", "no database");
         check("postgres:///db?user=secret", "no host");
         check("postgres://me:secret@host/db?sslrootcert=/nowhere", "sslrootcert=/nowhere");
@@ -165,10 +183,14 @@ mod tests {
     }
 
     #[test]
-    fn other_machines_are_reached_by_tls() {
-        let mode = |url: &str| Address::parse(url).expect("an address").config.get_ssl_mode();
-        assert_eq!(mode("postgres://me@other/db"), SslMode::Require);
-        assert_eq!(mode("postgres://me@127.0.0.1/db"), SslMode::Disable);
-        assert_eq!(mode("postgres://me@other/db?sslmode=disable"), SslMode::Disable);
+    fn other_machines_are_reached_by_tls_and_known_by_their_certificate() {
+        let mode = |url: &str| {
+            let mode = Address::parse(url).expect("an address").hosts[0].get_ssl_mode();
+            format!("{mode:?}")
+        };
+        assert_eq!(mode("postgres://me@other/db"), "VerifyFull");
+        assert_eq!(mode("postgres://me@other/db?sslmode=require"), "VerifyFull");
+        assert_eq!(mode("postgres://me@127.0.0.1/db"), "Disable");
+        assert_eq!(mode("postgres://me@other/db?sslmode=disable"), "Disable");
     }
 }

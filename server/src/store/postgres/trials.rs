@@ -5,7 +5,6 @@ use super::{COMMIT, QUEUE, Shared, taking};
 use crate::store::error::StoreError;
 use crate::store::lanes::Lock;
 use crate::store::operation::Operation;
-use crate::store::sql::Question;
 use std::collections::{HashSet, VecDeque};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -18,8 +17,6 @@ const BATCH: usize = 32;
 pub(super) struct Waiting {
     /// What its storing depends on.
     pub(super) locks: Vec<Lock>,
-    /// What it asks the database, under its locks.
-    pub(super) question: Option<Question>,
     /// Stores it.
     pub(super) operation: Box<dyn Operation>,
 }
@@ -60,7 +57,7 @@ impl Trials {
     }
 
     /// Takes as many as one transaction stores; none if others have taken them. No two of them depend on the same:
-    /// one would change what the other was told ahead. Whoever waits for the later one comes for it.
+    /// the later one asks before what the other has put off is executed. Whoever waits for the later one comes for it.
     fn take(&self) -> Vec<Waiting> {
         let mut waiting = self.waiting();
         let (mut taken, mut left, mut locks) = (Vec::new(), VecDeque::new(), HashSet::new());
@@ -142,13 +139,10 @@ impl Shared {
     ) -> Result<(), StoreError> {
         let turn = self.trials.turns.fetch_add(1, Ordering::Relaxed);
         let begun = Instant::now();
-        self.transact([&begin_in_turn(self.pool.writers(), turn), COMMIT], |db| {
+        self.transact([&begin_in_turn(self.sessions.writers(), turn), COMMIT], |db| {
             *batch = take();
             let locks = batch.iter().flat_map(|trial| trial.locks.clone()).collect();
             db.batch(&taking(locks))?;
-            let questions: Vec<_> =
-                batch.iter().filter_map(|trial| trial.question.as_ref()).collect();
-            db.ask_ahead(&questions)?;
             batch.iter_mut().try_for_each(|trial| trial.operation.run(db))
         })?;
         self.observed.note(batch.len(), begun.elapsed());

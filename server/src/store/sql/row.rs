@@ -1,179 +1,114 @@
 //! Rows that a statement finds.
 
-use super::{Error, Result};
-use crate::store::error::StoreError;
-use rusqlite::types::ValueRef;
-use tokio_postgres::types::Type;
+use super::Result;
+use sqlx::decode::Decode;
+use sqlx::postgres::PgRow;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Column, Postgres, Row as _, Sqlite, Type, TypeInfo};
 
 /// A row.
-pub(in crate::store) enum Row<'a> {
+pub(in crate::store) enum Row {
     /// Of a file.
-    Sqlite(&'a rusqlite::Row<'a>),
+    Sqlite(SqliteRow),
     /// Of a server.
-    Postgres(&'a tokio_postgres::Row),
-}
-
-/// What stands in a column of a row.
-pub(in crate::store) enum Cell<'a> {
-    /// NULL.
-    Null,
-    /// A whole number; in SQLite also true (1) or false (0).
-    Integer(i64),
-    /// A number.
-    Real(f64),
-    /// A text.
-    Text(&'a str),
-    /// Bytes.
-    Bytes(&'a [u8]),
-    /// True or false.
-    Truth(bool),
+    Postgres(PgRow),
 }
 
 /// The number of a column, from 0, or its name.
-pub(in crate::store) trait Index: Copy {
-    /// The number of the column.
-    fn of(self, row: &Row<'_>) -> Result<usize>;
+pub(in crate::store) trait Index:
+    sqlx::ColumnIndex<SqliteRow> + sqlx::ColumnIndex<PgRow>
+{
 }
+impl<I: sqlx::ColumnIndex<SqliteRow> + sqlx::ColumnIndex<PgRow>> Index for I {}
 
-impl Index for usize {
-    fn of(self, _: &Row<'_>) -> Result<usize> {
-        Ok(self)
-    }
-}
-
-impl Index for &str {
-    fn of(self, row: &Row<'_>) -> Result<usize> {
-        let unknown = || StoreError::Defect(format!("no column is called {self}"));
-        match row {
-            Row::Sqlite(row) => Ok(row.as_ref().column_index(self)?),
-            Row::Postgres(row) => {
-                let place = row.columns().iter().position(|column| column.name() == self);
-                Ok(place.ok_or_else(unknown)?)
-            }
-        }
-    }
-}
-
-/// A type that a column is read as.
+/// What a column is read as.
 pub(in crate::store) trait FromSql: Sized {
-    /// The value; nothing if the cell holds another kind.
-    fn from_cell(cell: Cell<'_>) -> Option<Self>;
+    /// The value.
+    fn read(row: &Row, column: impl Index) -> sqlx::Result<Self>;
 }
 
-impl Row<'_> {
+/// A type of which a cell has one value, or NULL.
+pub(in crate::store) trait Cell: Sized {
+    /// The value.
+    fn read(row: &Row, column: impl Index) -> sqlx::Result<Option<Self>>;
+}
+
+impl Row {
     /// The value in a column.
     ///
     /// # Errors
-    /// [`StoreError::Corrupt`] if it is of another type.
+    /// [`StoreError::Corrupt`](crate::store::StoreError::Corrupt) if it is of another type.
     pub(in crate::store) fn get<I: Index, T: FromSql>(&self, column: I) -> Result<T> {
-        let at = column.of(self)?;
-        T::from_cell(self.cell(at)?).ok_or_else(|| {
-            Error::Store(StoreError::corrupt(format!("column {at} holds a value of another type")))
-        })
+        Ok(T::read(self, column)?)
     }
 
-    fn cell(&self, at: usize) -> Result<Cell<'_>> {
+    fn plain<T>(&self, column: impl Index) -> sqlx::Result<Option<T>>
+    where
+        T: for<'r> Decode<'r, Sqlite>
+            + Type<Sqlite>
+            + for<'r> Decode<'r, Postgres>
+            + Type<Postgres>,
+    {
         match self {
-            Row::Sqlite(row) => Ok(match row.get_ref(at)? {
-                ValueRef::Null => Cell::Null,
-                ValueRef::Integer(number) => Cell::Integer(number),
-                ValueRef::Real(number) => Cell::Real(number),
-                ValueRef::Text(text) => {
-                    Cell::Text(std::str::from_utf8(text).map_err(StoreError::corrupt)?)
-                }
-                ValueRef::Blob(bytes) => Cell::Bytes(bytes),
-            }),
-            Row::Postgres(row) => {
-                let beyond = || StoreError::Defect(format!("a row has no column {at}"));
-                let kind = row.columns().get(at).ok_or_else(beyond)?.type_();
-                let cell = match *kind {
-                    Type::INT8 => row.try_get::<_, Option<i64>>(at)?.map(Cell::Integer),
-                    Type::INT4 => {
-                        let number = row.try_get::<_, Option<i32>>(at)?;
-                        number.map(|number| Cell::Integer(number.into()))
-                    }
-                    Type::FLOAT8 => row.try_get::<_, Option<f64>>(at)?.map(Cell::Real),
-                    Type::BOOL => row.try_get::<_, Option<bool>>(at)?.map(Cell::Truth),
-                    Type::BYTEA => row.try_get::<_, Option<&[u8]>>(at)?.map(Cell::Bytes),
-                    Type::TEXT | Type::VARCHAR | Type::NAME => {
-                        row.try_get::<_, Option<&str>>(at)?.map(Cell::Text)
-                    }
-                    ref other => {
-                        let defect = format!("column {at} is of PostgreSQL's type {other}");
-                        return Err(StoreError::Defect(defect).into());
-                    }
-                };
-                Ok(cell.unwrap_or(Cell::Null))
-            }
+            Self::Sqlite(row) => row.try_get(column),
+            Self::Postgres(row) => row.try_get(column),
         }
     }
 }
 
-macro_rules! whole_numbers {
-    ($($type:ty)*) => {$(
+impl<T: Cell> FromSql for Option<T> {
+    fn read(row: &Row, column: impl Index) -> sqlx::Result<Self> {
+        T::read(row, column)
+    }
+}
+
+fn wrong(what: impl Into<sqlx::error::BoxDynError>) -> sqlx::Error {
+    sqlx::Error::Decode(what.into())
+}
+
+macro_rules! cells {
+    ($($type:ty: |$row:ident, $column:ident| $read:expr;)*) => {$(
+        impl Cell for $type {
+            fn read($row: &Row, $column: impl Index) -> sqlx::Result<Option<Self>> {
+                $read
+            }
+        }
         impl FromSql for $type {
-            fn from_cell(cell: Cell<'_>) -> Option<Self> {
-                match cell {
-                    Cell::Integer(number) => number.try_into().ok(),
-                    _ => None,
-                }
+            fn read(row: &Row, column: impl Index) -> sqlx::Result<Self> {
+                let null = || wrong("there is no value in a column that must have one");
+                <Self as Cell>::read(row, column)?.ok_or_else(null)
             }
         }
     )*};
 }
-whole_numbers!(i64 u64 u32 u8 usize);
 
-impl FromSql for f64 {
-    fn from_cell(cell: Cell<'_>) -> Option<Self> {
-        match cell {
-            Cell::Real(number) => Some(number),
-            _ => None,
+cells! {
+    f64: |row, column| row.plain(column);
+    bool: |row, column| row.plain(column);
+    String: |row, column| row.plain(column);
+    Vec<u8>: |row, column| row.plain(column);
+    i64: |row, column| match row {
+        // A number that stands in the statement.
+        Row::Postgres(of) if of.try_column(&column)?.type_info().name() == "INT4" => {
+            Ok(of.try_get::<Option<i32>, _>(column)?.map(i64::from))
         }
-    }
+        _ => row.plain(column),
+    };
+    [u8; 32]: |row, column| {
+        let bytes: Option<Vec<u8>> = row.plain(column)?;
+        let sized = |bytes: Vec<u8>| bytes.try_into().map_err(|_| wrong("not 32 bytes"));
+        bytes.map(sized).transpose()
+    };
+    u64: |row, column| number(row, column);
+    u32: |row, column| number(row, column);
+    u8: |row, column| number(row, column);
+    usize: |row, column| number(row, column);
 }
 
-impl FromSql for bool {
-    fn from_cell(cell: Cell<'_>) -> Option<Self> {
-        match cell {
-            Cell::Truth(truth) => Some(truth),
-            Cell::Integer(number) => Some(number != 0),
-            _ => None,
-        }
-    }
-}
-
-impl FromSql for String {
-    fn from_cell(cell: Cell<'_>) -> Option<Self> {
-        match cell {
-            Cell::Text(text) => Some(text.to_owned()),
-            _ => None,
-        }
-    }
-}
-
-impl FromSql for Vec<u8> {
-    fn from_cell(cell: Cell<'_>) -> Option<Self> {
-        match cell {
-            Cell::Bytes(bytes) => Some(bytes.to_vec()),
-            _ => None,
-        }
-    }
-}
-
-impl FromSql for [u8; 32] {
-    fn from_cell(cell: Cell<'_>) -> Option<Self> {
-        match cell {
-            Cell::Bytes(bytes) => bytes.try_into().ok(),
-            _ => None,
-        }
-    }
-}
-
-impl<T: FromSql> FromSql for Option<T> {
-    fn from_cell(cell: Cell<'_>) -> Option<Self> {
-        match cell {
-            Cell::Null => Some(None),
-            cell => T::from_cell(cell).map(Some),
-        }
-    }
+/// A number that is in the range of a type.
+fn number<T: TryFrom<i64>>(row: &Row, column: impl Index) -> sqlx::Result<Option<T>> {
+    let number = <i64 as Cell>::read(row, column)?;
+    let sized =
+        |number: i64| T::try_from(number).map_err(|_| wrong(format!("{number} is out of range")));
+    number.map(sized).transpose()
 }

@@ -1,9 +1,9 @@
 //! Values of parameters.
 
-use bytes::BytesMut;
-use rusqlite::types::{ToSqlOutput, ValueRef};
-use std::error::Error;
-use tokio_postgres::types::{self, IsNull, Type};
+use sqlx::encode::Encode;
+use sqlx::error::BoxDynError;
+use sqlx::{Arguments, Database, Type};
+use std::borrow::Cow;
 
 /// The type of a value in PostgreSQL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,21 +20,8 @@ pub(in crate::store) enum Kind {
     Truth,
 }
 
-impl Kind {
-    /// PostgreSQL's name of it.
-    pub(super) fn postgres(self) -> Type {
-        match self {
-            Self::Integer => Type::INT8,
-            Self::Real => Type::FLOAT8,
-            Self::Text => Type::TEXT,
-            Self::Bytes => Type::BYTEA,
-            Self::Truth => Type::BOOL,
-        }
-    }
-}
-
 /// A value.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(in crate::store) enum Value<'a> {
     /// NULL of a type.
     Null(Kind),
@@ -43,106 +30,88 @@ pub(in crate::store) enum Value<'a> {
     /// A number.
     Real(f64),
     /// A text.
-    Text(&'a str),
+    Text(Cow<'a, str>),
     /// Bytes.
-    Bytes(&'a [u8]),
+    Bytes(Cow<'a, [u8]>),
     /// True or false; SQLite stores 1 or 0.
     Truth(bool),
 }
 
-/// A value that keeps its text or bytes.
-#[derive(Clone, Debug)]
-pub(super) enum Owned {
-    /// A text.
-    Text(String),
-    /// Bytes.
-    Bytes(Vec<u8>),
-    /// Anything else.
-    Plain(Value<'static>),
-}
-
-impl Owned {
-    /// The value again.
-    pub(super) fn value(&self) -> Value<'_> {
-        match self {
-            Self::Text(text) => Value::Text(text),
-            Self::Bytes(bytes) => Value::Bytes(bytes),
-            Self::Plain(value) => *value,
-        }
-    }
-}
-
 impl Value<'_> {
-    /// The same, kept.
-    pub(super) fn owned(&self) -> Owned {
-        match *self {
-            Self::Null(kind) => Owned::Plain(Value::Null(kind)),
-            Self::Integer(number) => Owned::Plain(Value::Integer(number)),
-            Self::Real(number) => Owned::Plain(Value::Real(number)),
-            Self::Truth(truth) => Owned::Plain(Value::Truth(truth)),
-            Self::Text(text) => Owned::Text(text.to_owned()),
-            Self::Bytes(bytes) => Owned::Bytes(bytes.to_owned()),
-        }
-    }
-
-    /// Its type.
-    pub(super) fn kind(&self) -> Kind {
-        match self {
-            Self::Null(kind) => *kind,
-            Self::Integer(_) => Kind::Integer,
-            Self::Real(_) => Kind::Real,
-            Self::Text(_) => Kind::Text,
-            Self::Bytes(_) => Kind::Bytes,
-            Self::Truth(_) => Kind::Truth,
-        }
-    }
-}
-
-impl rusqlite::ToSql for Value<'_> {
-    fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
-        Ok(ToSqlOutput::Borrowed(match *self {
-            Self::Null(_) => ValueRef::Null,
-            Self::Integer(number) => ValueRef::Integer(number),
-            Self::Real(number) => ValueRef::Real(number),
-            Self::Text(text) => ValueRef::Text(text.as_bytes()),
-            Self::Bytes(bytes) => ValueRef::Blob(bytes),
-            Self::Truth(truth) => ValueRef::Integer(truth.into()),
-        }))
-    }
-}
-
-impl types::ToSql for Value<'_> {
-    fn to_sql(
-        &self,
-        to: &Type,
-        out: &mut BytesMut,
-    ) -> Result<IsNull, Box<dyn Error + Sync + Send>> {
-        match self {
-            Self::Null(_) => Ok(IsNull::Yes),
-            Self::Integer(number) => number.to_sql(to, out),
-            Self::Real(number) => number.to_sql(to, out),
-            // PostgreSQL's texts have no NUL.
-            Self::Text(text) if text.contains('\0') => {
-                text.replace('\0', "\u{fffd}").to_sql(to, out)
+    /// The same as PostgreSQL can store it: its texts have no NUL.
+    pub(super) fn without_nul(&self) -> Value<'_> {
+        match self.value() {
+            Value::Text(text) if text.contains('\0') => {
+                Value::Text(text.replace('\0', "\u{fffd}").into())
             }
-            Self::Text(text) => text.to_sql(to, out),
-            Self::Bytes(bytes) => bytes.to_sql(to, out),
-            Self::Truth(truth) => truth.to_sql(to, out),
+            other => other,
         }
     }
 
-    // Statements are prepared with the types of their values.
-    fn accepts(_: &Type) -> bool {
-        true
+    /// The same, which keeps its text or bytes.
+    pub(in crate::store) fn into_owned(self) -> Value<'static> {
+        match self {
+            Self::Null(kind) => Value::Null(kind),
+            Self::Integer(number) => Value::Integer(number),
+            Self::Real(number) => Value::Real(number),
+            Self::Text(text) => Value::Text(text.into_owned().into()),
+            Self::Bytes(bytes) => Value::Bytes(bytes.into_owned().into()),
+            Self::Truth(truth) => Value::Truth(truth),
+        }
     }
+}
 
-    types::to_sql_checked!();
+/// A Rust type that both databases have.
+pub(super) trait Plain<DB: Database>: for<'q> Encode<'q, DB> + Type<DB> {}
+impl<DB: Database, T: for<'q> Encode<'q, DB> + Type<DB>> Plain<DB> for T {}
+
+/// The values as sqlx takes them.
+pub(super) fn arguments<DB: Database>(values: &[Value<'_>]) -> Result<DB::Arguments, sqlx::Error>
+where
+    i64: Plain<DB>,
+    f64: Plain<DB>,
+    bool: Plain<DB>,
+    String: Plain<DB>,
+    Vec<u8>: Plain<DB>,
+    Option<i64>: Plain<DB>,
+    Option<f64>: Plain<DB>,
+    Option<bool>: Plain<DB>,
+    Option<String>: Plain<DB>,
+    Option<Vec<u8>>: Plain<DB>,
+{
+    let mut arguments = DB::Arguments::default();
+    let mut add = |value: &Value<'_>| -> Result<(), BoxDynError> {
+        match value {
+            Value::Null(Kind::Integer) => arguments.add(None::<i64>),
+            Value::Null(Kind::Real) => arguments.add(None::<f64>),
+            Value::Null(Kind::Text) => arguments.add(None::<String>),
+            Value::Null(Kind::Bytes) => arguments.add(None::<Vec<u8>>),
+            Value::Null(Kind::Truth) => arguments.add(None::<bool>),
+            Value::Integer(number) => arguments.add(*number),
+            Value::Real(number) => arguments.add(*number),
+            Value::Text(text) => arguments.add(text.clone().into_owned()),
+            Value::Bytes(bytes) => arguments.add(bytes.clone().into_owned()),
+            Value::Truth(truth) => arguments.add(*truth),
+        }
+    };
+    values.iter().try_for_each(&mut add).map_err(sqlx::Error::Encode)?;
+    Ok(arguments)
 }
 
 /// What can be a parameter.
 pub(in crate::store) trait ToSql {
     /// Its value.
     fn value(&self) -> Value<'_>;
+}
+
+impl ToSql for Value<'_> {
+    fn value(&self) -> Value<'_> {
+        match self {
+            Self::Text(text) => Value::Text(Cow::Borrowed(text)),
+            Self::Bytes(bytes) => Value::Bytes(Cow::Borrowed(bytes)),
+            other => other.clone(),
+        }
+    }
 }
 
 /// A type whose NULL has a type too.
@@ -168,8 +137,8 @@ macro_rules! value {
 value!(Integer: i64 => |number| Value::Integer(*number));
 value!(Integer: i32, u32, u8 => |number| Value::Integer(i64::from(*number)));
 value!(Real: f64 => |number| Value::Real(*number));
-value!(Text: str, String => |text| Value::Text(text));
-value!(Bytes: [u8], [u8; 32], Vec<u8> => |bytes| Value::Bytes(bytes));
+value!(Text: str, String => |text| Value::Text(Cow::Borrowed(text)));
+value!(Bytes: [u8], [u8; 32], Vec<u8> => |bytes| Value::Bytes(Cow::Borrowed(bytes)));
 value!(Truth: bool => |truth| Value::Truth(*truth));
 
 impl<T: Typed + ?Sized> Typed for &T {

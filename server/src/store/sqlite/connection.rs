@@ -1,8 +1,12 @@
 //! Connections to SQLite with this program's settings.
 
 use super::file::DatabaseFile;
-use crate::store::error::{StoreError, reason};
-use rusqlite::{Connection, OpenFlags};
+use crate::store::error::StoreError;
+use crate::store::sql::{Connection, DANGLING, Result};
+use futures_executor::block_on;
+use rustix::fs::{Access, access};
+use sqlx::ConnectOptions;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use std::path::Path;
 use std::time::Duration;
 
@@ -12,32 +16,51 @@ const WRITE_PATIENCE: Duration = Duration::from_secs(5);
 /// How long a read waits; it blocks a thread that serves requests.
 const READ_PATIENCE: Duration = Duration::from_millis(250);
 
-/// A connection that only reads, and changes no file even when it is closed.
-pub(super) fn untouching(file: &DatabaseFile) -> rusqlite::Result<Connection> {
-    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let db = match file.is_fixed() {
-        true => fixed(file.path())?,
-        false => Connection::open_with_flags(file.path(), flags)?,
-    };
-    db.busy_timeout(WRITE_PATIENCE)?;
-    Ok(db)
+fn options(path: &Path, patience: Duration) -> SqliteConnectOptions {
+    let options = SqliteConnectOptions::new().filename(path).busy_timeout(patience);
+    options.statement_cache_capacity(128).disable_statement_logging()
 }
 
-/// A connection to a file that nobody changes. SQLite would otherwise make a log and its index beside it, which this user
-/// must not, or which the file's owner could not use.
-fn fixed(path: &Path) -> rusqlite::Result<Connection> {
-    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
-        | OpenFlags::SQLITE_OPEN_NO_MUTEX
-        | OpenFlags::SQLITE_OPEN_URI;
-    let path = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
-    Connection::open_with_flags(format!("file:{path}?immutable=1"), flags)
+pub(in crate::store) fn open(options: &SqliteConnectOptions) -> Result<Connection> {
+    Ok(block_on(options.connect())?.into())
+}
+
+/// A connection that only reads, and changes no file even when it is closed.
+pub(super) fn untouching(file: &DatabaseFile) -> Result<Connection> {
+    // Of a file that nobody changes, SQLite would otherwise make a log and its index beside it, which this user must not,
+    // or which the file's owner could not use.
+    open(&options(file.path(), WRITE_PATIENCE).read_only(true).immutable(file.is_fixed()))
+}
+
+/// A connection that sees the file as it is without its log, and neither makes nor deletes anything.
+pub(super) fn without_log(file: &DatabaseFile) -> Result<Connection> {
+    open(&options(file.path(), WRITE_PATIENCE).read_only(true).immutable(true))
 }
 
 /// Writes all rows, as they are at one instant, into another file, which must be empty.
-pub(super) fn copy(from: &DatabaseFile, to: &Path) -> rusqlite::Result<()> {
-    let copied = untouching(from)?.execute("VACUUM INTO ?1", [to.to_string_lossy()]).map(drop);
+pub(super) fn copy(from: &DatabaseFile, to: &Path) -> Result<()> {
+    let copied = copy_of(&untouching(from)?, to);
     leave_no_log(from);
     copied
+}
+
+/// The same of what a connection sees.
+pub(super) fn copy_of(db: &Connection, to: &Path) -> Result<()> {
+    db.execute("VACUUM INTO $1", [&*to.to_string_lossy()])?;
+    draw_another(&open(&options(to, WRITE_PATIENCE).journal_mode(SqliteJournalMode::Delete))?)
+}
+
+/// Makes a copy a database of its own.
+const ANOTHER: &str =
+    "UPDATE mark SET text = printf('sidestep mark %s %020d', lower(hex(randomblob(16))), 0)";
+
+/// Makes a copy a database of its own, if it has a mark: the log of the one that was copied is not its own.
+fn draw_another(db: &Connection) -> Result<()> {
+    let has = "SELECT name FROM sqlite_schema WHERE name = 'mark'";
+    if db.prepare_cached(has)?.exists([])? {
+        db.execute(ANOTHER, [])?;
+    }
+    Ok(())
 }
 
 /// Deletes the empty log that connections which only read leave behind, unless somebody uses the file.
@@ -45,55 +68,54 @@ fn leave_no_log(file: &DatabaseFile) {
     let is_there = std::fs::exists(file.log()).unwrap_or(false);
     if is_there && !file.has_log() && !file.is_fixed() {
         // The last connection that may write deletes it when it is closed. Nothing is lost if it stays.
-        let _ = writing_nothing(file.path());
+        let nothing = "SELECT count(*) FROM sqlite_schema";
+        let _ = open(&options(file.path(), READ_PATIENCE))
+            .and_then(|db| db.query_row(nothing, [], |_| Ok(())));
     }
-}
-
-fn writing_nothing(path: &Path) -> rusqlite::Result<()> {
-    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let db = Connection::open_with_flags(path, flags)?;
-    db.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))
 }
 
 /// A connection that writes. The file must exist; a deleted file is not created again.
-pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
-    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let db = Connection::open_with_flags(path, flags)?;
-    db.busy_timeout(WRITE_PATIENCE)?;
-    if db.is_readonly(rusqlite::MAIN_DB)? {
+pub(super) fn writing(path: &Path) -> Result<Connection> {
+    open(&of_writer(path)?)
+}
+
+/// The same for migrations, which rebuild tables under other names, so that references must not be enforced meanwhile.
+pub(super) fn migrating(path: &Path) -> Result<Connection> {
+    open(&of_writer(path)?.foreign_keys(false))
+}
+
+fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
+    if path.exists() && access(path, Access::WRITE_OK).is_err() {
         // SQLite opens such a file, and refuses the first write.
-        let code = rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_READONLY);
         let words = "this user must not write to the file".to_owned();
-        return Err(rusqlite::Error::SqliteFailure(code, Some(words)));
+        return Err(StoreError::Unavailable(words).into());
     }
-    db.pragma_update(None, "journal_mode", "WAL")?;
-    // So that an acknowledged trial survives a power cut, not only a crash.
-    db.pragma_update(None, "synchronous", "FULL")?;
-    db.pragma_update(None, "foreign_keys", true)?;
-    // Deleted rows are overwritten.
-    db.pragma_update(None, "secure_delete", true)?;
-    // What undoes an operation is kept in memory, and not in a file that is made and deleted for each batch.
-    db.pragma_update(None, "temp_store", "MEMORY")?;
-    db.set_prepared_statement_cache_capacity(128);
-    Ok(db)
+    Ok(options(path, WRITE_PATIENCE)
+        .journal_mode(SqliteJournalMode::Wal)
+        // So that an acknowledged trial survives a power cut, not only a crash.
+        .synchronous(SqliteSynchronous::Full)
+        // The log is written back elsewhere: see `write_back`.
+        .pragma("wal_autocheckpoint", "0")
+        // Deleted rows are overwritten.
+        .pragma("secure_delete", "ON")
+        // What undoes an operation is kept in memory, and not in a file that is made and deleted for each batch.
+        .pragma("temp_store", "MEMORY"))
 }
 
 /// A connection that cannot write, not even by a mistake in a query.
-pub(super) fn reading(file: &DatabaseFile) -> rusqlite::Result<Connection> {
-    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let db = match file.is_fixed() {
-        true => fixed(file.path())?,
-        false => Connection::open_with_flags(file.path(), flags)?,
-    };
-    db.busy_timeout(READ_PATIENCE)?;
-    db.pragma_update(None, "query_only", true)?;
-    db.set_prepared_statement_cache_capacity(64);
-    Ok(db)
+pub(super) fn reading(file: &DatabaseFile) -> Result<Connection> {
+    let options = options(file.path(), READ_PATIENCE).pragma("query_only", "ON");
+    open(&options.read_only(file.is_fixed()).immutable(file.is_fixed()))
+}
+
+/// How many pages the log has.
+pub(super) fn log_pages(db: &Connection) -> Result<i64> {
+    db.query_row("PRAGMA wal_checkpoint(NOOP)", [], |row| row.get(1))
 }
 
 /// Writes back as much of the log as readers allow, and returns how many pages it had at the beginning; none if
 /// another connection is writing it back.
-pub(super) fn write_back(db: &Connection) -> rusqlite::Result<Option<i64>> {
+pub(super) fn write_back(db: &Connection) -> Result<Option<i64>> {
     db.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |row| {
         let (busy, pages): (bool, i64) = (row.get(0)?, row.get(1)?);
         Ok((!busy).then_some(pages))
@@ -102,9 +124,9 @@ pub(super) fn write_back(db: &Connection) -> rusqlite::Result<Option<i64>> {
 
 /// Writes the whole log back and empties it, unless a reader uses it. Returns whether it was emptied.
 pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
-    db.busy_timeout(Duration::ZERO)?;
+    db.batch("PRAGMA busy_timeout = 0")?;
     let busy = db.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |row| row.get::<_, bool>(0));
-    db.busy_timeout(WRITE_PATIENCE)?;
+    db.batch(&format!("PRAGMA busy_timeout = {}", WRITE_PATIENCE.as_millis()))?;
     match busy.map_err(StoreError::from) {
         Err(StoreError::Locked) => Ok(false),
         busy => Ok(!busy?),
@@ -113,22 +135,11 @@ pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
 
 /// The damage that SQLite finds in the file: damaged pages and references to missing rows.
 pub(super) fn damage(db: &Connection) -> Result<Vec<String>, StoreError> {
-    let mut found: Vec<String> = db
-        .prepare("PRAGMA integrity_check")?
-        .query_map([], |row| row.get(0))?
-        .collect::<Result<_, _>>()?;
+    let lines = |query: &str| -> Result<Vec<String>> {
+        db.prepare_cached(query)?.query_map([], |row| row.get(0))?.collect()
+    };
+    let mut found = lines("PRAGMA integrity_check")?;
     found.retain(|line| line != "ok");
-    found.extend(dangling(db).map_err(|error| StoreError::Corrupt(reason(&error)))?);
+    found.extend(lines(DANGLING)?);
     Ok(found)
-}
-
-/// References to missing rows.
-pub(super) fn dangling(db: &Connection) -> rusqlite::Result<Vec<String>> {
-    let mut statement = db.prepare("PRAGMA foreign_key_check")?;
-    let lines = statement.query_map([], |row| {
-        let (table, parent): (String, String) = (row.get(0)?, row.get(2)?);
-        let row: Option<i64> = row.get(1)?;
-        Ok(format!("{table}: row {} refers to nothing in {parent}", row.unwrap_or(-1)))
-    })?;
-    lines.collect()
 }

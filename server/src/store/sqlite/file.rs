@@ -198,6 +198,7 @@ impl Copied {
 }
 
 fn identity(path: &Path) -> Result<Identity, StoreError> {
-    let found = rustix::fs::stat(path).map_err(|_| StoreError::Gone)?;
+    let found = rustix::fs::stat(path)
+        .map_err(|_| StoreError::Gone("deleted, moved or replaced".to_owned()))?;
     Ok((found.st_dev, found.st_ino))
 }

@@ -1,7 +1,8 @@
 //! Reading: short reads on the calling thread, long reads on threads that may block.
 
 use super::connection;
-use super::file::{DatabaseFile, Identity};
+use super::file::DatabaseFile;
+use super::original::Original;
 use crate::store::error::StoreError;
 use crate::store::sql::Connection;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,18 +15,17 @@ const LONG_READS: usize = 4;
 #[derive(Debug)]
 pub(super) struct Readers {
     file: DatabaseFile,
-    expected: Identity,
+    original: Arc<Original>,
     /// None once the store is closed.
     idle: Mutex<Option<Vec<Connection>>>,
     long: Arc<Semaphore>,
 }
 
 impl Readers {
-    /// Readers of the current file; they never read a file that replaces it.
-    pub(super) fn new(file: DatabaseFile) -> Result<Self, StoreError> {
-        let expected = file.identity()?;
+    /// Readers of the original file; they never read one that replaces it.
+    pub(super) fn new(file: DatabaseFile, original: Arc<Original>) -> Self {
         let idle = Mutex::new(Some(Vec::new()));
-        Ok(Self { file, expected, idle, long: Arc::new(Semaphore::new(LONG_READS)) })
+        Self { file, original, idle, long: Arc::new(Semaphore::new(LONG_READS)) }
     }
 
     /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and a few rows take some
@@ -34,8 +34,14 @@ impl Readers {
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
+        self.original.check()?;
         let db = self.take()?;
-        let found = read(&db);
+        let mut found = read(&db);
+        if found.is_err()
+            && let Err(error) = self.original.check()
+        {
+            found = Err(error);
+        }
         if !found.as_ref().err().is_some_and(StoreError::ends_transaction) {
             self.give_back(db);
         }
@@ -47,15 +53,16 @@ impl Readers {
         self: &Arc<Self>,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        let permit = Arc::clone(&self.long).acquire_owned().await.map_err(|_| closed())?;
+        let permit =
+            Arc::clone(&self.long).acquire_owned().await.map_err(|_| StoreError::closed())?;
         let readers = Arc::clone(self);
         let reading = tokio::task::spawn_blocking(move || {
             // The caller may have gone: the permit stays with the work.
             let _permit = permit;
             readers.short(|db| {
-                db.execute("BEGIN", [])?;
+                db.control("BEGIN")?;
                 let found = read(db);
-                db.execute("COMMIT", [])?;
+                db.control("COMMIT")?;
                 found
             })
         });
@@ -66,11 +73,14 @@ impl Readers {
         self.long.close();
         let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).take();
         for db in idle.into_iter().flatten() {
+            if self.original.check().is_err() {
+                // The last connection would delete a log that may be another file's, or the only copy.
+                std::mem::forget(db);
+                continue;
+            }
             // The last connection deletes an empty log, if it may; one with content is left as it is.
-            if let Connection::Sqlite(db) = &db
-                && !self.file.has_log()
-            {
-                let _ = db.pragma_update(None, "query_only", false);
+            if !self.file.has_log() {
+                let _ = db.batch("PRAGMA query_only = OFF");
             }
         }
     }
@@ -78,12 +88,11 @@ impl Readers {
     fn take(&self) -> Result<Connection, StoreError> {
         let idle = {
             let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-            idle.as_mut().ok_or_else(closed)?.pop()
+            idle.as_mut().ok_or_else(StoreError::closed)?.pop()
         };
         match idle {
             Some(db) => Ok(db),
-            None if self.file.identity()? != self.expected => Err(StoreError::Gone),
-            None => Ok(Connection::Sqlite(connection::reading(&self.file)?)),
+            None => Ok(connection::reading(&self.file)?),
         }
     }
 
@@ -99,8 +108,4 @@ impl Drop for Readers {
     fn drop(&mut self) {
         self.close();
     }
-}
-
-fn closed() -> StoreError {
-    StoreError::Unavailable("it was closed".to_owned())
 }

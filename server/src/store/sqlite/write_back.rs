@@ -6,37 +6,25 @@
 //! log anew only when nothing is left in it.
 
 use super::connection;
-use super::file::{DatabaseFile, Identity};
+use super::file::DatabaseFile;
+use super::original::Original;
 use crate::store::error::StoreError;
-use std::cell::Cell;
+use crate::store::sql::Connection;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 /// Pages of the log after which it is written back.
-const LONG: i32 = 4_000;
+const LONG: i64 = 4_000;
 
 /// Pages after which the writer does not wait for the thread.
-const TOO_LONG: i32 = 10 * LONG;
+const TOO_LONG: i64 = 10 * LONG;
 
 /// So few pages are left to the writer.
 const FEW: i64 = 64;
 
 /// Rounds of the thread. Each writes back what came during the one before.
 const MOST_ROUNDS: usize = 8;
-
-thread_local! {
-    /// Pages of the log after the last commit of this thread.
-    static LOG_PAGES: Cell<i32> = const { Cell::new(0) };
-}
-
-/// Has SQLite tell the thread that commits how long the log is, instead of writing it back in a commit.
-pub(super) fn watch(db: &rusqlite::Connection) {
-    db.wal_hook(Some(|_, pages| {
-        LOG_PAGES.set(pages);
-        Ok(())
-    }));
-}
 
 /// Whose turn it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,13 +42,13 @@ pub(super) struct WriteBack {
     begin: Option<SyncSender<()>>,
     turn: Arc<Mutex<Turn>>,
     /// Pages at which the log is written back next: after an error or a round that left much, not at every commit.
-    due: i32,
+    due: i64,
     thread: Option<JoinHandle<()>>,
 }
 
 impl WriteBack {
     /// Starts the thread. It touches no other file than the expected one.
-    pub(super) fn start(file: DatabaseFile, expected: Identity) -> Result<Self, StoreError> {
+    pub(super) fn start(file: DatabaseFile, original: Arc<Original>) -> Result<Self, StoreError> {
         let turn = Arc::new(Mutex::new(Turn::Nobody));
         let (begin, asked) = sync_channel(1);
         let next = Arc::clone(&turn);
@@ -68,7 +56,7 @@ impl WriteBack {
             .name("store-log".to_owned())
             .spawn(move || {
                 for () in asked {
-                    let written = write_back(&file, expected);
+                    let written = write_back(&file, &original);
                     if let Err(error) = &written {
                         tracing::warn!(%error, "the write-ahead log was not written back");
                     }
@@ -80,8 +68,9 @@ impl WriteBack {
     }
 
     /// Has a long log written back. To be called by the writer's thread after a commit.
-    pub(super) fn after_commit(&mut self, db: &rusqlite::Connection) {
-        let pages = LOG_PAGES.get();
+    pub(super) fn after_commit(&mut self, db: &Connection) {
+        // Whoever cannot tell cannot write it back either, and the next commit says why.
+        let pages = connection::log_pages(db).unwrap_or(0);
         if pages < LONG {
             self.due = LONG;
         }
@@ -90,7 +79,7 @@ impl WriteBack {
         if turn == Turn::Writer || (is_due && pages >= TOO_LONG) {
             self.due = pages.saturating_add(LONG);
             set(&self.turn, Turn::Nobody);
-            if let Err(error) = connection::write_back(db) {
+            if let Err(error) = connection::write_back(db).map_err(StoreError::from) {
                 tracing::warn!(%error, "the write-ahead log was not written back");
             }
         } else if is_due && let Some(begin) = &self.begin {
@@ -120,10 +109,8 @@ impl Drop for WriteBack {
 }
 
 /// Writes back what is in the log. Returns whether only few pages are left, which came meanwhile.
-fn write_back(file: &DatabaseFile, expected: Identity) -> Result<bool, StoreError> {
-    if file.identity()? != expected {
-        return Err(StoreError::Gone);
-    }
+fn write_back(file: &DatabaseFile, original: &Original) -> Result<bool, StoreError> {
+    original.check()?;
     let db = connection::writing(file.path())?;
     let mut before = 0;
     for _ in 0..MOST_ROUNDS {
@@ -149,13 +136,13 @@ mod tests {
         let file = DatabaseFile::at(&folder.path().join("log.db"));
         file.create().unwrap();
         let db = connection::writing(file.path()).unwrap();
-        db.execute_batch("CREATE TABLE page (bytes BLOB NOT NULL) STRICT").unwrap();
-        watch(&db);
-        let mut log = WriteBack::start(file.clone(), file.identity().unwrap()).unwrap();
+        db.batch("CREATE TABLE page (bytes BLOB NOT NULL) STRICT").unwrap();
+        let mut log =
+            WriteBack::start(file.clone(), Arc::new(Original::new(file).unwrap())).unwrap();
         let mut longest = 0;
         let began_anew = (0..COMMITS).any(|_| {
             db.execute("INSERT INTO page VALUES (zeroblob(100000))", []).unwrap();
-            let pages = LOG_PAGES.get();
+            let pages = connection::log_pages(&db).unwrap();
             log.after_commit(&db);
             longest = longest.max(pages);
             pages < longest

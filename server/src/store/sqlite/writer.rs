@@ -12,14 +12,18 @@
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
-use super::write_back::{self, WriteBack};
+use super::original::Original;
+use super::write_back::WriteBack;
+use crate::private;
 use crate::store::commits::Commits;
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
+use crate::store::migrations::COUNTED;
 use crate::store::operation::{Batch, Operation, operation};
 use crate::store::sql::Connection;
 use std::collections::VecDeque;
 use std::fmt;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -47,6 +51,8 @@ struct Lanes {
     background: VecDeque<Box<dyn Operation>>,
     /// When to try to empty the log, if requested.
     empty_log_at: Option<Instant>,
+    /// Whether somebody has changed the file.
+    rescue: bool,
     closed: bool,
 }
 
@@ -64,6 +70,8 @@ enum Next {
     },
     Background(Batch),
     EmptyLog,
+    /// Writes what the database had, which somebody has changed, into another file.
+    Rescue,
     Stop,
 }
 
@@ -95,6 +103,9 @@ impl Queue {
         let mut lanes = self.lanes();
         loop {
             let now = Instant::now();
+            if std::mem::take(&mut lanes.rescue) {
+                return Next::Rescue;
+            }
             if lanes.empty_log_at.is_some_and(|at| at <= now) {
                 lanes.empty_log_at = None;
                 return Next::EmptyLog;
@@ -157,11 +168,10 @@ impl fmt::Debug for Writer {
 
 impl Writer {
     /// Starts the thread. The file at the database's path must stay the same.
-    pub(super) fn start(file: DatabaseFile) -> Result<Self, StoreError> {
-        let expected = file.identity()?;
-        let db = Some(open(&file, expected)?);
+    pub(super) fn start(file: DatabaseFile, original: Arc<Original>) -> Result<Self, StoreError> {
+        let db = Some(open(&file, &original)?);
         let queue = Arc::new(Queue { lanes: Mutex::default(), changed: Condvar::new() });
-        let log = WriteBack::start(file.clone(), expected)?;
+        let log = WriteBack::start(file.clone(), Arc::clone(&original))?;
         let committed = watch::Sender::new(0);
         let observed = Commits::default();
         let thread = Thread {
@@ -169,7 +179,7 @@ impl Writer {
             committed: committed.clone(),
             observed: observed.clone(),
             file,
-            expected,
+            original,
             db,
             log,
             disk: Duration::ZERO,
@@ -230,6 +240,15 @@ impl Writer {
         self.queue.changed.notify_one();
     }
 
+    /// Has what the database had written into another file.
+    pub(super) fn rescue(&self) -> impl Fn() + Send + 'static {
+        let queue = Arc::clone(&self.queue);
+        move || {
+            queue.lanes().rescue = true;
+            queue.changed.notify_one();
+        }
+    }
+
     /// Runs the waiting operations and ends the thread.
     pub(super) fn close(&self) {
         self.queue.lanes().closed = true;
@@ -255,7 +274,7 @@ struct Thread {
     observed: Commits,
     file: DatabaseFile,
     /// The file that was opened first; the thread never writes to another one.
-    expected: Identity,
+    original: Arc<Original>,
     /// None after an error; the next batch opens another connection.
     db: Option<Open>,
     /// Keeps the log short.
@@ -270,16 +289,6 @@ struct Open {
     log: Identity,
 }
 
-impl Open {
-    /// SQLite's own connection.
-    fn sqlite(&self) -> Result<&rusqlite::Connection, StoreError> {
-        match &self.db {
-            Connection::Sqlite(db) => Ok(db),
-            Connection::Postgres(_) => Err(StoreError::Defect("the writer has no file".to_owned())),
-        }
-    }
-}
-
 impl Thread {
     fn run(mut self) {
         let mut last_background = Instant::now();
@@ -291,7 +300,15 @@ impl Thread {
                     last_background = Instant::now();
                 }
                 Next::EmptyLog => self.empty_log(),
-                Next::Stop => return,
+                Next::Rescue => self.rescue(),
+                Next::Stop => {
+                    if self.original.check().is_err() {
+                        self.rescue();
+                        // Closing it would delete a log that may be another file's, or the only copy.
+                        std::mem::forget(self.db.take());
+                    }
+                    return;
+                }
             }
         }
     }
@@ -325,50 +342,102 @@ impl Thread {
         for operation in batch {
             operation.answer(committed.clone().map(|_| ()));
         }
-        if let Some(Ok(sqlite)) = self.db.as_ref().map(Open::sqlite) {
-            self.log.after_commit(sqlite);
+        if let Some(open) = &self.db {
+            self.log.after_commit(&open.db);
         }
     }
 
-    /// Returns whether a row changed. The connection is used again only after a successful commit: a new connection is in no failed
-    /// transaction.
+    /// Returns whether a row changed. The connection is used again only after a successful commit: a new connection is in
+    /// no failed transaction. One to a file that somebody has changed stays: it may be all that is left of it.
     fn commit(&mut self, batch: &mut Batch, trials: usize) -> Result<bool, StoreError> {
+        self.original.check()?;
         let open = match self.db.take() {
             Some(open) => open,
-            None => open(&self.file, self.expected)?,
+            None => open(&self.file, &self.original)?,
         };
-        let sqlite = open.sqlite()?;
-        let before = sqlite.total_changes();
-        sqlite.execute_batch("BEGIN IMMEDIATE")?;
+        let committed = self.transact(&open.db, batch, trials);
+        // SQLite reports success also for a deleted file, whose content is lost.
+        let checked =
+            self.original.check().and_then(|()| match self.file.log_identity()? == open.log {
+                true => Ok(()),
+                false => Err(StoreError::Gone("separated from its write-ahead log".to_owned())),
+            });
+        if committed.is_ok() || checked.is_err() {
+            self.db = Some(open);
+        }
+        checked?;
+        committed
+    }
+
+    fn transact(
+        &mut self,
+        db: &Connection,
+        batch: &mut Batch,
+        trials: usize,
+    ) -> Result<bool, StoreError> {
+        let before = db.changed();
+        db.control("BEGIN IMMEDIATE")?;
         let (first, others) = batch.split_at_mut(trials);
         for operation in first {
-            run(sqlite, &open.db, &mut **operation)?;
+            run(db, &mut **operation)?;
         }
         // At least one, and those for which there is time: a trial that comes meanwhile waits for them.
         let (begun, mut done) = (Instant::now(), 0);
         for operation in others {
-            run(sqlite, &open.db, &mut **operation)?;
+            run(db, &mut **operation)?;
             done += 1;
             if begun.elapsed() >= self.disk {
                 break;
             }
         }
+        let has_changed = db.changed() != before;
+        if has_changed {
+            db.execute(COUNTED, [])?;
+        }
         let begun = Instant::now();
-        sqlite.execute_batch("COMMIT")?;
+        db.control("COMMIT")?;
         self.disk = begun.elapsed();
         self.queue.put_back(batch.split_off(trials + done));
-        let has_changed = sqlite.total_changes() != before;
-        // SQLite reports success also for a deleted file, whose content is lost.
-        if self.file.identity()? != self.expected || self.file.log_identity()? != open.log {
-            return Err(StoreError::Gone);
-        }
-        self.db = Some(open);
         Ok(has_changed)
+    }
+
+    /// Writes what the database had into another file: all of it, if only its name was changed, else its log, which
+    /// has what was stored last.
+    fn rescue(&mut self) {
+        if self.original.rescued().is_some() {
+            return;
+        }
+        let mut name = self.original.rescue_name().into_os_string();
+        let written = match &self.db {
+            Some(open) if self.original.is_whole() => {
+                name.push(".db");
+                let file = DatabaseFile::at(Path::new(&name));
+                let made =
+                    file.create().map_err(|error| StoreError::Unavailable(error.to_string()));
+                made.and_then(|()| Ok(connection::copy_of(&open.db, file.path())?))
+            }
+            _ => {
+                name.push("-wal");
+                let copied = private::new_file(Path::new(&name)).and_then(|mut to| {
+                    std::io::copy(&mut std::fs::File::open(self.file.log())?, &mut to)?;
+                    to.sync_all()
+                });
+                copied.map_err(|error| StoreError::Unavailable(error.to_string()))
+            }
+        };
+        let name = PathBuf::from(name);
+        match written {
+            Ok(()) => {
+                tracing::error!(file = %name.display(), "what the database had was written to this file");
+                self.original.note_rescued(Some(name));
+            }
+            Err(error) => tracing::error!(%error, "what the database had could not be written"),
+        }
     }
 
     fn empty_log(&mut self) {
         let emptied = match &self.db {
-            Some(open) => open.sqlite().and_then(connection::empty_log),
+            Some(open) => connection::empty_log(&open.db),
             None => Ok(false),
         };
         if let Err(error) = &emptied {
@@ -380,38 +449,30 @@ impl Thread {
     }
 }
 
-/// Opens the file if it is the expected one.
-fn open(file: &DatabaseFile, expected: Identity) -> Result<Open, StoreError> {
-    if file.identity()? != expected {
-        return Err(StoreError::Gone);
-    }
+/// Opens the file if it is the original one.
+fn open(file: &DatabaseFile, original: &Original) -> Result<Open, StoreError> {
+    original.check()?;
     let db = connection::writing(file.path())?;
-    write_back::watch(&db);
     // SQLite creates the log at the first read.
     db.query_row("SELECT count(*) FROM study", [], |_| Ok(()))?;
     let log = file.log_identity()?;
-    Ok(Open { db: Connection::Sqlite(db), log })
+    Ok(Open { db, log })
 }
 
 /// Runs an operation in a savepoint, so that a failed operation is undone and the others remain. An
 /// error of this function concerns the whole transaction.
-fn run(
-    sqlite: &rusqlite::Connection,
-    db: &Connection,
-    operation: &mut dyn Operation,
-) -> Result<(), StoreError> {
-    sqlite.prepare_cached("SAVEPOINT operation")?.execute([])?;
-    let done = operation.run(db);
-    if sqlite.is_autocommit() {
-        let lost = || StoreError::Unavailable("a transaction was rolled back".to_owned());
-        return Err(done.err().unwrap_or_else(lost));
-    }
+fn run(db: &Connection, operation: &mut dyn Operation) -> Result<(), StoreError> {
+    db.control("SAVEPOINT operation")?;
+    let done = operation.run(db).and_then(|()| {
+        db.settle().map_err(StoreError::from).inspect_err(|error| operation.fail(error))
+    });
     if let Err(error) = done {
         if error.ends_transaction() {
             return Err(error);
         }
-        sqlite.prepare_cached("ROLLBACK TO operation")?.execute([])?;
+        // After some errors SQLite has rolled the whole transaction back, and there is no savepoint any more.
+        db.roll_back("ROLLBACK TO operation").map_err(|_| error)?;
     }
-    sqlite.prepare_cached("RELEASE operation")?.execute([])?;
+    db.control("RELEASE operation")?;
     Ok(())
 }

@@ -1,0 +1,270 @@
+//! Migrations of both databases: all missing ones in one transaction, or none.
+
+use super::error::StoreError;
+use super::misfit::Misfit;
+use super::sql::{self, Connection};
+use sha2::{Digest, Sha256, Sha384};
+use sqlx::migrate::{Migrate, MigrateError, Migration, MigrationType, Migrator};
+use sqlx::{
+    AssertSqlSafe, ColumnIndex, Connection as _, Database, Decode, Executor, IntoArguments,
+    Postgres, Row as _, SqlSafeStr, Sqlite, Type,
+};
+
+/// The table of the applied migrations. Databases of earlier versions, too, have it from sqlx.
+const TABLE: &str = "_sqlx_migrations";
+
+/// Where earlier versions noted the migrations of PostgreSQL, with other checksums.
+const FORMER_TABLE: &str = "sidestep_migration";
+
+/// Counts a commit, in the transaction that it ends. See `migrations/sqlite/0016_mark.sql`.
+pub(super) const COUNTED: &str = "UPDATE mark \
+     SET text = printf('sidestep mark %s %020d', substr(text, 15, 32), CAST(substr(text, 48) AS INTEGER) + 1)";
+
+/// `include_str!` of numbered files. `sqlx::migrate!` would do the same, but compile SQLite a second time for it.
+macro_rules! migrations {
+    ($folder:literal: $($version:literal $name:literal,)*) => {
+        &[$(($version, $name, include_str!(concat!(
+            "../../../migrations/", $folder, "/", $name, ".sql"
+        )))),*]
+    };
+}
+
+type Files = &'static [(i64, &'static str, &'static str)];
+
+const SQLITE: Files = migrations! { "sqlite":
+    1 "0001_studies_participants_trials",
+    2 "0002_safety_functions",
+    3 "0003_analyses",
+    4 "0004_lasting_identities",
+    5 "0005_places_and_rights",
+    6 "0006_keys_and_audit",
+    7 "0007_tallies",
+    8 "0008_attempts_of_tokens",
+    9 "0009_notes_and_exclusions",
+    10 "0010_study_versions",
+    11 "0011_upload_backlog",
+    12 "0012_predictors",
+    13 "0013_lists_from_tallies",
+    14 "0014_counted_predictors",
+    15 "0015_several_servers",
+    16 "0016_mark",
+};
+
+const POSTGRES: Files = migrations! { "postgres":
+    1 "0001_schema",
+    2 "0002_throttles",
+    3 "0003_tallies_of_many",
+};
+
+/// Why a database cannot be migrated.
+#[derive(Debug)]
+pub(super) enum Failure {
+    /// It does not fit this program.
+    Misfit(Misfit),
+    /// It cannot be read or written.
+    Unusable(StoreError),
+}
+
+impl<E: Into<StoreError>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Unusable(error.into())
+    }
+}
+
+impl From<Misfit> for Failure {
+    fn from(misfit: Misfit) -> Self {
+        Self::Misfit(misfit)
+    }
+}
+
+/// What there is already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum State {
+    /// Nothing.
+    Empty,
+    /// The tables of an older version.
+    Older {
+        /// The number of its last migration.
+        found: i64,
+        /// The number of the last migration of this version.
+        known: i64,
+    },
+    /// The tables of this version.
+    Current,
+}
+
+/// Checks that this program can use the database, without changing it.
+pub(super) fn check(db: &Connection) -> Result<State, Failure> {
+    let files = files(db);
+    let known = files.last().map_or(0, |(version, ..)| *version);
+    let applied = applied(db)?;
+    let found = applied.iter().map(|(version, _)| *version).max();
+    if let Some(found) = found
+        && found > known
+    {
+        return Err(Misfit::Newer { found, known }.into());
+    }
+    for (version, _, sql) in files {
+        let other = |(applied, checksum): &(i64, Vec<u8>)| {
+            applied == version && ![sha384(sql), sha256(sql)].contains(checksum)
+        };
+        if applied.iter().any(other) {
+            return Err(Misfit::Other(*version).into());
+        }
+    }
+    Ok(match found {
+        None => State::Empty,
+        Some(found) if found < known => State::Older { found, known },
+        Some(_) => State::Current,
+    })
+}
+
+/// Applies the missing migrations. Of several servers that start at once, one does.
+pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
+    let is_former = has(db, FORMER_TABLE)?;
+    if check(db)? == State::Current && !is_former {
+        return Ok(());
+    }
+    let adopted = if is_former { applied(db)? } else { Vec::new() };
+    let missing = Missing {
+        known: Migrator::with_migrations(files(db).iter().copied().map(migration).collect()),
+        adopted: adopted.into_iter().map(|(version, _)| version).collect(),
+    };
+    db.with_link(
+        async |db| {
+            missing.apply::<Sqlite>(db, "BEGIN IMMEDIATE", Some(sql::DANGLING), Some(COUNTED)).await
+        },
+        async |db| missing.apply::<Postgres>(db, "BEGIN", None, None).await,
+    )?
+}
+
+fn files(db: &Connection) -> Files {
+    if db.is_sqlite() { SQLITE } else { POSTGRES }
+}
+
+/// The applied migrations: their numbers and checksums.
+fn applied(db: &Connection) -> Result<Vec<(i64, Vec<u8>)>, Failure> {
+    let table = match (has(db, FORMER_TABLE)?, has(db, TABLE)?) {
+        (true, _) => FORMER_TABLE,
+        (false, true) => TABLE,
+        (false, false) if has(db, "%")? => return Err(Misfit::Foreign.into()),
+        (false, false) => return Ok(Vec::new()),
+    };
+    let mut statement = db.prepare_cached(&format!("SELECT version, checksum FROM {table}"))?;
+    let rows = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+    Ok(rows.collect::<sql::Result<_>>()?)
+}
+
+/// Whether there is a table with a name like that.
+fn has(db: &Connection, name: &str) -> sql::Result<bool> {
+    let query = db.choose(
+        "SELECT name FROM sqlite_schema WHERE name LIKE $1 LIMIT 1",
+        "SELECT CAST(tablename AS TEXT) FROM pg_tables WHERE schemaname = current_schema() \
+         AND tablename LIKE $1 LIMIT 1",
+    );
+    db.prepare_cached(query)?.exists([name])
+}
+
+fn migration((version, name, sql): (i64, &'static str, &'static str)) -> Migration {
+    // As sqlx makes it from a file's name.
+    let words = name.split_once('_').map_or(name, |(_, words)| words).replace('_', " ");
+    Migration::new(version, words.into(), MigrationType::Simple, sql.into_sql_str(), false)
+}
+
+/// The checksum that sqlx notes.
+fn sha384(sql: &str) -> Vec<u8> {
+    Sha384::digest(sql.as_bytes()).to_vec()
+}
+
+/// That of the former table.
+fn sha256(sql: &str) -> Vec<u8> {
+    Sha256::digest(sql.as_bytes()).to_vec()
+}
+
+/// What is to be applied.
+struct Missing {
+    known: Migrator,
+    /// What the former table of PostgreSQL says was applied.
+    adopted: Vec<i64>,
+}
+
+impl Missing {
+    /// Applies it in a transaction, at whose end `wrong` finds no row, and `last` is executed.
+    async fn apply<DB: Database>(
+        &self,
+        db: &mut DB::Connection,
+        begin: &'static str,
+        wrong: Option<&'static str>,
+        last: Option<&'static str>,
+    ) -> Result<(), Failure>
+    where
+        DB::Connection: Migrate,
+        for<'c> &'c mut DB::Connection: Executor<'c, Database = DB>,
+        DB::Arguments: IntoArguments<DB>,
+        for<'r> String: Decode<'r, DB> + Type<DB>,
+        usize: ColumnIndex<DB::Row>,
+    {
+        db.lock().await.map_err(failed(0))?;
+        let mut transaction = db.begin_with(begin).await?;
+        let to = &mut *transaction;
+        to.ensure_migrations_table(TABLE).await.map_err(failed(0))?;
+        let applied = to.list_applied_migrations(TABLE).await.map_err(failed(0))?;
+        let mut version = 0;
+        for migration in self.known.iter() {
+            if applied.iter().any(|applied| applied.version == migration.version) {
+                continue;
+            }
+            version = migration.version;
+            if self.adopted.contains(&version) {
+                to.skip(TABLE, migration).await.map_err(failed(version))?;
+            } else {
+                to.apply(TABLE, migration).await.map_err(failed(version))?;
+            }
+        }
+        if !self.adopted.is_empty() {
+            let drop = format!("DROP TABLE IF EXISTS {FORMER_TABLE}");
+            to.execute(AssertSqlSafe(drop)).await?;
+        }
+        if let Some(wrong) = wrong
+            && let Some(row) = to.fetch_optional(wrong).await?
+        {
+            return Err(Misfit::Failed { version, reason: row.try_get(0)? }.into());
+        }
+        if let Some(last) = last {
+            to.execute(last).await?;
+        }
+        transaction.commit().await?;
+        db.unlock().await.map_err(failed(0))
+    }
+}
+
+/// What is wrong with a migration, or with its connection.
+fn failed(version: i64) -> impl Fn(MigrateError) -> Failure {
+    move |error| match error {
+        MigrateError::Execute(error) => StoreError::from(error).into(),
+        MigrateError::ExecuteMigration(error, version) => {
+            Misfit::Failed { version, reason: StoreError::from(error).to_string() }.into()
+        }
+        other => Misfit::Failed { version, reason: other.to_string() }.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::postgres::TABLES;
+
+    #[test]
+    fn every_table_is_known() {
+        let made = POSTGRES.iter().flat_map(|(.., sql)| sql.lines()).filter_map(|line| {
+            let kinds = ["CREATE TABLE ", "CREATE UNLOGGED TABLE ", "CREATE SEQUENCE "];
+            let rest = kinds.into_iter().find_map(|kind| line.strip_prefix(kind))?;
+            Some(rest.trim_end_matches([' ', '(', ';']))
+        });
+        let (mut made, mut known): (Vec<_>, Vec<_>) =
+            (made.collect(), TABLES.split_whitespace().collect());
+        made.sort_unstable();
+        known.sort_unstable();
+        assert_eq!(made, known);
+    }
+}

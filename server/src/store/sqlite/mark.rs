@@ -1,0 +1,199 @@
+//! The mark of a database, by which its file and its write-ahead log are known to belong together.
+//!
+//! SQLite applies any log that has the right name to any file, and deletes the log of a file that is gone. What comes
+//! of it is no database of anybody, and looks sound. So whoever opens a file compares the marks first.
+
+use super::connection;
+use super::file::DatabaseFile;
+use crate::store::sql::{OptionalExtension, Result};
+use memchr::memmem;
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::Path;
+
+/// What every mark begins with.
+const PREFIX: &[u8] = b"sidestep mark ";
+/// The length of an identity, hexadecimal digits.
+const IDENTITY: usize = 32;
+/// The length of the number of commits, digits.
+const COUNT: usize = 20;
+
+/// The mark of a database at some time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Mark {
+    /// Which database it is.
+    pub(super) identity: String,
+    /// How many commits it had.
+    pub(super) commits: u64,
+}
+
+impl Mark {
+    /// The first mark in these bytes.
+    pub(super) fn find(bytes: &[u8]) -> Option<Self> {
+        let at = memmem::find(bytes, PREFIX)? + PREFIX.len();
+        let text = std::str::from_utf8(bytes.get(at..at + IDENTITY + 1 + COUNT)?).ok()?;
+        let (identity, commits) = text.split_once(' ')?;
+        Some(Self { identity: identity.to_owned(), commits: commits.parse().ok()? })
+    }
+}
+
+/// Where a file has its mark.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// Where the page begins, bytes.
+    pub(super) offset: u64,
+    /// How long it is, bytes.
+    pub(super) length: usize,
+}
+
+/// The mark in a file, without what its log says, and where it is; none in one of an older version.
+pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
+    let db = connection::without_log(file)?;
+    let page = "SELECT rootpage, (SELECT page_size FROM pragma_page_size) FROM sqlite_schema WHERE name = 'mark'";
+    let page = db.query_row(page, [], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
+    let Some((page, size)): Option<(u64, u64)> = page else { return Ok(None) };
+    let text =
+        db.query_row("SELECT text FROM mark", [], |row| row.get::<_, String>(0)).optional()?;
+    let mark = text.and_then(|text| Mark::find(text.as_bytes()));
+    let place = Place { offset: (page - 1) * size, length: size as usize };
+    Ok(mark.map(|mark| (mark, place)))
+}
+
+/// What a write-ahead log says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Log {
+    /// Of this writing of the log: SQLite draws others when it begins the log anew.
+    salts: [u8; 8],
+    /// The first mark in it and the last.
+    marks: Option<[Mark; 2]>,
+}
+
+impl Log {
+    /// Reads a log; none if there is nothing in it that SQLite would apply. The format:
+    /// <https://www.sqlite.org/fileformat2.html#walformat>.
+    fn read(path: &Path) -> io::Result<Option<Self>> {
+        let file = match File::open(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            file => file?,
+        };
+        let mut log = BufReader::with_capacity(1 << 20, file);
+        let mut header = [0; 32];
+        if !read_whole(&mut log, &mut header)?
+            || !matches!(header[..4], [0x37, 0x7f, 0x06, 0x82 | 0x83])
+        {
+            return Ok(None);
+        }
+        let size = u32::from_be_bytes([header[8], header[9], header[10], header[11]]);
+        let mut salts = [0; 8];
+        salts.copy_from_slice(&header[16..24]);
+        if !(512..=65_536).contains(&size) {
+            return Ok(None);
+        }
+        let (mut frame, mut marks, mut frames) = (vec![0; 24 + size as usize], None, 0_u64);
+        while read_whole(&mut log, &mut frame)? && frame[8..16] == salts {
+            frames += 1;
+            if let Some(mark) = Mark::find(&frame[24..]) {
+                let first =
+                    marks.take().map_or_else(|| mark.clone(), |[first, _]: [Mark; 2]| first);
+                marks = Some([first, mark]);
+            }
+        }
+        Ok((frames > 0).then_some(Self { salts, marks }))
+    }
+}
+
+/// Whether a whole buffer could be read.
+fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
+    match from.read_exact(buffer) {
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
+        read => read.map(|()| true),
+    }
+}
+
+/// What is wrong with the log beside a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Misplaced {
+    /// It is another database's.
+    #[error("it belongs to another database")]
+    Other,
+    /// The file is older than the beginning of the log.
+    #[error(
+        "it continues a later state of this database than this file has; the file is an older copy"
+    )]
+    Later,
+    /// The file has more commits than the log.
+    #[error("it is older than this file, which has more commits")]
+    Earlier,
+    /// No mark is in it.
+    #[error(
+        "no commit of Sidestep is in it; another program wrote it, or it belongs to another database"
+    )]
+    Unmarked,
+}
+
+/// How often a log is read that a server begins anew meanwhile.
+const ATTEMPTS: usize = 20;
+
+/// What is wrong with the log of a file, if anything is. It changes nothing.
+pub(super) fn misplaced(file: &DatabaseFile) -> io::Result<Option<Misplaced>> {
+    for _ in 0..ATTEMPTS {
+        let Some(before) = Log::read(file.log())? else { return Ok(None) };
+        // Damage is for whoever opens the file to tell.
+        let Ok(found) = of_file(file) else { return Ok(None) };
+        let Some(after) = Log::read(file.log())? else { continue };
+        if before.salts == after.salts {
+            return Ok(compare(found.map(|(mark, _)| mark).as_ref(), &after));
+        }
+    }
+    Ok(None)
+}
+
+fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
+    let Some([first, last]) = &log.marks else {
+        return file.map(|_| Misplaced::Unmarked);
+    };
+    match file {
+        None => Some(Misplaced::Later).filter(|_| first.commits > 1).or(None),
+        Some(file) if file.identity != first.identity => Some(Misplaced::Other),
+        Some(file) if first.commits > file.commits + 1 => Some(Misplaced::Later),
+        Some(file) if last.commits < file.commits => Some(Misplaced::Earlier),
+        Some(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mark(identity: char, commits: u64) -> Mark {
+        Mark { identity: identity.to_string().repeat(IDENTITY), commits }
+    }
+
+    #[test]
+    fn a_mark_is_found_in_bytes() {
+        let text = format!("..sidestep mark {} {:020}..", "a".repeat(IDENTITY), 7);
+        assert_eq!(Mark::find(text.as_bytes()), Some(mark('a', 7)));
+        assert_eq!(Mark::find(&text.as_bytes()[..40]), None);
+        assert_eq!(Mark::find(b"sidestep mark"), None);
+    }
+
+    #[test]
+    fn a_log_belongs_to_its_file_alone() {
+        let log =
+            |first, last| Log { salts: [0; 8], marks: Some([mark('a', first), mark('a', last)]) };
+        let of = |file: Option<Mark>, log: Log| compare(file.as_ref(), &log);
+        assert_eq!(of(Some(mark('a', 4)), log(5, 9)), None);
+        // Written back in part, or as a whole.
+        assert_eq!(of(Some(mark('a', 7)), log(5, 9)), None);
+        assert_eq!(of(Some(mark('a', 9)), log(5, 9)), None);
+        assert_eq!(of(Some(mark('a', 3)), log(5, 9)), Some(Misplaced::Later));
+        assert_eq!(of(Some(mark('a', 10)), log(5, 9)), Some(Misplaced::Earlier));
+        assert_eq!(of(Some(mark('b', 4)), log(5, 9)), Some(Misplaced::Other));
+        let unmarked = || Log { salts: [0; 8], marks: None };
+        assert_eq!(of(Some(mark('a', 4)), unmarked()), Some(Misplaced::Unmarked));
+        // Of an earlier version, whose log has no marks either; or migrated in this log.
+        assert_eq!(of(None, unmarked()), None);
+        assert_eq!(of(None, log(1, 3)), None);
+        assert_eq!(of(None, log(5, 9)), Some(Misplaced::Later));
+    }
+}

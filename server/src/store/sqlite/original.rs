@@ -1,0 +1,197 @@
+//! Whether the file that was opened is still there, and as SQLite left it.
+//!
+//! SQLite does not notice when somebody deletes, moves, replaces, overwrites or cuts off the file that it has open. So
+//! this is looked at before each read, before and after each commit, and by [`Watch`] all the time.
+
+use super::file::{DatabaseFile, Identity};
+use super::mark::{self, Mark, Place};
+use crate::store::error::StoreError;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// How often the file is looked at when nobody uses it.
+const WATCH: Duration = Duration::from_millis(250);
+
+/// The file that was opened first.
+#[derive(Debug)]
+pub(super) struct Original {
+    file: DatabaseFile,
+    identity: Identity,
+    /// Kept open until the end: whoever closes any handle of the file gives up SQLite's locks on it.
+    handle: File,
+    mark: Mutex<Option<(String, Place)>>,
+    /// The most commits that the file itself has had, and its greatest length, bytes.
+    commits: AtomicU64,
+    length: AtomicU64,
+    /// What somebody has done to the content; it cannot be undone.
+    changed: OnceLock<&'static str>,
+    /// Where what was stored is safe, while the file is not.
+    rescued: Mutex<Option<PathBuf>>,
+}
+
+impl Original {
+    /// The current file, with all migrations applied.
+    pub(super) fn new(file: DatabaseFile) -> Result<Self, StoreError> {
+        let identity = file.identity()?;
+        let unreadable = |error: std::io::Error| StoreError::Unavailable(error.to_string());
+        let handle = File::open(file.path()).map_err(unreadable)?;
+        // A file that is read may be of an older version, and a new one's mark may still be in the log alone.
+        let mark = mark::of_file(&file)?.map(|(mark, place)| (mark.identity, place));
+        let length = handle.metadata().map_err(unreadable)?.len();
+        Ok(Self {
+            file,
+            identity,
+            handle,
+            mark: Mutex::new(mark),
+            commits: AtomicU64::new(0),
+            length: AtomicU64::new(length),
+            changed: OnceLock::new(),
+            rescued: Mutex::default(),
+        })
+    }
+
+    /// Checks that the file is the one that was opened, and has what SQLite wrote to it.
+    pub(super) fn check(&self) -> Result<(), StoreError> {
+        let what = match self.changed.get() {
+            Some(what) => what,
+            None if self.file.identity() != Ok(self.identity) => "deleted, moved or replaced",
+            None => match self.found() {
+                None => return Ok(()),
+                Some(_) if self.is_found_again() => return Ok(()),
+                Some(what) => self.changed.get_or_init(|| what),
+            },
+        };
+        Err(StoreError::Gone(match self.rescued() {
+            Some(rescued) => format!("{what}; what it had is in {}", rescued.display()),
+            None => what.to_owned(),
+        }))
+    }
+
+    /// Where what was stored is safe.
+    pub(super) fn rescued(&self) -> Option<PathBuf> {
+        self.rescued.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Notes where it is; nowhere, once the file is back.
+    pub(super) fn note_rescued(&self, file: Option<PathBuf>) {
+        *self.rescued.lock().unwrap_or_else(PoisonError::into_inner) = file;
+    }
+
+    /// What somebody has done to the content.
+    fn found(&self) -> Option<&'static str> {
+        let length = self.handle.metadata().map_or(0, |found| found.len());
+        if length < self.length.fetch_max(length, Ordering::Relaxed) {
+            return Some("cut off");
+        }
+        let mark = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let (identity, place) = mark?;
+        let mut page = vec![0; place.length];
+        let read = self.handle.read_exact_at(&mut page, place.offset);
+        match read.ok().and_then(|()| Mark::find(&page)) {
+            Some(mark) if mark.identity != identity => Some("overwritten with another database"),
+            Some(mark)
+                if mark.commits < self.commits.fetch_max(mark.commits, Ordering::Relaxed) =>
+            {
+                Some("overwritten with an older copy")
+            }
+            Some(_) => None,
+            None => Some("overwritten"),
+        }
+    }
+
+    /// Whether the mark is there after all: while SQLite writes the page, it may be seen half, and VACUUM moves it.
+    fn is_found_again(&self) -> bool {
+        std::thread::sleep(Duration::from_millis(5));
+        if self.found().is_none() {
+            return true;
+        }
+        let Ok(Some((found, place))) = mark::of_file(&self.file) else { return false };
+        if let Some((identity, known)) =
+            &mut *self.mark.lock().unwrap_or_else(PoisonError::into_inner)
+            && *identity == found.identity
+        {
+            *known = place;
+        }
+        // VACUUM makes a file shorter, and says so in its header: the length of a page and the number of pages.
+        let mut header = [0; 100];
+        let length = self.handle.metadata().map_or(0, |found| found.len());
+        if self.handle.read_exact_at(&mut header, 0).is_err() {
+            return false;
+        }
+        let page = match u16::from_be_bytes([header[16], header[17]]) {
+            1 => 65_536,
+            page => u64::from(page),
+        };
+        let pages = u32::from_be_bytes([header[28], header[29], header[30], header[31]]);
+        if length < page * u64::from(pages) {
+            return false;
+        }
+        self.length.store(length, Ordering::Relaxed);
+        self.found().is_none()
+    }
+
+    /// Whether its content is what SQLite wrote: the file was moved, deleted or replaced at most.
+    pub(super) fn is_whole(&self) -> bool {
+        self.changed.get().is_none()
+    }
+
+    /// A new name beside the file for what is rescued.
+    pub(super) fn rescue_name(&self) -> PathBuf {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let mut name = self.file.path().as_os_str().to_owned();
+        name.push(format!(".{}.rescued", now.as_millis()));
+        name.into()
+    }
+}
+
+/// Looks at a file all the time.
+#[derive(Debug)]
+pub(super) struct Watch {
+    stop: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Watch {
+    /// Starts its thread, which calls `noticed` whenever somebody has changed the file.
+    pub(super) fn start(
+        original: Arc<Original>,
+        noticed: impl Fn() + Send + 'static,
+    ) -> Result<Self, StoreError> {
+        let (stop, stopped) = channel();
+        let thread = std::thread::Builder::new().name("store-watch".to_owned()).spawn(move || {
+            let mut was_well = true;
+            while stopped.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
+                let found = original.check();
+                match &found {
+                    Err(error) if was_well => {
+                        tracing::error!(%error, "nothing is read or stored any more");
+                        noticed();
+                    }
+                    Ok(()) if !was_well => {
+                        tracing::info!("the database file is back");
+                        original.note_rescued(None);
+                    }
+                    _ => {}
+                }
+                was_well = found.is_ok();
+            }
+        });
+        let thread = thread.map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        Ok(Self { stop: Some(stop), thread: Some(thread) })
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        self.stop = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! What an operator does to the file of a database, at every moment, before every command.
+//!
+//! After each fault, `check` calls sound only what is one of the databases that there were, whole; and every trial that was
+//! acknowledged is in the file, in one that the operator has put elsewhere, or in one that a sentence names.
+
+use sidestep_tests::process::Said;
+use sidestep_tests::{Driver, Folder, Process, run};
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// What is done to the file `study.db`. `other.db` is another study's; `older.db` a raw copy of an earlier state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fault {
+    Delete,
+    RenameAway,
+    RenameOver,
+    BackupOver,
+    Truncate,
+    CopyOver,
+    CatOver,
+    HideByMode,
+    StrangeLog,
+    StrangeIndex,
+    HalfCopy,
+}
+
+const FAULTS: [Fault; 11] = [
+    Fault::Delete,
+    Fault::RenameAway,
+    Fault::RenameOver,
+    Fault::BackupOver,
+    Fault::Truncate,
+    Fault::CopyOver,
+    Fault::CatOver,
+    Fault::HideByMode,
+    Fault::StrangeLog,
+    Fault::StrangeIndex,
+    Fault::HalfCopy,
+];
+
+/// When it is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Moment {
+    /// After a server was killed, before anything is started.
+    AfterKill,
+    /// Between a stop and a start.
+    AfterStop,
+    /// While a server does nothing.
+    Idle,
+    /// While a server stores trials.
+    UnderLoad,
+}
+
+const MOMENTS: [Moment; 4] =
+    [Moment::AfterKill, Moment::AfterStop, Moment::Idle, Moment::UnderLoad];
+
+struct Place {
+    folder: Folder,
+    /// What was acknowledged.
+    acknowledged: BTreeSet<String>,
+    /// What the other and the older database have.
+    known: Vec<BTreeSet<String>>,
+}
+
+impl Place {
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path(name)
+    }
+
+    fn database(&self) -> String {
+        self.folder.database("sidestep.db")
+    }
+
+    /// A database with six trials, two of which the older copy has, and another database.
+    async fn new() -> (Self, Process, Driver) {
+        let folder = Folder::default();
+        let server = Process::start(&folder).await;
+        let driver = Driver::enrol(&server).await;
+        driver.drive(&server, 1).await;
+        std::fs::copy(folder.path("sidestep.db-wal"), folder.path("other.log")).unwrap();
+        server.stop().await;
+        std::fs::rename(folder.path("sidestep.db"), folder.path("other.db")).unwrap();
+        let server = Process::start(&folder).await;
+        let driver = Driver::enrol(&server).await;
+        let mut acknowledged: BTreeSet<String> =
+            driver.drive(&server, 2).await.into_iter().map(|(id, _)| id).collect();
+        run(&[
+            "backup",
+            "--database",
+            &folder.database("sidestep.db"),
+            "--out",
+            &folder.name("backup.db"),
+        ])
+        .await
+        .json();
+        let older = acknowledged.clone();
+        for (id, scene) in &driver.scenes()[2..4] {
+            assert_eq!(driver.send(&server, id, &sidestep_tests::driven(scene)).await.status, 201);
+            acknowledged.insert(id.clone());
+        }
+        let other = trials(&folder.path("other.db")).await.unwrap();
+        (Self { folder, acknowledged, known: vec![older, other] }, server, driver)
+    }
+
+    /// Does it.
+    fn suffer(&self, fault: Fault) {
+        let [file, other, backup] =
+            ["sidestep.db", "other.db", "backup.db"].map(|name| self.path(name));
+        match fault {
+            Fault::Delete => std::fs::remove_file(&file).unwrap(),
+            Fault::RenameAway => std::fs::rename(&file, self.path("aside.db")).unwrap(),
+            Fault::RenameOver => std::fs::rename(&other, &file).unwrap(),
+            Fault::BackupOver => std::fs::rename(&backup, &file).unwrap(),
+            Fault::Truncate => {
+                std::fs::OpenOptions::new()
+                    .write(true)
+                    .open(&file)
+                    .unwrap()
+                    .set_len(8_192)
+                    .unwrap();
+            }
+            Fault::CopyOver | Fault::CatOver => {
+                let from = if fault == Fault::CopyOver { &backup } else { &other };
+                let bytes = std::fs::read(from).unwrap();
+                // In place, as cp and cat do.
+                let mut to =
+                    std::fs::OpenOptions::new().write(true).truncate(true).open(&file).unwrap();
+                std::io::Write::write_all(&mut to, &bytes).unwrap();
+            }
+            Fault::HideByMode => {
+                std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o000)).unwrap();
+            }
+            Fault::StrangeLog => {
+                let _ =
+                    std::fs::copy(self.path("other.log"), self.path("sidestep.db-wal")).unwrap();
+            }
+            Fault::StrangeIndex => {
+                std::fs::write(self.path("sidestep.db-shm"), [7; 32_768]).unwrap()
+            }
+            Fault::HalfCopy => {
+                let bytes = std::fs::read(&backup).unwrap();
+                std::fs::remove_file(&file).unwrap();
+                std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
+            }
+        }
+    }
+
+    /// Where all acknowledged trials are: the databases in the folder that have them.
+    async fn keepers(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        for name in self.folder.names() {
+            let path = self.path(&name);
+            if name.ends_with(".db")
+                && trials(&path).await.is_some_and(|has| has.is_superset(&self.acknowledged))
+            {
+                found.push(name);
+            }
+        }
+        found
+    }
+}
+
+/// The trials in a copy of a file with its log; none if it cannot be read.
+async fn trials(file: &Path) -> Option<BTreeSet<String>> {
+    let copy = Folder::default();
+    std::fs::copy(file, copy.path("copy.db")).ok()?;
+    let log = PathBuf::from(format!("{}-wal", file.display()));
+    if log.exists() {
+        std::fs::copy(log, copy.path("copy.db-wal")).ok()?;
+    }
+    let database = sidestep_tests::Database::file(copy.root(), "copy.db");
+    let reading = tokio::spawn(async move {
+        let mut found = BTreeSet::new();
+        database
+            .each_row("SELECT trial_id FROM trial", |row| found.extend([row[0].to_owned()]))
+            .await;
+        found
+    });
+    reading.await.ok()
+}
+
+/// What became of one fault.
+async fn case(fault: Fault, moment: Moment) -> String {
+    let (mut place, server, driver) = Place::new().await;
+    let mut said = String::new();
+    match moment {
+        Moment::AfterKill => {
+            server.kill().await;
+            place.suffer(fault);
+        }
+        Moment::AfterStop => {
+            server.stop().await;
+            place.suffer(fault);
+        }
+        Moment::Idle | Moment::UnderLoad => {
+            let waiting: Vec<_> = driver.scenes().into_iter().skip(4).collect();
+            place.suffer(fault);
+            if moment == Moment::UnderLoad {
+                for (id, scene) in waiting.iter().take(2) {
+                    let answer = driver.send(&server, id, &sidestep_tests::driven(scene)).await;
+                    match answer.status {
+                        201 => drop(place.acknowledged.insert(id.clone())),
+                        status => assert_eq!(status, 503, "{fault:?} {moment:?}: {}", answer.body),
+                    }
+                }
+            }
+            let harmless =
+                matches!(fault, Fault::HideByMode | Fault::StrangeIndex | Fault::StrangeLog);
+            let due = Instant::now() + Duration::from_secs(1);
+            loop {
+                let ready = server.get("/readyz").await;
+                let body = ready.body.to_string();
+                if body.contains("rescued") || harmless || Instant::now() > due {
+                    assert!(ready.status == 503 || harmless, "{fault:?} {moment:?}: still ready");
+                    said += &body;
+                    break;
+                }
+                tokio::time::sleep(Duration::from_millis(50)).await;
+            }
+            server.stop().await;
+        }
+    }
+    if fault == Fault::HideByMode {
+        // Root reads it nevertheless.
+        std::fs::set_permissions(place.path("sidestep.db"), std::fs::Permissions::from_mode(0o600))
+            .unwrap();
+    }
+    // Every command, on the file as it is now. What one of them says is sound must be.
+    let database = place.database();
+    let out = |name: &str| place.folder.name(name);
+    let mut states = Vec::new();
+    for args in [
+        vec!["check", "--database", &database],
+        vec![
+            "export",
+            "--database",
+            &database,
+            "--study",
+            "default",
+            "--format",
+            "csv",
+            "--out",
+            &out("export"),
+        ],
+        vec!["backup", "--database", &database, "--out", &out("after.db")],
+        vec!["copy", "--from", &database, "--to", &format!("sqlite:{}", out("copied.db"))],
+        vec!["restore", "--from", &out("backup.db"), "--database", &database],
+    ] {
+        let done: Said = run(&args).await;
+        states.push(format!("{} {}", args[0], done.code.unwrap_or(-1)));
+        said += &done.err;
+        if done.code == Some(0) && args[0] != "restore" {
+            let has = trials(&place.path("sidestep.db")).await.unwrap();
+            let is_one = has == place.acknowledged || place.known.contains(&has);
+            assert!(
+                is_one,
+                "{fault:?} {moment:?}: {} calls sound what is none of them: {has:?}",
+                args[0]
+            );
+        }
+    }
+    match Process::try_start_on(
+        &place.folder,
+        &sidestep_tests::Database::file(place.folder.root(), "sidestep.db"),
+    )
+    .await
+    {
+        Ok(server) => {
+            states.push("serve runs".to_owned());
+            server.stop().await;
+        }
+        Err(error) => {
+            states.push("serve refuses".to_owned());
+            said += &error;
+        }
+    }
+    let keepers = place.keepers().await;
+    // Of content that was overwritten, the log is kept, and named.
+    let overwritten =
+        matches!(fault, Fault::Truncate | Fault::CopyOver | Fault::CatOver | Fault::HalfCopy);
+    let named =
+        |name: &String| name == "sidestep.db" || name == "aside.db" || said.contains(name.as_str());
+    if keepers.is_empty() {
+        let log = ["rescued-wal", "sidestep.db-wal"].into_iter().find(|log| said.contains(log));
+        let lost = overwritten && (log.is_some() || moment == Moment::AfterStop);
+        let deleted = matches!(
+            fault,
+            Fault::Delete | Fault::RenameAway | Fault::RenameOver | Fault::BackupOver
+        );
+        let deleted = deleted && (moment == Moment::AfterStop || log.is_some());
+        assert!(lost || deleted, "{fault:?} {moment:?}: acknowledged trials are nowhere: {said}");
+        return format!(
+            "{}; {}",
+            states.join(", "),
+            log.map_or("gone with the file", |_| "the log is kept")
+        );
+    }
+    assert!(
+        keepers.iter().any(named),
+        "{fault:?} {moment:?}: nobody says that {keepers:?} has them: {said}"
+    );
+    format!("{}; all in {}", states.join(", "), keepers.iter().find(|name| named(name)).unwrap())
+}
+
+#[tokio::test]
+async fn whatever_is_done_to_the_file_nothing_is_merged_or_lost_in_silence() {
+    let mut table = String::from(
+        "| fault | moment | what commands say; where the trials are |\n|---|---|---|\n",
+    );
+    for fault in FAULTS {
+        for moment in MOMENTS {
+            let found = case(fault, moment).await;
+            writeln!(table, "| {fault:?} | {moment:?} | {found} |").unwrap();
+        }
+    }
+    eprintln!("{table}");
+}
