@@ -1,14 +1,13 @@
 //! Backups: one SQLite file with everything of a database, complete and checked before it gets its name.
 
 use crate::clock::date_time;
-use crate::private;
+use crate::private::Unfinished;
 use crate::soundness::{self, Report};
 use crate::store::{OpenError, Purpose, Store, StoreError};
 use crate::transfer::{self, TransferError};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 
 /// How the names of folders begin in which a backup is written or restored.
@@ -84,7 +83,7 @@ pub async fn write(
             "there is the write-ahead log of a database of this name; move it to another folder";
         return Err(unwritable(io::Error::other(found)));
     }
-    let folder = private::temporary_folder(UNFINISHED, parent).map_err(unwritable)?;
+    let folder = Unfinished::within(UNFINISHED, parent).map_err(unwritable)?;
     let file = folder.path().join("backup.db");
     let url = format!("sqlite:{}", file.display());
     let full = |error| match error {
@@ -149,20 +148,6 @@ pub fn list(folder: &Path) -> io::Result<Vec<PathBuf>> {
     found.retain(is_one);
     found.sort();
     Ok(found)
-}
-
-/// Deletes what backups have left behind that were broken off, more than a day ago.
-pub fn sweep(folder: &Path) {
-    const LEFT_BEHIND: Duration = Duration::from_secs(86_400);
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let is_unfinished = entry.file_name().to_string_lossy().starts_with(UNFINISHED);
-        let changed = entry.metadata().and_then(|about| about.modified());
-        let age = changed.ok().and_then(|changed| changed.elapsed().ok());
-        if is_unfinished && age.is_some_and(|age| age > LEFT_BEHIND) {
-            // What cannot be deleted now can be tomorrow.
-            let _ = std::fs::remove_dir_all(entry.path());
-        }
-    }
 }
 
 /// Deletes the oldest backups in a folder, so that `keep` are left. Returns how many were deleted.

@@ -8,6 +8,7 @@ mod solving;
 mod table_file;
 pub mod copy;
 pub mod backup;
+pub mod salvage;
 pub mod retention;
 pub mod export;
 pub mod game;
@@ -32,9 +33,12 @@ pub mod analysis_args;
 pub mod keeping_args;
 pub mod serve;
 
+use crate::backups::BackupError;
 use crate::client::ClientError;
+use crate::formats::exports::ExportError;
 use crate::store::studies::StoredStudy;
 use crate::store::{OpenError, Store, StoreError};
+use crate::transfer::TransferError;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 use sidestep::document::did_you_mean;
@@ -110,7 +114,33 @@ impl From<ClientError> for CommandError {
 
 impl From<StoreError> for CommandError {
     fn from(error: StoreError) -> Self {
-        Self::failure(error)
+        match &error {
+            StoreError::Corrupt(_) => Self::Failure(format!(
+                "{error}; 'sidestep check' says where, 'sidestep restore' makes a database of a backup, and 'sidestep \
+                 salvage' saves what can still be read"
+            )),
+            _ => Self::failure(error),
+        }
+    }
+}
+
+impl From<ExportError> for CommandError {
+    fn from(error: ExportError) -> Self {
+        match error {
+            ExportError::Store(error) => error.into(),
+            other => Self::failure(other),
+        }
+    }
+}
+
+impl From<BackupError> for CommandError {
+    fn from(error: BackupError) -> Self {
+        match error {
+            BackupError::Store(error) | BackupError::Transfer(TransferError::Store(error)) => {
+                error.into()
+            }
+            other => Self::failure(other),
+        }
     }
 }
 
@@ -149,6 +179,22 @@ async fn study_named(store: &Store, slug: &str) -> Result<StoredStudy, CommandEr
 /// A file that cannot be written.
 fn unwritable(path: &Path, error: &dyn std::fmt::Display) -> CommandError {
     CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
+}
+
+/// Ends with a failure that the printed result tells too, also if nobody reads that.
+fn failed(printed: Result<(), CommandError>, why: String) -> Result<(), CommandError> {
+    match printed {
+        Err(CommandError::Unread) | Ok(()) => Err(CommandError::Failure(why)),
+        other => other,
+    }
+}
+
+/// An address of a database that another flag than `--database` gives.
+fn of_flag(flag: &'static str) -> impl Fn(OpenError) -> CommandError {
+    move |error| match error.into() {
+        CommandError::Input(said) => CommandError::Input(said.replacen("--database", flag, 1)),
+        other => other,
+    }
 }
 
 /// Writes a result to stdout, as one line of JSON.

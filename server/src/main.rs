@@ -4,10 +4,10 @@ use clap::{Parser, Subcommand};
 use sidestep_server::commands::serve::LogFormat;
 use sidestep_server::commands::{
     CommandError, analyze, backup, bounds, check, child, copy, design, export, features, hash_key,
-    import, languages, plot, reach, retention, serve, shfrs, simulate, solve, value,
+    import, languages, plot, reach, retention, salvage, serve, shfrs, simulate, solve, value,
 };
 use sidestep_server::jobs::children::SUBCOMMAND;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
@@ -44,6 +44,7 @@ enum Command {
     Check(check::CheckArgs),
     Backup(backup::BackupArgs),
     Restore(backup::RestoreArgs),
+    Salvage(salvage::SalvageArgs),
     Copy(copy::CopyArgs),
     Retention(retention::RetentionArgs),
     #[command(hide = true, name = SUBCOMMAND)]
@@ -69,7 +70,8 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             if let Some(said) = error.said() {
-                eprintln!("sidestep: {said}");
+                // Nobody may be reading it.
+                let _ = writeln!(std::io::stderr(), "sidestep: {said}");
             }
             ExitCode::from(error.exit_code())
         }
@@ -96,6 +98,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Check(args) => check::run(args).await,
         Command::Backup(args) => backup::back_up(args).await,
         Command::Restore(args) => backup::restore(args).await,
+        Command::Salvage(args) => salvage::run(args).await,
         Command::Copy(args) => copy::run(args).await,
         Command::Retention(args) => retention::run(args).await,
         Command::Child(args) => child::run(&args),

@@ -1,8 +1,8 @@
 //! Files and folders that only this user can read, from before their first byte.
 
-use std::fs::{DirBuilder, File, OpenOptions};
+use std::fs::{DirBuilder, File, Metadata, OpenOptions, TryLockError};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -20,6 +20,76 @@ pub(crate) fn new_file(path: &Path) -> io::Result<File> {
 /// If it cannot be made.
 pub(crate) fn make_folder(path: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(path)
+}
+
+/// A folder for what is not finished. It is deleted when this is dropped; if the program was killed, by the next one
+/// that makes a folder of this kind beside it.
+#[derive(Debug)]
+pub(crate) struct Unfinished {
+    folder: TempDir,
+    /// Locked, as long as this process uses the folder.
+    _lock: File,
+}
+
+impl Unfinished {
+    /// A folder whose name begins with `prefix`. Deletes those that programs which were killed have left.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub(crate) fn within(prefix: &str, parent: &Path) -> io::Result<Self> {
+        if !parent.is_dir() {
+            // Otherwise the error would name a temporary folder.
+            let said = format!("there is no folder {}", parent.display());
+            return Err(io::Error::new(io::ErrorKind::NotFound, said));
+        }
+        sweep(prefix, parent);
+        loop {
+            let folder = temporary_folder(prefix, parent)?;
+            match File::open(folder.path()).and_then(|open| claim(open, folder.path())) {
+                Ok(Some(lock)) => return Ok(Self { folder, _lock: lock }),
+                Ok(None) => {}
+                // Somebody took it for left behind before it was locked.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        self.folder.path()
+    }
+}
+
+/// Locks a file or folder that was just made, so that nobody takes it for left behind; nothing if somebody was faster.
+pub(crate) fn claim(open: File, path: &Path) -> io::Result<Option<File>> {
+    if let Err(TryLockError::WouldBlock) = open.try_lock() {
+        return Ok(None);
+    }
+    // On a disk without locks nobody deletes it.
+    let own = open.metadata()?;
+    let is_there = |found: Metadata| (found.dev(), found.ino()) == (own.dev(), own.ino());
+    Ok(path.symlink_metadata().is_ok_and(is_there).then_some(open))
+}
+
+/// Deletes the files and folders with such names that no process has locked.
+pub(crate) fn sweep(prefix: &str, parent: &Path) {
+    for entry in std::fs::read_dir(parent).into_iter().flatten().flatten() {
+        if !entry.file_name().to_string_lossy().starts_with(prefix) {
+            continue;
+        }
+        let Ok(kind) = entry.file_type() else { continue };
+        let path = entry.path();
+        let lock = if kind.is_symlink() { None } else { File::open(&path).ok() };
+        if let Some(lock) = lock
+            && lock.try_lock().is_ok()
+        {
+            // What cannot be deleted is another user's.
+            let _ = match kind.is_dir() {
+                true => std::fs::remove_dir_all(&path),
+                false => std::fs::remove_file(&path),
+            };
+        }
+    }
 }
 
 /// A folder that is deleted when it is dropped. Its name begins with `prefix`.
@@ -48,5 +118,26 @@ mod tests {
         make_folder(&below).unwrap();
         make_folder(&below).unwrap();
         assert_eq!(mode(&below), 0o700);
+    }
+
+    #[test]
+    fn what_nobody_uses_is_deleted_and_nothing_else() {
+        let parent = TempDir::new().unwrap();
+        let at = |name: &str| parent.path().join(name);
+        let used = Unfinished::within("of-us-", parent.path()).unwrap();
+        std::fs::write(used.path().join("copy"), "").unwrap();
+        std::fs::create_dir_all(at("of-us-1/below")).unwrap();
+        for name in ["of-us-2", "of-others", "target"] {
+            std::fs::write(at(name), "").unwrap();
+        }
+        std::os::unix::fs::symlink(at("target"), at("of-us-3")).unwrap();
+        let next = Unfinished::within("of-us-", parent.path()).unwrap();
+        assert!(used.path().join("copy").exists() && next.path() != used.path());
+        let left = |name: &str| at(name).symlink_metadata().is_ok();
+        assert_eq!(["of-us-1", "of-us-2"].map(left), [false; 2]);
+        assert_eq!(["of-others", "target", "of-us-3"].map(left), [true; 3]);
+        let path = used.path().to_owned();
+        drop(used);
+        assert!(!path.exists());
     }
 }

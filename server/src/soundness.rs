@@ -1,10 +1,12 @@
 //! Whether a database is sound: its file, what rows refer to, and every trial, by replaying it.
 
-use crate::store::trials::{StoredTrial, flag_words};
+use crate::store::trials::{StoredTrial, Unreadable, flag_words};
 use crate::store::{Store, StoreError};
 use serde::{Deserialize, Serialize};
 use sidestep::scene::SceneParameters;
+use sidestep::study::StudyConfig;
 use sidestep::trial::{Flag, Outcome, outcome};
+use std::sync::Arc;
 
 /// The result of a check.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,6 +27,21 @@ pub struct Report {
 }
 
 impl Report {
+    /// What was read; nothing, and a line about it, of what is damaged, so that the rest is checked too.
+    fn read<T: Default>(
+        &mut self,
+        whose: &str,
+        read: Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        match read {
+            Err(StoreError::Corrupt(what)) => {
+                self.damage.push(format!("{whose}: {what}"));
+                Ok(T::default())
+            }
+            read => read,
+        }
+    }
+
     /// How many faults were found.
     #[must_use]
     pub fn faults(&self) -> usize {
@@ -56,47 +73,97 @@ pub struct Wrong {
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
 pub async fn report(store: &Store) -> Result<Report, StoreError> {
-    let mut report = Report { damage: store.damage().await?, ..Report::default() };
+    let mut report = Report::default();
+    let found = report.read("the file", store.damage().await)?;
+    report.damage.extend(found);
     let wrong_tally =
         |id| format!("participant {id}: the tally does not follow from what is stored");
-    report.damage.extend(store.wrong_tallies().await?.into_iter().map(wrong_tally));
-    for slug in store.slugs().await? {
+    let wrong = report.read("the tallies", store.wrong_tallies().await)?;
+    report.damage.extend(wrong.into_iter().map(wrong_tally));
+    for slug in report.read("the studies", store.slugs().await)? {
         report.studies += 1;
-        let study = match store.study(&slug).await {
-            Ok(Some(study)) => study,
-            Ok(None) => continue,
-            Err(StoreError::Corrupt(what)) => {
-                report.damage.push(format!("study {slug}: {what}"));
-                continue;
-            }
-            Err(error) => return Err(error),
-        };
-        for id in store.participant_ids(study.id, true).await? {
+        let whole = format!("study {slug}");
+        let Some(study) = report.read(&whole, store.study(&slug).await)? else { continue };
+        let people = format!("{whole}: its participants cannot be listed");
+        for id in report.read(&people, store.participant_ids(study.id, true).await)? {
             report.participants += 1;
-            for trial_id in store.trial_ids(&id).await? {
-                let what = match replayed(store, &trial_id, &mut report).await {
-                    Ok(what) => what,
-                    Err(StoreError::Corrupt(what)) => Some(format!("study {slug}: {what}")),
-                    Err(error) => return Err(error),
+            let trials = format!("{whole}, participant {id}: no trial can be read");
+            for trial in report.read(&trials, examined(store, &id).await)? {
+                let wrong = match trial {
+                    Ok(Examined { trial, fault, .. }) => {
+                        report.trials += 1;
+                        report.flagged += usize::from(Flag::question(&trial.head.flags));
+                        fault.map(|what| Wrong { trial_id: trial.head.trial_id, what })
+                    }
+                    Err(Wrong { trial_id, what }) => {
+                        Some(Wrong { trial_id, what: format!("study {slug}: {what}") })
+                    }
                 };
-                report.wrong.extend(what.map(|what| Wrong { trial_id, what }));
+                report.wrong.extend(wrong);
             }
         }
     }
     Ok(report)
 }
 
-/// Reads, counts and replays a trial. What is wrong with it, if anything is.
-async fn replayed(
+/// A trial that was read and replayed. There is a state before each of its steps and after the last, and a time of
+/// each if times were recorded.
+#[derive(Clone, Debug)]
+pub struct Examined {
+    /// The trial.
+    pub trial: StoredTrial,
+    /// The configuration of its participant.
+    pub config: Arc<StudyConfig>,
+    /// What is wrong with it, if anything is.
+    pub fault: Option<String>,
+}
+
+/// All trials of a participant, in the plan's order, each replayed; those that cannot be read are named.
+///
+/// # Errors
+/// [`StoreError`] if not even their ids can be read.
+pub async fn examined(
     store: &Store,
-    trial_id: &str,
-    report: &mut Report,
-) -> Result<Option<String>, StoreError> {
-    let Some(trial) = store.trial(trial_id).await? else { return Ok(None) };
-    let config = store.config(&trial.config_hash).await?;
-    report.trials += 1;
-    report.flagged += usize::from(Flag::question(&trial.head.flags));
-    Ok(fault(&config.parameters, &trial))
+    participant_id: &str,
+) -> Result<Vec<Result<Examined, Wrong>>, StoreError> {
+    let mut read = Vec::new();
+    for trial in store.each_trial_of(participant_id).await? {
+        read.push(match trial {
+            Ok(trial) => match store.config(&trial.config_hash).await {
+                Ok(config) => Ok((trial, config)),
+                Err(StoreError::Corrupt(what)) => {
+                    Err(Wrong { trial_id: trial.head.trial_id, what })
+                }
+                Err(error) => return Err(error),
+            },
+            Err(Unreadable { trial_id, what }) => Err(Wrong { trial_id, what }),
+        });
+    }
+    let replay = |read: Result<_, Wrong>| {
+        let (trial, config): (StoredTrial, Arc<StudyConfig>) = read?;
+        is_whole(&trial)?;
+        let fault = fault(&config.parameters, &trial);
+        Ok(Examined { trial, config, fault })
+    };
+    // It takes some milliseconds, for which a server's other requests should not wait.
+    let replaying = move || read.into_iter().map(replay).collect();
+    let replayed = tokio::task::spawn_blocking(replaying).await;
+    replayed.map_err(|error| StoreError::Defect(error.to_string()))
+}
+
+/// Accepts a trial with a state before each step and after the last, and with all times or none.
+fn is_whole(trial: &StoredTrial) -> Result<(), Wrong> {
+    let content = &trial.content;
+    let steps = content.inputs.len();
+    let times = content.sampled_at_ms.as_ref().map_or(steps, Vec::len);
+    if content.states.len() == steps + 1 && times == steps {
+        return Ok(());
+    }
+    let states = content.states.len();
+    let what = format!(
+        "expected one state more than inputs, and as many times, found {steps} inputs, {states} states and {times} times"
+    );
+    Err(Wrong { trial_id: trial.head.trial_id.clone(), what })
 }
 
 /// What is wrong with a trial, if anything is.

@@ -36,6 +36,7 @@ pub mod profiles;
 pub mod imports;
 pub mod copying;
 pub mod retention;
+mod damage;
 pub mod snapshot;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -181,6 +182,19 @@ fn harmless(url: &str) -> String {
     }
 }
 
+/// Refuses a file that this user must not read; SQLite only says that it cannot open it.
+fn check_permission(file: &Path) -> Result<(), OpenError> {
+    match std::fs::File::open(file) {
+        Err(error) if error.kind() == std::io::ErrorKind::PermissionDenied => {
+            let database = file.display().to_string();
+            let reason =
+                format!("{error}; give this user the permission to read it, or run as its owner");
+            Err(OpenError::Unusable { database, reason })
+        }
+        _ => Ok(()),
+    }
+}
+
 impl Store {
     /// Opens the database at `url` (`sqlite:FILE` or `postgres://…`) and applies missing migrations, unless it is
     /// only to be read.
@@ -195,6 +209,7 @@ impl Store {
                 false => {
                     let file = DatabaseFile::of_url(&url)
                         .map_err(|found| OpenError::Address { url: harmless(&url), found })?;
+                    check_permission(file.path())?;
                     Database::Sqlite(Sqlite::open(file, purpose)?)
                 }
             })
@@ -348,18 +363,6 @@ impl Store {
         match &self.open.database {
             Database::Sqlite(database) => database.room(bytes),
             Database::Postgres(database) => Ok(database.room()),
-        }
-    }
-
-    /// What SQLite itself finds wrong with the file: damaged pages and references to nothing. Empty for a
-    /// sound database, and for PostgreSQL, whose own tools look for that.
-    ///
-    /// # Errors
-    /// If the check cannot be run.
-    pub async fn damage(&self) -> Result<Vec<String>, StoreError> {
-        match &self.open.database {
-            Database::Sqlite(database) => database.damage().await,
-            Database::Postgres(_) => Ok(Vec::new()),
         }
     }
 

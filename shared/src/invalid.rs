@@ -40,7 +40,8 @@ impl Invalid {
         expected: impl Into<String>,
         found: impl ToString,
     ) -> Self {
-        Self { field: field.into(), expected: expected.into(), found: brief(found.to_string()) }
+        let (field, found) = (short(field.into()), short(brief(found.to_string())));
+        Self { field, expected: expected.into(), found }
     }
 
     /// The same error, with the field's path as seen from its parent.
@@ -50,6 +51,18 @@ impl Invalid {
         self.field = format!("{parent}{joint}{}", self.field);
         self
     }
+}
+
+/// The longest name or value that is repeated whole; a file may have one of any length.
+const MOST_SIGNS: usize = 400;
+
+/// The beginning of a long text.
+fn short(mut text: String) -> String {
+    if let Some((end, _)) = text.char_indices().nth(MOST_SIGNS) {
+        text.truncate(end);
+        text.push('…');
+    }
+    text
 }
 
 /// The longest number that is told digit by digit: f64 has at most 17 that say something, besides a sign, a point
@@ -161,6 +174,11 @@ mod tests {
             assert_eq!(Invalid::new("x", "less", number).found, told);
         }
         assert_eq!(Invalid::new("x", "a number", "a word of many letters, 1e300").found.len(), 29);
+        let long = Invalid::new("ä".repeat(300_000), "a word", "ß".repeat(300_000)).to_string();
+        assert!(
+            long.chars().count() < 1000 && long.contains("ä…: expected a word, found ß"),
+            "{long}"
+        );
         let whole = Invalid::new("", "an object", "a list");
         assert_eq!(whole.to_string(), "expected an object, found a list");
     }

@@ -4,12 +4,13 @@ use super::copy::{copying, whole};
 use super::solving::Interrupt;
 use super::{CommandError, print_json};
 use crate::backups::{self, FaultyTrials, Written};
-use crate::private;
+use crate::private::{self, Unfinished};
 use crate::soundness::{self, Report};
 use crate::store::{OpenError, Purpose, Store};
 use crate::transfer::TransferError;
 use serde::Serialize;
 use std::fs::{self, File};
+use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 
 /// Back a database up into one file, also while a server uses it.
@@ -52,6 +53,9 @@ pub struct RestoreArgs {
     pub with_faulty_trials: bool,
 }
 
+/// How a file of SQLite begins.
+pub(super) const DATABASE: &[u8] = b"SQLite format 3\0";
+
 #[derive(Serialize)]
 struct Done<'a> {
     file: &'a Path,
@@ -78,7 +82,7 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
         backups::write(&store, out, FaultyTrials::Refused, &interrupt.token, progress).await;
     bar.finish_and_clear();
     store.close().await;
-    let Written { bytes, report } = written.map_err(CommandError::failure)?;
+    let Written { bytes, report } = written?;
     print_json(&Done { file: out, bytes, report })
 }
 
@@ -88,18 +92,7 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
 /// [`CommandError::Input`] if there is a database already; [`CommandError::Failure`] if the backup is not
 /// sound or the database refuses.
 pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
-    match Store::open(&args.database, Purpose::Read).await {
-        Err(OpenError::Absent(_)) => {}
-        Err(error @ (OpenError::LogAlone { .. } | OpenError::Misplaced { .. })) => {
-            return Err(CommandError::Input(format!("--database {error}")));
-        }
-        Err(error) => return Err(error.into()),
-        Ok(store) => {
-            let expected = "expected a database that does not exist";
-            let message = format!("--database {}: {expected}; it has data", store.name());
-            return Err(CommandError::Input(message));
-        }
-    }
+    absent(&args.database).await?;
     if Store::is_in_use(&args.from) {
         let message = format!(
             "--from {}: expected a backup, found a database that a server uses, or did not close; write one with \
@@ -109,20 +102,46 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
         return Err(CommandError::Input(message));
     }
     let interrupt = Interrupt::listen();
-    let Some(file) = Store::file(&args.database)? else {
-        let folder = private::temporary_folder(backups::UNFINISHED, &std::env::temp_dir());
+    let fill = async |folder: &Path, url: &str| fill(&args, folder, url, &interrupt).await;
+    print_json(&new_database(&args.database, fill).await?)
+}
+
+/// Accepts an address at which there is no database.
+pub(super) async fn absent(database: &str) -> Result<(), CommandError> {
+    match Store::open(database, Purpose::Read).await {
+        Err(OpenError::Absent(_)) => Ok(()),
+        Err(error @ (OpenError::LogAlone { .. } | OpenError::Misplaced { .. })) => {
+            Err(CommandError::Input(format!("--database {error}")))
+        }
+        Err(error) => Err(error.into()),
+        Ok(store) => {
+            let expected = "expected a database that does not exist";
+            let message = format!("--database {}: {expected}; it has data", store.name());
+            Err(CommandError::Input(message))
+        }
+    }
+}
+
+/// Makes a database at an address at which there is none. `fill` gets a private folder for temporary files, and the
+/// address of the database that it is to fill.
+pub(super) async fn new_database<T>(
+    database: &str,
+    fill: impl AsyncFnOnce(&Path, &str) -> Result<T, CommandError>,
+) -> Result<T, CommandError> {
+    let Some(file) = Store::file(database)? else {
+        let folder = Unfinished::within(backups::UNFINISHED, &std::env::temp_dir());
         let folder = folder.map_err(CommandError::failure)?;
-        return print_json(&fill(&args, folder.path(), &args.database, &interrupt).await?);
+        return fill(folder.path(), database).await;
     };
     // The database is complete and checked before it gets its name.
     let unwritable =
         |error| CommandError::Failure(format!("{}: cannot write: {error}", file.display()));
     let parent = file.parent().filter(|folder| !folder.as_os_str().is_empty());
     let parent = parent.unwrap_or(Path::new("."));
-    let folder = private::temporary_folder(backups::UNFINISHED, parent).map_err(unwritable)?;
+    let folder = Unfinished::within(backups::UNFINISHED, parent).map_err(unwritable)?;
     let made = folder.path().join("restored.db");
     let url = format!("sqlite:{}", made.display());
-    let report = fill(&args, folder.path(), &url, &interrupt).await?;
+    let done = fill(folder.path(), &url).await?;
     // An empty file counts as no database.
     if file.metadata().is_ok_and(|found| found.len() == 0) {
         fs::remove_file(&file).map_err(unwritable)?;
@@ -132,7 +151,7 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
         .and_then(|()| fs::hard_link(&made, &file))
         .and_then(|()| File::open(parent)?.sync_all())
         .map_err(unwritable)?;
-    print_json(&report)
+    Ok(done)
 }
 
 /// Fills a new database with everything in the backup, compares the two, and says what is in them. `folder` is for
@@ -147,6 +166,14 @@ async fn fill(
     let file = folder.join("backup.db");
     let mut from = File::open(&args.from)
         .map_err(|error| CommandError::Input(format!("--from {named}: cannot read: {error}")))?;
+    let mut head = Vec::new();
+    let begins = from.by_ref().take(DATABASE.len() as u64).read_to_end(&mut head);
+    if begins.is_ok() && head != DATABASE {
+        let message =
+            format!("--from {named}: expected a backup, found a file that is not a database");
+        return Err(CommandError::Input(message));
+    }
+    from.rewind().map_err(CommandError::failure)?;
     private::new_file(&file).and_then(|mut to| std::io::copy(&mut from, &mut to)).map_err(
         |error| {
             CommandError::Failure(format!(

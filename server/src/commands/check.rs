@@ -1,13 +1,14 @@
 //! `sidestep check`.
 
-use super::{CommandError, print_json};
+use super::{CommandError, failed, print_json};
 use crate::soundness;
 use crate::store::{Purpose, Store};
 
 /// Check a database: whether the file is sound, and whether every trial replays as when it was
 /// stored.
 ///
-/// Prints a JSON summary; exit code 1 if anything is wrong.
+/// Prints a JSON report of all that is wrong, and where. Goes on after damage. The exit code is 1 if anything is
+/// wrong, and the last line says what to do.
 #[derive(Clone, Debug, clap::Args)]
 pub struct CheckArgs {
     /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE.
@@ -22,14 +23,24 @@ pub struct CheckArgs {
 pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Purpose::Read).await?;
     let report = soundness::report(&store).await?;
-    let name = store.name();
+    let (name, is_server) = (store.name(), store.is_shared());
     store.close().await;
-    print_json(&report)?;
+    let printed = print_json(&report);
     let faults = report.faults();
     if faults == 0 {
-        return Ok(());
+        return printed;
     }
     let faults = if faults == 1 { "1 fault".to_owned() } else { format!("{faults} faults") };
-    let message = format!("{name}: {faults}; see the report");
-    Err(CommandError::Failure(message))
+    let file = args.database.strip_prefix("sqlite:").filter(|_| !is_server);
+    let next = match (file, report.damage.is_empty()) {
+        (Some(file), false) => format!(
+            "stop the server, keep this file with its -wal, and restore a backup with 'sidestep restore', or save what \
+             can be read with 'sidestep salvage --from {file} --database sqlite:NEW'"
+        ),
+        (None, false) => "restore a backup with 'sidestep restore'".to_owned(),
+        (_, true) => "restore a backup with 'sidestep restore', or go on without these trials: 'sidestep export' marks \
+                      them"
+            .to_owned(),
+    };
+    failed(printed, format!("{name}: {faults}; see the report; {next}"))
 }

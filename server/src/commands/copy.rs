@@ -2,7 +2,7 @@
 
 use super::solving::Interrupt;
 use super::solving::bar;
-use super::{CommandError, print_json, study_named};
+use super::{CommandError, of_flag, print_json, study_named};
 use crate::store::{Purpose, Store};
 use crate::transfer::{self, TransferError};
 use indicatif::ProgressBar;
@@ -35,7 +35,7 @@ pub struct CopyArgs {
 /// # Errors
 /// [`CommandError`] for an unknown study (input), or if a database refuses (failure).
 pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
-    let from = Store::open(&args.from, Purpose::Read).await?;
+    let from = Store::open(&args.from, Purpose::Read).await.map_err(of_flag("--from"))?;
     let slugs = match &args.study {
         Some(slug) => vec![study_named(&from, slug).await?.slug],
         None => from.slugs().await?,
@@ -44,10 +44,10 @@ pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
         let message = "--to: expected another database than that of --from, found the same";
         CommandError::Input(message.to_owned())
     };
-    if from.is_file_at(&args.to)? {
+    if from.is_file_at(&args.to).map_err(of_flag("--to"))? {
         return Err(the_same());
     }
-    let to = Store::open(&args.to, Purpose::Alone).await?;
+    let to = Store::open(&args.to, Purpose::Alone).await.map_err(of_flag("--to"))?;
     if from.is_same(&to).await? {
         return Err(the_same());
     }

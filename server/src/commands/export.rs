@@ -1,8 +1,10 @@
 //! `sidestep export`.
 
 use super::solving::Interrupt;
-use super::{CommandError, Words, one_of, print_json, study_named};
-use crate::formats::exports::{self, Dataset, ExportError, FileEntry, Filter, Format, Quality};
+use super::{CommandError, Words, failed, one_of, print_json, study_named};
+use crate::formats::exports::{
+    self, Damage, Dataset, ExportError, FileEntry, Filter, Format, Quality,
+};
 use crate::store::{Purpose, Store};
 use sidestep::trial::Phase;
 use std::path::PathBuf;
@@ -12,6 +14,9 @@ use std::path::PathBuf;
 /// Besides the tables, the folder has configurations.json, dictionary.json (the meaning of every
 /// column) and manifest.json (rows and SHA-256 of every file), which is written last: a folder
 /// without it is not complete.
+///
+/// Every trial is replayed, as by 'sidestep check'. One that is damaged is named, and marked in the tables by the
+/// column damaged; one that cannot be read is left out. The exit code is 1 then.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ExportArgs {
     /// Database: sqlite: followed by a file.
@@ -40,6 +45,10 @@ pub struct ExportArgs {
     /// Pilots instead of participants; they have numbers of their own.
     #[arg(long, help_heading = "Which data")]
     pub pilots: bool,
+    /// End with exit code 0 also if trials are damaged: not as they were stored. They are named and marked all the
+    /// same.
+    #[arg(long)]
+    pub allow_damaged: bool,
 }
 
 const FORMATS: Words<Format> = &[
@@ -58,7 +67,11 @@ const PHASES: Words<Phase> = &[
 
 const QUALITIES: Words<Quality> = &[
     ("all", Quality::All, "All trials"),
-    ("unflagged", Quality::Unflagged, "Those without a flag, besides that they were imported"),
+    (
+        "unflagged",
+        Quality::Unflagged,
+        "Those without a flag, besides that they were imported, and without damage",
+    ),
 ];
 
 /// Writes the files: whole, or not at all.
@@ -81,7 +94,7 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     let written = exports::write(&store, dataset, format, &args.out, stop).await;
     let manifest = written.map_err(|error| match error {
         ExportError::Disk(error) => interrupt.unwritten(&args.out, &error),
-        error => CommandError::failure(error),
+        error => error.into(),
     })?;
     store.close().await;
     let FileEntry { name, rows, bytes, .. } = &manifest.files[0];
@@ -90,7 +103,23 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
         eprintln!("{}: study {} has no trials yet", path.display(), args.study);
     }
     let files = &manifest.files;
-    print_json(&serde_json::json!({ "file": path, "bytes": bytes, "files": files }))
+    let Damage { count, first } = &manifest.damage;
+    for damaged in first {
+        eprintln!("sidestep: {damaged}");
+    }
+    let printed = print_json(&serde_json::json!({
+        "file": path, "bytes": bytes, "files": files, "damaged_trials": count,
+    }));
+    if *count == 0 || args.allow_damaged {
+        return printed;
+    }
+    let trials = if *count == 1 { "1 trial is".to_owned() } else { format!("{count} trials are") };
+    let why = format!(
+        "{}: {trials} damaged, and marked in the tables by the column damaged unless left out; restore a backup, or \
+         add --allow-damaged if you can do without",
+        args.out.display()
+    );
+    failed(printed, why)
 }
 
 /// The one configuration whose hash begins with these digits.

@@ -210,7 +210,11 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let given = args.study.as_deref().map(|path| languages.read_study(path)).transpose();
     let given = given.map_err(CommandError::Input)?;
     let folder = args.site.clone().unwrap_or_else(default_folder);
-    let site = Site::open(&folder).map_err(CommandError::Failure)?.with_demo(args.open_demo);
+    let no_site = |why| match &args.site {
+        Some(folder) => CommandError::Input(format!("--static {}: {why}", folder.display())),
+        None => CommandError::Failure(why),
+    };
+    let site = Site::open(&folder).map_err(no_site)?.with_demo(args.open_demo);
     let listener = TcpListener::bind(&args.listen).await.map_err(|error| {
         let listen = &args.listen;
         if error.kind() == std::io::ErrorKind::InvalidInput {

@@ -1,6 +1,9 @@
 //! Files that appear whole or not at all.
 
+use crate::private;
+use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use tempfile::NamedTempFile;
 use tokio_util::sync::CancellationToken;
@@ -19,7 +22,7 @@ pub fn check(path: &Path) -> io::Result<()> {
         let kind = io::ErrorKind::InvalidInput;
         return Err(io::Error::new(kind, "it is there already and no regular file"));
     }
-    beside(path).map(drop)
+    beside(path, 0o600).map(drop)
 }
 
 /// Writes a temporary file in the same folder, and renames it to `path` when all of it is on the disk.
@@ -32,8 +35,30 @@ pub fn write<E: From<io::Error>>(
     cancel: &CancellationToken,
     content: impl FnOnce(&mut dyn WriteSeek) -> Result<(), E>,
 ) -> Result<(), E> {
+    // With the permissions of any new file.
+    write_with(path, 0o666, cancel, content)
+}
+
+/// As [`write`], a file that only this user can read.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_private<E: From<io::Error>>(
+    path: &Path,
+    cancel: &CancellationToken,
+    content: impl FnOnce(&mut dyn WriteSeek) -> Result<(), E>,
+) -> Result<(), E> {
+    write_with(path, 0o600, cancel, content)
+}
+
+fn write_with<E: From<io::Error>>(
+    path: &Path,
+    mode: u32,
+    cancel: &CancellationToken,
+    content: impl FnOnce(&mut dyn WriteSeek) -> Result<(), E>,
+) -> Result<(), E> {
     check(path)?;
-    let mut file = beside(path)?;
+    let (mut file, _lock) = beside(path, mode)?;
     let mut out = BufWriter::new(Cancellable { out: file.as_file_mut(), cancel });
     content(&mut out)?;
     out.flush()?;
@@ -51,7 +76,9 @@ pub trait WriteSeek: Write + io::Seek {}
 
 impl<T: Write + io::Seek> WriteSeek for T {}
 
-fn beside(path: &Path) -> io::Result<NamedTempFile> {
+/// A temporary file, and the lock that keeps others from deleting it.
+fn beside(path: &Path, mode: u32) -> io::Result<(NamedTempFile, File)> {
+    const PREFIX: &str = ".sidestep-part-";
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
@@ -61,12 +88,15 @@ fn beside(path: &Path) -> io::Result<NamedTempFile> {
         let said = format!("there is no folder {}", folder.display());
         return Err(io::Error::new(io::ErrorKind::NotFound, said));
     }
+    private::sweep(PREFIX, folder);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".sidestep-");
-    // With the permissions of any new file, instead of the owner's only.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
+    builder.prefix(PREFIX).permissions(Permissions::from_mode(mode));
+    loop {
+        let file = builder.tempfile_in(folder)?;
+        if let Some(lock) = private::claim(file.as_file().try_clone()?, file.path())? {
+            return Ok((file, lock));
+        }
+    }
 }
 
 struct Cancellable<'a, W> {

@@ -1,15 +1,16 @@
 //! Folders whose new content appears whole or not at all.
 
-use std::fs::{self, File};
+use crate::private::Unfinished;
+use std::fs::{self, DirBuilder, File};
 use std::io;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 use tokio_util::sync::CancellationToken;
 
 /// New content for a folder, kept apart from the old content until it is complete.
 pub struct Draft {
     folder: PathBuf,
-    draft: TempDir,
+    draft: Unfinished,
     /// Folders that were made for it, the innermost first; those that stay empty go with it.
     made: Vec<PathBuf>,
 }
@@ -21,11 +22,23 @@ impl Draft {
     /// # Errors
     /// The disk's error.
     pub fn begin(folder: &Path) -> io::Result<Self> {
+        Self::with_mode(folder, 0o777)
+    }
+
+    /// As [`Self::begin`]; only this user can look into a folder that is made.
+    ///
+    /// # Errors
+    /// The disk's error.
+    pub fn begin_private(folder: &Path) -> io::Result<Self> {
+        Self::with_mode(folder, 0o700)
+    }
+
+    fn with_mode(folder: &Path, mode: u32) -> io::Result<Self> {
         let missing =
             folder.ancestors().take_while(|path| !path.exists() && *path != Path::new(""));
         let made = missing.map(Path::to_owned).collect();
-        fs::create_dir_all(folder)?;
-        let draft = tempfile::Builder::new().prefix(".sidestep-").tempdir_in(folder)?;
+        DirBuilder::new().recursive(true).mode(mode).create(folder)?;
+        let draft = Unfinished::within(".sidestep-draft-", folder)?;
         Ok(Self { folder: folder.to_owned(), draft, made })
     }
 
@@ -59,7 +72,7 @@ impl Draft {
         if cancel.is_cancelled() {
             return Err(io::Error::other("stopped"));
         }
-        let old = tempfile::Builder::new().prefix(".sidestep-").tempdir_in(&self.folder)?;
+        let old = Unfinished::within(".sidestep-old-", &self.folder)?;
         for name in obsolete {
             let place = self.folder.join(name);
             if place.symlink_metadata().is_ok() && !self.path().join(name).exists() {
@@ -101,6 +114,7 @@ fn synced(folder: &Path) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tempfile::TempDir;
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();

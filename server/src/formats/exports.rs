@@ -5,6 +5,7 @@
 //! read keeps SQLite from writing back its log. Each participant's rows come from one snapshot.
 
 mod filter;
+mod damage;
 mod person;
 mod table;
 mod format;
@@ -21,6 +22,7 @@ mod archive;
 
 pub use archive::archive;
 pub use companions::{FileEntry, MANIFEST, Manifest};
+pub use damage::{Damage, Damaged};
 pub use dataset::Dataset;
 pub use filter::{Filter, Quality};
 pub use folder::write;
@@ -29,6 +31,7 @@ pub use format::Format;
 use self::person::Person;
 use super::table::{Batch, csv_header, csv_rows};
 use super::tables::steps;
+use crate::store::roster::RosterEntry;
 use crate::store::studies::StoredStudy;
 use crate::store::{Store, StoreError};
 use futures_util::stream::{self, Stream};
@@ -71,22 +74,22 @@ pub fn stream(
 ) -> impl Stream<Item = Result<Vec<u8>, StoreError>> + Send + 'static {
     enum Stage {
         Header,
-        People(std::vec::IntoIter<String>),
+        People(std::vec::IntoIter<RosterEntry>),
         End,
     }
     stream::unfold(Stage::Header, move |stage| {
         let (store, study_id) = (store.clone(), study.id);
         async move {
             match stage {
-                Stage::Header => match store.participant_ids(study_id, false).await {
-                    Ok(ids) => {
+                Stage::Header => match store.roster(study_id, false).await {
+                    Ok(people) => {
                         let header = csv_header(&steps::columns());
-                        Some((Ok(header), Stage::People(ids.into_iter())))
+                        Some((Ok(header), Stage::People(people.into_iter())))
                     }
                     Err(error) => Some((Err(error), Stage::End)),
                 },
-                Stage::People(mut ids) => match steps_of(&store, &ids.next()?).await {
-                    Ok(rows) => Some((Ok(rows), Stage::People(ids))),
+                Stage::People(mut people) => match steps_of(&store, &people.next()?).await {
+                    Ok(rows) => Some((Ok(rows), Stage::People(people))),
                     Err(error) => Some((Err(error), Stage::End)),
                 },
                 Stage::End => None,
@@ -95,13 +98,16 @@ pub fn stream(
     })
 }
 
-async fn steps_of(store: &Store, participant_id: &str) -> Result<Vec<u8>, StoreError> {
-    let mut rows = Vec::new();
-    if let Some(person) = Person::read(store, participant_id).await? {
-        let columns = steps::columns();
-        let mut batch = Batch::new(&columns);
-        person.driven().for_each(|driven| steps::add(&mut batch, &driven));
-        csv_rows(&columns, &batch, &mut rows);
+/// The steps of a participant. A trial that is not as it was stored is marked; one that cannot be read ends the
+/// file, which nothing beside it could name.
+async fn steps_of(store: &Store, entry: &RosterEntry) -> Result<Vec<u8>, StoreError> {
+    let person = Person::read(store, entry).await?;
+    if let Some(damaged) = person.damaged().find(|damaged| !damaged.is_readable) {
+        return Err(StoreError::Corrupt(damaged.to_string()));
     }
+    let (columns, mut rows) = (steps::columns(), Vec::new());
+    let mut batch = Batch::new(&columns);
+    person.driven().for_each(|driven| steps::add(&mut batch, &driven));
+    csv_rows(&columns, &batch, &mut rows);
     Ok(rows)
 }

@@ -19,6 +19,8 @@ pub struct Driven<'a> {
     pub trial: &'a StoredTrial,
     /// The vehicles and steps of the configuration under which its participant enrolled.
     pub parameters: &'a SceneParameters,
+    /// What is wrong with the trial, if it is not as it was stored.
+    pub damage: Option<&'a str>,
 }
 
 /// The columns that identify a trial, which several tables share.
@@ -29,6 +31,12 @@ fn participant_column() -> Column {
 fn trial_column() -> Column {
     let meaning = "number of the trial among all of the participant, from 0";
     Column::new("trial", super::table::Kind::Whole, meaning)
+}
+
+/// The column that says whether a trial is damaged.
+fn damaged_column() -> Column {
+    let meaning = "1 if the trial is not as it was stored, so do not use it; else 0";
+    Column::new("damaged", super::table::Kind::Whole, meaning).range("0, 1")
 }
 
 /// The column of a trial's flags.

@@ -100,9 +100,6 @@ impl Keeping {
 
     /// One check, or one backup, which is a check of what it has written.
     async fn once(&self, children: &Children, found: &watch::Sender<DataCheck>) {
-        if let Some((folder, _)) = &self.backups {
-            backups::sweep(folder);
-        }
         let backup = self.backups.as_ref().map(|(folder, keep)| {
             let file = folder.join(backups::name(now_ms()));
             (folder, *keep, file)

@@ -9,6 +9,7 @@
 
 mod columns;
 mod rows;
+pub mod salvage;
 
 use super::analyses;
 use super::lanes::Lock;
@@ -75,6 +76,13 @@ impl RowsCopy {
     fn number(&self, column: &str) -> Option<i64> {
         let first = PARTICIPANT_TABLES.iter().zip(&self.tables).next();
         first.and_then(|(table, rows)| rows.number(table, column))
+    }
+
+    /// The keys of a participant's rows in a table.
+    fn keys(&self, table: &str) -> impl Iterator<Item = &str> {
+        let of =
+            PARTICIPANT_TABLES.iter().zip(&self.tables).filter(move |(it, _)| it.name == table);
+        of.flat_map(|(_, rows)| rows.keys())
     }
 
     /// How many rows of trials there are.

@@ -3,6 +3,7 @@
 use super::StoreError;
 use super::sql::{self, Connection, ToSql};
 use super::sqlite;
+use crate::private;
 use sqlx::ConnectOptions;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use std::path::Path;
@@ -53,14 +54,13 @@ impl sql::ToSql for Value<'_> {
 }
 
 impl Snapshot {
-    /// Creates the file, which must not be there.
+    /// Creates the file, which must not be there. Only this user can read it.
     ///
     /// # Errors
     /// [`StoreError`] if the disk refuses it.
     pub fn create(path: &Path) -> Result<Self, StoreError> {
         // SQLite would fill a file that is there.
-        std::fs::File::create_new(path)
-            .map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        private::new_file(path).map_err(|error| StoreError::Unavailable(error.to_string()))?;
         let options = SqliteConnectOptions::new()
             .filename(path)
             // A half file is thrown away, so nothing has to survive a crash.

@@ -62,9 +62,10 @@ impl Sqlite {
         let hint = |reason: String| unusable(format!("{reason}; {advice}"));
         let sqlite = |error: StoreError| match error {
             StoreError::Corrupt(reason) if reason.contains("not a database") => unusable(reason),
-            StoreError::Corrupt(reason) => {
-                unusable(format!("{reason}; restore a backup with 'sidestep restore'"))
-            }
+            StoreError::Corrupt(reason) => unusable(format!(
+                "{reason}; restore a backup with 'sidestep restore', or save what can still be read with 'sidestep \
+                 salvage'"
+            )),
             StoreError::Locked => {
                 unusable("database is locked; another program writes to it, try again".to_owned())
             }

@@ -7,7 +7,7 @@ use super::lanes::Lock;
 use super::participants::{Completion, Scope};
 use super::retention::Concern;
 use super::scenes::PlannedRow;
-use super::sql::Connection;
+use super::sql::{Connection, Row};
 use super::trials::{NewTrial, PutTrial};
 use super::{Database, Purpose, Store, StoreError};
 use crate::content::{Content, Recipe};
@@ -134,6 +134,48 @@ pub(crate) fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
         repeated_as: None,
         waiting: 0,
     }
+}
+
+#[tokio::test]
+async fn counting_trials_again_finds_what_was_counted() {
+    let (_folder, store) = store().await;
+    for (name, turns) in [
+        ("ada", &[TurnInput::Left, TurnInput::Straight][..]),
+        ("bob", &[TurnInput::Right]),
+        ("eve", &[]),
+    ] {
+        someone(&store, name, Known::default()).await;
+        for (i, turn) in turns.iter().enumerate() {
+            let new = NewTrial { key_timing: Some(1), ..trial(&format!("{name}-{i}"), *turn) };
+            store.put_trial(name, new).await.unwrap();
+        }
+    }
+    let tallies = async || {
+        let read = |db: &Connection| {
+            let mut statement = db.prepare_cached(
+                "SELECT participant_id, next_phase, task, never_steered, always_steered, \
+                     danger_entered, same_timing FROM tally ORDER BY participant_id",
+            )?;
+            let row = |row: &Row| {
+                let counts: [i64; 5] =
+                    [row.get(2)?, row.get(3)?, row.get(4)?, row.get(5)?, row.get(6)?];
+                Ok((row.get::<_, String>(0)?, row.get::<_, Option<String>>(1)?, counts))
+            };
+            Ok(statement.query_map([], row)?.collect::<Result<Vec<_>, _>>()?)
+        };
+        store.read_long(read).await.unwrap()
+    };
+    let counted = tallies().await;
+    assert_eq!(counted[0].2[..3], [2, 1, 1], "{counted:?}");
+    assert_eq!(counted[1].2[4], 1, "{counted:?}");
+    for name in ["ada", "bob", "eve"] {
+        store.count_again(name).await.unwrap();
+    }
+    assert_eq!(tallies().await, counted);
+    store.drop_unsound("ada-1").await.unwrap();
+    assert_eq!(store.wrong_tallies().await.unwrap(), ["ada"]);
+    store.count_again("ada").await.unwrap();
+    assert_eq!(store.wrong_tallies().await.unwrap(), [""; 0]);
 }
 
 #[tokio::test]

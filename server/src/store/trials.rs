@@ -133,6 +133,15 @@ pub struct StoredTrial {
     pub content_hash: [u8; 32],
 }
 
+/// A stored trial that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unreadable {
+    /// The trial.
+    pub trial_id: String,
+    /// Why.
+    pub what: String,
+}
+
 impl StoredTrial {
     /// Whether the display of the upload, or the imported file, says that a program drove.
     #[must_use]
@@ -278,6 +287,45 @@ impl Store {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| whole(db, "participant_id", &participant_id)).await
     }
+
+    /// As [`Self::trials_of`], also if some cannot be read: each of them is named.
+    ///
+    /// # Errors
+    /// [`StoreError`] if not even their ids can be read.
+    pub async fn each_trial_of(
+        &self,
+        participant_id: &str,
+    ) -> Result<Vec<Result<StoredTrial, Unreadable>>, StoreError> {
+        let all = participant_id.to_owned();
+        match self.read_long(move |db| each(db, "participant_id", &all)).await {
+            // A damaged page ends a query.
+            Err(StoreError::Corrupt(_)) => {}
+            read => return read,
+        }
+        let mut found = Vec::new();
+        for trial_id in self.planned_ids(participant_id).await? {
+            let one = trial_id.clone();
+            match self.read_long(move |db| each(db, "trial_id", &one)).await {
+                Ok(read) => found.extend(read),
+                Err(StoreError::Corrupt(what)) => found.push(Err(Unreadable { trial_id, what })),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(found)
+    }
+
+    /// The ids of all trials in a participant's plan, driven or not.
+    async fn planned_ids(&self, participant_id: &str) -> Result<Vec<String>, StoreError> {
+        let participant_id = participant_id.to_owned();
+        self.read_long(move |db| {
+            let query = "SELECT trial_id FROM scene WHERE participant_id = $1 ORDER BY ordinal";
+            let mut statement = db.prepare_cached(query)?;
+            Ok(statement
+                .query_map([participant_id], |row| row.get(0))?
+                .collect::<Result<_, _>>()?)
+        })
+        .await
+    }
 }
 
 /// The columns that [`head_of`] reads.
@@ -315,6 +363,16 @@ pub(super) fn whole(
     column: &'static str,
     value: &str,
 ) -> Result<Vec<StoredTrial>, StoreError> {
+    let corrupt = |unreadable: Unreadable| StoreError::Corrupt(unreadable.what);
+    each(db, column, value)?.into_iter().map(|read| read.map_err(corrupt)).collect()
+}
+
+/// The same, also if some cannot be read.
+fn each(
+    db: &Connection,
+    column: &'static str,
+    value: &str,
+) -> Result<Vec<Result<StoredTrial, Unreadable>>, StoreError> {
     let mut statement = db.prepare_cached(&format!(
         "SELECT {HEAD}, study, config_hash, started_at_ms, inputs, states, sampled_at_ms, \
              key_events, page_events, exposures, display, content_version, content_hash, {SCENE} \
@@ -342,7 +400,11 @@ pub(super) fn whole(
             scene: scene_of(row, 26)?,
         })
     };
-    statement.query_and_then([value], trial)?.collect()
+    let read = |row: &Row| match trial(row) {
+        Err(StoreError::Corrupt(what)) => Ok(Err(Unreadable { trial_id: row.get(1)?, what })),
+        read => read.map(Ok),
+    };
+    statement.query_and_then([value], read)?.collect()
 }
 
 fn recipe(number: i64) -> Result<Recipe, StoreError> {

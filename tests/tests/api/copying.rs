@@ -39,7 +39,7 @@ async fn a_backup_of_a_server_that_collects_is_restored_whole() {
     let broken = folder.file("broken.db", "no database");
     let elsewhere = folder.database("elsewhere.db");
     let restore = ["restore", "--from", &broken, "--database", &elsewhere];
-    run(&restore).await.refused(1, &["broken.db: ", "not a database"]);
+    run(&restore).await.refused(2, &["--from", "broken.db: ", "not a database"]);
     let restore = ["restore", "--from", "nowhere.db", "--database", &elsewhere];
     run(&restore).await.refused(2, &["--from nowhere.db", "cannot read"]);
     let left = folder.names();

@@ -3,9 +3,10 @@
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use sidestep::api::{KeyEvent, routes};
+use sidestep_tests::folder::rows;
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::sqlite::{self, Cell, cells};
-use sidestep_tests::{Driver, Folder, Server, driven, run};
+use sidestep_tests::{Driver, Folder, Server, behind, driven, run};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Column, Connection, Row, SqliteConnection};
 use std::collections::{BTreeMap, BTreeSet};
@@ -329,4 +330,83 @@ async fn wrong_filters_are_named() {
         let (_, manifest) = unpacked(&answer.body).pop().unwrap();
         assert_eq!(json(&manifest)["files"][0]["rows"], 0, "{format}");
     }
+}
+
+#[tokio::test]
+async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
+    let server = study().await;
+    let db = behind(&server.database());
+    // One sign of the record of one trial, and a word in another that nobody knows.
+    let of = |number: i64, ordinal: i64| {
+        let query = format!(
+            "SELECT scene.trial_id FROM scene JOIN participant ON participant.id = participant_id \
+             WHERE number = {number} AND ordinal = {ordinal}"
+        );
+        db.query_row(&query, [], |row| row.get::<String>(0)).unwrap()
+    };
+    let (changed, unreadable) = (of(2, 0), of(1, 3));
+    let change = format!(
+        "UPDATE trial SET display = replace(display, '6', '7') WHERE trial_id = '{changed}'; \
+         UPDATE trial SET flags = 'odd' WHERE trial_id = '{unreadable}'"
+    );
+    db.execute_batch(&change).unwrap();
+
+    let (folder, database) = (Folder::default(), server.database());
+    for format in FORMATS {
+        let out = folder.name(format);
+        let export = ["export", "--database", &database, "--format", format, "--out", &out];
+        let said = run(&export).await;
+        assert_eq!(said.code, Some(1), "{}", said.err);
+        let lines: Vec<&str> = said.err.lines().collect();
+        let [first, second, last] = lines[..] else { panic!("{}", said.err) };
+        for (line, participant, trial, words) in [
+            (first, "participant 1", &unreadable, "unknown word \"odd\"; left out"),
+            (second, "participant 2", &changed, "the content is not that of its hash"),
+        ] {
+            let begin = format!("sidestep: {participant}, trial {trial}: ");
+            assert!(line.starts_with(&begin) && line.ends_with(words), "{line}");
+        }
+        let words = ["2 trials are damaged", "--allow-damaged", "restore a backup"];
+        assert!(words.iter().all(|word| last.contains(word)), "{last}");
+        assert_eq!(json(said.out.as_bytes())["damaged_trials"], 2);
+        let manifest = json(folder.text(&format!("{format}/manifest.json")).as_bytes());
+        let readable = |place: usize| &manifest["damage"][place]["readable"];
+        assert_eq!((readable(0), readable(1)), (&json!(false), &json!(true)), "{manifest}");
+
+        let mut downloaded =
+            unpacked(&archive(&server, &format!("format={format}"), &[]).await.body);
+        let said = json(&downloaded.pop().unwrap().1);
+        assert_eq!(said["damage"], manifest["damage"]);
+        assert!(said["files"] == manifest["files"] && said["damaged_trials"] == 2, "{said}");
+        let allowed = run(&[&export[..], &["--allow-damaged"]].concat()).await;
+        assert_eq!(
+            (allowed.json()["damaged_trials"].clone(), allowed.err.lines().count()),
+            (2.into(), 2)
+        );
+    }
+    let trials = rows(folder.path("csv/trials.csv"));
+    let damaged: Vec<_> = trials.iter().filter(|row| row["damaged"] == "1").collect();
+    let [row] = damaged[..] else { panic!("{damaged:?}") };
+    assert!(row["trial_id"] == changed && row["damage"].contains("hash"), "{row:?}");
+    assert!(trials.len() == 6 && trials.iter().all(|row| row["trial_id"] != unreadable));
+    // Its number is given to no other.
+    let numbers = trials.iter().filter(|row| row["participant"] == "1").map(|row| &*row["trial"]);
+    assert_eq!(numbers.collect::<Vec<_>>(), ["0", "1", "2", "4"]);
+    let steps = rows(folder.path("csv/steps.csv"));
+    let marked = steps.iter().filter(|row| row["damaged"] == "1");
+    assert!(steps.len() == 300 && marked.clone().count() == 50);
+    assert!(marked.clone().all(|row| row["trial_id"] == changed));
+    let out = folder.name("unflagged");
+    let unflagged = ["export", "--database", &database, "--quality", "unflagged", "--out", &out];
+    assert_eq!(run(&unflagged).await.code, Some(1));
+    assert!(rows(folder.path("unflagged/trials.csv")).iter().all(|row| row["damaged"] == "0"));
+
+    // Steps as one file have nothing beside them that could name what is left out: they break off.
+    let route = routes::exports("default");
+    let all = server.request(reqwest::Method::GET, &route).bearer_auth(&server.key);
+    let all = async { all.send().await?.bytes().await };
+    assert!(all.await.is_err());
+    db.execute_batch(&format!("DELETE FROM trial WHERE trial_id = '{unreadable}'")).unwrap();
+    let steps = server.export("default").await;
+    assert_eq!(steps.lines().filter(|line| line.ends_with(",1")).count(), 50);
 }

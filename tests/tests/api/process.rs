@@ -23,7 +23,7 @@ async fn a_start_that_fails_says_what_to_do() {
         (any, "postgres://u:secret@h", &site, None, 1, &["postgres:…", "found no database"]),
         (any, "postgres://u:secret@127.0.0.1:9/d", &site, None, 1, &["postgres://u@127.0.0.1:9/d"]),
         (any, "sqlite::memory:", &site, None, 2, &["sqlite:FILE"]),
-        (any, &spare, "/tmp", None, 1, &[built]),
+        (any, &spare, "/tmp", None, 2, &["--static /tmp", built]),
         (
             any,
             &spare,
@@ -87,4 +87,153 @@ async fn a_short_key_in_the_environment_is_refused() {
         .unwrap();
     let words = "SIDESTEP_ADMIN_KEY: expected 16 characters or more, found 5";
     sidestep_tests::process::Said::from(output).refused(2, &[words]);
+}
+
+/// Bad input is 2; what cannot be done with good input is 1.
+#[tokio::test]
+async fn exit_codes_tell_bad_input_from_failures() {
+    let folder = Folder::default();
+    let (trials, db) = (folder.name("trials.csv"), folder.database("study.db"));
+    let simulate =
+        ["simulate", "--participants", "1", "--tasks", "2", "--seed", "1", "--out", &trials];
+    run(&simulate).await.json();
+    run(&["import", "--study", "default", "--trials", &trials, "--database", &db]).await.json();
+    let garbage = folder.file("garbage.db", [7; 5000]);
+    let (file, at) = (folder.file("file", "{"), |name: &str| folder.name(name));
+    let (new, below) = (folder.database("new.db"), at("file/below"));
+    for (code, args, words) in [
+        (
+            2,
+            &["restore", "--from", &garbage, "--database", &new][..],
+            &["--from", "not a database"][..],
+        ),
+        (
+            2,
+            &["restore", "--from", &at("none.db"), "--database", &new],
+            &["--from", "No such file"],
+        ),
+        (
+            2,
+            &["restore", "--from", &at("study.db"), "--database", &db],
+            &["--database", "it has data"],
+        ),
+        (
+            1,
+            &["restore", "--from", &at("study.db"), "--database", &format!("sqlite:{below}")],
+            &["file"],
+        ),
+        (2, &["salvage", "--from", &garbage, "--database", &new], &["--from", "not a database"]),
+        (1, &["check", "--database", &folder.database("garbage.db")], &["not a database"]),
+        (1, &["backup", "--database", &db, "--out", &at("none/b.db")], &["there is no folder"]),
+        (2, &["backup", "--database", &db, "--out", &garbage], &["--out", "does not exist"]),
+        (2, &["copy", "--from", "study.db", "--to", &new], &["--from study.db", "sqlite:study.db"]),
+        (2, &["copy", "--from", &db, "--to", "mysql:x"], &["--to mysql:…"]),
+        (1, &["copy", "--from", &db, "--to", &format!("sqlite:{below}")], &["file/below"]),
+        (1, &["export", "--database", &db, "--out", &file], &["cannot write"]),
+        (
+            2,
+            &["export", "--database", &db, "--out", &at("out"), "--configuration", "x"],
+            &["--configuration"],
+        ),
+        (2, &["analyze", "--trials", &at("none.csv"), "--out", &at("out")], &["none.csv"]),
+        (
+            1,
+            &["features", "--trials", &trials, "--out", &at("none/f.csv")],
+            &["there is no folder"],
+        ),
+        (2, &["features", "--trials", &file, "--out", &at("f.csv")], &["header"]),
+        (2, &["bounds", "--input", &file], &["not JSON"]),
+        (2, &["reach", "--input", folder.root().to_str().unwrap()], &["cannot read"]),
+        (2, &["design", "--study", &at("none.toml"), "--out", &at("out")], &["none.toml"]),
+        (2, &["value", "--states", &at("none.csv"), "--out", &at("v.csv")], &["none.csv"]),
+        (2, &["solve", "--radius", "-1", "--out", &at("x.npz")], &["--radius"]),
+        (1, &["solve", "--out", &at("none/x.npz")], &["there is no folder"]),
+        (2, &["plot", "--kind", "slices", "--out", &at("x.gif")], &["--out"]),
+        (
+            1,
+            &["simulate", "--participants", "1", "--seed", "1", "--url", "http://127.0.0.1:1"],
+            &["no answer"],
+        ),
+    ] {
+        run(args).await.refused(code, words);
+    }
+    assert_eq!(folder.names(), ["file", "garbage.db", "study.db", "trials.csv"]);
+}
+
+/// `| head` ends a command without a word; a failure is one all the same.
+#[tokio::test]
+async fn nobody_need_read_what_a_command_says() {
+    let folder = Folder::default();
+    let (trials, db) = (folder.name("trials.csv"), folder.database("study.db"));
+    let simulate =
+        ["simulate", "--participants", "1", "--tasks", "2", "--seed", "1", "--out", &trials];
+    run(&simulate).await.json();
+    run(&["import", "--study", "default", "--trials", &trials, "--database", &db]).await.json();
+    let damaged = folder.database("damaged.db");
+    std::fs::copy(folder.name("study.db"), folder.name("damaged.db")).unwrap();
+    let change = "UPDATE trial SET closest_m = closest_m + 1";
+    sidestep_tests::behind_file(&damaged).execute_batch(change).unwrap();
+    let (out, none) = (folder.name("out"), folder.database("none.db"));
+    for (code, args) in [
+        (0, &["--help"][..]),
+        (0, &["export", "--help"]),
+        (0, &["check", "--database", &db]),
+        (0, &["export", "--database", &db, "--out", &out]),
+        (0, &["simulate", "--participants", "1", "--seed", "1", "--out", "-"]),
+        (0, &["solve", "--out", &folder.name("x.npz")]),
+        (1, &["check", "--database", &damaged]),
+        (1, &["export", "--database", &damaged, "--out", &out]),
+        (0, &["export", "--database", &damaged, "--out", &out, "--allow-damaged"]),
+        (1, &["check", "--database", &none]),
+        (2, &["bounds", "--input", &folder.name("none.json")]),
+        (2, &["no-such-command"]),
+    ] {
+        for reads_errors in [true, false] {
+            let (reader, unread) = std::io::pipe().unwrap();
+            drop(reader);
+            let mut command = std::process::Command::new(sidestep_tests::process::binary());
+            command.args(args).stdout(unread.try_clone().unwrap());
+            command.stderr(match reads_errors {
+                true => std::process::Stdio::piped(),
+                false => unread.into(),
+            });
+            let ended = command.output().unwrap();
+            let said = String::from_utf8_lossy(&ended.stderr);
+            assert_eq!(ended.status.code(), Some(code), "{args:?}: {said}");
+            assert!(
+                !said.contains("panicked") && !said.contains("Broken pipe"),
+                "{args:?}: {said}"
+            );
+            assert!(
+                code > 0 || args.contains(&"--allow-damaged") || said.is_empty(),
+                "{args:?}: {said}"
+            );
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_file_that_must_not_be_read_is_told_so() {
+    let folder = Folder::default();
+    let file = folder.file("study.db", "");
+    let forbidden = std::os::unix::fs::PermissionsExt::from_mode(0o000);
+    std::fs::set_permissions(&file, forbidden).unwrap();
+    if std::fs::File::open(&file).is_ok() {
+        // Root may read everything.
+        return;
+    }
+    let said = run(&["check", "--database", &format!("sqlite:{file}")]).await;
+    said.refused(1, &["Permission denied", "permission to read it"]);
+}
+
+#[tokio::test]
+async fn a_complaint_does_not_repeat_a_whole_file() {
+    let folder = Folder::default();
+    let long = "x".repeat(300_000);
+    for text in [format!("title = \"{long}\""), format!("slug = \"{long}\""), format!("{long} = 1")]
+    {
+        let study = folder.file("study.toml", text);
+        let said = run(&["design", "--study", &study, "--out", &folder.name("out")]).await;
+        assert!(said.code == Some(2) && said.err.len() < 2000, "{}", said.err.len());
+    }
 }

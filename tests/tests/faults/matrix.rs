@@ -228,6 +228,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
         std::fs::set_permissions(place.path("sidestep.db"), std::fs::Permissions::from_mode(0o600))
             .unwrap();
     }
+    let log = std::fs::read(place.path("sidestep.db-wal")).ok().filter(|log| !log.is_empty());
     // Every command, on the file as it is now. What one of them says is sound must be.
     let database = place.database();
     let out = |name: &str| place.folder.name(name);
@@ -278,31 +279,45 @@ async fn case(fault: Fault, moment: Moment) -> String {
         }
     }
     let keepers = place.keepers().await;
-    // Of content that was overwritten, the log is kept, and named.
-    let overwritten =
-        matches!(fault, Fault::Truncate | Fault::CopyOver | Fault::CatOver | Fault::HalfCopy);
+    let states = states.join(", ");
     let named =
         |name: &String| name == "sidestep.db" || name == "aside.db" || said.contains(name.as_str());
-    if keepers.is_empty() {
-        let log = ["rescued-wal", "sidestep.db-wal"].into_iter().find(|log| said.contains(log));
-        let lost = overwritten && (log.is_some() || moment == Moment::AfterStop);
-        let deleted = matches!(
-            fault,
-            Fault::Delete | Fault::RenameAway | Fault::RenameOver | Fault::BackupOver
-        );
-        let deleted = deleted && (moment == Moment::AfterStop || log.is_some());
-        assert!(lost || deleted, "{fault:?} {moment:?}: acknowledged trials are nowhere: {said}");
-        return format!(
-            "{}; {}",
-            states.join(", "),
-            log.map_or("gone with the file", |_| "the log is kept")
-        );
+    if let Some(name) = keepers.iter().find(|name| named(name)) {
+        return format!("{states}; all in {name}");
     }
     assert!(
-        keepers.iter().any(named),
+        keepers.is_empty(),
         "{fault:?} {moment:?}: nobody says that {keepers:?} has them: {said}"
     );
-    format!("{}; all in {}", states.join(", "), keepers.iter().find(|name| named(name)).unwrap())
+    // The operator has destroyed content. What is left of it stays as it was, and a sentence says where, or how to save it.
+    let destroyed = matches!(
+        fault,
+        Fault::Truncate | Fault::CopyOver | Fault::CatOver | Fault::HalfCopy | Fault::BackupOver
+    ) || (moment == Moment::AfterStop
+        && matches!(fault, Fault::Delete | Fault::RenameOver));
+    assert!(destroyed, "{fault:?} {moment:?}: acknowledged trials are nowhere: {said}");
+    if let Some(log) = &log {
+        let after = std::fs::read(place.path("sidestep.db-wal")).ok();
+        assert!(after.as_ref() == Some(log), "{fault:?} {moment:?}: a command changed the log");
+    }
+    if said.contains("rescued-wal") {
+        return format!("{states}; the log is kept");
+    }
+    if said.contains("sidestep.db-wal") {
+        return format!("{states}; the log is left alone");
+    }
+    if said.contains("sidestep salvage") {
+        let salvaged = format!("sqlite:{}", out("salvaged.db"));
+        let done = run(&["salvage", "--from", &out("sidestep.db"), "--database", &salvaged]).await;
+        let saved = trials(&place.path("salvaged.db")).await.unwrap_or_default();
+        let known: BTreeSet<_> = place.known.iter().flatten().chain(&place.acknowledged).collect();
+        assert!(saved.iter().all(|id| known.contains(id)), "{fault:?} {moment:?}: {saved:?}");
+        let of = place.acknowledged.len();
+        let here = saved.intersection(&place.acknowledged).count();
+        return format!("{states}; salvage {} saves {here} of {of}", done.code.unwrap_or(-1));
+    }
+    assert!(log.is_none(), "{fault:?} {moment:?}: nobody names the log: {said}");
+    format!("{states}; gone with the file")
 }
 
 #[tokio::test]

@@ -26,7 +26,7 @@ const TABLE: &str = "CREATE TABLE steps (participant INTEGER, trial INTEGER, ste
     hx REAL, hy REAL, hpsi REAL, rx REAL, ry REAL, rpsi REAL, omega REAL, study TEXT, phase TEXT, \
     phase_index INTEGER, attempt INTEGER, trial_id TEXT, participant_id TEXT, flags TEXT, \
     started_at_ms REAL, sampled_at_ms REAL, received_at_ms INTEGER, synthetic INTEGER, due_at_ms REAL, \
-    exposures INTEGER)";
+    exposures INTEGER, damaged INTEGER)";
 
 /// Measures and prints; a missed target fails.
 ///

@@ -2,6 +2,7 @@
 //! it is written. The same data give the same bytes.
 
 use super::companions::{FileEntry, MANIFEST, Manifest, plain};
+use super::damage::Damage;
 use super::dataset::Dataset;
 use super::folder;
 use super::hashed::Hashed;
@@ -12,6 +13,7 @@ use super::written::Written;
 use super::{ExportError, Format};
 use crate::clock::date_time;
 use crate::formats::tables::participants::Participants;
+use crate::private::Unfinished;
 use crate::store::Store;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -28,9 +30,14 @@ const PIECE: usize = 1 << 16;
 
 type Archive<W> = ZipWriter<StreamWriter<BufWriter<Gate<W>>>>;
 
+/// An archive with its files, and what is damaged.
+type Filled<W> = (Archive<W>, Vec<FileEntry>, Damage);
+
 /// Writes an export as an archive, with the manifest last. What came out before an error is no archive: it
 /// has no table of contents. The participants are read once for each table, so that memory does not
 /// grow with the study; only a database (`sqlite`) is first written as a file in `scratch`.
+///
+/// Returns what is damaged, which the manifest says too.
 ///
 /// This blocks, and reads from the store with `runtime`.
 ///
@@ -43,7 +50,7 @@ pub fn archive<W: Write + Send + 'static>(
     runtime: &Handle,
     scratch: &Path,
     out: W,
-) -> Result<(), ExportError> {
+) -> Result<Damage, ExportError> {
     let failed = Arc::new(AtomicBool::new(false));
     let gate = Gate { out, failed: Arc::clone(&failed) };
     let zip: Archive<W> = ZipWriter::new_stream(BufWriter::with_capacity(PIECE, gate));
@@ -52,13 +59,13 @@ pub fn archive<W: Write + Send + 'static>(
         Format::Sqlite => with_database(store, dataset, zip, scratch, &failed),
         _ => table_by_table(store, dataset, format, zip, &failed),
     };
-    let (mut zip, files) = written?;
+    let (mut zip, files, damage) = written?;
     let created_at = date_time(dataset.changed_at_ms().unwrap_or(0));
-    let manifest = Manifest::new(dataset, format, created_at, files);
+    let manifest = Manifest::new(dataset, format, created_at, files, damage.clone());
     begin(&mut zip, MANIFEST)?;
     zip.write_all(&manifest.text()?)?;
     zip.finish().map_err(io::Error::from)?.into_inner().flush()?;
-    Ok(())
+    Ok(damage)
 }
 
 fn table_by_table<W: Write + Send + 'static>(
@@ -67,8 +74,9 @@ fn table_by_table<W: Write + Send + 'static>(
     format: Format,
     mut zip: Archive<W>,
     failed: &Arc<AtomicBool>,
-) -> Result<(Archive<W>, Vec<FileEntry>), ExportError> {
+) -> Result<Filled<W>, ExportError> {
     let (mut entries, mut written) = (Vec::new(), Vec::new());
+    let mut damage = Damage::default();
     let participants = Participants::new(&dataset.study.config, &dataset.people);
     for table in [Table::Steps, Table::Trials, Table::KeyEvents, Table::Participants] {
         let name = format.file(&dataset.study.slug, table);
@@ -88,7 +96,10 @@ fn table_by_table<W: Write + Send + 'static>(
             // Before the archive is dropped, which ends it as if it were whole.
             failed.fetch_or(added.is_err(), Ordering::SeqCst);
             added?;
-            file = printing.finish().remove(0);
+            // Each pass finds the same.
+            let mut files;
+            (files, damage) = printing.finish();
+            file = files.remove(0);
         }
         let rows = file.rows;
         let Some(hashed) = file.finish()? else { unreachable!("a file of its own") };
@@ -105,7 +116,7 @@ fn table_by_table<W: Write + Send + 'static>(
         zip = out;
         entries.push(FileEntry { name: file.name, rows: file.rows, bytes, sha256 });
     }
-    Ok((zip, entries))
+    Ok((zip, entries, damage))
 }
 
 /// A database is not written from its beginning to its end, so it is a file first.
@@ -115,8 +126,8 @@ fn with_database<W: Write + Send + 'static>(
     mut zip: Archive<W>,
     scratch: &Path,
     failed: &Arc<AtomicBool>,
-) -> Result<(Archive<W>, Vec<FileEntry>), ExportError> {
-    let folder = tempfile::Builder::new().prefix(".sidestep-").tempdir_in(scratch);
+) -> Result<Filled<W>, ExportError> {
+    let folder = Unfinished::within(".sidestep-export-", scratch);
     let written = folder.map_err(ExportError::from).and_then(|folder| {
         let people = dataset.driven(store, Arc::clone(failed));
         let entries = folder::tables(folder.path(), dataset, Format::Sqlite, |printing| {
@@ -125,7 +136,7 @@ fn with_database<W: Write + Send + 'static>(
         Ok((folder, entries))
     });
     failed.fetch_or(written.is_err(), Ordering::SeqCst);
-    let (folder, entries) = written?;
+    let (folder, (entries, damage)) = written?;
     for entry in &entries {
         begin(&mut zip, &entry.name)?;
         let copied = File::open(folder.path().join(&entry.name))
@@ -133,7 +144,7 @@ fn with_database<W: Write + Send + 'static>(
         failed.fetch_or(copied.is_err(), Ordering::SeqCst);
         copied?;
     }
-    Ok((zip, entries))
+    Ok((zip, entries, damage))
 }
 
 /// Begins a file of an archive. It has no time, so that the same content is the same bytes.
@@ -195,7 +206,7 @@ mod tests {
         store: &Store,
         dataset: &Dataset,
         format: Format,
-    ) -> (Result<(), ExportError>, Vec<u8>) {
+    ) -> (Result<Damage, ExportError>, Vec<u8>) {
         let (kept, runtime) = (Kept::default(), Handle::current());
         let (store, dataset, out) = (store.clone(), dataset.clone(), kept.clone());
         let write = move || archive(&store, &dataset, format, &runtime, &std::env::temp_dir(), out);

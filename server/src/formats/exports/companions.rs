@@ -1,5 +1,6 @@
 //! What an export has besides its tables: configurations, the meaning of every column, and the manifest.
 
+use super::damage::Damage;
 use super::dataset::Dataset;
 use super::psych_ds;
 use super::written::{Plain, Written};
@@ -28,6 +29,9 @@ pub struct Manifest {
     pub format: Format,
     /// Which data the export has.
     pub filter: Filter,
+    /// What is not as it was stored, in whatever phase.
+    #[serde(flatten)]
+    pub damage: Damage,
     /// The files beside it.
     pub files: Vec<FileEntry>,
 }
@@ -38,6 +42,7 @@ impl Manifest {
         format: Format,
         created_at: String,
         files: Vec<FileEntry>,
+        damage: Damage,
     ) -> Self {
         Self {
             study: dataset.study.slug.clone(),
@@ -46,6 +51,7 @@ impl Manifest {
             version: env!("CARGO_PKG_VERSION"),
             format,
             filter: dataset.filter.clone(),
+            damage,
             files,
         }
     }

@@ -7,6 +7,7 @@ use crate::formats::tables::participants::Participants;
 use crate::store::roster::RosterEntry;
 use crate::store::studies::StoredStudy;
 use crate::store::{Store, StoreError};
+use futures_util::{StreamExt, stream};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -99,12 +100,16 @@ impl Dataset {
     pub(super) fn driven(&self, store: &Store, failed: Arc<AtomicBool>) -> People {
         let (sender, receiver) = mpsc::channel(4);
         let (store, people) = (store.clone(), Arc::clone(&self.people));
+        let one = move |at: usize| {
+            let (store, people) = (store.clone(), Arc::clone(&people));
+            async move { read(&store, &people[at]).await }
+        };
+        // The next participant's trials are read while one's are replayed.
+        let mut reading = stream::iter(0..self.people.len()).map(one).buffered(2);
         tokio::spawn(async move {
-            for entry in people.iter() {
-                let read = read(&store, entry).await;
-                let last = read.is_err();
+            while let Some(person) = reading.next().await {
+                let last = person.is_err();
                 failed.fetch_or(last, Ordering::SeqCst);
-                let Some(person) = read.transpose() else { continue };
                 if sender.send(person).await.is_err() || last {
                     break;
                 }
@@ -117,14 +122,13 @@ impl Dataset {
 /// Participants with their trials, as they are read.
 pub(super) type People = mpsc::Receiver<Result<Person, ExportError>>;
 
-/// A participant with the trials that they had at the dataset's instant; none if they had none.
-async fn read(store: &Store, entry: &RosterEntry) -> Result<Option<Person>, ExportError> {
+/// A participant with the trials that they had at the dataset's instant.
+async fn read(store: &Store, entry: &RosterEntry) -> Result<Person, ExportError> {
     let expected = usize::try_from(entry.trials.iter().sum::<i64>()).unwrap_or(0);
-    let mut person = match Person::read(store, &entry.id).await? {
-        Some(person) if person.count() >= expected => person,
-        None if expected == 0 => return Ok(None),
-        _ => return Err(ExportError::Changed { participant: entry.number }),
-    };
+    let mut person = Person::read(store, entry).await?;
+    if person.count().is_some_and(|count| count < expected) {
+        return Err(ExportError::Changed { participant: entry.number });
+    }
     person.keep_first(expected);
-    Ok(Some(person))
+    Ok(person)
 }

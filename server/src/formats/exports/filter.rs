@@ -1,6 +1,6 @@
 //! Which data an export has.
 
-use crate::store::trials::TrialHead;
+use crate::formats::tables::Driven;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sidestep::trial::{Flag, Phase};
@@ -30,19 +30,20 @@ pub enum Quality {
     /// All of them.
     #[default]
     All,
-    /// Those without a flag, besides that they were imported.
+    /// Those without a flag, besides that they were imported, and without damage.
     Unflagged,
 }
 
 impl Filter {
     /// Whether the export has this trial, if it has its participant.
     #[must_use]
-    pub fn keeps(&self, trial: &TrialHead) -> bool {
+    pub fn keeps(&self, Driven { trial, damage, .. }: &Driven<'_>) -> bool {
+        let head = &trial.head;
         let quality = match self.quality {
             Quality::All => true,
-            Quality::Unflagged => !Flag::question(&trial.flags),
+            Quality::Unflagged => damage.is_none() && !Flag::question(&head.flags),
         };
-        quality && self.phase.is_none_or(|phase| phase == trial.phase)
+        quality && self.phase.is_none_or(|phase| phase == head.phase)
     }
 
     /// Whether the export has participants who enrolled under the configuration with this hash.

@@ -1,6 +1,7 @@
 //! An export as a folder: the tables, what belongs to them, and a manifest that is written last.
 
 use super::companions::{FileEntry, MANIFEST, Manifest, dictionary, plain};
+use super::damage::Damage;
 use super::dataset::Dataset;
 use super::hashed::Hashed;
 use super::printing::Printing;
@@ -13,6 +14,7 @@ use crate::clock::{date_time, now_ms};
 use crate::formats::atomic_file;
 use crate::formats::atomic_folder::Draft;
 use crate::formats::tables::participants::Participants;
+use crate::private;
 use crate::store::Store;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -33,37 +35,37 @@ pub async fn write(
     cancel: &CancellationToken,
 ) -> Result<Manifest, ExportError> {
     let created_at = date_time(now_ms());
-    let draft = Draft::begin(folder)?;
+    let draft = Draft::begin_private(folder)?;
     let people = dataset.driven(store, Arc::default());
     let (path, asked) = (draft.path().to_owned(), cancel.clone());
     // Tasks read; a thread prints.
     let writing = tokio::task::spawn_blocking(move || {
-        let files = tables(&path, &dataset, format, |printing| printing.add_all(people, &asked))?;
-        files.iter().try_for_each(|file| keep_private(&path.join(&file.name)))?;
-        Ok::<_, ExportError>((dataset, files))
+        let (files, damage) =
+            tables(&path, &dataset, format, |printing| printing.add_all(people, &asked))?;
+        Ok::<_, ExportError>((dataset, files, damage))
     });
-    let (dataset, files) = writing.await??;
+    let (dataset, files, damage) = writing.await??;
     match fs::remove_file(folder.join(MANIFEST)) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error.into()),
         _ => {}
     }
     draft.keep(&[], cancel)?;
-    let manifest = Manifest::new(&dataset, format, created_at, files);
+    let manifest = Manifest::new(&dataset, format, created_at, files, damage);
     let text = manifest.text()?;
     // From here on it is complete but for this.
     let cancel = CancellationToken::new();
-    atomic_file::write(&folder.join(MANIFEST), &cancel, |out| out.write_all(&text))?;
-    keep_private(&folder.join(MANIFEST))?;
+    atomic_file::write_private(&folder.join(MANIFEST), &cancel, |out| out.write_all(&text))?;
     Ok(manifest)
 }
 
-/// Writes all files but the manifest into a folder; `fill` adds the participants with their trials.
+/// Writes all files but the manifest into a folder; `fill` adds the participants with their trials. Returns what is
+/// damaged, too.
 pub(super) fn tables(
     folder: &Path,
     dataset: &Dataset,
     format: Format,
     fill: impl FnOnce(&mut Printing<File>) -> Result<(), ExportError>,
-) -> Result<Vec<FileEntry>, ExportError> {
+) -> Result<(Vec<FileEntry>, Damage), ExportError> {
     let shared = match format {
         Format::Sqlite => Some(database(folder)?),
         _ => None,
@@ -83,7 +85,7 @@ pub(super) fn tables(
     let driven = driven.into_iter().collect::<io::Result<_>>()?;
     let mut printing = Printing::of(format, &dataset.filter, driven);
     fill(&mut printing)?;
-    let mut files = printing.finish();
+    let (mut files, damage) = printing.finish();
     let table = Participants::new(&dataset.study.config, &dataset.people);
     let mut participants = begin(Table::Participants, table.columns())?;
     participants.write(&table.rows())?;
@@ -110,24 +112,15 @@ pub(super) fn tables(
         let (_, bytes, sha256) = out.finish();
         entries.push(FileEntry { name: file.name, rows: file.rows, bytes, sha256 });
     }
-    Ok(entries)
+    Ok((entries, damage))
 }
 
-/// A new file, with its folder.
+/// A new file, with its folder. Only this user can read it: it may have external ids of participants.
 fn created(path: &Path) -> io::Result<File> {
     if let Some(parent) = path.parent() {
-        fs::create_dir_all(parent)?;
+        private::make_folder(parent)?;
     }
-    File::create(path)
-}
-
-/// Lets only the owner read a file, which may have external ids of participants.
-fn keep_private(file: &Path) -> io::Result<()> {
-    #[cfg(unix)]
-    fs::set_permissions(file, std::os::unix::fs::PermissionsExt::from_mode(0o600))?;
-    #[cfg(not(unix))]
-    let _ = file;
-    Ok(())
+    private::new_file(path)
 }
 
 /// The entry of a file that something else has written.

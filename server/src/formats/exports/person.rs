@@ -1,36 +1,34 @@
 //! A participant with all that they drove.
 
+use super::damage::Damaged;
 use crate::formats::tables::Driven;
-use crate::store::trials::StoredTrial;
+use crate::soundness::{self, Examined, Wrong};
+use crate::store::roster::RosterEntry;
 use crate::store::{Store, StoreError};
-use sidestep::study::StudyConfig;
-use std::sync::Arc;
 
-/// All trials of a participant, in the plan's order, with the configuration of their enrolment.
+/// All trials of a participant, in the plan's order, each replayed.
 pub(super) struct Person {
-    config: Arc<StudyConfig>,
-    trials: Vec<StoredTrial>,
+    /// The participant's number.
+    number: i64,
+    trials: Vec<Result<Examined, Wrong>>,
+    /// Why no trial can be read.
+    unreadable: Option<String>,
 }
 
 impl Person {
-    /// Reads a participant; none if they drove nothing.
-    pub(super) async fn read(store: &Store, id: &str) -> Result<Option<Self>, StoreError> {
-        let trials = store.trials_of(id).await?;
-        let Some(first) = trials.first() else { return Ok(None) };
-        let config = store.config(&first.config_hash).await?;
-        // Rows are printed as they are stored; what is not of the study's length is damage.
-        match trials.iter().find(|trial| !is_whole(trial)) {
-            Some(trial) => {
-                let id = &trial.head.trial_id;
-                Err(StoreError::Corrupt(format!("trial {id}: not as many times as inputs")))
-            }
-            None => Ok(Some(Self { config, trials })),
-        }
+    /// Reads a participant and replays their trials.
+    pub(super) async fn read(store: &Store, entry: &RosterEntry) -> Result<Self, StoreError> {
+        let (trials, unreadable) = match soundness::examined(store, &entry.id).await {
+            Ok(trials) => (trials, None),
+            Err(StoreError::Corrupt(what)) => (Vec::new(), Some(what)),
+            Err(error) => return Err(error),
+        };
+        Ok(Self { number: entry.number, trials, unreadable })
     }
 
-    /// How many trials are stored.
-    pub(super) fn count(&self) -> usize {
-        self.trials.len()
+    /// How many trials are stored, if that is known.
+    pub(super) fn count(&self) -> Option<usize> {
+        self.unreadable.is_none().then_some(self.trials.len())
     }
 
     /// Forgets all but the first trials of the plan.
@@ -38,18 +36,29 @@ impl Person {
         self.trials.truncate(count);
     }
 
-    /// Their trials, numbered from 0 over all phases, so that (participant, trial) identifies a trial.
+    /// Their trials that can be read, numbered from 0 over all trials and phases, so that (participant, trial)
+    /// identifies a trial.
     pub(super) fn driven(&self) -> impl Iterator<Item = Driven<'_>> {
-        let parameters = &self.config.parameters;
-        let trials = self.trials.iter().enumerate();
-        trials.map(move |(number, trial)| Driven { number, trial, parameters })
+        self.trials.iter().enumerate().filter_map(|(number, examined)| {
+            let Examined { trial, config, fault } = examined.as_ref().ok()?;
+            Some(Driven { number, trial, parameters: &config.parameters, damage: fault.as_deref() })
+        })
     }
-}
 
-/// Whether there is a state before each step, and a time if times were recorded.
-fn is_whole(trial: &StoredTrial) -> bool {
-    let content = &trial.content;
-    let steps = content.inputs.len();
-    content.states.len() == steps + 1
-        && content.sampled_at_ms.as_ref().is_none_or(|times| times.len() == steps)
+    /// What is damaged.
+    pub(super) fn damaged(&self) -> impl Iterator<Item = Damaged> {
+        let damaged = |trial_id: Option<&str>, what: &str, is_readable| Damaged {
+            participant: self.number,
+            trial_id: trial_id.map(str::to_owned),
+            what: what.to_owned(),
+            is_readable,
+        };
+        let trials = self.trials.iter().filter_map(move |examined| match examined {
+            Ok(Examined { trial, fault, .. }) => {
+                Some(damaged(Some(&trial.head.trial_id), fault.as_ref()?, true))
+            }
+            Err(Wrong { trial_id, what }) => Some(damaged(Some(trial_id), what, false)),
+        });
+        trials.chain(self.unreadable.iter().map(move |what| damaged(None, what, false)))
+    }
 }

@@ -1,5 +1,6 @@
 //! From participants to the tables that follow from their trials.
 
+use super::damage::Damage;
 use super::dataset::People;
 use super::table::Table;
 use super::table_file::TableFile;
@@ -11,6 +12,7 @@ use tokio_util::sync::CancellationToken;
 /// Tables that are filled from the same participants.
 pub(super) struct Printing<W: Write + Send> {
     filter: Filter,
+    damage: Damage,
     batch_rows: usize,
     tables: Vec<(TableFile<W>, Batch)>,
 }
@@ -22,7 +24,12 @@ impl<W: Write + Send> Printing<W> {
             (file, batch)
         };
         let tables = tables.into_iter().map(begun).collect();
-        Self { filter: filter.clone(), batch_rows: format.batch_rows(), tables }
+        Self {
+            filter: filter.clone(),
+            damage: Damage::default(),
+            batch_rows: format.batch_rows(),
+            tables,
+        }
     }
 
     /// Adds participants until there are no more, and waits for them on this thread.
@@ -36,6 +43,7 @@ impl<W: Write + Send> Printing<W> {
                 return Err(io::Error::other("stopped").into());
             }
             let person = person?;
+            person.damaged().for_each(|damaged| self.damage.add(damaged));
             for (file, batch) in &mut self.tables {
                 Table::add(file.table, batch, &person, &self.filter)?;
                 if batch.rows() >= self.batch_rows {
@@ -51,8 +59,8 @@ impl<W: Write + Send> Printing<W> {
         Ok(())
     }
 
-    /// The tables.
-    pub(super) fn finish(self) -> Vec<TableFile<W>> {
-        self.tables.into_iter().map(|(file, _)| file).collect()
+    /// The tables, and what is damaged.
+    pub(super) fn finish(self) -> (Vec<TableFile<W>>, Damage) {
+        (self.tables.into_iter().map(|(file, _)| file).collect(), self.damage)
     }
 }

@@ -66,7 +66,7 @@ impl Table {
         person: &Person,
         filter: &Filter,
     ) -> Result<(), ExportError> {
-        for driven in person.driven().filter(|driven| filter.keeps(&driven.trial.head)) {
+        for driven in person.driven().filter(|driven| filter.keeps(driven)) {
             match self {
                 Self::Steps => steps::add(batch, &driven),
                 Self::Trials => trials::add(batch, &driven),
@@ -78,9 +78,13 @@ impl Table {
     }
 }
 
+/// Adds key events, if those of a damaged trial can be read.
 fn events(batch: &mut Batch, driven: &Driven<'_>) -> Result<(), ExportError> {
-    key_events::add(batch, driven).map_err(|error| {
-        let id = &driven.trial.head.trial_id;
-        StoreError::Corrupt(format!("trial {id}: key events: {error}")).into()
-    })
+    match key_events::add(batch, driven) {
+        Err(error) if driven.damage.is_none() => {
+            let id = &driven.trial.head.trial_id;
+            Err(StoreError::Corrupt(format!("trial {id}: key events: {error}")).into())
+        }
+        _ => Ok(()),
+    }
 }

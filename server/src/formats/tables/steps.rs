@@ -1,6 +1,6 @@
 //! A row for each step: the state before it and the input held in it.
 
-use super::{Driven, flags_column, participant_column, trial_column};
+use super::{Driven, damaged_column, flags_column, participant_column, trial_column};
 use crate::formats::table::Kind::{Number, Time, Whole, Word};
 use crate::formats::table::{Batch, Column};
 use crate::store::trials::flag_words;
@@ -55,12 +55,13 @@ pub fn columns() -> Vec<Column> {
         Column::new("due_at_ms", Number, "when the step's input was due, after the scene's start")
             .unit("ms"),
         Column::new("exposures", Whole, "how often the scene was shown, this time included"),
+        damaged_column(),
     ]
 }
 
 /// Adds the steps of a trial.
 pub fn add(batch: &mut Batch, driven: &Driven<'_>) {
-    let Driven { number, trial, parameters } = *driven;
+    let Driven { number, trial, parameters, damage } = *driven;
     let (head, content) = (&trial.head, &trial.content);
     let states = &content.states;
     // Rounded to the nanosecond: 0.6 instead of 0.6000000000000001.
@@ -92,4 +93,5 @@ pub fn add(batch: &mut Batch, driven: &Driven<'_>) {
     rows.whole(|_| Some(synthetic));
     rows.number(|step| Some(nanoseconds(step) / 1e6));
     rows.whole(|_| content.exposures.map(i64::from));
+    rows.whole(|_| Some(i64::from(damage.is_some())));
 }

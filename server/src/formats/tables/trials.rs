@@ -1,7 +1,7 @@
 //! A row for each trial: where it belongs, its scene, its outcome and its record.
 
-use super::{Driven, flags_column, participant_column, trial_column};
-use crate::formats::table::Kind::{Hash, Json, Number, Time, Whole, Word};
+use super::{Driven, damaged_column, flags_column, participant_column, trial_column};
+use crate::formats::table::Kind::{Hash, Json, Number, Text, Time, Whole, Word};
 use crate::formats::table::{Batch, Column};
 use crate::store::trials::flag_words;
 
@@ -61,12 +61,14 @@ pub fn columns() -> Vec<Column> {
             "what happened to the page during the scene, with times in ms",
         ),
         Column::new("display", Json, "what the page recorded about the display"),
+        damaged_column(),
+        Column::new("damage", Text, "what is wrong with a damaged trial"),
     ]
 }
 
 /// Adds the row of a trial.
 pub fn add(batch: &mut Batch, driven: &Driven<'_>) {
-    let Driven { number, trial, parameters } = *driven;
+    let Driven { number, trial, parameters, damage } = *driven;
     let (head, content, scene) = (&trial.head, &trial.content, &trial.scene);
     let step = |step: Option<usize>| step.map(|step| step as i64);
     let mut row = batch.add(1);
@@ -106,4 +108,6 @@ pub fn add(batch: &mut Batch, driven: &Driven<'_>) {
     row.whole(|_| step(head.outcome.avoidance.map(|(_, last)| last)));
     row.text(content.page_events.as_deref());
     row.text(&*content.display);
+    row.whole(|_| Some(i64::from(damage.is_some())));
+    row.text(damage);
 }

@@ -1,6 +1,6 @@
 //! Archives as they are sent: a thread writes, the answer takes.
 
-use crate::formats::exports::{Dataset, ExportError, Format, archive};
+use crate::formats::exports::{Damage, Dataset, ExportError, Format, archive};
 use crate::http::lengths::Lengths;
 use crate::store::Store;
 use axum::body::{Body, Bytes};
@@ -31,7 +31,11 @@ pub(super) struct Outlet {
 
 impl Outlet {
     /// Writes it; this blocks.
-    fn write(&self, runtime: &Handle, out: impl Write + Send + 'static) -> Result<(), ExportError> {
+    fn write(
+        &self,
+        runtime: &Handle,
+        out: impl Write + Send + 'static,
+    ) -> Result<Damage, ExportError> {
         let Self { store, dataset, format, scratch, .. } = self;
         archive(store, dataset, *format, runtime, scratch, out)
     }
@@ -68,7 +72,16 @@ pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Len
         let (counter, counted) = Counter::new();
         let part = Part { counter, begin, end, sender: sender.clone() };
         match outlet.write(&runtime, part) {
-            Ok(()) => {
+            Ok(damage) => {
+                if damage.count > 0 {
+                    let (trials, first) =
+                        (damage.count, damage.first.first().map(ToString::to_string));
+                    tracing::error!(
+                        trials,
+                        first,
+                        "an export has damaged trials: see 'sidestep check'"
+                    );
+                }
                 if let Some(lengths) = lengths {
                     let length = *counted.lock().unwrap_or_else(PoisonError::into_inner);
                     // It may be known already.

@@ -18,6 +18,28 @@ impl Rows {
         self.rows.len()
     }
 
+    /// Adds other rows of the same table.
+    pub(super) fn append(&mut self, mut more: Self) {
+        self.rows.append(&mut more.rows);
+        self.numbers.append(&mut more.numbers);
+    }
+
+    /// Each row alone.
+    pub(super) fn apart(&self) -> impl Iterator<Item = Self> {
+        self.rows.iter().enumerate().map(|(at, row)| Self {
+            rows: vec![row.clone()],
+            numbers: self.numbers.get(at).copied().into_iter().collect(),
+        })
+    }
+
+    /// The texts in the first column.
+    pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
+        self.rows.iter().filter_map(|row| match row.first() {
+            Some(Value::Text(text)) => Some(&**text),
+            _ => None,
+        })
+    }
+
     /// The number, or the truth as 1 or 0, in the only row of a table that has one.
     pub(super) fn number(&self, table: &Table, column: &str) -> Option<i64> {
         let place = table.columns.iter().position(|(name, _)| *name == column)?;
@@ -51,10 +73,22 @@ impl Rows {
 
 /// The rows of a table that belong to the participant or analysis with this id; all without one.
 pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<Rows, StoreError> {
+    match id {
+        Some(id) => read_where(db, table, table.of, Some(&id)),
+        None => read_where(db, table, "TRUE", None),
+    }
+}
+
+/// The rows of a table for which a condition on $1 holds.
+pub(super) fn read_where(
+    db: &Connection,
+    table: &Table,
+    condition: &str,
+    of: Option<&dyn ToSql>,
+) -> Result<Rows, StoreError> {
     let number = if table.is_numbered { ", sequence" } else { "" };
-    let of = if id.is_some() { format!("WHERE {}", table.of) } else { String::new() };
     let query = format!(
-        "SELECT {}{number} FROM {} {of} ORDER BY {}",
+        "SELECT {}{number} FROM {} WHERE {condition} ORDER BY {}",
         table.names(),
         table.name,
         table.order
@@ -68,8 +102,8 @@ pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<R
         kinds.map(|(at, (_, kind))| value(row, at, *kind)).collect::<Result<Vec<_>, StoreError>>()
     };
     let mut statement = db.prepare_cached(&query)?;
-    let found = match id {
-        Some(id) => statement.query_and_then([id], row)?,
+    let found = match of {
+        Some(of) => statement.query_and_then(&[of][..], row)?,
         None => statement.query_and_then([], row)?,
     };
     rows.rows = found.collect::<Result<_, _>>()?;

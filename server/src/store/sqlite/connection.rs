@@ -4,9 +4,10 @@ use super::file::DatabaseFile;
 use crate::store::error::StoreError;
 use crate::store::sql::{Connection, DANGLING, Result};
 use futures_executor::block_on;
+use futures_util::StreamExt;
 use rustix::fs::{Access, access};
 use sqlx::ConnectOptions;
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqliteSynchronous};
 use std::path::Path;
 use std::time::Duration;
 
@@ -135,11 +136,22 @@ pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
 
 /// The damage that SQLite finds in the file: damaged pages and references to missing rows.
 pub(super) fn damage(db: &Connection) -> Result<Vec<String>, StoreError> {
-    let lines = |query: &str| -> Result<Vec<String>> {
-        db.prepare_cached(query)?.query_map([], |row| row.get(0))?.collect()
-    };
-    let mut found = lines("PRAGMA integrity_check")?;
+    let mut found = Vec::new();
+    for query in ["PRAGMA integrity_check", DANGLING] {
+        found.extend(db.with_link(async |db| lines(db, query).await, async |_| Vec::new())?);
+    }
     found.retain(|line| line != "ok");
-    found.extend(lines(DANGLING)?);
+    found.dedup();
     Ok(found)
+}
+
+/// What a query answers, line by line. A damaged page ends it; that must not hide what was found before, nor what
+/// other queries find.
+async fn lines(db: &mut SqliteConnection, query: &'static str) -> Vec<String> {
+    let mut rows = sqlx::query_scalar(query).fetch(db);
+    let mut lines = Vec::new();
+    while let Some(row) = rows.next().await {
+        lines.push(row.unwrap_or_else(|error| StoreError::from(error).to_string()));
+    }
+    lines
 }

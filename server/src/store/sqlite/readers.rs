@@ -62,7 +62,8 @@ impl Readers {
             readers.short(|db| {
                 db.control("BEGIN")?;
                 let found = read(db);
-                db.control("COMMIT")?;
+                // COMMIT would fail once more for a damaged page that `read` has met and told.
+                db.control("ROLLBACK")?;
                 found
             })
         });

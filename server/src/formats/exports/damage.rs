@@ -1,0 +1,53 @@
+//! What is damaged in the data of an export.
+
+use serde::Serialize;
+use std::fmt;
+
+/// A trial that is not as it was stored.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Damaged {
+    /// The participant's number.
+    pub participant: i64,
+    /// The trial; none if no trial of the participant can be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trial_id: Option<String>,
+    /// What is wrong.
+    pub what: String,
+    /// Whether it can be read. If not, no table has it.
+    #[serde(rename = "readable")]
+    pub is_readable: bool,
+}
+
+impl fmt::Display for Damaged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { participant, trial_id, what, is_readable } = self;
+        match trial_id {
+            Some(trial_id) => write!(f, "participant {participant}, trial {trial_id}: {what}")?,
+            None => write!(f, "participant {participant}: no trial can be read: {what}")?,
+        }
+        f.write_str(if *is_readable { "" } else { "; left out" })
+    }
+}
+
+/// All that is damaged.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Damage {
+    /// How much there is.
+    #[serde(rename = "damaged_trials")]
+    pub count: u64,
+    /// The first of it.
+    #[serde(rename = "damage", skip_serializing_if = "Vec::is_empty")]
+    pub first: Vec<Damaged>,
+}
+
+impl Damage {
+    /// Most that is named, so that memory does not grow with the study. The tables mark all that is in them.
+    const MOST: usize = 10_000;
+
+    pub(super) fn add(&mut self, damaged: Damaged) {
+        self.count += 1;
+        if self.first.len() < Self::MOST {
+            self.first.push(damaged);
+        }
+    }
+}

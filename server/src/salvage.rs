@@ -1,0 +1,81 @@
+//! What can still be read of a damaged database, in a new one.
+
+use crate::soundness::{self, Report, Wrong};
+use crate::store::copying::salvage::{Lost, Salvaged};
+use crate::store::{Store, StoreError};
+use std::collections::HashMap;
+use tokio::sync::mpsc;
+
+/// Fills a new database with all that can be read of `from` and that is sound: every trial is replayed. `lost` hears
+/// of each row that is not. Returns what is in the new database, which has no fault.
+///
+/// # Errors
+/// [`StoreError`] if `from` cannot be read at all, or `to` refuses.
+pub async fn salvage(
+    from: &Store,
+    to: &Store,
+    mut lost: impl FnMut(Lost),
+) -> Result<Report, StoreError> {
+    let (sender, mut found) = mpsc::channel(4);
+    let reading = from.salvage(sender);
+    let writing = async {
+        let mut targets = HashMap::new();
+        while let Some(found) = found.recv().await {
+            match found {
+                Salvaged::Lost(row) => lost(row),
+                Salvaged::Study(study) => {
+                    let id = study.study_id;
+                    match to.begin_copy(*study).await? {
+                        Ok(target) => drop(targets.insert(id, target)),
+                        Err(refusal) => {
+                            lost(Lost::new("study", id.to_string(), format!("{refusal:?}")))
+                        }
+                    }
+                }
+                Salvaged::Participant(study, rows) => match targets.get(&study) {
+                    Some(&target) => match to.put_participant_copy(target, rows.clone()).await {
+                        // A value that its column does not take.
+                        Err(
+                            StoreError::Defect(_) | StoreError::Corrupt(_) | StoreError::Locked,
+                        ) => {
+                            to.put_rows_apart(target, rows).await?.into_iter().for_each(&mut lost);
+                        }
+                        put => drop(put?),
+                    },
+                    None => rows.rows_lost("its study is lost").for_each(&mut lost),
+                },
+                Salvaged::Analysis(study, rows) => {
+                    let id = rows.id.clone();
+                    let put = match targets.get(&study) {
+                        Some(&target) => to.put_analysis_copy(target, rows).await.map(drop),
+                        None => Err(StoreError::Corrupt("its study is lost".to_owned())),
+                    };
+                    if let Err(error) = put {
+                        lost(Lost::new("analysis", id, error.to_string()));
+                    }
+                }
+                Salvaged::Access(rows) => drop(to.put_access_copy(rows).await?),
+            }
+        }
+        Ok::<_, StoreError>(())
+    };
+    let (read, written) = tokio::join!(reading, writing);
+    // If writing failed, reading stopped for that.
+    written.and(read)?;
+    let found = soundness::report(to).await?;
+    for Wrong { trial_id, what } in &found.wrong {
+        to.drop_unsound(trial_id).await?;
+        lost(Lost::new("trial", &**trial_id, format!("not sound: {what}")));
+    }
+    for id in to.wrong_tallies().await? {
+        to.count_again(&id).await?;
+    }
+    let report = match found.faults() {
+        0 => found,
+        _ => soundness::report(to).await?,
+    };
+    match report.first() {
+        None => Ok(report),
+        Some(first) => Err(StoreError::Defect(format!("what was saved is not sound: {first}"))),
+    }
+}

@@ -1,0 +1,462 @@
+//! What can still be read of a damaged file of SQLite: the copies of a sound one, and where a query fails, row by
+//! row.
+//!
+//! An index has the keys of rows whose page is damaged, so these rows can be named. Where the index is damaged,
+//! the rows of the table are walked from number to number, past pages that cannot be read.
+
+use super::columns::{ACCESS_TABLES, ANALYSIS_TABLES, PARTICIPANT_TABLES, Table};
+use super::rows::{Rows, insert, read, read_where};
+use super::{CopyTarget, RowsCopy, StudyCopy, rows_copy, study_copy};
+use crate::store::lanes::Lock;
+use crate::store::sql::{Connection, params};
+use crate::store::{Store, StoreError};
+use serde::Serialize;
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::fmt;
+use tokio::sync::mpsc;
+
+/// What was read.
+#[derive(Debug)]
+pub enum Salvaged {
+    /// A study, without its participants and analyses.
+    Study(Box<StudyCopy>),
+    /// A participant of the study with this number.
+    Participant(i64, RowsCopy),
+    /// An analysis of the study with this number.
+    Analysis(i64, RowsCopy),
+    /// Keys and audit trail.
+    Access(RowsCopy),
+    /// What cannot be read.
+    Lost(Lost),
+}
+
+/// A row that is lost.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Lost {
+    /// Its table.
+    pub table: String,
+    /// What is known of its key.
+    pub key: String,
+    /// Why it is lost.
+    pub why: String,
+}
+
+impl Lost {
+    /// A row of this table with this key.
+    pub fn new(table: &str, key: impl Into<String>, why: impl Into<String>) -> Self {
+        Self { table: table.to_owned(), key: key.into(), why: why.into() }
+    }
+}
+
+impl fmt::Display for Lost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}: {}", self.table, self.key, self.why)
+    }
+}
+
+impl RowsCopy {
+    /// A participant and their trials, all lost for the same reason.
+    pub fn rows_lost(&self, why: &str) -> impl Iterator<Item = Lost> {
+        let own = Lost::new("participant", &*self.id, why);
+        let trials = self.keys("trial").map(move |trial_id| Lost::new("trial", trial_id, why));
+        std::iter::once(own).chain(trials)
+    }
+}
+
+impl Store {
+    /// Reads whatever can be read, and sends it: each study before its participants.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the file cannot be read at all, or nobody takes what is sent.
+    pub async fn salvage(&self, out: mpsc::Sender<Salvaged>) -> Result<(), StoreError> {
+        self.read_long(move |db| {
+            let (walks, seen) = (HashMap::new(), HashSet::new());
+            Reader { db, out, walks, seen }.run()
+        })
+        .await
+    }
+
+    /// Stores the rows of a participant one by one, each that the database takes. Returns those that it does not.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk or the server refuses.
+    pub async fn put_rows_apart(
+        &self,
+        target: CopyTarget,
+        copy: RowsCopy,
+    ) -> Result<Vec<Lost>, StoreError> {
+        let locks = [Lock::Studies, Lock::Study(target.study_id), Lock::Analyses];
+        self.write_behind(locks, move |db| {
+            let mut lost = Vec::new();
+            for (table, rows) in PARTICIPANT_TABLES.iter().zip(&copy.tables) {
+                for row in rows.apart() {
+                    db.batch("SAVEPOINT one_row")?;
+                    let Err(error) = insert(db, table, &row, target.study_id, target.shift) else {
+                        db.batch("RELEASE SAVEPOINT one_row")?;
+                        continue;
+                    };
+                    db.batch("ROLLBACK TO SAVEPOINT one_row; RELEASE SAVEPOINT one_row")?;
+                    let key = row.keys().next().unwrap_or(&copy.id).to_owned();
+                    lost.push(Lost::new(table.name, key, error.to_string()));
+                }
+            }
+            Ok(lost)
+        })
+        .await
+    }
+
+    /// Deletes a trial that is not sound.
+    pub async fn drop_unsound(&self, trial_id: &str) -> Result<(), StoreError> {
+        let trial_id = trial_id.to_owned();
+        self.write_behind([Lock::Studies], move |db| {
+            Ok(db.execute("DELETE FROM trial WHERE trial_id = $1", [trial_id]).map(drop)?)
+        })
+        .await
+    }
+}
+
+/// Numbers of rows with their keys, by whom they belong to.
+type Walk = HashMap<String, Vec<(i64, String)>>;
+
+struct Reader<'a> {
+    db: &'a Connection,
+    out: mpsc::Sender<Salvaged>,
+    /// What was walked, by its table.
+    walks: HashMap<&'static str, Walk>,
+    /// Trials that were read, or named as lost.
+    seen: HashSet<String>,
+}
+
+/// The columns by which a row is named, and by which it belongs to somebody.
+fn key_and_owner(table: &str) -> [&'static str; 2] {
+    match table {
+        "study" => ["slug", "slug"],
+        "study_config" => ["hash", "hash"],
+        "participant" => ["id", "id"],
+        "trial" => ["trial_id", "trial_id"],
+        "scene" => ["ordinal", "participant_id"],
+        "participant_token" | "note" | "exclusion" => ["rowid", "participant_id"],
+        _ => ["rowid", "''"],
+    }
+}
+
+impl Reader<'_> {
+    /// Most numbers of rows that are tried after the last one that can be read.
+    const MOST_TRIED: i64 = 1_000_000;
+
+    fn run(mut self) -> Result<(), StoreError> {
+        for slug in self.ids("study")? {
+            if let Some(study) = self.study(&slug)? {
+                self.send(Salvaged::Study(Box::new(study)))?;
+            }
+        }
+        for id in self.ids("participant")? {
+            if let Some(rows) = self.participant(&id)? {
+                let study = "SELECT study_id FROM participant WHERE rowid = $1";
+                let rowid = self.rowids("participant", &id)?.first().map_or(0, |(rowid, _)| *rowid);
+                let study_id = self.db.query_row(study, [rowid], |row| row.get(0))?;
+                self.send(Salvaged::Participant(study_id, rows))?;
+            }
+        }
+        for id in self.ids("trial")? {
+            if !self.seen.contains(&id) {
+                self.lose("trial", id, "no scene that can be read has it")?;
+            }
+        }
+        self.analyses()?;
+        let mut tables = Vec::new();
+        for table in ACCESS_TABLES {
+            tables.push(match read(self.db, table, None) {
+                Err(StoreError::Corrupt(_)) => {
+                    let mut rowids: Vec<_> =
+                        self.walk(table.name)?.values().flatten().cloned().collect();
+                    rowids.sort_unstable();
+                    self.rows(table, &rowids)?
+                }
+                read => read?,
+            });
+        }
+        self.send(Salvaged::Access(RowsCopy { id: String::new(), tables }))
+    }
+
+    fn send(&self, found: Salvaged) -> Result<(), StoreError> {
+        let gone = |_| StoreError::Unavailable("stopped".to_owned());
+        self.out.blocking_send(found).map_err(gone)
+    }
+
+    fn lose(&self, table: &str, key: impl Into<String>, why: &str) -> Result<(), StoreError> {
+        self.send(Salvaged::Lost(Lost::new(table, key, why)))
+    }
+
+    /// What was read; a row that is lost, if it cannot be read.
+    fn unless_lost<T>(
+        &self,
+        table: &str,
+        key: &str,
+        read: Result<T, StoreError>,
+    ) -> Result<Option<T>, StoreError> {
+        match read {
+            Err(StoreError::Corrupt(why)) => self.lose(table, key, &why).map(|()| None),
+            read => read.map(Some),
+        }
+    }
+
+    /// The keys of all rows of a table.
+    fn ids(&mut self, table: &'static str) -> Result<Vec<String>, StoreError> {
+        let [_, owner] = key_and_owner(table);
+        // Without an order, an index answers this alone.
+        match texts(self.db, &format!("SELECT {owner} FROM {table}")) {
+            Err(StoreError::Corrupt(_)) => {}
+            found => return found,
+        }
+        let mut found: Vec<_> =
+            self.walk(table)?.iter().map(|(id, rows)| (rows[0].0, id.clone())).collect();
+        found.sort_unstable();
+        Ok(found.into_iter().map(|(_, id)| id).collect())
+    }
+
+    /// The numbers and keys of the rows of somebody.
+    fn rowids(
+        &mut self,
+        table: &'static str,
+        owner: &str,
+    ) -> Result<Vec<(i64, String)>, StoreError> {
+        let [key, column] = key_and_owner(table);
+        let query = format!("SELECT rowid, CAST({key} AS TEXT) FROM {table} WHERE {column} = $1");
+        match numbered(self.db, &query, owner) {
+            Err(StoreError::Corrupt(_)) => {}
+            found => return found,
+        }
+        Ok(self.walk(table)?.get(owner).cloned().unwrap_or_default())
+    }
+
+    /// All rows of a table that can be read, without the help of an index.
+    fn walk(&mut self, table: &'static str) -> Result<&Walk, StoreError> {
+        if !self.walks.contains_key(table) {
+            let walk = self.walk_once(table)?;
+            self.walks.insert(table, walk);
+        }
+        Ok(&self.walks[table])
+    }
+
+    fn walk_once(&self, table: &'static str) -> Result<Walk, StoreError> {
+        const MANY: i64 = 512;
+        let [key, owner] = key_and_owner(table);
+        let query = format!(
+            "SELECT rowid, CAST({key} AS TEXT), {owner} FROM {table} NOT INDEXED WHERE rowid > $1 \
+             ORDER BY rowid LIMIT $2"
+        );
+        let mut walk = Walk::new();
+        let (mut last, mut many) = (0, MANY);
+        let end = self.last(table);
+        // The first row after the last one that was read, if it cannot be, and why not.
+        let mut damaged: Option<(i64, String)> = None;
+        while last < end && damaged.as_ref().is_none_or(|(from, _)| last - from < Self::MOST_TRIED)
+        {
+            let mut statement = self.db.prepare_cached(&query)?;
+            let rows = statement.query_map(params![last, many], |row| {
+                Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?, row.get::<_, String>(2)?))
+            });
+            match rows.and_then(Iterator::collect::<Result<Vec<_>, _>>).map_err(StoreError::from) {
+                Err(StoreError::Corrupt(_)) if many > 1 => many = 1,
+                Err(StoreError::Corrupt(why)) => {
+                    last += 1;
+                    damaged.get_or_insert((last, why));
+                }
+                Err(error) => return Err(error),
+                Ok(rows) => {
+                    let next = rows.first().map_or(end, |(rowid, ..)| rowid - 1);
+                    if let Some((from, why)) = damaged.take() {
+                        self.lose(table, format!("rows {from} to {next}"), &why)?;
+                    }
+                    let Some((rowid, ..)) = rows.last() else { break };
+                    last = *rowid;
+                    many = MANY.min(2 * many);
+                    for (rowid, key, owner) in rows {
+                        walk.entry(owner).or_default().push((rowid, key));
+                    }
+                }
+            }
+        }
+        if let Some((from, why)) = damaged {
+            self.lose(table, format!("rows from {from}"), &why)?;
+        }
+        Ok(walk)
+    }
+
+    /// The highest number of a row, as far as it is known.
+    fn last(&self, table: &str) -> i64 {
+        let highest = format!("SELECT max(rowid) FROM {table} NOT INDEXED");
+        let highest = self.db.query_row(&highest, [], |row| row.get::<_, Option<i64>>(0));
+        let given = || {
+            let query = "SELECT seq FROM sqlite_sequence WHERE name = $1";
+            self.db.query_row(query, [table], |row| row.get(0)).ok()
+        };
+        highest.ok().map(|highest| highest.unwrap_or(0)).or_else(given).unwrap_or(i64::MAX)
+    }
+
+    /// Those of these rows that can be read.
+    fn rows(&self, table: &Table, rowids: &[(i64, String)]) -> Result<Rows, StoreError> {
+        let mut rows = Rows::default();
+        for (rowid, key) in rowids {
+            let row = read_where(self.db, table, "rowid = $1", Some(rowid));
+            let row = row.and_then(|row| match row.len() {
+                1 => Ok(row),
+                _ => Err(StoreError::corrupt("only an index has it")),
+            });
+            if let Some(row) = self.unless_lost(table.name, key, row)? {
+                rows.append(row);
+            }
+        }
+        Ok(rows)
+    }
+
+    /// A participant with all rows that can be read; none if their own row is lost.
+    fn participant(&mut self, id: &str) -> Result<Option<RowsCopy>, StoreError> {
+        match rows_copy(self.db, PARTICIPANT_TABLES, id) {
+            Err(StoreError::Corrupt(_)) | Ok(None) => {}
+            Ok(Some(copy)) => {
+                self.seen.extend(copy.keys("trial").map(str::to_owned));
+                return Ok(Some(copy));
+            }
+            Err(error) => return Err(error),
+        }
+        let mut tables: Vec<Rows> = Vec::new();
+        let mut scenes: Vec<String> = Vec::new();
+        for table in PARTICIPANT_TABLES {
+            let mut rowids = Vec::new();
+            match table.name {
+                // It follows from the other rows.
+                "tally" => {}
+                "trial" => {
+                    for trial_id in &scenes {
+                        rowids.extend(self.rowids(table.name, trial_id)?);
+                    }
+                    rowids.sort_unstable();
+                }
+                _ => rowids = self.rowids(table.name, id)?,
+            }
+            if table.name == "scene" {
+                for (_, key) in &mut rowids {
+                    *key = format!("{key} of participant {id}");
+                }
+            }
+            let is_lost = tables.first().is_some_and(|own| own.len() == 0);
+            match table.name {
+                "trial" if is_lost => {
+                    for (_, trial_id) in &rowids {
+                        self.lose("trial", &**trial_id, &format!("participant {id} is lost"))?;
+                    }
+                }
+                _ => tables.push(self.rows(table, &rowids)?),
+            }
+            match table.name {
+                "scene" => scenes = tables[tables.len() - 1].keys().map(str::to_owned).collect(),
+                "trial" => self.seen.extend(rowids.into_iter().map(|(_, trial_id)| trial_id)),
+                _ => {}
+            }
+        }
+        let exists = tables.first().is_some_and(|own| own.len() > 0);
+        Ok(exists.then(|| RowsCopy { id: id.to_owned(), tables }))
+    }
+
+    /// A study; its configurations and value functions as far as they can be read.
+    fn study(&mut self, slug: &str) -> Result<Option<StudyCopy>, StoreError> {
+        match study_copy(self.db, slug) {
+            Err(StoreError::Corrupt(_)) => {}
+            found => return found,
+        }
+        let db = self.db;
+        let Some(&(study_id, _)) = self.rowids("study", slug)?.first() else { return Ok(None) };
+        let own = "SELECT config_hash, created_at_ms FROM study WHERE id = $1";
+        let own = db.query_row(own, [study_id], |row| {
+            Ok((row.get::<_, String>(0)?, row.get::<_, i64>(1)?))
+        });
+        let own = self.unless_lost("study", slug, own.map_err(StoreError::from))?;
+        let Some((config_hash, created_at_ms)) = own else { return Ok(None) };
+        let mut configs = Vec::new();
+        for hash in self.ids("study_config")? {
+            let json =
+                db.query_row("SELECT json FROM study_config WHERE hash = $1", [&hash], |row| {
+                    row.get::<_, String>(0)
+                });
+            let json = self.unless_lost("study_config", &hash, json.map_err(StoreError::from))?;
+            configs.extend(json.map(|json| (hash, json)));
+        }
+        let versions = || {
+            let query = "SELECT number, config_hash, since_ms, by_file FROM study_version \
+                         WHERE study_id = $1 ORDER BY number";
+            let mut statement = db.prepare_cached(query)?;
+            let rows = statement.query_map([study_id], |row| {
+                Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
+            })?;
+            Ok::<_, StoreError>(rows.collect::<Result<Vec<_>, _>>()?)
+        };
+        let versions = self.unless_lost("study_version", slug, versions())?;
+        let versions =
+            versions.unwrap_or_else(|| vec![(1, config_hash.clone(), created_at_ms, false)]);
+        let (mut functions, mut safety) = (BTreeMap::new(), Vec::new());
+        for (hash, _) in &configs {
+            let of = || {
+                let query = "SELECT evader, value_function_id, octets FROM safety_function \
+                             JOIN value_function ON id = value_function_id WHERE config_hash = $1";
+                let mut statement = db.prepare_cached(query)?;
+                let rows = statement.query_map([hash], |row| {
+                    Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?, row.get(2)?))
+                })?;
+                Ok::<_, StoreError>(rows.collect::<Result<Vec<_>, _>>()?)
+            };
+            let key = format!("of configuration {hash}");
+            for (evader, id, octets) in
+                self.unless_lost("value_function", &key, of())?.into_iter().flatten()
+            {
+                safety.push((hash.clone(), evader, id.clone()));
+                functions.insert(id, octets);
+            }
+        }
+        let last_trial = match self.last("trial") {
+            i64::MAX => 0,
+            last => last,
+        };
+        let slug = slug.to_owned();
+        Ok(Some(StudyCopy {
+            slug,
+            study_id,
+            config_hash,
+            created_at_ms,
+            configs,
+            versions,
+            functions,
+            safety,
+            last_trial,
+        }))
+    }
+
+    /// Analyses, each whole or not at all: they can be computed again.
+    fn analyses(&self) -> Result<(), StoreError> {
+        let ids = texts(self.db, "SELECT id FROM analysis ORDER BY sequence");
+        for id in self.unless_lost("analysis", "list", ids)?.into_iter().flatten() {
+            let study =
+                self.db.query_row("SELECT study_id FROM analysis WHERE id = $1", [&id], |row| {
+                    row.get::<_, i64>(0)
+                });
+            let copy = study.map_err(StoreError::from).and_then(|study_id| {
+                Ok(rows_copy(self.db, ANALYSIS_TABLES, &id)?.map(|copy| (study_id, copy)))
+            });
+            if let Some((study_id, copy)) = self.unless_lost("analysis", &id, copy)?.flatten() {
+                self.send(Salvaged::Analysis(study_id, copy))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn texts(db: &Connection, query: &str) -> Result<Vec<String>, StoreError> {
+    Ok(db.prepare_cached(query)?.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?)
+}
+
+fn numbered(db: &Connection, query: &str, of: &str) -> Result<Vec<(i64, String)>, StoreError> {
+    let mut statement = db.prepare_cached(query)?;
+    let rows = statement.query_map([of], |row| Ok((row.get(0)?, row.get(1)?)))?;
+    Ok(rows.collect::<Result<_, _>>()?)
+}

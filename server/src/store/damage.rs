@@ -1,0 +1,65 @@
+//! What a database itself finds wrong with its file.
+
+use super::{Database, Store, StoreError};
+use std::collections::BTreeMap;
+
+impl Store {
+    /// What SQLite itself finds wrong with the file: damaged pages, with their tables or indices, and references to
+    /// nothing. Empty for a sound database, and for PostgreSQL, whose own tools look for that.
+    ///
+    /// # Errors
+    /// If the check cannot be run.
+    pub async fn damage(&self) -> Result<Vec<String>, StoreError> {
+        let Database::Sqlite(database) = &self.open.database else { return Ok(Vec::new()) };
+        let found = database.damage().await?;
+        if found.is_empty() {
+            return Ok(found);
+        }
+        let names = self.trees().await.unwrap_or_default();
+        Ok(found
+            .iter()
+            .flat_map(|found| found.lines())
+            .filter_map(|line| told(line, &names))
+            .collect())
+    }
+
+    /// The names of tables and indices by the first pages of their trees.
+    async fn trees(&self) -> Result<BTreeMap<i64, String>, StoreError> {
+        self.read_long(|db| {
+            let query = "SELECT rootpage, name FROM sqlite_schema WHERE rootpage > 0";
+            let mut statement = db.prepare_cached(query)?;
+            let rows = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+            Ok(rows.collect::<Result<_, _>>()?)
+        })
+        .await
+    }
+}
+
+/// A line of SQLite's check, with the name of the tree that it numbers; none for a heading.
+fn told(line: &str, names: &BTreeMap<i64, String>) -> Option<String> {
+    if line.starts_with("***") {
+        return None;
+    }
+    let named = line.strip_prefix("Tree ").and_then(|rest| {
+        let (number, rest) = rest.split_once(' ')?;
+        Some(format!("{}, {rest}", names.get(&number.parse().ok()?)?))
+    });
+    Some(named.unwrap_or_else(|| line.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tree_is_called_by_its_name() {
+        let names = BTreeMap::from([(12, "trial".to_owned())]);
+        let told = |line: &str| told(line, &names);
+        assert_eq!(told("*** in database main ***"), None);
+        let line = "page 345: btreeInitPage() returns error code 11";
+        assert_eq!(told(&format!("Tree 12 {line}")).unwrap(), format!("trial, {line}"));
+        for other in ["Tree 13 page 1: x", "Tree", "row 1 missing from index people"] {
+            assert_eq!(told(other).unwrap(), other);
+        }
+    }
+}

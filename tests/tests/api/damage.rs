@@ -1,0 +1,231 @@
+//! Damaged files: what `check` says of them, and what `salvage` saves.
+
+use sha2::{Digest, Sha256};
+use sidestep_tests::behind::new_postgres_database;
+use sidestep_tests::process::Said;
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Driver, Folder, Server, behind, behind_file, run};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+const PAGE: usize = 4096;
+
+/// A file with trials of people and of an import: the former are longer than a page. Most pages are trials.
+async fn collected(folder: &Folder) -> String {
+    let server = Server::on_a_file(SHORT_STUDY).await;
+    for _ in 0..4 {
+        Driver::enrol(&server).await.drive(&server, 5).await;
+    }
+    let (file, trials) = (folder.name("study.db"), folder.name("trials.csv"));
+    let from = server.database();
+    let simulate = ["simulate", "--participants", "12", "--seed", "1", "--out", &trials];
+    run(&simulate).await.json();
+    let import = ["import", "--study", "imported", "--trials", &trials, "--database", &from];
+    run(&import).await.json();
+    let stopped = server.stop().await;
+    std::fs::copy(stopped.path("sidestep.db"), &file).unwrap();
+    file
+}
+
+/// All trials of a file, each with a hash of all that is stored of it.
+fn trials(file: &str) -> BTreeMap<String, String> {
+    let db = behind(&format!("sqlite:{file}"));
+    let query = "SELECT trial_id, content_version || hex(content_hash) || received_at_ms || \
+                 coalesce(started_at_ms, '') || hex(inputs) || hex(states) || \
+                 hex(coalesce(sampled_at_ms, '')) || key_events || display || flags || closest_m FROM trial";
+    let row = |row: &sidestep_tests::behind::BehindRow| {
+        Ok((row.get(0)?, hex::encode(Sha256::digest(row.get::<String>(1)?))))
+    };
+    db.rows(query, row).unwrap().into_iter().collect()
+}
+
+/// The page of a file in which these bytes are.
+fn page_of(file: &str, bytes: &[u8]) -> usize {
+    let content = std::fs::read(file).unwrap();
+    content.windows(bytes.len()).position(|window| window == bytes).unwrap() / PAGE
+}
+
+/// The first page of the tree of a table or index.
+fn root_of(file: &str, name: &str) -> usize {
+    let query = format!("SELECT rootpage FROM sqlite_schema WHERE name = '{name}'");
+    let root: i64 =
+        behind_file(&format!("sqlite:{file}")).query_row(&query, [], |row| row.get(0)).unwrap();
+    usize::try_from(root).unwrap() - 1
+}
+
+/// A part of what is stored of one trial.
+fn stored(file: &str, part: &str, of: &str) -> (String, Vec<u8>) {
+    let query = format!("SELECT trial_id, {part} FROM trial WHERE {of} LIMIT 1");
+    let db = behind(&format!("sqlite:{file}"));
+    db.query_row(&query, [], |row| Ok((row.get(0)?, row.get(1)?))).unwrap()
+}
+
+/// A copy of a file with a page of other bytes.
+fn with_page(file: &str, name: &str, page: usize, byte: impl Fn(usize) -> u8) -> String {
+    let mut content = std::fs::read(file).unwrap();
+    for (at, place) in content[page * PAGE..][..PAGE].iter_mut().enumerate() {
+        *place = byte(at);
+    }
+    let damaged = Path::new(file).with_file_name(name);
+    std::fs::write(&damaged, content).unwrap();
+    damaged.display().to_string()
+}
+
+fn noise(at: usize) -> u8 {
+    Sha256::digest(at.to_le_bytes())[0]
+}
+
+/// Salvages a file and checks what is promised: every trial is saved as it was, or named; the new database is sound
+/// and the file as before. Returns what was said, and the trials that were lost.
+async fn salvaged(file: &str, before: &BTreeMap<String, String>) -> (Said, BTreeSet<String>) {
+    let folder = Folder::default();
+    let content = std::fs::read(file).unwrap();
+    let (out, to) = (folder.name("saved.db"), folder.database("saved.db"));
+    let said = run(&["salvage", "--from", file, "--database", &to]).await;
+    assert!(std::fs::read(file).unwrap() == content, "the damaged file is as it was");
+    let beside = ["-wal", "-shm", "-journal"].map(|end| format!("{file}{end}"));
+    assert!(beside.iter().all(|path| !Path::new(path).exists()));
+    run(&["check", "--database", &to]).await.json();
+    let saved = trials(&out);
+    assert!(saved.iter().all(|(id, row)| before.get(id) == Some(row)), "as it was");
+    let lost: BTreeSet<String> =
+        before.keys().filter(|id| !saved.contains_key(*id)).cloned().collect();
+    let summary: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+    assert_eq!(summary["trials"], saved.len(), "{summary}");
+    assert_eq!(said.code, Some(i32::from(summary["lost"] != 0)), "{}", said.err);
+    (said, lost)
+}
+
+fn names_all(said: &Said, lost: &BTreeSet<String>) -> bool {
+    lost.iter().all(|id| said.err.contains(&format!("sidestep: trial {id}: ")))
+}
+
+#[tokio::test]
+async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
+    let folder = Folder::default();
+    let file = collected(&folder).await;
+    let before = trials(&file);
+    assert!(before.len() > 600, "{}", before.len());
+    let (_, none) = salvaged(&file, &before).await;
+    assert!(none.is_empty(), "nothing is lost of a sound file");
+
+    // A leaf of the table, and bytes of an upload that are on a page of their own.
+    let (imported, hash) = stored(&file, "content_hash", "content_version = 2");
+    let leaf = page_of(&file, &hash);
+    let (uploaded, states) = stored(&file, "substr(states, 1201, 64)", "content_version = 3");
+    let rest = page_of(&file, &states);
+    for (trial, page) in [(&imported, leaf), (&uploaded, rest)] {
+        for (name, byte) in [("zero.db", (|_| 0) as fn(usize) -> u8), ("noise.db", noise)] {
+            let damaged = with_page(&file, name, page, byte);
+            let (said, lost) = salvaged(&damaged, &before).await;
+            // A page has at most two such trials.
+            assert!(
+                lost.contains(trial) && lost.len() <= 2 && names_all(&said, &lost),
+                "{}",
+                said.err
+            );
+            assert_eq!(said.err.lines().count(), lost.len() + 1, "{}", said.err);
+        }
+    }
+    // One byte of a trial: it can be read, and is not what was stored.
+    let content = std::fs::read(&file).unwrap();
+    let at = content.windows(states.len()).position(|window| window == states).unwrap() % PAGE;
+    let flipped = with_page(&file, "flipped.db", rest, |place| {
+        content[rest * PAGE + place] ^ u8::from(place == at)
+    });
+    let (said, lost) = salvaged(&flipped, &before).await;
+    assert!(lost.len() == 1 && lost.contains(&uploaded), "{lost:?}");
+    assert!(said.err.contains("not sound: the content is not that of its hash"), "{}", said.err);
+
+    // Into a database of the other kind, too; what was counted of the trial is counted again.
+    let other = new_postgres_database().unwrap_or_else(|| folder.database("other.db"));
+    let salvage = ["salvage", "--from", &flipped, "--database", &other];
+    assert_eq!(run(&salvage).await.code, Some(1));
+    let sound = run(&["check", "--database", &other]).await.json();
+    assert_eq!(sound["trials"], before.len() - 1);
+
+    // Without an index, the rows are found by their table, and nothing is lost.
+    for index in
+        ["sqlite_autoindex_trial_1", "sqlite_autoindex_scene_2", "sqlite_autoindex_participant_1"]
+    {
+        let damaged = with_page(&file, "index.db", root_of(&file, index), |_| 0);
+        let (said, lost) = salvaged(&damaged, &before).await;
+        assert!(said.code == Some(0) && lost.is_empty(), "{index}: {}", said.err);
+    }
+    // Without the participants, there is nobody whose trials they are; all are named.
+    let damaged = with_page(&file, "people.db", root_of(&file, "participant"), |_| 0);
+    let (said, lost) = salvaged(&damaged, &before).await;
+    assert!(lost.len() == before.len() && names_all(&said, &lost));
+    // A file that was cut off.
+    let cut = content.len() * 9 / 10 / PAGE * PAGE - 7;
+    let (said, lost) = {
+        let short = folder.file("short.db", &content[..cut]);
+        salvaged(&short, &before).await
+    };
+    assert!(said.code == Some(1) && lost.len() < before.len() / 2, "{}: {}", lost.len(), said.err);
+}
+
+#[tokio::test]
+async fn a_check_goes_on_after_damage_and_says_what_to_do() {
+    let folder = Folder::default();
+    let file = collected(&folder).await;
+    let before = trials(&file);
+    let (trial, hash) = stored(&file, "content_hash", "content_version = 2");
+    let damaged = with_page(&file, "zero.db", page_of(&file, &hash), |_| 0);
+    let database = format!("sqlite:{damaged}");
+    let said = run(&["check", "--database", &database]).await;
+    assert_eq!(said.code, Some(1));
+    let words = ["sidestep restore", "sidestep salvage --from ", "zero.db", "stop the server"];
+    assert!(words.iter().all(|word| said.err.contains(word)), "{}", said.err);
+    let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+    let checked = usize::try_from(report["trials"].as_u64().unwrap()).unwrap();
+    let wrong = report["wrong"].as_array().unwrap();
+    assert!(checked + wrong.len() == before.len() && wrong.len() <= 2, "{report}");
+    assert!(wrong.iter().any(|wrong| wrong["trial_id"] == *trial), "{report}");
+    let page = page_of(&file, &hash) + 1;
+    let place = |line: &serde_json::Value| {
+        let line = line.as_str().unwrap();
+        line.starts_with("trial, ") && line.contains(&format!("page {page}"))
+    };
+    assert!(report["damage"].as_array().unwrap().iter().any(place), "{report}");
+    // Other commands say how to go on.
+    let out = folder.name("backup.db");
+    let backup = run(&["backup", "--database", &database, "--out", &out]).await;
+    backup.refused(1, &["damaged", "sidestep check", "sidestep restore", "sidestep salvage"]);
+    // An export has all that can be read.
+    let out = folder.name("export");
+    let export = ["export", "--database", &database, "--study", "imported", "--out", &out];
+    let export = run(&export).await;
+    assert!(export.code == Some(1) && export.err.contains(&trial), "{}", export.err);
+}
+
+#[tokio::test]
+async fn what_cannot_be_salvaged_is_refused() {
+    let folder = Folder::default();
+    let to = folder.database("new.db");
+    let garbage = folder.file("garbage.db", (0..50_000).map(noise).collect::<Vec<_>>());
+    let empty = folder.file("empty.db", "");
+    for (from, words) in [
+        (&garbage, "not a database"),
+        (&empty, "it is empty"),
+        (&folder.name("nowhere.db"), "No such file"),
+        (&folder.name(""), "directory"),
+    ] {
+        let said = run(&["salvage", "--from", from, "--database", &to]).await;
+        said.refused(2, &["--from", "cannot read", words]);
+    }
+    // What a server has not written back yet is in the log.
+    let server = Server::on_a_file(SHORT_STUDY).await;
+    Driver::enrol(&server).await.drive(&server, 3).await;
+    let file = server.path("sidestep.db").display().to_string();
+    let said = run(&["salvage", "--from", &file, "--database", &to]).await;
+    said.refused(2, &["--from", "a server uses it"]);
+    for end in ["", "-wal"] {
+        std::fs::copy(format!("{file}{end}"), folder.name(&format!("crashed.db{end}"))).unwrap();
+    }
+    let salvage = ["salvage", "--from", &folder.name("crashed.db"), "--database", &to];
+    assert_eq!(run(&salvage).await.only_json()["trials"], 3);
+    run(&salvage).await.refused(2, &["--database", "new.db", "it has data"]);
+    let left = folder.names();
+    assert!(!left.iter().any(|name| name.starts_with('.')), "{left:?}");
+}
