@@ -4,7 +4,7 @@ use sha2::{Digest, Sha256};
 use sidestep_tests::behind::new_postgres_database;
 use sidestep_tests::process::Said;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Folder, Server, behind, behind_file, run};
+use sidestep_tests::{Driver, Folder, Server, behind, run};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -28,7 +28,7 @@ async fn collected(folder: &Folder) -> String {
 }
 
 /// All trials of a file, each with a hash of all that is stored of it.
-fn trials(file: &str) -> BTreeMap<String, String> {
+async fn trials(file: &str) -> BTreeMap<String, String> {
     let db = behind(&format!("sqlite:{file}"));
     let query = "SELECT trial_id, content_version || hex(content_hash) || received_at_ms || \
                  coalesce(started_at_ms, '') || hex(inputs) || hex(states) || \
@@ -36,7 +36,7 @@ fn trials(file: &str) -> BTreeMap<String, String> {
     let row = |row: &sidestep_tests::behind::BehindRow| {
         Ok((row.get(0)?, hex::encode(Sha256::digest(row.get::<String>(1)?))))
     };
-    db.rows(query, row).unwrap().into_iter().collect()
+    db.rows(query, row).await.unwrap().into_iter().collect()
 }
 
 /// The page of a file in which these bytes are.
@@ -46,18 +46,17 @@ fn page_of(file: &str, bytes: &[u8]) -> usize {
 }
 
 /// The first page of the tree of a table or index.
-fn root_of(file: &str, name: &str) -> usize {
+async fn root_of(file: &str, name: &str) -> usize {
     let query = format!("SELECT rootpage FROM sqlite_schema WHERE name = '{name}'");
-    let root: i64 =
-        behind_file(&format!("sqlite:{file}")).query_row(&query, [], |row| row.get(0)).unwrap();
+    let root: i64 = behind(&format!("sqlite:{file}")).row(&query, |row| row.get(0)).await.unwrap();
     usize::try_from(root).unwrap() - 1
 }
 
 /// A part of what is stored of one trial.
-fn stored(file: &str, part: &str, of: &str) -> (String, Vec<u8>) {
+async fn stored(file: &str, part: &str, of: &str) -> (String, Vec<u8>) {
     let query = format!("SELECT trial_id, {part} FROM trial WHERE {of} LIMIT 1");
     let db = behind(&format!("sqlite:{file}"));
-    db.query_row(&query, [], |row| Ok((row.get(0)?, row.get(1)?))).unwrap()
+    db.row(&query, |row| Ok((row.get(0)?, row.get(1)?))).await.unwrap()
 }
 
 /// A copy of a file with a page of other bytes.
@@ -86,7 +85,7 @@ async fn salvaged(file: &str, before: &BTreeMap<String, String>) -> (Said, BTree
     let beside = ["-wal", "-shm", "-journal"].map(|end| format!("{file}{end}"));
     assert!(beside.iter().all(|path| !Path::new(path).exists()));
     run(&["check", "--database", &to]).await.json();
-    let saved = trials(&out);
+    let saved = trials(&out).await;
     assert!(saved.iter().all(|(id, row)| before.get(id) == Some(row)), "as it was");
     let lost: BTreeSet<String> =
         before.keys().filter(|id| !saved.contains_key(*id)).cloned().collect();
@@ -104,15 +103,15 @@ fn names_all(said: &Said, lost: &BTreeSet<String>) -> bool {
 async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     let folder = Folder::default();
     let file = collected(&folder).await;
-    let before = trials(&file);
+    let before = trials(&file).await;
     assert!(before.len() > 600, "{}", before.len());
     let (_, none) = salvaged(&file, &before).await;
     assert!(none.is_empty(), "nothing is lost of a sound file");
 
     // A leaf of the table, and bytes of an upload that are on a page of their own.
-    let (imported, hash) = stored(&file, "content_hash", "content_version = 2");
+    let (imported, hash) = stored(&file, "content_hash", "content_version = 2").await;
     let leaf = page_of(&file, &hash);
-    let (uploaded, states) = stored(&file, "substr(states, 1201, 64)", "content_version = 3");
+    let (uploaded, states) = stored(&file, "substr(states, 1201, 64)", "content_version = 3").await;
     let rest = page_of(&file, &states);
     for (trial, page) in [(&imported, leaf), (&uploaded, rest)] {
         for (name, byte) in [("zero.db", (|_| 0) as fn(usize) -> u8), ("noise.db", noise)] {
@@ -138,7 +137,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     assert!(said.err.contains("not sound: the content is not that of its hash"), "{}", said.err);
 
     // Into a database of the other kind, too; what was counted of the trial is counted again.
-    let other = new_postgres_database().unwrap_or_else(|| folder.database("other.db"));
+    let other = new_postgres_database().await.unwrap_or_else(|| folder.database("other.db"));
     let salvage = ["salvage", "--from", &flipped, "--database", &other];
     assert_eq!(run(&salvage).await.code, Some(1));
     let sound = run(&["check", "--database", &other]).await.json();
@@ -148,12 +147,12 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     for index in
         ["sqlite_autoindex_trial_1", "sqlite_autoindex_scene_2", "sqlite_autoindex_participant_1"]
     {
-        let damaged = with_page(&file, "index.db", root_of(&file, index), |_| 0);
+        let damaged = with_page(&file, "index.db", root_of(&file, index).await, |_| 0);
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(said.code == Some(0) && lost.is_empty(), "{index}: {}", said.err);
     }
     // Without the participants, there is nobody whose trials they are; all are named.
-    let damaged = with_page(&file, "people.db", root_of(&file, "participant"), |_| 0);
+    let damaged = with_page(&file, "people.db", root_of(&file, "participant").await, |_| 0);
     let (said, lost) = salvaged(&damaged, &before).await;
     assert!(lost.len() == before.len() && names_all(&said, &lost));
     // A file that was cut off.
@@ -169,8 +168,8 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
 async fn a_check_goes_on_after_damage_and_says_what_to_do() {
     let folder = Folder::default();
     let file = collected(&folder).await;
-    let before = trials(&file);
-    let (trial, hash) = stored(&file, "content_hash", "content_version = 2");
+    let before = trials(&file).await;
+    let (trial, hash) = stored(&file, "content_hash", "content_version = 2").await;
     let damaged = with_page(&file, "zero.db", page_of(&file, &hash), |_| 0);
     let database = format!("sqlite:{damaged}");
     let said = run(&["check", "--database", &database]).await;

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use sidestep::api::{KeyEvent, routes};
-use sidestep_tests::folder::rows;
+use sidestep_tests::folder;
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::sqlite::{self, Cell, cells};
 use sidestep_tests::{Driver, Folder, Server, behind, driven, run};
@@ -337,19 +337,19 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let server = study().await;
     let db = behind(&server.database());
     // One sign of the record of one trial, and a word in another that nobody knows.
-    let of = |number: i64, ordinal: i64| {
+    let of = async |number: i64, ordinal: i64| {
         let query = format!(
             "SELECT scene.trial_id FROM scene JOIN participant ON participant.id = participant_id \
              WHERE number = {number} AND ordinal = {ordinal}"
         );
-        db.query_row(&query, [], |row| row.get::<String>(0)).unwrap()
+        db.row(&query, |row| row.get::<String>(0)).await.unwrap()
     };
-    let (changed, unreadable) = (of(2, 0), of(1, 3));
+    let (changed, unreadable) = (of(2, 0).await, of(1, 3).await);
     let change = format!(
         "UPDATE trial SET display = replace(display, '6', '7') WHERE trial_id = '{changed}'; \
          UPDATE trial SET flags = 'odd' WHERE trial_id = '{unreadable}'"
     );
-    db.execute_batch(&change).unwrap();
+    db.execute(&change).await.unwrap();
 
     let (folder, database) = (Folder::default(), server.database());
     for format in FORMATS {
@@ -384,7 +384,7 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
             (2.into(), 2)
         );
     }
-    let trials = rows(folder.path("csv/trials.csv"));
+    let trials = folder::rows(folder.path("csv/trials.csv"));
     let damaged: Vec<_> = trials.iter().filter(|row| row["damaged"] == "1").collect();
     let [row] = damaged[..] else { panic!("{damaged:?}") };
     assert!(row["trial_id"] == changed && row["damage"].contains("hash"), "{row:?}");
@@ -392,21 +392,23 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     // Its number is given to no other.
     let numbers = trials.iter().filter(|row| row["participant"] == "1").map(|row| &*row["trial"]);
     assert_eq!(numbers.collect::<Vec<_>>(), ["0", "1", "2", "4"]);
-    let steps = rows(folder.path("csv/steps.csv"));
+    let steps = folder::rows(folder.path("csv/steps.csv"));
     let marked = steps.iter().filter(|row| row["damaged"] == "1");
     assert!(steps.len() == 300 && marked.clone().count() == 50);
     assert!(marked.clone().all(|row| row["trial_id"] == changed));
     let out = folder.name("unflagged");
     let unflagged = ["export", "--database", &database, "--quality", "unflagged", "--out", &out];
     assert_eq!(run(&unflagged).await.code, Some(1));
-    assert!(rows(folder.path("unflagged/trials.csv")).iter().all(|row| row["damaged"] == "0"));
+    assert!(
+        folder::rows(folder.path("unflagged/trials.csv")).iter().all(|row| row["damaged"] == "0")
+    );
 
     // Steps as one file have nothing beside them that could name what is left out: they break off.
     let route = routes::exports("default");
     let all = server.request(reqwest::Method::GET, &route).bearer_auth(&server.key);
     let all = async { all.send().await?.bytes().await };
     assert!(all.await.is_err());
-    db.execute_batch(&format!("DELETE FROM trial WHERE trial_id = '{unreadable}'")).unwrap();
+    db.execute(&format!("DELETE FROM trial WHERE trial_id = '{unreadable}'")).await.unwrap();
     let steps = server.export("default").await;
     assert_eq!(steps.lines().filter(|line| line.ends_with(",1")).count(), 50);
 }

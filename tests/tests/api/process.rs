@@ -172,7 +172,7 @@ async fn nobody_need_read_what_a_command_says() {
     let damaged = folder.database("damaged.db");
     std::fs::copy(folder.name("study.db"), folder.name("damaged.db")).unwrap();
     let change = "UPDATE trial SET closest_m = closest_m + 1";
-    sidestep_tests::behind_file(&damaged).execute_batch(change).unwrap();
+    sidestep_tests::behind(&damaged).execute(change).await.unwrap();
     let (out, none) = (folder.name("out"), folder.database("none.db"));
     for (code, args) in [
         (0, &["--help"][..]),
