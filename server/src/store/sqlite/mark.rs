@@ -61,17 +61,17 @@ pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
 
 /// What a write-ahead log says.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Log {
+pub(super) struct Log {
     /// Of this writing of the log: SQLite draws others when it begins the log anew.
-    salts: [u8; 8],
+    pub(super) salts: [u8; 8],
     /// The first mark in it and the last.
-    marks: Option<[Mark; 2]>,
+    pub(super) marks: Option<[Mark; 2]>,
 }
 
 impl Log {
     /// Reads a log; none if there is nothing in it that SQLite would apply. The format:
     /// <https://www.sqlite.org/fileformat2.html#walformat>.
-    fn read(path: &Path) -> io::Result<Option<Self>> {
+    pub(super) fn read(path: &Path) -> io::Result<Option<Self>> {
         let file = match File::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             file => file?,

@@ -3,13 +3,14 @@
 //! SQLite does not notice when somebody deletes, moves, replaces, overwrites or cuts off the file that it has open. So
 //! this is looked at before each read, before and after each commit, and by [`Watch`] all the time.
 
+use super::connection;
 use super::file::{DatabaseFile, Identity};
-use super::mark::{self, Mark, Place};
+use super::mark::{self, Log, Mark, Place};
 use crate::store::error::StoreError;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
@@ -31,8 +32,20 @@ pub(super) struct Original {
     length: AtomicU64,
     /// What somebody has done to the content; it cannot be undone.
     changed: OnceLock<&'static str>,
+    /// The log when it was last looked at.
+    log: Mutex<Seen>,
+    /// Whether the log is what SQLite wrote.
+    has_log: AtomicBool,
     /// Where what was stored is safe, while the file is not.
     rescued: Mutex<Option<PathBuf>>,
+}
+
+/// What was seen of a log.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    salts: [u8; 8],
+    /// Bytes.
+    length: u64,
 }
 
 impl Original {
@@ -52,6 +65,8 @@ impl Original {
             commits: AtomicU64::new(0),
             length: AtomicU64::new(length),
             changed: OnceLock::new(),
+            log: Mutex::default(),
+            has_log: AtomicBool::new(true),
             rescued: Mutex::default(),
         })
     }
@@ -71,6 +86,55 @@ impl Original {
             Some(rescued) => format!("{what}; what it had is in {}", rescued.display()),
             None => what.to_owned(),
         }))
+    }
+
+    /// The same of the file and its log.
+    pub(super) fn check_with_log(&self) -> Result<(), StoreError> {
+        self.check()?;
+        if let Some(what) = self.found_of_log()
+            && self.found_of_log().is_some()
+        {
+            self.has_log.store(false, Ordering::Relaxed);
+            self.changed.get_or_init(|| what);
+        }
+        self.check()
+    }
+
+    /// What somebody has done to the log.
+    fn found_of_log(&self) -> Option<&'static str> {
+        const CUT: &str = "separated from its write-ahead log, which was cut off";
+        const OTHER: &str = "separated from its write-ahead log, which was overwritten";
+        let mut header = [0; 32];
+        // Whether it is there at all is looked at before each commit.
+        let log = File::open(self.file.log()).ok()?;
+        let length = log.metadata().ok()?.len();
+        let mut known = self.log.lock().unwrap_or_else(PoisonError::into_inner);
+        if log.read_exact_at(&mut header, 0).is_err() {
+            if known.length == 0 {
+                return None;
+            }
+            // SQLite makes it empty once everything was written back, and knows that.
+            let pages = connection::reading(&self.file).and_then(|db| connection::log_pages(&db));
+            if pages.ok()? > 0 {
+                return Some(CUT);
+            }
+            *known = Seen::default();
+            return None;
+        }
+        if header[16..24] == known.salts {
+            let is_shorter = length < known.length;
+            known.length = known.length.max(length);
+            return is_shorter.then_some(CUT);
+        }
+        // It begins anew, after everything was written back.
+        let log = Log::read(self.file.log()).ok()??;
+        let [_, last] = log.marks?;
+        let (identity, _) = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
+        if last.identity != identity || last.commits < self.commits.load(Ordering::Relaxed) {
+            return Some(OTHER);
+        }
+        *known = Seen { salts: log.salts, length };
+        None
     }
 
     /// Where what was stored is safe.
@@ -141,6 +205,11 @@ impl Original {
         self.changed.get().is_none()
     }
 
+    /// Whether its log is what SQLite wrote.
+    pub(super) fn has_log(&self) -> bool {
+        self.has_log.load(Ordering::Relaxed)
+    }
+
     /// A new name beside the file for what is rescued.
     pub(super) fn rescue_name(&self) -> PathBuf {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -167,7 +236,7 @@ impl Watch {
         let thread = std::thread::Builder::new().name("store-watch".to_owned()).spawn(move || {
             let mut was_well = true;
             while stopped.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
-                let found = original.check();
+                let found = original.check_with_log();
                 match &found {
                     Err(error) if was_well => {
                         tracing::error!(%error, "nothing is read or stored any more");

@@ -302,7 +302,7 @@ impl Thread {
                 Next::EmptyLog => self.empty_log(),
                 Next::Rescue => self.rescue(),
                 Next::Stop => {
-                    if self.original.check().is_err() {
+                    if self.original.check_with_log().is_err() {
                         self.rescue();
                         // Closing it would delete a log that may be another file's, or the only copy.
                         std::mem::forget(self.db.take());
@@ -342,7 +342,10 @@ impl Thread {
         for operation in batch {
             operation.answer(committed.clone().map(|_| ()));
         }
-        if let Some(open) = &self.db {
+        // A strange log must not be written back.
+        if let Some(open) = &self.db
+            && self.original.check().is_ok()
+        {
             self.log.after_commit(&open.db);
         }
     }
@@ -350,18 +353,19 @@ impl Thread {
     /// Returns whether a row changed. The connection is used again only after a successful commit: a new connection is in
     /// no failed transaction. One to a file that somebody has changed stays: it may be all that is left of it.
     fn commit(&mut self, batch: &mut Batch, trials: usize) -> Result<bool, StoreError> {
-        self.original.check()?;
+        self.original.check_with_log()?;
         let open = match self.db.take() {
             Some(open) => open,
             None => open(&self.file, &self.original)?,
         };
         let committed = self.transact(&open.db, batch, trials);
         // SQLite reports success also for a deleted file, whose content is lost.
-        let checked =
-            self.original.check().and_then(|()| match self.file.log_identity()? == open.log {
+        let checked = self.original.check_with_log().and_then(|()| {
+            match self.file.log_identity()? == open.log {
                 true => Ok(()),
                 false => Err(StoreError::Gone("separated from its write-ahead log".to_owned())),
-            });
+            }
+        });
         if committed.is_ok() || checked.is_err() {
             self.db = Some(open);
         }
@@ -404,7 +408,7 @@ impl Thread {
     /// Writes what the database had into another file: all of it, if only its name was changed, else its log, which
     /// has what was stored last.
     fn rescue(&mut self) {
-        if self.original.rescued().is_some() {
+        if self.original.rescued().is_some() || !self.original.has_log() {
             return;
         }
         let mut name = self.original.rescue_name().into_os_string();
@@ -437,7 +441,10 @@ impl Thread {
 
     fn empty_log(&mut self) {
         let emptied = match &self.db {
-            Some(open) => connection::empty_log(&open.db),
+            Some(open) => {
+                let checked = self.original.check_with_log();
+                checked.and_then(|()| connection::empty_log(&open.db))
+            }
             None => Ok(false),
         };
         if let Err(error) = &emptied {
