@@ -17,3 +17,4 @@ mod kills;
 mod matrix;
 mod power;
 mod postgres;
+mod servers;
