@@ -135,7 +135,11 @@ async fn files_are_private_from_the_moment_they_are_there() {
         assert!(archive.status() == 200 && !archive.bytes().await.unwrap().is_empty());
     }
     let begun = Instant::now();
-    while !fs::read_dir(at("kept/backups")).is_ok_and(|found| found.count() > 0) {
+    let is_kept = || {
+        let found = fs::read_dir(at("kept/backups")).into_iter().flatten().flatten();
+        found.into_iter().any(|entry| entry.file_name().to_string_lossy().starts_with("sidestep-"))
+    };
+    while !is_kept() {
         assert!(begun.elapsed() < Duration::from_secs(60), "a backup");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
