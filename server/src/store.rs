@@ -430,7 +430,7 @@ impl Store {
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         match &self.open.database {
-            Database::Sqlite(database) => database.write(Lane::Trial, work).await,
+            Database::Sqlite(database) => database.write_trial(work).await,
             Database::Postgres(database) => database.write_trial(locks.into(), work).await,
         }
     }

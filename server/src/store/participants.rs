@@ -495,7 +495,8 @@ pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
 
 /// Notes that a participant has just done something.
 pub(super) fn seen(db: &Connection, participant_id: &str, now_ms: i64) -> Result<(), StoreError> {
-    Ok(db.execute_row_later(&SEEN, participant_id, params![participant_id, now_ms])?)
+    let row = params![participant_id, now_ms];
+    Ok(db.execute_row_later(&SEEN, &[participant_id], row)?)
 }
 
 const SEEN: Rows = Rows {

@@ -87,7 +87,7 @@ pub(super) fn insert(
         goal[0],
         goal[1],
     ];
-    Ok(db.execute_row_later(&INSERT, &planned.trial_id, row)?)
+    Ok(db.execute_row_later(&INSERT, &[&planned.trial_id], row)?)
 }
 
 /// Adds the scene of a trial to the end of its participant's plan, as the next attempt.

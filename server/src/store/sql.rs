@@ -227,19 +227,19 @@ impl Connection {
     }
 
     /// Executes a statement for one row of parameters, without a result: for many rows at once, before the next other
-    /// statement or when the operation ends; an error comes then. The rows of one statement have different targets: what it
-    /// changes for one target does not depend on what it changes for another. Statements for rows are executed in the
+    /// statement or when the transaction ends; an error comes then. The rows of one statement have different targets: what
+    /// it changes for one target does not depend on what it changes for another. Statements for rows are executed in the
     /// order of their first rows.
     pub(super) fn execute_row_later(
         &self,
         rows: &'static Rows,
-        target: &str,
+        targets: &[&str],
         params: impl Params,
     ) -> Result<()> {
         let values = params.values();
-        if !self.waiting.borrow_mut().add(rows, target, &values) {
+        if !self.waiting.borrow_mut().add(rows, targets, &values) {
             self.settle()?;
-            self.waiting.borrow_mut().add(rows, target, &values);
+            self.waiting.borrow_mut().add(rows, targets, &values);
         }
         Ok(())
     }
@@ -418,12 +418,25 @@ impl Statement<'_> {
         read: impl FnMut(&Row) -> Result<T, E>,
     ) -> Result<IntoIter<Result<T, E>>> {
         self.db.settle()?;
-        self.query_ahead(params, read)
+        self.query_now(params, read)
     }
 
-    /// The same before what was [put off](Connection::execute_row_later), which must not concern it, is executed.
+    /// The same before what was [put off](Connection::execute_row_later) is executed, unless that has this target.
     pub(super) fn query_ahead<T, E: From<Error>>(
         &mut self,
+        target: &str,
+        params: impl Params,
+        read: impl FnMut(&Row) -> Result<T, E>,
+    ) -> Result<IntoIter<Result<T, E>>> {
+        let waits = self.db.waiting.borrow().has(target);
+        if waits {
+            self.db.settle()?;
+        }
+        self.query_now(params, read)
+    }
+
+    fn query_now<T, E: From<Error>>(
+        &self,
         params: impl Params,
         read: impl FnMut(&Row) -> Result<T, E>,
     ) -> Result<IntoIter<Result<T, E>>> {

@@ -236,6 +236,20 @@ impl Sqlite {
         lane: Lane,
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        self.writer.run(lane, work).await
+        // It runs once: it has a savepoint.
+        let mut work = Some(work);
+        let once = move |db: &Connection| match work.take() {
+            Some(work) => work(db),
+            None => Err(StoreError::Defect("it ran twice".to_owned())),
+        };
+        self.writer.run(lane, once).await
+    }
+
+    /// The same for a trial, whose work is done again if another one fails that was to be stored with it.
+    pub(super) async fn write_trial<T: Send + 'static>(
+        &self,
+        work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        self.writer.run(Lane::Trial, work).await
     }
 }

@@ -72,7 +72,11 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
         trial.waiting,
         study_id,
     ];
-    Ok(db.execute_row_later(&ADD, trial.participant_id, row)?)
+    // Of two trials with the same times, the later one must find the earlier.
+    let timing = trial.key_timing.map(|timing| format!("timing {study_id} {timing}"));
+    let targets: Vec<_> =
+        [Some(trial.participant_id), timing.as_deref()].into_iter().flatten().collect();
+    Ok(db.execute_row_later(&ADD, &targets, row)?)
 }
 
 /// Records how many further trials wait in the participant's browser, when a trial was uploaded again.

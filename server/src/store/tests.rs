@@ -22,6 +22,7 @@ use sqlx::{Connection as _, Executor};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, mpsc};
 use std::task::{Context, Poll, Waker};
+use std::time::Duration;
 use tempfile::TempDir;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
@@ -176,6 +177,42 @@ async fn counting_trials_again_finds_what_was_counted() {
     assert_eq!(store.wrong_tallies().await.unwrap(), ["ada"]);
     store.count_again("ada").await.unwrap();
     assert_eq!(store.wrong_tallies().await.unwrap(), [""; 0]);
+}
+
+#[tokio::test]
+async fn trials_that_wait_together_are_stored_as_one_by_one() {
+    let (_folder, store) = store().await;
+    for name in ["ada", "bob", "eve"] {
+        someone(&store, name, Known::default()).await;
+    }
+    let put = async |name: &str, i: usize, again: Option<&str>| {
+        let repeated_as = again.map(str::to_owned);
+        let new = trial(&format!("{name}-{i}"), TurnInput::Left);
+        store.put_trial(name, NewTrial { key_timing: Some(1), repeated_as, ..new }).await
+    };
+    // While this holds the writer of a file, the others come together. Of PostgreSQL, they come at about the same time.
+    let first = store.write([], |_| {
+        std::thread::sleep(Duration::from_millis(100));
+        Ok(())
+    });
+    let (_, a, b, unknown, next, wrong) = tokio::join!(
+        first,
+        put("ada", 0, None),
+        put("bob", 0, None),
+        put("bob", 9, None),
+        put("ada", 1, None),
+        // A scene has this id already.
+        put("eve", 0, Some("bob-1")),
+    );
+    for stored in [a, b, next] {
+        assert!(matches!(stored, Ok(PutTrial::Stored { .. })), "{stored:?}");
+    }
+    assert!(matches!(unknown, Ok(PutTrial::Unknown)), "{unknown:?}");
+    assert!(matches!(wrong, Err(StoreError::Defect(_))), "{wrong:?}");
+    assert_eq!(store.wrong_tallies().await.unwrap(), [""; 0]);
+    let same = "SELECT sum(same_timing) FROM tally";
+    let same = store.read(move |db| Ok(db.query_row(same, [], |row| row.get::<_, i64>(0))?)).await;
+    assert_eq!(same.unwrap(), 2, "all but the first");
 }
 
 #[tokio::test]

@@ -452,8 +452,8 @@ const PLACE: &str = "SELECT participant.study_id, participant.withdrawn_at_ms IS
 
 fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTrial, StoreError> {
     let mut statement = db.prepare_cached(PLACE)?;
-    // Nothing that waits concerns this participant.
-    let mut found = statement.query_ahead(params![participant_id, trial.trial_id], |row| {
+    let whose = params![participant_id, trial.trial_id];
+    let mut found = statement.query_ahead(participant_id, whose, |row| {
         let version: Option<i64> = row.get(2)?;
         let phase = |word: Option<String>| word.as_deref().map(phase_of).transpose();
         Ok::<_, StoreError>(Place {
@@ -579,5 +579,5 @@ pub(super) fn insert(
         step(avoidance.map(|(_, last)| last)),
         new.key_timing,
     ];
-    Ok(db.execute_row_later(&INSERT, &new.trial_id, row)?)
+    Ok(db.execute_row_later(&INSERT, &[&new.trial_id], row)?)
 }

@@ -5,7 +5,7 @@ use super::{COMMIT, QUEUE, Shared, taking};
 use crate::store::error::StoreError;
 use crate::store::lanes::Lock;
 use crate::store::operation::Operation;
-use std::collections::{HashSet, VecDeque};
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -56,28 +56,12 @@ impl Trials {
         self.waiting().len()
     }
 
-    /// Takes as many as one transaction stores; none if others have taken them. No two of them depend on the same:
-    /// the later one asks before what the other has put off is executed. Whoever waits for the later one comes for it.
+    /// Takes as many as one transaction stores; none if others have taken them.
     fn take(&self) -> Vec<Waiting> {
         let mut waiting = self.waiting();
-        let (mut taken, mut left, mut locks) = (Vec::new(), VecDeque::new(), HashSet::new());
-        while taken.len() < BATCH
-            && let Some(trial) = waiting.pop_front()
-        {
-            if !trial.operation.is_wanted() {
-                continue;
-            }
-            match trial.locks.iter().any(|lock| locks.contains(lock)) {
-                true => left.push_back(trial),
-                false => {
-                    locks.extend(trial.locks.clone());
-                    taken.push(trial);
-                }
-            }
-        }
-        left.append(&mut waiting);
-        *waiting = left;
-        taken
+        waiting.retain(|trial| trial.operation.is_wanted());
+        let count = waiting.len().min(BATCH);
+        waiting.drain(..count).collect()
     }
 
     fn waiting(&self) -> MutexGuard<'_, VecDeque<Waiting>> {

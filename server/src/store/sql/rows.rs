@@ -59,18 +59,28 @@ impl Waiting {
         std::mem::take(&mut self.0).into_iter().flat_map(Group::executions).collect()
     }
 
-    /// Adds a row; false if its statement has one with this target already.
-    pub(super) fn add(&mut self, rows: &'static Rows, target: &str, values: &[Value<'_>]) -> bool {
+    /// Whether a row has this target.
+    pub(super) fn has(&self, target: &str) -> bool {
+        self.0.iter().any(|group| group.targets.iter().any(|known| known == target))
+    }
+
+    /// Adds a row; false if its statement has one with one of these targets already.
+    pub(super) fn add(
+        &mut self,
+        rows: &'static Rows,
+        targets: &[&str],
+        values: &[Value<'_>],
+    ) -> bool {
         let at = self.0.iter().position(|group| group.rows == rows);
         let at = at.unwrap_or_else(|| {
             self.0.push(Group { rows, targets: Vec::new(), values: Vec::new() });
             self.0.len() - 1
         });
         let Some(group) = self.0.get_mut(at) else { return false };
-        if group.targets.iter().any(|known| known == target) {
+        if targets.iter().any(|target| group.targets.iter().any(|known| known == target)) {
             return false;
         }
-        group.targets.push(target.to_owned());
+        group.targets.extend(targets.iter().map(|&target| target.to_owned()));
         group.values.push(values.iter().cloned().map(Value::into_owned).collect());
         true
     }
@@ -92,15 +102,16 @@ mod tests {
         static ADD: Rows = Rows { before: "INSERT INTO t VALUES ", after: "" };
         let mut waiting = Waiting::default();
         for row in 0..37 {
-            assert!(waiting.add(&ADD, &row.to_string(), &[Value::Integer(row)]));
+            assert!(waiting.add(&ADD, &[&row.to_string()], &[Value::Integer(row)]));
         }
-        assert!(!waiting.add(&ADD, "7", &[Value::Integer(7)]));
+        assert!(!waiting.add(&ADD, &["other", "7"], &[Value::Integer(7)]));
+        assert!(waiting.has("7") && !waiting.has("other"));
         let executions = waiting.take();
         let counts: Vec<_> = executions.iter().map(|(_, values)| values.len()).collect();
         assert_eq!(counts, [32, 4, 1]);
         let last = executions.iter().flat_map(|(_, values)| values).next_back();
         assert_eq!(last, Some(&Value::Integer(36)));
         assert!(waiting.take().is_empty());
-        assert!(waiting.add(&ADD, "7", &[Value::Integer(7)]));
+        assert!(waiting.add(&ADD, &["7"], &[Value::Integer(7)]));
     }
 }

@@ -1,7 +1,7 @@
 //! The one writer: a thread with the only connection that writes.
 //!
-//! Operations wait in bounded queues. The writer takes a batch, runs each operation in a savepoint of
-//! one transaction, commits once, and only then answers: one wait for the disk serves many requests.
+//! Operations wait in bounded queues. The writer takes a batch, runs its operations in one transaction (trials
+//! together, each other one in a savepoint), commits once, and only then answers: one wait for the disk serves many requests.
 //! After an error that may have ended the transaction, the writer closes the connection and refuses
 //! the whole batch, so that writing resumes as soon as a full disk or an I/O error is gone.
 //!
@@ -206,14 +206,9 @@ impl Writer {
     pub(super) async fn run<T: Send + 'static>(
         &self,
         lane: Lane,
-        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+        work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        // Nothing runs twice here: each operation has a savepoint.
-        let mut work = Some(work);
-        let (operation, answered) = operation(move |db| match work.take() {
-            Some(work) => work(db),
-            None => Err(StoreError::Defect("it ran twice".to_owned())),
-        });
+        let (operation, answered) = operation(work);
         self.queue.push(lane, operation)?;
         answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
     }
@@ -382,9 +377,7 @@ impl Thread {
         let before = db.changed();
         db.control("BEGIN IMMEDIATE")?;
         let (first, others) = batch.split_at_mut(trials);
-        for operation in first {
-            run(db, &mut **operation)?;
-        }
+        run_trials(db, first)?;
         // At least one, and those for which there is time: a trial that comes meanwhile waits for them.
         let (begun, mut done) = (Instant::now(), 0);
         for operation in others {
@@ -464,6 +457,29 @@ fn open(file: &DatabaseFile, original: &Original) -> Result<Open, StoreError> {
     db.query_row("SELECT count(*) FROM study", [], |_| Ok(()))?;
     let log = file.log_identity()?;
     Ok(Open { db, log })
+}
+
+/// Stores trials together. If one of them fails, each is stored in a savepoint: those would cost every trial two
+/// statements, and a statement for each of its rows.
+fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), StoreError> {
+    match trials {
+        [] => return Ok(()),
+        [alone] => return run(db, &mut **alone),
+        _ => {}
+    }
+    db.control("SAVEPOINT trials")?;
+    let together = trials.iter_mut().try_for_each(|trial| trial.run(db));
+    if let Err(error) = together.and_then(|()| Ok(db.settle()?)) {
+        if error.ends_transaction() {
+            return Err(error);
+        }
+        // After some errors SQLite has rolled the whole transaction back, and there is no savepoint any more.
+        db.roll_back("ROLLBACK TO trials").map_err(|_| error)?;
+        for trial in trials {
+            run(db, &mut **trial)?;
+        }
+    }
+    Ok(db.control("RELEASE trials")?)
 }
 
 /// Runs an operation in a savepoint, so that a failed operation is undone and the others remain. An
