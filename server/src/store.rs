@@ -49,7 +49,7 @@ use commits::Commits;
 use lanes::{Lane, Lock};
 use postgres::Postgres;
 use sidestep::study::StudyConfig;
-use sql::Connection;
+use sql::{Connection, Question};
 use sqlite::{DatabaseFile, Sqlite};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -427,11 +427,14 @@ impl Store {
     async fn write_first<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
+        question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         match &self.open.database {
-            Database::Sqlite(database) => database.write_trial(work).await,
-            Database::Postgres(database) => database.write_trial(locks.into(), work).await,
+            Database::Sqlite(database) => database.write_trial(question, work).await,
+            Database::Postgres(database) => {
+                database.write_trial(locks.into(), question, work).await
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 //! Operations that wait to be run together, in one transaction, and are answered after its commit.
 
 use super::error::StoreError;
-use super::sql::Connection;
+use super::sql::{Connection, Question};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use tokio::sync::oneshot;
 
@@ -9,6 +9,8 @@ use tokio::sync::oneshot;
 pub(super) trait Operation: Send {
     /// Whether a caller still waits for its answer.
     fn is_wanted(&self) -> bool;
+    /// What it will [ask](Connection::query_ahead) first.
+    fn question(&self) -> Option<&Question>;
     /// Does the work in a transaction. After an error, what it did is rolled back; it may run again then.
     fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
     /// Notes that what the work had put off has failed.
@@ -23,15 +25,31 @@ pub(super) type Batch = Vec<Box<dyn Operation>>;
 /// What the caller of an operation waits for.
 pub(super) type Answered<T> = oneshot::Receiver<Result<T, StoreError>>;
 
-/// An operation that does this work, and its answer.
+/// Runs operations whose first questions are asked together, and what they put off.
+pub(super) fn run_together<'a>(
+    db: &Connection,
+    operations: impl Iterator<Item = &'a mut Box<dyn Operation>>,
+) -> Result<(), StoreError> {
+    let operations: Vec<_> = operations.collect();
+    let questions = operations.iter().filter_map(|operation| operation.question().cloned());
+    db.ask_ahead(questions.collect())?;
+    let done = operations.into_iter().try_for_each(|operation| operation.run(db));
+    let done = done.and_then(|()| Ok(db.settle()?));
+    db.forget_asked();
+    done
+}
+
+/// An operation that does this work, which may begin with a question, and its answer.
 pub(super) fn operation<T: Send + 'static>(
+    question: Option<Question>,
     work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
 ) -> (Box<dyn Operation>, Answered<T>) {
     let (answer, answered) = oneshot::channel();
-    (Box::new(Waiting { work, found: None, answer }), answered)
+    (Box::new(Waiting { question, work, found: None, answer }), answered)
 }
 
 struct Waiting<T, W> {
+    question: Option<Question>,
     work: W,
     found: Option<Result<T, StoreError>>,
     answer: oneshot::Sender<Result<T, StoreError>>,
@@ -44,6 +62,10 @@ where
 {
     fn is_wanted(&self) -> bool {
         !self.answer.is_closed()
+    }
+
+    fn question(&self) -> Option<&Question> {
+        self.question.as_ref()
     }
 
     fn run(&mut self, db: &Connection) -> Result<(), StoreError> {

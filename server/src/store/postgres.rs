@@ -14,7 +14,7 @@ use super::lanes::{Lane, Lock};
 use super::migrations::{self, Failure, State};
 use super::misfit::Misfit;
 use super::operation::operation;
-use super::sql::Connection;
+use super::sql::{Connection, Question};
 use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use address::Address;
@@ -293,9 +293,10 @@ impl Postgres {
     pub(super) async fn write_trial<T: Send + 'static>(
         &self,
         locks: Vec<Lock>,
+        question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        let (operation, mut answered) = operation(work);
+        let (operation, mut answered) = operation(question, work);
         self.shared.trials.push(Waiting { locks, operation })?;
         let lost = |_| Err(StoreError::Defect("a transaction ended without an answer".to_owned()));
         let turn = tokio::select! {

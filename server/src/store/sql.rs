@@ -25,8 +25,8 @@ use std::vec::IntoIter;
 use tokio::runtime::Handle;
 
 pub(super) use row::Row;
-pub(super) use rows::Rows;
-use rows::Waiting;
+use rows::{Asked, Waiting};
+pub(super) use rows::{Question, Rows};
 pub(super) use value::{Kind, ToSql, Value};
 
 /// The error of a statement.
@@ -133,6 +133,8 @@ pub(super) struct Connection {
     link: RefCell<Link>,
     /// Rows that wait for the execution of their statement.
     waiting: RefCell<Waiting>,
+    /// What was asked ahead.
+    asked: RefCell<Asked>,
     /// How many rows were changed.
     changed: Cell<u64>,
 }
@@ -165,7 +167,8 @@ impl From<SqliteConnection> for Connection {
 impl Connection {
     fn to(link: Link) -> Self {
         let link = RefCell::new(link);
-        Self { link, waiting: RefCell::default(), changed: Cell::default() }
+        let (waiting, asked) = (RefCell::default(), RefCell::default());
+        Self { link, waiting, asked, changed: Cell::default() }
     }
 
     /// A session with PostgreSQL. It must not be used on a thread that drives `runtime`.
@@ -253,9 +256,63 @@ impl Connection {
         })
     }
 
+    /// Asks several questions at once, of the same query, whose first parameter and first column are the target. The answers
+    /// are for [`Self::query_ahead`]. Of questions with the same target, the later ones depend on what the first one leads to.
+    pub(super) fn ask_ahead(&self, questions: Vec<Question>) -> Result<()> {
+        let Some((query, _)) = questions.first() else { return Ok(()) };
+        let query: &Rows = query;
+        let (mut asked, mut all) = (Asked::new(), Vec::new());
+        for (_, values) in questions {
+            if let Some(Value::Text(target)) = values.first()
+                && !asked.contains_key(&**target)
+            {
+                asked.insert(target.to_string(), (values.clone(), None));
+                all.push(values);
+            }
+        }
+        for (sql, values) in query.executions(all) {
+            for row in self.rows(&sql.into(), &values)? {
+                if let Some((_, found)) = asked.get_mut(&row.get::<_, String>(0)?) {
+                    *found = Some(row);
+                }
+            }
+        }
+        self.asked.replace(asked);
+        Ok(())
+    }
+
+    /// What was asked ahead is out of date.
+    pub(super) fn forget_asked(&self) {
+        self.asked.borrow_mut().clear();
+    }
+
+    /// The row that a query finds, whose first parameter is the target; before what was [put off](Self::execute_row_later) is
+    /// executed, unless that has this target.
+    pub(super) fn query_ahead<T, E: From<Error>>(
+        &self,
+        (query, values): Question,
+        read: impl FnOnce(&Row) -> Result<T, E>,
+    ) -> Result<Option<T>, E> {
+        let mut known = None;
+        if let Some(Value::Text(target)) = values.first() {
+            known = self.asked.borrow_mut().remove(&**target);
+            let waits = self.waiting.borrow().has(target);
+            if waits {
+                self.settle()?;
+                known = None;
+            }
+        }
+        let found = match known {
+            Some((asked, found)) if asked == values => found,
+            _ => self.rows(&query.text(1, values.len()).into(), &values)?.into_iter().next(),
+        };
+        found.as_ref().map(read).transpose()
+    }
+
     /// Undoes a transaction, or a part of it, with what was put off.
     pub(super) fn roll_back(&self, undo: &str) -> Result<()> {
         self.waiting.borrow_mut().take();
+        self.forget_asked();
         self.batch(undo)
     }
 
@@ -418,28 +475,6 @@ impl Statement<'_> {
         read: impl FnMut(&Row) -> Result<T, E>,
     ) -> Result<IntoIter<Result<T, E>>> {
         self.db.settle()?;
-        self.query_now(params, read)
-    }
-
-    /// The same before what was [put off](Connection::execute_row_later) is executed, unless that has this target.
-    pub(super) fn query_ahead<T, E: From<Error>>(
-        &mut self,
-        target: &str,
-        params: impl Params,
-        read: impl FnMut(&Row) -> Result<T, E>,
-    ) -> Result<IntoIter<Result<T, E>>> {
-        let waits = self.db.waiting.borrow().has(target);
-        if waits {
-            self.db.settle()?;
-        }
-        self.query_now(params, read)
-    }
-
-    fn query_now<T, E: From<Error>>(
-        &self,
-        params: impl Params,
-        read: impl FnMut(&Row) -> Result<T, E>,
-    ) -> Result<IntoIter<Result<T, E>>> {
         let rows = self.db.rows(&self.sql, &params.values())?;
         let found: Vec<_> = rows.iter().map(read).collect();
         Ok(found.into_iter())

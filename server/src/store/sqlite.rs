@@ -14,7 +14,7 @@ mod writer;
 use super::error::StoreError;
 use super::lanes::Lane;
 use super::migrations::{self, Failure, State};
-use super::sql::{self, Connection};
+use super::sql::{self, Connection, Question};
 use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use file::Copied;
@@ -242,14 +242,15 @@ impl Sqlite {
             Some(work) => work(db),
             None => Err(StoreError::Defect("it ran twice".to_owned())),
         };
-        self.writer.run(lane, once).await
+        self.writer.run(lane, None, once).await
     }
 
     /// The same for a trial, whose work is done again if another one fails that was to be stored with it.
     pub(super) async fn write_trial<T: Send + 'static>(
         &self,
+        question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        self.writer.run(Lane::Trial, work).await
+        self.writer.run(Lane::Trial, question, work).await
     }
 }

@@ -572,16 +572,17 @@ async fn a_trial_that_fails_costs_no_other() {
         let store = store.clone();
         uploads.spawn(async move {
             let fails = number % 7 == 3;
-            let stored = store.write_first([Lock::Participant(number.to_string())], move |db| {
-                let add =
-                    "INSERT INTO audit (at_ms, who, action) VALUES ($1, 'test', 'key_created')";
-                db.execute(add, [number])?;
-                match number % 14 {
-                    3 => Err(StoreError::Defect("half way".to_owned())),
-                    10 => panic!("on purpose"),
-                    _ => Ok(number),
-                }
-            });
+            let stored =
+                store.write_first([Lock::Participant(number.to_string())], None, move |db| {
+                    let add =
+                        "INSERT INTO audit (at_ms, who, action) VALUES ($1, 'test', 'key_created')";
+                    db.execute(add, [number])?;
+                    match number % 14 {
+                        3 => Err(StoreError::Defect("half way".to_owned())),
+                        10 => panic!("on purpose"),
+                        _ => Ok(number),
+                    }
+                });
             (fails, stored.await)
         });
     }
@@ -698,7 +699,7 @@ async fn trials_go_ahead_of_a_class_that_enrols() {
     let (order, noted) = noting();
     let mut class: Vec<_> = (0..600).map(|_| Box::pin(store.write([], noted("class")))).collect();
     assert!(class.iter_mut().all(|enrolment| begun(enrolment).is_pending()));
-    let mut trial = Box::pin(store.write_first([], noted("trial")));
+    let mut trial = Box::pin(store.write_first([], None, noted("trial")));
     assert!(begun(&mut trial).is_pending());
     drop(held);
     assert_eq!(trial.await, Ok(()));
@@ -716,7 +717,7 @@ async fn requests_wait_for_one_piece_of_background_work_at_most() {
     let mut jobs: Vec<_> =
         (0..20).map(|_| Box::pin(store.write_behind([], noted("job")))).collect();
     let mut requests: Vec<_> =
-        (0..64).map(|_| Box::pin(store.write_first([], noted("request")))).collect();
+        (0..64).map(|_| Box::pin(store.write_first([], None, noted("request")))).collect();
     assert!(jobs.iter_mut().all(|job| begun(job).is_pending()));
     assert!(requests.iter_mut().all(|request| begun(request).is_pending()));
     drop(held);

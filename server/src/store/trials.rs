@@ -3,7 +3,7 @@
 use super::lanes::Lock;
 use super::participants::{self, COLUMNS, TOKEN, Visitor};
 use super::scenes::{self, SCENE, phase_of, scene_of};
-use super::sql::{Connection, OptionalExtension, Row, Rows, params};
+use super::sql::{Connection, OptionalExtension, Question, Row, Rows, Value, params};
 use super::tallies::{self, Counted};
 use super::{Store, StoreError};
 use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
@@ -205,7 +205,8 @@ impl Store {
     ) -> Result<PutTrial, StoreError> {
         let participant_id = participant_id.to_owned();
         let locks = [Lock::Participant(participant_id.clone())];
-        self.write_first(locks, move |db| put(db, &participant_id, &trial)).await
+        let place = place(&participant_id, &trial.trial_id);
+        self.write_first(locks, Some(place), move |db| put(db, &participant_id, &trial)).await
     }
 
     /// At most `limit` trials of a study, newest first, from before `before`; none of pilots.
@@ -437,39 +438,48 @@ struct Place {
     next_phase: Option<Phase>,
 }
 
-/// Where a trial is in its participant's plan: of the participant `$1`, the trial `$2`.
-const PLACE: &str = "SELECT participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
-         trial.content_version, trial.content_hash, \
-         scene.ordinal = 0 OR EXISTS (SELECT 1 FROM scene AS ahead \
-             JOIN trial ON trial.trial_id = ahead.trial_id \
-             WHERE ahead.participant_id = $1 AND ahead.ordinal = scene.ordinal - 1), \
-         after.trial_id, scene.phase, after.phase \
-     FROM scene JOIN participant ON participant.id = scene.participant_id \
-     LEFT JOIN trial ON trial.trial_id = scene.trial_id \
-     LEFT JOIN scene AS after \
-         ON after.participant_id = scene.participant_id AND after.ordinal = scene.ordinal + 1 \
-     WHERE scene.trial_id = $2 AND scene.participant_id = $1";
+/// Where trials are in their participants' plans. The columns of a row: participant, trial.
+const PLACE: Rows = Rows {
+    before: "SELECT participant.id, participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
+                 trial.content_version, trial.content_hash, \
+                 scene.ordinal = 0 OR EXISTS (SELECT 1 FROM scene AS ahead \
+                     JOIN trial ON trial.trial_id = ahead.trial_id \
+                     WHERE ahead.participant_id = scene.participant_id \
+                         AND ahead.ordinal = scene.ordinal - 1), \
+                 after.trial_id, scene.phase, after.phase \
+             FROM (VALUES ",
+    after: ") AS asked JOIN scene ON scene.trial_id = asked.column2 \
+                 AND scene.participant_id = asked.column1 \
+             JOIN participant ON participant.id = scene.participant_id \
+             LEFT JOIN trial ON trial.trial_id = scene.trial_id \
+             LEFT JOIN scene AS after ON after.participant_id = scene.participant_id \
+                 AND after.ordinal = scene.ordinal + 1",
+};
+
+/// The question where a trial is in its participant's plan.
+fn place(participant_id: &str, trial_id: &str) -> Question {
+    let text = |text: &str| Value::Text(text.to_owned().into());
+    (&PLACE, vec![text(participant_id), text(trial_id)])
+}
 
 fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTrial, StoreError> {
-    let mut statement = db.prepare_cached(PLACE)?;
-    let whose = params![participant_id, trial.trial_id];
-    let mut found = statement.query_ahead(participant_id, whose, |row| {
-        let version: Option<i64> = row.get(2)?;
+    let found = db.query_ahead(place(participant_id, &trial.trial_id), |row| {
+        let version: Option<i64> = row.get(3)?;
         let phase = |word: Option<String>| word.as_deref().map(phase_of).transpose();
         Ok::<_, StoreError>(Place {
-            study_id: row.get(0)?,
-            withdrawn: row.get(1)?,
+            study_id: row.get(1)?,
+            withdrawn: row.get(2)?,
             stored: match version {
-                Some(version) => Some((version, row.get(3)?)),
+                Some(version) => Some((version, row.get(4)?)),
                 None => None,
             },
-            its_turn: row.get(4)?,
-            next: row.get(5)?,
-            phase: phase_of(&row.get::<_, String>(6)?)?,
-            next_phase: phase(row.get(7)?)?,
+            its_turn: row.get(5)?,
+            next: row.get(6)?,
+            phase: phase_of(&row.get::<_, String>(7)?)?,
+            next_phase: phase(row.get(8)?)?,
         })
     })?;
-    let Some(place) = found.next().transpose()? else {
+    let Some(place) = found else {
         return Ok(match is_withdrawn(db, participant_id)? {
             true => PutTrial::Withdrawn,
             false => PutTrial::Unknown,

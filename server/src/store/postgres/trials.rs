@@ -4,7 +4,7 @@
 use super::{COMMIT, QUEUE, Shared, taking};
 use crate::store::error::StoreError;
 use crate::store::lanes::Lock;
-use crate::store::operation::Operation;
+use crate::store::operation::{Operation, run_together};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -127,7 +127,7 @@ impl Shared {
             *batch = take();
             let locks = batch.iter().flat_map(|trial| trial.locks.clone()).collect();
             db.batch(&taking(locks))?;
-            batch.iter_mut().try_for_each(|trial| trial.operation.run(db))
+            run_together(db, batch.iter_mut().map(|trial| &mut trial.operation))
         })?;
         self.observed.note(batch.len(), begun.elapsed());
         Ok(())

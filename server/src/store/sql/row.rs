@@ -5,6 +5,7 @@ use sqlx::decode::Decode;
 use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Column, Postgres, Row as _, Sqlite, Type, TypeInfo};
+use std::fmt;
 
 /// A row.
 pub(in crate::store) enum Row {
@@ -12,6 +13,13 @@ pub(in crate::store) enum Row {
     Sqlite(SqliteRow),
     /// Of a server.
     Postgres(PgRow),
+}
+
+impl fmt::Debug for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // What people have entered is in it.
+        f.debug_struct("Row").finish_non_exhaustive()
+    }
 }
 
 /// The number of a column, from 0, or its name.

@@ -1,6 +1,8 @@
 //! Statements for many rows of parameters.
 
+use super::row::Row;
 use super::value::Value;
+use std::collections::HashMap;
 
 /// Most rows of one execution. A statement is prepared for each power of two up to this.
 const MOST_ROWS: usize = 32;
@@ -26,6 +28,30 @@ impl Rows {
     }
 }
 
+/// The text of an execution, with its parameters.
+type Execution = (String, Vec<Value<'static>>);
+
+impl Rows {
+    /// As few executions for these rows of parameters as there may be.
+    pub(super) fn executions(&self, mut values: Vec<Vec<Value<'static>>>) -> Vec<Execution> {
+        let mut executions = Vec::new();
+        while !values.is_empty() {
+            let count = (1 << values.len().ilog2()).min(MOST_ROWS);
+            let rest = values.split_off(count);
+            let width = values.first().map_or(0, Vec::len);
+            executions.push((self.text(count, width), values.concat()));
+            values = rest;
+        }
+        executions
+    }
+}
+
+/// What was asked ahead, by its target: the parameters, and the row that was found.
+pub(super) type Asked = HashMap<String, (Vec<Value<'static>>, Option<Row>)>;
+
+/// A question for [`ask_ahead`](super::Connection::ask_ahead): a query, and a row of its parameters.
+pub(in crate::store) type Question = (&'static Rows, Vec<Value<'static>>);
+
 /// Rows that wait for the execution of their statement.
 #[derive(Debug)]
 struct Group {
@@ -34,29 +60,15 @@ struct Group {
     values: Vec<Vec<Value<'static>>>,
 }
 
-impl Group {
-    /// The texts of as few executions as there may be, each with its parameters.
-    fn executions(self) -> Vec<(String, Vec<Value<'static>>)> {
-        let (mut values, mut executions) = (self.values, Vec::new());
-        while !values.is_empty() {
-            let count = (1 << values.len().ilog2()).min(MOST_ROWS);
-            let rest = values.split_off(count);
-            let width = values.first().map_or(0, Vec::len);
-            executions.push((self.rows.text(count, width), values.concat()));
-            values = rest;
-        }
-        executions
-    }
-}
-
 /// What a connection has yet to do for rows, in the order of their first rows.
 #[derive(Debug, Default)]
 pub(super) struct Waiting(Vec<Group>);
 
 impl Waiting {
     /// The statements of all rows, which wait no longer, with their parameters.
-    pub(super) fn take(&mut self) -> Vec<(String, Vec<Value<'static>>)> {
-        std::mem::take(&mut self.0).into_iter().flat_map(Group::executions).collect()
+    pub(super) fn take(&mut self) -> Vec<Execution> {
+        let groups = std::mem::take(&mut self.0).into_iter();
+        groups.flat_map(|group| group.rows.executions(group.values)).collect()
     }
 
     /// Whether a row has this target.

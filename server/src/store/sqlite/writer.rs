@@ -19,8 +19,8 @@ use crate::store::commits::Commits;
 use crate::store::error::StoreError;
 use crate::store::lanes::Lane;
 use crate::store::migrations::COUNTED;
-use crate::store::operation::{Batch, Operation, operation};
-use crate::store::sql::Connection;
+use crate::store::operation::{Batch, Operation, operation, run_together};
+use crate::store::sql::{Connection, Question};
 use std::collections::VecDeque;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -206,9 +206,10 @@ impl Writer {
     pub(super) async fn run<T: Send + 'static>(
         &self,
         lane: Lane,
+        question: Option<Question>,
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        let (operation, answered) = operation(work);
+        let (operation, answered) = operation(question, work);
         self.queue.push(lane, operation)?;
         answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
     }
@@ -468,8 +469,7 @@ fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), 
         _ => {}
     }
     db.control("SAVEPOINT trials")?;
-    let together = trials.iter_mut().try_for_each(|trial| trial.run(db));
-    if let Err(error) = together.and_then(|()| Ok(db.settle()?)) {
+    if let Err(error) = run_together(db, trials.iter_mut()) {
         if error.ends_transaction() {
             return Err(error);
         }
