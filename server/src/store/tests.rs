@@ -209,8 +209,12 @@ async fn trials_that_wait_together_are_stored_as_one_by_one() {
     }
     assert!(matches!(unknown, Ok(PutTrial::Unknown)), "{unknown:?}");
     assert!(matches!(wrong, Err(StoreError::Defect(_))), "{wrong:?}");
+    if store.is_shared() {
+        // They may have been in two transactions.
+        return;
+    }
     assert_eq!(store.wrong_tallies().await.unwrap(), [""; 0]);
-    let same = "SELECT sum(same_timing) FROM tally";
+    let same = "SELECT CAST(sum(same_timing) AS BIGINT) FROM tally";
     let same = store.read(move |db| Ok(db.query_row(same, [], |row| row.get::<_, i64>(0))?)).await;
     assert_eq!(same.unwrap(), 2, "all but the first");
 }
