@@ -36,8 +36,8 @@ struct Options {
 }
 
 /// Measured; see docs/operation.md.
-const SQLITE: [f64; 3] = [0.11, 0.06, 1.0];
-const POSTGRES: [f64; 3] = [0.31, 0.42, 1.5];
+const SQLITE: [f64; 3] = [0.16, 0.09, 1.0];
+const POSTGRES: [f64; 3] = [0.44, 0.60, 1.5];
 const ENROLMENT: f64 = 11.0;
 
 /// A transaction itself, ms of a core.
