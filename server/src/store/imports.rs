@@ -3,9 +3,10 @@
 use super::lanes::Lock;
 use super::profiles;
 use super::scenes::{self, PlannedRow};
-use super::sql::{Connection, params};
+use super::sql::{Connection, Rows, ToSql, params};
 use super::studies::{self, StoredStudy};
-use super::trials::{self, Driven, NewTrial};
+use super::tallies;
+use super::trials::{self, NewTrial};
 use super::{Store, StoreError};
 use sidestep::study::StudyConfig;
 use std::collections::HashSet;
@@ -127,6 +128,12 @@ impl Store {
     }
 }
 
+/// Those of these trials that a plan has.
+const PLANNED: Rows = Rows {
+    before: "SELECT scene.trial_id FROM (VALUES ",
+    after: ") AS asked JOIN scene ON scene.trial_id = asked.column1",
+};
+
 fn import(
     db: &Connection,
     study: &StoredStudy,
@@ -135,7 +142,6 @@ fn import(
 ) -> Result<Import, StoreError> {
     let mut is_there =
         db.prepare_cached("SELECT 1 FROM participant WHERE study_id = $1 AND import_hash = $2")?;
-    let mut is_planned = db.prepare_cached("SELECT 1 FROM scene WHERE trial_id = $1")?;
     // Everything is checked before anything is written, so that a refusal changes nothing.
     let (mut skipped, mut new, mut ids) = (Vec::new(), Vec::new(), HashSet::new());
     for person in people {
@@ -143,11 +149,13 @@ fn import(
             skipped.push(person.id.clone());
             continue;
         }
-        for (scene, _) in &person.trials {
-            let trial_id = &scene.trial_id;
-            if !ids.insert(trial_id) || is_planned.exists([trial_id])? {
-                return Ok(Import::TrialKnown { trial_id: trial_id.clone() });
-            }
+        let trial_ids = || person.trials.iter().map(|(scene, _)| &scene.trial_id);
+        let twice = trial_ids().find(|trial_id| !ids.insert(*trial_id)).cloned();
+        let asked = trial_ids().map(|trial_id| vec![trial_id.value().into_owned()]);
+        let planned = db.query_rows(&PLANNED, asked.collect())?;
+        let planned = planned.first().map(|row| row.get(0)).transpose()?;
+        if let Some(trial_id) = twice.or(planned) {
+            return Ok(Import::TrialKnown { trial_id });
         }
         new.push(person);
     }
@@ -164,14 +172,9 @@ fn import(
         }
         for (scene, trial) in &person.trials {
             scenes::insert(db, &person.id, scene)?;
-            let driven = Driven {
-                study_id: study.id,
-                participant_id: &person.id,
-                phase: scene.phase,
-                next_phase: None,
-            };
-            trials::insert(db, &driven, trial)?;
+            trials::insert_uncounted(db, study.id, trial)?;
         }
+        tallies::count(db, &person.id)?;
     }
     Ok(Import::Done { skipped })
 }

@@ -256,6 +256,19 @@ impl Connection {
         })
     }
 
+    /// The rows that a query finds for rows of parameters.
+    pub(super) fn query_rows(
+        &self,
+        query: &Rows,
+        values: Vec<Vec<Value<'static>>>,
+    ) -> Result<Vec<Row>> {
+        let mut found = Vec::new();
+        for (sql, values) in query.executions(values) {
+            found.append(&mut self.rows(&sql.into(), &values)?);
+        }
+        Ok(found)
+    }
+
     /// Asks several questions at once, of the same query, whose first parameter and first column are the target. The answers
     /// are for [`Self::query_ahead`]. Of questions with the same target, the later ones depend on what the first one leads to.
     pub(super) fn ask_ahead(&self, questions: Vec<Question>) -> Result<()> {
@@ -270,11 +283,9 @@ impl Connection {
                 all.push(values);
             }
         }
-        for (sql, values) in query.executions(all) {
-            for row in self.rows(&sql.into(), &values)? {
-                if let Some((_, found)) = asked.get_mut(&row.get::<_, String>(0)?) {
-                    *found = Some(row);
-                }
+        for row in self.query_rows(query, all)? {
+            if let Some((_, found)) = asked.get_mut(&row.get::<_, String>(0)?) {
+                *found = Some(row);
             }
         }
         self.asked.replace(asked);

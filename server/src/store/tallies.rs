@@ -96,45 +96,48 @@ pub(super) fn goes_on(db: &Connection, trial_id: &str) -> Result<(), StoreError>
     Ok(())
 }
 
+/// Counts all stored trials of a participant.
+pub(super) fn count(db: &Connection, participant_id: &str) -> Result<(), StoreError> {
+    let straight =
+        db.choose("instr(inputs, x'00') > 0", "position(CAST('\\x00' AS bytea) IN inputs) > 0");
+    let update = format!(
+        "UPDATE tally SET familiarisation = warm, practice = practised, task = tasks, \
+                 late_sample = late, focus_lost = lost, interrupted = broken, never_steered = never, \
+                 always_steered = always, danger_entered = danger, same_timing = again, \
+                 next_phase = CASE WHEN warm + practised + tasks > 0 THEN \
+                     (SELECT phase FROM scene WHERE scene.participant_id = $1 \
+                          AND ordinal = warm + practised + tasks) END \
+             FROM (SELECT \
+                 count(*) FILTER (WHERE phase = 'familiarisation') AS warm, \
+                 count(*) FILTER (WHERE phase = 'practice') AS practised, \
+                 count(*) FILTER (WHERE phase = 'task') AS tasks, \
+                 count(*) FILTER (WHERE phase = 'task' \
+                     AND ';' || flags || ';' LIKE '%;late_sample;%') AS late, \
+                 count(*) FILTER (WHERE phase = 'task' \
+                     AND ';' || flags || ';' LIKE '%;focus_lost;%') AS lost, \
+                 count(*) FILTER (WHERE phase = 'task' \
+                     AND ';' || flags || ';' LIKE '%;interrupted;%') AS broken, \
+                 count(*) FILTER (WHERE phase = 'task' AND avoidance_first IS NULL) AS never, \
+                 count(*) FILTER (WHERE phase = 'task' AND NOT ({straight})) AS always, \
+                 count(*) FILTER (WHERE phase = 'task' AND first_step_in_danger IS NOT NULL) \
+                     AS danger, \
+                 count(*) FILTER (WHERE phase = 'task' AND EXISTS (SELECT 1 FROM trial AS earlier \
+                     WHERE earlier.study_id = trial.study_id \
+                         AND earlier.key_timing = trial.key_timing \
+                         AND earlier.sequence < trial.sequence)) AS again \
+                 FROM scene JOIN trial ON trial.trial_id = scene.trial_id \
+                 WHERE scene.participant_id = $1) AS counted \
+             WHERE tally.participant_id = $1"
+    );
+    Ok(db.execute(&update, [participant_id]).map(drop)?)
+}
+
 impl Store {
     /// Counts the trials of a participant again, after some were lost.
     pub async fn count_again(&self, participant_id: &str) -> Result<(), StoreError> {
         let participant_id = participant_id.to_owned();
-        self.write_behind([Lock::Participant(participant_id.clone())], move |db| {
-            let straight =
-                db.choose("instr(inputs, x'00') > 0", "position(CAST('\\x00' AS bytea) IN inputs) > 0");
-            let update = format!(
-                "UPDATE tally SET familiarisation = warm, practice = practised, task = tasks, \
-                     late_sample = late, focus_lost = lost, interrupted = broken, never_steered = never, \
-                     always_steered = always, danger_entered = danger, same_timing = again, \
-                     next_phase = CASE WHEN warm + practised + tasks > 0 THEN \
-                         (SELECT phase FROM scene WHERE scene.participant_id = $1 \
-                              AND ordinal = warm + practised + tasks) END \
-                 FROM (SELECT \
-                     count(*) FILTER (WHERE phase = 'familiarisation') AS warm, \
-                     count(*) FILTER (WHERE phase = 'practice') AS practised, \
-                     count(*) FILTER (WHERE phase = 'task') AS tasks, \
-                     count(*) FILTER (WHERE phase = 'task' \
-                         AND ';' || flags || ';' LIKE '%;late_sample;%') AS late, \
-                     count(*) FILTER (WHERE phase = 'task' \
-                         AND ';' || flags || ';' LIKE '%;focus_lost;%') AS lost, \
-                     count(*) FILTER (WHERE phase = 'task' \
-                         AND ';' || flags || ';' LIKE '%;interrupted;%') AS broken, \
-                     count(*) FILTER (WHERE phase = 'task' AND avoidance_first IS NULL) AS never, \
-                     count(*) FILTER (WHERE phase = 'task' AND NOT ({straight})) AS always, \
-                     count(*) FILTER (WHERE phase = 'task' AND first_step_in_danger IS NOT NULL) \
-                         AS danger, \
-                     count(*) FILTER (WHERE phase = 'task' AND EXISTS (SELECT 1 FROM trial AS earlier \
-                         WHERE earlier.study_id = trial.study_id \
-                             AND earlier.key_timing = trial.key_timing \
-                             AND earlier.sequence < trial.sequence)) AS again \
-                     FROM scene JOIN trial ON trial.trial_id = scene.trial_id \
-                     WHERE scene.participant_id = $1) AS counted \
-                 WHERE tally.participant_id = $1"
-            );
-            Ok(db.execute(&update, [participant_id]).map(drop)?)
-        })
-        .await
+        let locks = [Lock::Participant(participant_id.clone())];
+        self.write_behind(locks, move |db| count(db, &participant_id)).await
     }
 
     /// The ids of participants whose tally does not follow from what is stored.

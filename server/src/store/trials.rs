@@ -530,15 +530,15 @@ fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreErro
 }
 
 /// Whose trial it is, and where in their plan.
-pub(super) struct Driven<'a> {
+struct Driven<'a> {
     /// The study's row.
-    pub(super) study_id: i64,
+    study_id: i64,
     /// The participant.
-    pub(super) participant_id: &'a str,
+    participant_id: &'a str,
     /// The phase of the trial.
-    pub(super) phase: Phase,
+    phase: Phase,
     /// The phase of the scene after it, if there is one.
-    pub(super) next_phase: Option<Phase>,
+    next_phase: Option<Phase>,
 }
 
 const INSERT: Rows = Rows {
@@ -549,14 +549,9 @@ const INSERT: Rows = Rows {
     after: "",
 };
 
-/// Stores a trial.
-pub(super) fn insert(
-    db: &Connection,
-    whose: &Driven<'_>,
-    new: &NewTrial,
-) -> Result<(), StoreError> {
-    let step = |step: Option<usize>| step.map(|step| step as i64);
-    let (content, avoidance) = (&new.content, new.outcome.avoidance);
+/// Stores a trial and counts it.
+fn insert(db: &Connection, whose: &Driven<'_>, new: &NewTrial) -> Result<(), StoreError> {
+    let content = &new.content;
     let counted = Counted {
         participant_id: whose.participant_id,
         phase: whose.phase,
@@ -568,9 +563,20 @@ pub(super) fn insert(
         waiting: new.waiting,
     };
     tallies::add(db, whose.study_id, &counted)?;
+    insert_uncounted(db, whose.study_id, new)
+}
+
+/// Stores a trial.
+pub(super) fn insert_uncounted(
+    db: &Connection,
+    study_id: i64,
+    new: &NewTrial,
+) -> Result<(), StoreError> {
+    let step = |step: Option<usize>| step.map(|step| step as i64);
+    let (content, avoidance) = (&new.content, new.outcome.avoidance);
     let row = params![
         new.trial_id,
-        whose.study_id,
+        study_id,
         new.recipe.number(),
         new.content_hash,
         new.received_at_ms,
