@@ -18,7 +18,8 @@ const FORMER_TABLE: &str = "sidestep_migration";
 
 /// Counts a commit, in the transaction that it ends. See `migrations/sqlite/0016_mark.sql`.
 pub(super) const COUNTED: &str = "UPDATE mark \
-     SET text = printf('sidestep mark %s %020d', substr(text, 15, 32), CAST(substr(text, 48) AS INTEGER) + 1)";
+     SET text = printf('sidestep mark %s %020d %s %s', substr(text, 15, 32), \
+         CAST(substr(text, 48, 20) AS INTEGER) + 1, substr(text, 86, 16), lower(hex(randomblob(8))))";
 
 /// `include_str!` of numbered files. `sqlx::migrate!` would do the same, but compile SQLite a second time for it.
 macro_rules! migrations {

@@ -19,7 +19,7 @@ use sqlx::pool::PoolConnection;
 use sqlx::postgres::{PgArguments, PgConnection};
 use sqlx::sqlite::{SqliteArguments, SqliteConnection};
 use sqlx::{AssertSqlSafe, Database, Executor, Postgres, Sqlite, raw_sql};
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::sync::Arc;
 use std::vec::IntoIter;
 use tokio::runtime::Handle;
@@ -135,8 +135,6 @@ pub(super) struct Connection {
     waiting: RefCell<Waiting>,
     /// What was asked ahead.
     asked: RefCell<Asked>,
-    /// How many rows were changed.
-    changed: Cell<u64>,
 }
 
 #[derive(Debug)]
@@ -168,7 +166,7 @@ impl Connection {
     fn to(link: Link) -> Self {
         let link = RefCell::new(link);
         let (waiting, asked) = (RefCell::default(), RefCell::default());
-        Self { link, waiting, asked, changed: Cell::default() }
+        Self { link, waiting, asked }
     }
 
     /// A session with PostgreSQL. It must not be used on a thread that drives `runtime`.
@@ -187,11 +185,6 @@ impl Connection {
     /// Whether it is to a file.
     pub(super) fn is_sqlite(&self) -> bool {
         matches!(*self.link.borrow(), Link::Sqlite(_))
-    }
-
-    /// How many rows its statements have changed.
-    pub(super) fn changed(&self) -> u64 {
-        self.changed.get()
     }
 
     /// What this database says differently.
@@ -251,7 +244,7 @@ impl Connection {
     pub(super) fn settle(&self) -> Result<()> {
         let statements = self.waiting.borrow_mut().take();
         statements.into_iter().try_for_each(|(sql, values)| {
-            self.change(&sql.into(), &values)?;
+            self.run(&sql.into(), &values)?;
             Ok(())
         })
     }
@@ -373,13 +366,6 @@ impl Connection {
         Ok(changed)
     }
 
-    /// The same for one that changes rows, which are counted.
-    fn change(&self, sql: &Arc<str>, values: &[Value<'_>]) -> Result<u64> {
-        let changed = self.run(sql, values)?;
-        self.changed.set(self.changed.get() + changed);
-        Ok(changed)
-    }
-
     /// Executes a statement that begins or ends a transaction or a part of one. Of such a one, SQLite tells the rows that
     /// the statement before it has changed.
     pub(super) fn control(&self, sql: &'static str) -> Result<()> {
@@ -452,7 +438,7 @@ impl Statement<'_> {
     /// The number of rows that it changes.
     pub(super) fn execute(&mut self, params: impl Params) -> Result<usize> {
         self.db.settle()?;
-        let changed = self.db.change(&self.sql, &params.values())?;
+        let changed = self.db.run(&self.sql, &params.values())?;
         Ok(usize::try_from(changed).unwrap_or(usize::MAX))
     }
 

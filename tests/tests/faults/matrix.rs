@@ -25,9 +25,12 @@ enum Fault {
     StrangeLog,
     StrangeIndex,
     HalfCopy,
+    EmptyLog,
+    DeleteLog,
+    DeleteIndex,
 }
 
-const FAULTS: [Fault; 11] = [
+const FAULTS: [Fault; 14] = [
     Fault::Delete,
     Fault::RenameAway,
     Fault::RenameOver,
@@ -39,6 +42,9 @@ const FAULTS: [Fault; 11] = [
     Fault::StrangeLog,
     Fault::StrangeIndex,
     Fault::HalfCopy,
+    Fault::EmptyLog,
+    Fault::DeleteLog,
+    Fault::DeleteIndex,
 ];
 
 impl Fault {
@@ -55,7 +61,15 @@ impl Fault {
             Self::StrangeLog => "another database's log is copied over its log",
             Self::StrangeIndex => "its `-shm` is overwritten",
             Self::HalfCopy => "half a copy of a backup is put in its place",
+            Self::EmptyLog => "its log is emptied",
+            Self::DeleteLog => "its log is deleted",
+            Self::DeleteIndex => "its `-shm` is deleted",
         }
+    }
+
+    /// What is left of a database without its log is an earlier state of it, and nothing tells.
+    fn is_of_a_server(self) -> bool {
+        matches!(self, Self::EmptyLog | Self::DeleteLog | Self::DeleteIndex)
     }
 }
 
@@ -169,6 +183,9 @@ impl Place {
             Fault::StrangeIndex => {
                 std::fs::write(self.path("sidestep.db-shm"), [7; 32_768]).unwrap()
             }
+            Fault::EmptyLog => std::fs::write(self.path("sidestep.db-wal"), []).unwrap(),
+            Fault::DeleteLog => std::fs::remove_file(self.path("sidestep.db-wal")).unwrap(),
+            Fault::DeleteIndex => std::fs::remove_file(self.path("sidestep.db-shm")).unwrap(),
             Fault::HalfCopy => {
                 let bytes = std::fs::read(&backup).unwrap();
                 std::fs::remove_file(&file).unwrap();
@@ -287,7 +304,9 @@ async fn case(fault: Fault, moment: Moment) -> String {
         said += &done.err;
         if done.code == Some(0) && args[0] != "restore" {
             let has = trials(&place.path("sidestep.db")).await.unwrap();
-            let is_one = has == place.acknowledged || place.known.contains(&has);
+            let is_one = has == place.acknowledged
+                || place.known.contains(&has)
+                || (fault.is_of_a_server() && has.is_subset(&place.acknowledged));
             assert!(
                 is_one,
                 "{fault:?} {moment:?}: {} calls sound what is none of them: {has:?}",
@@ -347,7 +366,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
             matches!(moment, Moment::AfterKill | Moment::AfterStop)
         }
         // It replaced the log of the file.
-        Fault::StrangeLog => true,
+        Fault::StrangeLog | Fault::EmptyLog => true,
         _ => false,
     };
     assert!(destroyed, "{fault:?} {moment:?}: acknowledged trials are nowhere: {said}");
@@ -358,7 +377,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
     if said.contains("rescued-wal") {
         return format!("{states} | destroyed; the log is kept in `sidestep.db.TIME.rescued-wal`");
     }
-    if said.contains("sidestep.db-wal") {
+    if fault != Fault::EmptyLog && said.contains("sidestep.db-wal") {
         return format!("{states} | destroyed; `sidestep.db-wal` is left as it was");
     }
     if said.contains("sidestep salvage") {
@@ -382,9 +401,48 @@ async fn whatever_is_done_to_the_file_nothing_is_merged_or_lost_in_silence() {
     );
     for fault in FAULTS {
         for moment in MOMENTS {
+            let has_server = matches!(moment, Moment::Idle | Moment::UnderLoad);
+            if fault.is_of_a_server() && !has_server {
+                continue;
+            }
             let found = case(fault, moment).await;
             writeln!(table, "| {} | {} | {found} |", fault.words(), moment.words()).unwrap();
         }
     }
     eprintln!("{table}");
+}
+
+/// Only the page of the mark says whose a log is.
+#[tokio::test]
+async fn what_people_enter_is_no_mark() {
+    let folder = Folder::default();
+    let server = Process::start(&folder).await;
+    Driver::enrol(&server).await.drive(&server, 3).await;
+    server.stop().await;
+    let server = Process::start(&folder).await;
+    let (a, digits) = ("a".repeat(32), "0".repeat(16));
+    let forged = format!("sidestep mark {a} {:020} {digits} {digits}", 9);
+    let body = serde_json::json!({ "consent": true, "external_id": forged });
+    assert_eq!(Driver::ask(&server, body).await.status, 201);
+    tokio::time::sleep(Duration::from_millis(600)).await;
+    assert_eq!(server.get("/readyz").await.status, 200);
+    Driver::enrol(&server).await.drive(&server, 3).await;
+    server.kill().await;
+    let database = folder.database("sidestep.db");
+    assert_eq!(run(&["check", "--database", &database]).await.json()["trials"], 6);
+    Process::start(&folder).await.stop().await;
+}
+
+#[tokio::test]
+async fn a_file_of_an_earlier_version_is_sound_from_the_first_moment() {
+    let old = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-database/sidestep.db");
+    let folder = Folder::default();
+    std::fs::copy(old, folder.path("sidestep.db")).unwrap();
+    let server = Process::start(&folder).await;
+    let database = folder.database("sidestep.db");
+    let check = ["check", "--database", &database];
+    let trials = run(&check).await.json()["trials"].clone();
+    server.kill().await;
+    assert_eq!(run(&check).await.json()["trials"], trials);
+    Process::start(&folder).await.stop().await;
 }

@@ -52,8 +52,8 @@ pub(super) fn copy_of(db: &Connection, to: &Path) -> Result<()> {
 }
 
 /// Makes a copy a database of its own.
-const ANOTHER: &str =
-    "UPDATE mark SET text = printf('sidestep mark %s %020d', lower(hex(randomblob(16))), 0)";
+const ANOTHER: &str = "UPDATE mark SET text = printf('sidestep mark %s %020d %016d %s', \
+     lower(hex(randomblob(16))), 0, 0, lower(hex(randomblob(8))))";
 
 /// Makes a copy a database of its own, if it has a mark: the log of the one that was copied is not its own.
 fn draw_another(db: &Connection) -> Result<()> {
@@ -107,6 +107,11 @@ fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
 pub(super) fn reading(file: &DatabaseFile) -> Result<Connection> {
     let options = options(file.path(), READ_PATIENCE).pragma("query_only", "ON");
     open(&options.read_only(file.is_fixed()).immutable(file.is_fixed()))
+}
+
+/// How many rows its statements have changed so far, also those that were rolled back.
+pub(super) fn changes(db: &Connection) -> Result<i64> {
+    db.query_row("SELECT total_changes()", [], |row| row.get(0))
 }
 
 /// How many pages the log has.

@@ -99,9 +99,12 @@ impl DatabaseFile {
         identity(&self.path)
     }
 
-    /// The identity of the file that is at the log's path now.
-    pub(super) fn log_identity(&self) -> Result<Identity, StoreError> {
-        identity(&self.log)
+    /// The identities of the files that are at the paths of the log and of its index now; none of one that is not there.
+    pub(super) fn companions(&self) -> [Option<Identity>; 2] {
+        let mut index =
+            self.path().canonicalize().unwrap_or_else(|_| self.path.clone()).into_os_string();
+        index.push("-shm");
+        [&self.log, Path::new(&index)].map(|path| identity(path).ok())
     }
 
     /// The folder of the file.

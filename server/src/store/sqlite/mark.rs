@@ -17,6 +17,8 @@ const PREFIX: &[u8] = b"sidestep mark ";
 const IDENTITY: usize = 32;
 /// The length of the number of commits, digits.
 const COUNT: usize = 20;
+/// The length of the random number of a commit, hexadecimal digits.
+const DRAWN: usize = 16;
 
 /// The mark of a database at some time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,15 +27,30 @@ pub(super) struct Mark {
     pub(super) identity: String,
     /// How many commits it had.
     pub(super) commits: u64,
+    /// What the commit before the last one has drawn at random.
+    before: String,
+    /// What the last one has drawn: two databases that were copies of each other have different ones.
+    drawn: String,
 }
 
 impl Mark {
     /// The first mark in these bytes.
     pub(super) fn find(bytes: &[u8]) -> Option<Self> {
         let at = memmem::find(bytes, PREFIX)? + PREFIX.len();
-        let text = std::str::from_utf8(bytes.get(at..at + IDENTITY + 1 + COUNT)?).ok()?;
-        let (identity, commits) = text.split_once(' ')?;
-        Some(Self { identity: identity.to_owned(), commits: commits.parse().ok()? })
+        let length = IDENTITY + COUNT + 2 * DRAWN + 3;
+        let text = std::str::from_utf8(bytes.get(at..at + length)?).ok()?;
+        let mut parts = text.split(' ').map(str::to_owned);
+        let (identity, commits) = (parts.next()?, parts.next()?.parse().ok()?);
+        Some(Self { identity, commits, before: parts.next()?, drawn: parts.next()? })
+    }
+
+    /// Whether a mark of a log goes on where this one of the file is, as far as they tell.
+    fn is_followed_by(&self, log: &Self) -> bool {
+        match log.commits {
+            commits if commits == self.commits => log.drawn == self.drawn,
+            commits if commits == self.commits + 1 => log.before == self.drawn,
+            _ => true,
+        }
     }
 }
 
@@ -66,12 +83,15 @@ pub(super) struct Log {
     pub(super) salts: [u8; 8],
     /// The first mark in it and the last.
     pub(super) marks: Option<[Mark; 2]>,
+    /// Whether all marks go on where the file's is.
+    follows: bool,
 }
 
 impl Log {
-    /// Reads a log; none if there is nothing in it that SQLite would apply. The format:
+    /// Reads the log of a file with this mark; none if there is nothing in it that SQLite would apply. Only the page of the
+    /// mark tells: what people enter may look like a mark, too. The format:
     /// <https://www.sqlite.org/fileformat2.html#walformat>.
-    pub(super) fn read(path: &Path) -> io::Result<Option<Self>> {
+    pub(super) fn read(path: &Path, of: Option<&(Mark, Place)>) -> io::Result<Option<Self>> {
         let file = match File::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             file => file?,
@@ -89,16 +109,21 @@ impl Log {
         if !(512..=65_536).contains(&size) {
             return Ok(None);
         }
-        let (mut frame, mut marks, mut frames) = (vec![0; 24 + size as usize], None, 0_u64);
+        let page = of.map(|(_, place)| place.offset / u64::from(size) + 1);
+        let mut found = Self { salts, marks: None, follows: true };
+        let (mut frame, mut frames) = (vec![0; 24 + size as usize], 0_u64);
         while read_whole(&mut log, &mut frame)? && frame[8..16] == salts {
             frames += 1;
-            if let Some(mark) = Mark::find(&frame[24..]) {
-                let first =
-                    marks.take().map_or_else(|| mark.clone(), |[first, _]: [Mark; 2]| first);
-                marks = Some([first, mark]);
+            let number = u32::from_be_bytes([frame[0], frame[1], frame[2], frame[3]]);
+            if page.is_none_or(|page| page == u64::from(number))
+                && let Some(mark) = Mark::find(&frame[24..])
+            {
+                found.follows &= of.is_none_or(|(file, _)| file.is_followed_by(&mark));
+                let first = found.marks.take().map_or_else(|| mark.clone(), |[first, _]| first);
+                found.marks = Some([first, mark]);
             }
         }
-        Ok((frames > 0).then_some(Self { salts, marks }))
+        Ok((frames > 0).then_some(found))
     }
 }
 
@@ -116,6 +141,11 @@ pub enum Misplaced {
     /// It is another database's.
     #[error("it belongs to another database")]
     Other,
+    /// It is of a copy of this database that went on by itself.
+    #[error(
+        "it belongs to another copy of this database: both went on from the same state, each by itself"
+    )]
+    Fork,
     /// The file is older than the beginning of the log.
     #[error(
         "it continues a later state of this database than this file has; the file is an older copy"
@@ -137,10 +167,10 @@ const ATTEMPTS: usize = 20;
 /// What is wrong with the log of a file, if anything is. It changes nothing.
 pub(super) fn misplaced(file: &DatabaseFile) -> io::Result<Option<Misplaced>> {
     for _ in 0..ATTEMPTS {
-        let Some(before) = Log::read(file.log())? else { return Ok(None) };
+        let Some(before) = Log::read(file.log(), None)? else { return Ok(None) };
         // Damage is for whoever opens the file to tell.
         let Ok(found) = of_file(file) else { return Ok(None) };
-        let Some(after) = Log::read(file.log())? else { continue };
+        let Some(after) = Log::read(file.log(), found.as_ref())? else { continue };
         if before.salts == after.salts {
             return Ok(compare(found.map(|(mark, _)| mark).as_ref(), &after));
         }
@@ -157,6 +187,7 @@ fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
         Some(file) if file.identity != first.identity => Some(Misplaced::Other),
         Some(file) if first.commits > file.commits + 1 => Some(Misplaced::Later),
         Some(file) if last.commits < file.commits => Some(Misplaced::Earlier),
+        Some(_) if !log.follows => Some(Misplaced::Fork),
         Some(_) => None,
     }
 }
@@ -166,12 +197,14 @@ mod tests {
     use super::*;
 
     fn mark(identity: char, commits: u64) -> Mark {
-        Mark { identity: identity.to_string().repeat(IDENTITY), commits }
+        let (before, drawn) = (format!("{:016}", commits - 1), format!("{commits:016}"));
+        Mark { identity: identity.to_string().repeat(IDENTITY), commits, before, drawn }
     }
 
     #[test]
     fn a_mark_is_found_in_bytes() {
-        let text = format!("..sidestep mark {} {:020}..", "a".repeat(IDENTITY), 7);
+        let text =
+            format!("..sidestep mark {} {:020} {:016} {:016}..", "a".repeat(IDENTITY), 7, 6, 7);
         assert_eq!(Mark::find(text.as_bytes()), Some(mark('a', 7)));
         assert_eq!(Mark::find(&text.as_bytes()[..40]), None);
         assert_eq!(Mark::find(b"sidestep mark"), None);
@@ -179,9 +212,17 @@ mod tests {
 
     #[test]
     fn a_log_belongs_to_its_file_alone() {
-        let log =
-            |first, last| Log { salts: [0; 8], marks: Some([mark('a', first), mark('a', last)]) };
+        let log = |first, last| Log {
+            salts: [0; 8],
+            marks: Some([mark('a', first), mark('a', last)]),
+            follows: true,
+        };
         let of = |file: Option<Mark>, log: Log| compare(file.as_ref(), &log);
+        let fork = Log { follows: false, ..log(5, 9) };
+        assert_eq!(of(Some(mark('a', 4)), fork), Some(Misplaced::Fork));
+        let other = Mark { drawn: "0".repeat(DRAWN), ..mark('a', 4) };
+        assert!(mark('a', 4).is_followed_by(&mark('a', 5)) && !other.is_followed_by(&mark('a', 5)));
+        assert!(mark('a', 4).is_followed_by(&mark('a', 4)) && !other.is_followed_by(&mark('a', 4)));
         assert_eq!(of(Some(mark('a', 4)), log(5, 9)), None);
         // Written back in part, or as a whole.
         assert_eq!(of(Some(mark('a', 7)), log(5, 9)), None);
@@ -189,7 +230,7 @@ mod tests {
         assert_eq!(of(Some(mark('a', 3)), log(5, 9)), Some(Misplaced::Later));
         assert_eq!(of(Some(mark('a', 10)), log(5, 9)), Some(Misplaced::Earlier));
         assert_eq!(of(Some(mark('b', 4)), log(5, 9)), Some(Misplaced::Other));
-        let unmarked = || Log { salts: [0; 8], marks: None };
+        let unmarked = || Log { salts: [0; 8], marks: None, follows: true };
         assert_eq!(of(Some(mark('a', 4)), unmarked()), Some(Misplaced::Unmarked));
         // Of an earlier version, whose log has no marks either; or migrated in this log.
         assert_eq!(of(None, unmarked()), None);

@@ -14,10 +14,13 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// How often the file is looked at when nobody uses it.
 const WATCH: Duration = Duration::from_millis(250);
+
+/// After which pause a rescue that failed is tried again.
+const AGAIN: Duration = Duration::from_secs(2);
 
 /// The file that was opened first.
 #[derive(Debug)]
@@ -32,6 +35,8 @@ pub(super) struct Original {
     length: AtomicU64,
     /// What somebody has done to the content; it cannot be undone.
     changed: OnceLock<&'static str>,
+    /// The log and its index, as the writer has them open.
+    companions: Mutex<Option<[Option<Identity>; 2]>>,
     /// The log when it was last looked at.
     log: Mutex<Seen>,
     /// Whether the log is what SQLite wrote.
@@ -65,6 +70,7 @@ impl Original {
             commits: AtomicU64::new(0),
             length: AtomicU64::new(length),
             changed: OnceLock::new(),
+            companions: Mutex::default(),
             log: Mutex::default(),
             has_log: AtomicBool::new(true),
             rescued: Mutex::default(),
@@ -82,15 +88,33 @@ impl Original {
                 Some(what) => self.changed.get_or_init(|| what),
             },
         };
-        Err(StoreError::Gone(match self.rescued() {
+        Err(self.gone(what))
+    }
+
+    fn gone(&self, what: &str) -> StoreError {
+        StoreError::Gone(match self.rescued() {
             Some(rescued) => format!("{what}; what it had is in {}", rescued.display()),
             None => what.to_owned(),
-        }))
+        })
+    }
+
+    /// Notes which log and which index the writer has open, if it has any.
+    pub(super) fn note_companions(&self, are_open: bool) {
+        let found = are_open.then(|| self.file.companions());
+        *self.companions.lock().unwrap_or_else(PoisonError::into_inner) = found;
     }
 
     /// The same of the file and its log.
     pub(super) fn check_with_log(&self) -> Result<(), StoreError> {
         self.check()?;
+        let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.is_some_and(|known| known != self.file.companions()) {
+            // Who has it open has all of it.
+            return Err(self.gone(
+                "separated from its write-ahead log or that log's index (-wal, -shm), which somebody deleted, moved or \
+                 replaced",
+            ));
+        }
         if let Some(what) = self.found_of_log()
             && self.found_of_log().is_some()
         {
@@ -105,17 +129,18 @@ impl Original {
         const CUT: &str = "separated from its write-ahead log, which was cut off";
         const OTHER: &str = "separated from its write-ahead log, which was overwritten";
         let mut header = [0; 32];
-        // Whether it is there at all is looked at before each commit.
+        // Whether it is there at all was looked at.
         let log = File::open(self.file.log()).ok()?;
         let length = log.metadata().ok()?.len();
         let mut known = self.log.lock().unwrap_or_else(PoisonError::into_inner);
-        if log.read_exact_at(&mut header, 0).is_err() {
+        let is_read = log.read_exact_at(&mut header, 0).is_ok();
+        if !is_read || header == [0; 32] {
             if known.length == 0 {
                 return None;
             }
             // SQLite makes it empty once everything was written back, and knows that.
             let pages = connection::reading(&self.file).and_then(|db| connection::log_pages(&db));
-            if pages.ok()? > 0 {
+            if pages != Ok(0) || is_read {
                 return Some(CUT);
             }
             *known = Seen::default();
@@ -127,7 +152,8 @@ impl Original {
             return is_shorter.then_some(CUT);
         }
         // It begins anew, after everything was written back.
-        let log = Log::read(self.file.log()).ok()??;
+        let mark = mark::of_file(&self.file).ok()?;
+        let log = Log::read(self.file.log(), mark.as_ref()).ok()??;
         let [_, last] = log.marks?;
         let (identity, _) = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
         if last.identity != identity || last.commits < self.commits.load(Ordering::Relaxed) {
@@ -234,13 +260,17 @@ impl Watch {
     ) -> Result<Self, StoreError> {
         let (stop, stopped) = channel();
         let thread = std::thread::Builder::new().name("store-watch".to_owned()).spawn(move || {
-            let mut was_well = true;
+            let (mut was_well, mut asked) = (true, Instant::now());
             while stopped.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
                 let found = original.check_with_log();
                 match &found {
                     Err(error) if was_well => {
-                        tracing::error!(%error, "nothing is read or stored any more");
-                        noticed();
+                        tracing::error!(%error, "nothing is stored any more");
+                        (asked, ()) = (Instant::now(), noticed());
+                    }
+                    // The disk may have been full.
+                    Err(_) if original.rescued().is_none() && asked.elapsed() > AGAIN => {
+                        (asked, ()) = (Instant::now(), noticed());
                     }
                     Ok(()) if !was_well => {
                         tracing::info!("the database file is back");

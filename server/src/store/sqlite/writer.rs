@@ -11,7 +11,7 @@
 //! its own, one operation between two batches, so that requests wait for at most one of them.
 
 use super::connection;
-use super::file::{DatabaseFile, Identity};
+use super::file::DatabaseFile;
 use super::original::Original;
 use super::write_back::WriteBack;
 use crate::private;
@@ -272,17 +272,11 @@ struct Thread {
     /// The file that was opened first; the thread never writes to another one.
     original: Arc<Original>,
     /// None after an error; the next batch opens another connection.
-    db: Option<Open>,
+    db: Option<Connection>,
     /// Keeps the log short.
     log: WriteBack,
     /// How long the disk took for the last commit.
     disk: Duration,
-}
-
-/// A connection with the log that it writes to.
-struct Open {
-    db: Connection,
-    log: Identity,
 }
 
 impl Thread {
@@ -342,7 +336,7 @@ impl Thread {
         if let Some(open) = &self.db
             && self.original.check().is_ok()
         {
-            self.log.after_commit(&open.db);
+            self.log.after_commit(open);
         }
     }
 
@@ -354,16 +348,14 @@ impl Thread {
             Some(open) => open,
             None => open(&self.file, &self.original)?,
         };
-        let committed = self.transact(&open.db, batch, trials);
+        let committed = self.transact(&open, batch, trials);
         // SQLite reports success also for a deleted file, whose content is lost.
-        let checked = self.original.check_with_log().and_then(|()| {
-            match self.file.log_identity()? == open.log {
-                true => Ok(()),
-                false => Err(StoreError::Gone("separated from its write-ahead log".to_owned())),
-            }
-        });
+        let checked = self.original.check_with_log();
         if committed.is_ok() || checked.is_err() {
             self.db = Some(open);
+        } else {
+            // If nobody else has the file open, closing it deletes both.
+            self.original.note_companions(false);
         }
         checked?;
         committed
@@ -375,7 +367,7 @@ impl Thread {
         batch: &mut Batch,
         trials: usize,
     ) -> Result<bool, StoreError> {
-        let before = db.changed();
+        let before = connection::changes(db)?;
         db.control("BEGIN IMMEDIATE")?;
         let (first, others) = batch.split_at_mut(trials);
         run_trials(db, first)?;
@@ -388,7 +380,7 @@ impl Thread {
                 break;
             }
         }
-        let has_changed = db.changed() != before;
+        let has_changed = connection::changes(db)? != before;
         if has_changed {
             db.execute(COUNTED, [])?;
         }
@@ -405,31 +397,38 @@ impl Thread {
         if self.original.rescued().is_some() || !self.original.has_log() {
             return;
         }
-        let mut name = self.original.rescue_name().into_os_string();
-        let written = match &self.db {
+        let name = self.original.rescue_name();
+        let unfinished = ended(&name, ".part");
+        let refused = |error: std::io::Error| StoreError::Unavailable(error.to_string());
+        let (what, end, written) = match &self.db {
             Some(open) if self.original.is_whole() => {
-                name.push(".db");
-                let file = DatabaseFile::at(Path::new(&name));
-                let made =
-                    file.create().map_err(|error| StoreError::Unavailable(error.to_string()));
-                made.and_then(|()| Ok(connection::copy_of(&open.db, file.path())?))
+                let file = DatabaseFile::at(&unfinished);
+                let made = file.create().map_err(refused);
+                let copied = made.and_then(|()| Ok(connection::copy_of(open, file.path())?));
+                ("what the database had", ".db", copied)
             }
             _ => {
-                name.push("-wal");
-                let copied = private::new_file(Path::new(&name)).and_then(|mut to| {
+                let copied = private::new_file(&unfinished).and_then(|mut to| {
                     std::io::copy(&mut std::fs::File::open(self.file.log())?, &mut to)?;
                     to.sync_all()
                 });
-                copied.map_err(|error| StoreError::Unavailable(error.to_string()))
+                (
+                    "the log of the database, with what was stored last,",
+                    "-wal",
+                    copied.map_err(refused),
+                )
             }
         };
-        let name = PathBuf::from(name);
-        match written {
+        let name = ended(&name, end);
+        match written.and_then(|()| std::fs::rename(&unfinished, &name).map_err(refused)) {
             Ok(()) => {
-                tracing::error!(file = %name.display(), "what the database had was written to this file");
+                tracing::error!(file = %name.display(), "{what} was written to this file");
                 self.original.note_rescued(Some(name));
             }
-            Err(error) => tracing::error!(%error, "what the database had could not be written"),
+            Err(error) => {
+                tracing::error!(%error, "{what} could not be written yet");
+                let _ = std::fs::remove_file(unfinished);
+            }
         }
     }
 
@@ -437,7 +436,7 @@ impl Thread {
         let emptied = match &self.db {
             Some(open) => {
                 let checked = self.original.check_with_log();
-                checked.and_then(|()| connection::empty_log(&open.db))
+                checked.and_then(|()| connection::empty_log(open))
             }
             None => Ok(false),
         };
@@ -450,14 +449,20 @@ impl Thread {
     }
 }
 
+fn ended(path: &Path, end: &str) -> PathBuf {
+    let mut path = path.as_os_str().to_owned();
+    path.push(end);
+    path.into()
+}
+
 /// Opens the file if it is the original one.
-fn open(file: &DatabaseFile, original: &Original) -> Result<Open, StoreError> {
+fn open(file: &DatabaseFile, original: &Original) -> Result<Connection, StoreError> {
     original.check()?;
     let db = connection::writing(file.path())?;
     // SQLite creates the log at the first read.
     db.query_row("SELECT count(*) FROM study", [], |_| Ok(()))?;
-    let log = file.log_identity()?;
-    Ok(Open { db, log })
+    original.note_companions(true);
+    Ok(db)
 }
 
 /// Stores trials together. If one of them fails, each is stored in a savepoint: those would cost every trial two
