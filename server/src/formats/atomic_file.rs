@@ -39,10 +39,10 @@ pub fn write<E: From<io::Error>>(
     write_with(path, 0o666, cancel, content)
 }
 
-/// As [`write`], a file that only this user can read.
+/// As [`write()`], a file that only this user can read.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_private<E: From<io::Error>>(
     path: &Path,
     cancel: &CancellationToken,
