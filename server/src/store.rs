@@ -129,7 +129,8 @@ pub enum OpenError {
     /// The write-ahead log beside the file is not its own. SQLite would apply it.
     #[error(
         "{database}: cannot open the database: the write-ahead log beside it, {}, is not its own: {why}. Nothing was \
-         changed. Put the database of that log back beside it, or move the log to another folder",
+         changed. The log has what its database stored last: put that database back beside it. Only if that is gone for \
+         good, move the log to another folder, and keep it",
         log.display()
     )]
     Misplaced {

@@ -257,13 +257,7 @@ fn study_copy(db: &Connection, slug: &str) -> Result<Option<StudyCopy>, StoreErr
         Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?, row.get::<_, i64>(2)?))
     });
     let Some((study_id, config_hash, created_at_ms)) = found.optional()? else { return Ok(None) };
-    let versions = db
-        .prepare_cached(
-            "SELECT number, config_hash, since_ms, by_file FROM study_version WHERE study_id = $1 \
-             ORDER BY number",
-        )?
-        .query_map([study_id], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?)))?
-        .collect::<Result<_, _>>()?;
+    let versions = versions(db, study_id)?;
     const CONFIGS: &str = "SELECT config_hash FROM study WHERE id = $1 \
                            UNION SELECT config_hash FROM participant WHERE study_id = $1 \
                            UNION SELECT config_hash FROM study_version WHERE study_id = $1";
@@ -299,6 +293,16 @@ fn study_copy(db: &Connection, slug: &str) -> Result<Option<StudyCopy>, StoreErr
         safety,
         last_trial,
     }))
+}
+
+/// Number, configuration, time and origin of each version of a study.
+fn versions(db: &Connection, study_id: i64) -> Result<Vec<(i64, String, i64, bool)>, StoreError> {
+    let query = "SELECT number, config_hash, since_ms, by_file FROM study_version \
+                 WHERE study_id = $1 ORDER BY number";
+    let mut statement = db.prepare_cached(query)?;
+    let rows = statement
+        .query_map([study_id], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?)))?;
+    Ok(rows.collect::<Result<_, _>>()?)
 }
 
 fn begin(db: &Connection, copy: &StudyCopy) -> Result<Result<CopyTarget, CopyRefusal>, StoreError> {

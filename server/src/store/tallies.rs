@@ -96,6 +96,16 @@ pub(super) fn goes_on(db: &Connection, trial_id: &str) -> Result<(), StoreError>
     Ok(())
 }
 
+/// What is counted of the scenes of somebody that have trials.
+const COUNTS: &str = "count(*) FILTER (WHERE phase = 'familiarisation') AS warm, \
+    count(*) FILTER (WHERE phase = 'practice') AS practised, \
+    count(*) FILTER (WHERE phase = 'task') AS tasks, \
+    count(*) FILTER (WHERE phase = 'task' AND ';' || flags || ';' LIKE '%;late_sample;%') AS late, \
+    count(*) FILTER (WHERE phase = 'task' AND ';' || flags || ';' LIKE '%;focus_lost;%') AS lost, \
+    count(*) FILTER (WHERE phase = 'task' AND ';' || flags || ';' LIKE '%;interrupted;%') AS broken, \
+    count(*) FILTER (WHERE phase = 'task' AND avoidance_first IS NULL) AS never, \
+    count(*) FILTER (WHERE phase = 'task' AND first_step_in_danger IS NOT NULL) AS danger";
+
 /// Counts all stored trials of a participant.
 pub(super) fn count(db: &Connection, participant_id: &str) -> Result<(), StoreError> {
     let straight =
@@ -108,19 +118,8 @@ pub(super) fn count(db: &Connection, participant_id: &str) -> Result<(), StoreEr
                      (SELECT phase FROM scene WHERE scene.participant_id = $1 \
                           AND ordinal = warm + practised + tasks) END \
              FROM (SELECT \
-                 count(*) FILTER (WHERE phase = 'familiarisation') AS warm, \
-                 count(*) FILTER (WHERE phase = 'practice') AS practised, \
-                 count(*) FILTER (WHERE phase = 'task') AS tasks, \
-                 count(*) FILTER (WHERE phase = 'task' \
-                     AND ';' || flags || ';' LIKE '%;late_sample;%') AS late, \
-                 count(*) FILTER (WHERE phase = 'task' \
-                     AND ';' || flags || ';' LIKE '%;focus_lost;%') AS lost, \
-                 count(*) FILTER (WHERE phase = 'task' \
-                     AND ';' || flags || ';' LIKE '%;interrupted;%') AS broken, \
-                 count(*) FILTER (WHERE phase = 'task' AND avoidance_first IS NULL) AS never, \
+                 {COUNTS}, \
                  count(*) FILTER (WHERE phase = 'task' AND NOT ({straight})) AS always, \
-                 count(*) FILTER (WHERE phase = 'task' AND first_step_in_danger IS NOT NULL) \
-                     AS danger, \
                  count(*) FILTER (WHERE phase = 'task' AND EXISTS (SELECT 1 FROM trial AS earlier \
                      WHERE earlier.study_id = trial.study_id \
                          AND earlier.key_timing = trial.key_timing \
@@ -143,20 +142,8 @@ impl Store {
     /// The ids of participants whose tally does not follow from what is stored.
     pub async fn wrong_tallies(&self) -> Result<Vec<String>, StoreError> {
         self.read_long(|db| {
-            let mut statement = db.prepare_cached(
-                "WITH counted AS (SELECT participant_id, \
-                     count(*) FILTER (WHERE phase = 'familiarisation') AS warm, \
-                     count(*) FILTER (WHERE phase = 'practice') AS practised, \
-                     count(*) FILTER (WHERE phase = 'task') AS tasks, \
-                     count(*) FILTER (WHERE phase = 'task' \
-                         AND ';' || flags || ';' LIKE '%;late_sample;%') AS late, \
-                     count(*) FILTER (WHERE phase = 'task' \
-                         AND ';' || flags || ';' LIKE '%;focus_lost;%') AS lost, \
-                     count(*) FILTER (WHERE phase = 'task' \
-                         AND ';' || flags || ';' LIKE '%;interrupted;%') AS broken, \
-                     count(*) FILTER (WHERE phase = 'task' AND avoidance_first IS NULL) AS never, \
-                     count(*) FILTER (WHERE phase = 'task' AND first_step_in_danger IS NOT NULL) \
-                         AS danger \
+            let mut statement = db.prepare_cached(&format!(
+                "WITH counted AS (SELECT participant_id, {COUNTS} \
                      FROM scene JOIN trial ON trial.trial_id = scene.trial_id GROUP BY participant_id) \
                  SELECT id FROM participant \
                  LEFT JOIN tally ON tally.participant_id = id \
@@ -178,8 +165,8 @@ impl Store {
                      (familiarisation, practice, task, late_sample, focus_lost, interrupted, \
                       never_steered, danger_entered) \
                      OR stored > 0 AND next_phase IS DISTINCT FROM (SELECT phase FROM scene \
-                         WHERE scene.participant_id = id AND ordinal = stored) ORDER BY 1",
-            )?;
+                         WHERE scene.participant_id = id AND ordinal = stored) ORDER BY 1"
+            ))?;
             Ok(statement.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?)
         })
         .await

@@ -89,15 +89,21 @@ async fn a_short_key_in_the_environment_is_refused() {
     sidestep_tests::process::Said::from(output).refused(2, &[words]);
 }
 
-/// Bad input is 2; what cannot be done with good input is 1.
-#[tokio::test]
-async fn exit_codes_tell_bad_input_from_failures() {
-    let folder = Folder::default();
+/// A file of synthetic trials and a database with them, in `folder`.
+async fn imported(folder: &Folder) -> (String, String) {
     let (trials, db) = (folder.name("trials.csv"), folder.database("study.db"));
     let simulate =
         ["simulate", "--participants", "1", "--tasks", "2", "--seed", "1", "--out", &trials];
     run(&simulate).await.json();
     run(&["import", "--study", "default", "--trials", &trials, "--database", &db]).await.json();
+    (trials, db)
+}
+
+/// Bad input is 2; what cannot be done with good input is 1.
+#[tokio::test]
+async fn exit_codes_tell_bad_input_from_failures() {
+    let folder = Folder::default();
+    let (trials, db) = imported(&folder).await;
     let garbage = folder.file("garbage.db", [7; 5000]);
     let (file, at) = (folder.file("file", "{"), |name: &str| folder.name(name));
     let (new, below) = (folder.database("new.db"), at("file/below"));
@@ -164,11 +170,7 @@ async fn exit_codes_tell_bad_input_from_failures() {
 #[tokio::test]
 async fn nobody_need_read_what_a_command_says() {
     let folder = Folder::default();
-    let (trials, db) = (folder.name("trials.csv"), folder.database("study.db"));
-    let simulate =
-        ["simulate", "--participants", "1", "--tasks", "2", "--seed", "1", "--out", &trials];
-    run(&simulate).await.json();
-    run(&["import", "--study", "default", "--trials", &trials, "--database", &db]).await.json();
+    let (_, db) = imported(&folder).await;
     let damaged = folder.database("damaged.db");
     std::fs::copy(folder.name("study.db"), folder.name("damaged.db")).unwrap();
     let change = "UPDATE trial SET closest_m = closest_m + 1";

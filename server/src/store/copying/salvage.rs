@@ -6,7 +6,7 @@
 
 use super::columns::{ACCESS_TABLES, ANALYSIS_TABLES, PARTICIPANT_TABLES, Table};
 use super::rows::{Rows, insert, read, read_where};
-use super::{CopyTarget, RowsCopy, StudyCopy, rows_copy, study_copy};
+use super::{CopyTarget, RowsCopy, StudyCopy, rows_copy, study_copy, versions};
 use crate::store::lanes::Lock;
 use crate::store::sql::{Connection, params};
 use crate::store::{Store, StoreError};
@@ -215,7 +215,7 @@ impl Reader<'_> {
         Ok(found.into_iter().map(|(_, id)| id).collect())
     }
 
-    /// The numbers and keys of the rows of somebody.
+    /// The row numbers and keys of the rows that belong to this owner.
     fn rowids(
         &mut self,
         table: &'static str,
@@ -383,16 +383,7 @@ impl Reader<'_> {
             let json = self.unless_lost("study_config", &hash, json.map_err(StoreError::from))?;
             configs.extend(json.map(|json| (hash, json)));
         }
-        let versions = || {
-            let query = "SELECT number, config_hash, since_ms, by_file FROM study_version \
-                         WHERE study_id = $1 ORDER BY number";
-            let mut statement = db.prepare_cached(query)?;
-            let rows = statement.query_map([study_id], |row| {
-                Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
-            })?;
-            Ok::<_, StoreError>(rows.collect::<Result<Vec<_>, _>>()?)
-        };
-        let versions = self.unless_lost("study_version", slug, versions())?;
+        let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
         let versions =
             versions.unwrap_or_else(|| vec![(1, config_hash.clone(), created_at_ms, false)]);
         let (mut functions, mut safety) = (BTreeMap::new(), Vec::new());

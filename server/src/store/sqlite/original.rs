@@ -109,7 +109,7 @@ impl Original {
         self.check()?;
         let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
         if known.is_some_and(|known| known != self.file.companions()) {
-            // Who has it open has all of it.
+            // A connection that has both open can still read everything.
             return Err(self.gone(
                 "separated from its write-ahead log or that log's index (-wal, -shm), which somebody deleted, moved or \
                  replaced",
