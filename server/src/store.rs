@@ -43,7 +43,7 @@ pub(crate) mod tests;
 
 pub use error::StoreError;
 pub use misfit::Misfit;
-pub use sqlite::{LEAST_FREE_BYTES, Misplaced};
+pub use sqlite::{LEAST_FREE_BYTES, MAGIC, Misplaced, copy_damaged};
 
 use commits::Commits;
 use lanes::{Lane, Lock};
@@ -141,6 +141,19 @@ pub enum OpenError {
         /// What is wrong.
         why: Misplaced,
     },
+    /// SQLite would drop what the write-ahead log has behind a damaged part.
+    #[error(
+        "{database}: cannot open the database: the write-ahead log beside it, {}, is damaged: somebody overwrote a part of \
+         it, and SQLite would drop all that was stored after that. Nothing was changed. Keep both files, and save what can \
+         be read of them with 'sidestep salvage --from {database} --database sqlite:NEW'",
+        log.display()
+    )]
+    DamagedLog {
+        /// The file.
+        database: String,
+        /// The log.
+        log: PathBuf,
+    },
     /// The database is not of this version and cannot be migrated.
     #[error("{database}: cannot use the database: {reason}")]
     Version {
@@ -166,6 +179,7 @@ impl OpenError {
             Self::Unusable { reason, .. } => Self::Unusable { database: name, reason },
             Self::Absent(_) => Self::Absent(name),
             Self::LogAlone { log, .. } => Self::LogAlone { database: name, log },
+            Self::DamagedLog { log, .. } => Self::DamagedLog { database: name, log },
             Self::Misplaced { log, why, .. } => Self::Misplaced { database: name, log, why },
             Self::Version { reason, .. } => Self::Version { database: name, reason },
             Self::Served(_) => Self::Served(name),

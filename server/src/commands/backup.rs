@@ -6,7 +6,7 @@ use super::{CommandError, print_json};
 use crate::backups::{self, FaultyTrials, Written};
 use crate::private::{self, Unfinished};
 use crate::soundness::{self, Report};
-use crate::store::{OpenError, Purpose, Store};
+use crate::store::{MAGIC, OpenError, Purpose, Store};
 use crate::transfer::TransferError;
 use serde::Serialize;
 use std::fs::{self, File};
@@ -52,9 +52,6 @@ pub struct RestoreArgs {
     #[arg(long)]
     pub with_faulty_trials: bool,
 }
-
-/// How a file of SQLite begins.
-pub(super) const DATABASE: &[u8] = b"SQLite format 3\0";
 
 #[derive(Serialize)]
 struct Done<'a> {
@@ -110,9 +107,11 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
 pub(super) async fn absent(database: &str) -> Result<(), CommandError> {
     match Store::open(database, Purpose::Read).await {
         Err(OpenError::Absent(_)) => Ok(()),
-        Err(error @ (OpenError::LogAlone { .. } | OpenError::Misplaced { .. })) => {
-            Err(CommandError::Input(format!("--database {error}")))
-        }
+        Err(
+            error @ (OpenError::LogAlone { .. }
+            | OpenError::Misplaced { .. }
+            | OpenError::DamagedLog { .. }),
+        ) => Err(CommandError::Input(format!("--database {error}"))),
         Err(error) => Err(error.into()),
         Ok(store) => {
             let expected = "expected a database that does not exist";
@@ -167,8 +166,8 @@ async fn fill(
     let mut from = File::open(&args.from)
         .map_err(|error| CommandError::Input(format!("--from {named}: cannot read: {error}")))?;
     let mut head = Vec::new();
-    let begins = from.by_ref().take(DATABASE.len() as u64).read_to_end(&mut head);
-    if begins.is_ok() && head != DATABASE {
+    let begins = from.by_ref().take(MAGIC.len() as u64).read_to_end(&mut head);
+    if begins.is_ok() && head != MAGIC {
         let message =
             format!("--from {named}: expected a backup, found a file that is not a database");
         return Err(CommandError::Input(message));

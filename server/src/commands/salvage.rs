@@ -1,15 +1,12 @@
 //! `sidestep salvage`.
 
-use super::backup::{DATABASE, absent, new_database};
+use super::backup::{absent, new_database};
 use super::solving::Interrupt;
 use super::{CommandError, failed, print_json};
-use crate::private;
 use crate::salvage;
 use crate::soundness::Report;
-use crate::store::{OpenError, Purpose, Store};
+use crate::store::{OpenError, Purpose, Store, copy_damaged};
 use serde::Serialize;
-use std::fs::{File, TryLockError};
-use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// Save what can still be read of a damaged database file into a new database.
@@ -63,7 +60,7 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         CommandError::Input(format!("--from {named}: cannot read: {error}"))
     };
     let copy = folder.join("damaged.db");
-    copied(&args.from, &copy).map_err(|error| unreadable(&error))?;
+    copy_damaged(&args.from, &copy).map_err(|error| unreadable(&error))?;
     let from = Store::open(&format!("sqlite:{}", copy.display()), Purpose::Change).await;
     let from = from.map_err(|error| match error.named(named.clone()) {
         OpenError::Absent(_) => unreadable(&"it is empty"),
@@ -88,43 +85,4 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         })
     })?;
     Ok(Saved { studies, participants, trials, lost })
-}
-
-/// Copies a file that no server uses, and its log. Pages that are missing at its end are empty in the copy; SQLite
-/// would otherwise read nothing at all.
-fn copied(from: &Path, to: &Path) -> io::Result<()> {
-    let mut file = File::open(from)?;
-    if let Err(TryLockError::WouldBlock) = file.try_lock() {
-        return Err(io::Error::other("a server uses it; stop the server first"));
-    }
-    let log = |path: &Path| {
-        let mut path = path.as_os_str().to_owned();
-        path.push("-wal");
-        PathBuf::from(path)
-    };
-    match File::open(log(from)) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-        file => drop(io::copy(&mut file?, &mut private::new_file(&log(to))?)?),
-    }
-    let mut out = private::new_file(to)?;
-    let length = io::copy(&mut file, &mut out)?;
-    out.flush()?;
-    file.rewind()?;
-    let whole = whole_length(&file).unwrap_or(0);
-    if length > 0 && whole > length {
-        out.set_len(whole)?;
-    }
-    Ok(())
-}
-
-/// The length of a file of SQLite as its first page tells it.
-fn whole_length(mut file: &File) -> Option<u64> {
-    let mut head = [0; 32];
-    io::Read::read_exact(&mut file, &mut head).ok()?;
-    let page = match u16::from_be_bytes([head[16], head[17]]) {
-        1 => 65_536,
-        size => u64::from(size),
-    };
-    let pages = u32::from_be_bytes([head[28], head[29], head[30], head[31]]);
-    head.starts_with(DATABASE).then_some(page * u64::from(pages))
 }

@@ -5,7 +5,9 @@
 
 mod file;
 mod connection;
+mod log;
 mod mark;
+mod damaged;
 mod original;
 mod readers;
 mod write_back;
@@ -29,6 +31,7 @@ use tokio::sync::watch;
 use writer::Writer;
 
 pub(super) use connection::open;
+pub use damaged::{MAGIC, copy_damaged};
 pub use file::LEAST_FREE_BYTES;
 pub(super) use file::{DatabaseFile, Identity};
 pub use mark::Misplaced;
@@ -82,8 +85,18 @@ impl Sqlite {
             return Err(OpenError::LogAlone { database: name(), log: named.log().to_owned() });
         }
         if let Some(why) = mark::misplaced(&named).map_err(disk)? {
-            let log = named.log().to_owned();
-            return Err(OpenError::Misplaced { database: name(), log, why });
+            let (database, log) = (name(), named.log().to_owned());
+            return Err(match why {
+                Misplaced::Damaged => OpenError::DamagedLog { database, log },
+                why => OpenError::Misplaced { database, log, why },
+            });
+        }
+        if purpose != Purpose::Alone && !named.shares_index() {
+            return Err(unusable(format!(
+                "a server uses it with another index of its write-ahead log than the one here, {}, which somebody deleted \
+                 or replaced, or that server is of an older version; stop that server first",
+                named.index().display()
+            )));
         }
         match purpose {
             Purpose::Alone | Purpose::Create => {
@@ -102,7 +115,7 @@ impl Sqlite {
         let lock = match (purpose, is_current) {
             // A server of an older version may use the file, which could not go on with a migrated one.
             (Purpose::Alone, _) | (Purpose::Create | Purpose::Change, false) => {
-                let lock = named.lock().map_err(|error| unusable(error.to_string()))?;
+                let lock = named.lock_soon().map_err(|error| unusable(error.to_string()))?;
                 Some(lock.ok_or_else(|| OpenError::Served(name()))?)
             }
             _ => None,
@@ -135,10 +148,11 @@ impl Sqlite {
             _ => Writer::start(file.clone(), Arc::clone(&original)),
         };
         let writer = writer.map_err(unstarted)?;
-        let readers = Arc::new(Readers::new(file.clone(), Arc::clone(&original)));
-        let watch = match purpose {
-            Purpose::Read => None,
-            _ => Some(Watch::start(Arc::clone(&original), writer.rescue()).map_err(unstarted)?),
+        let only_reads = purpose == Purpose::Read;
+        let readers = Arc::new(Readers::new(file.clone(), Arc::clone(&original), only_reads));
+        let watch = match only_reads {
+            true => None,
+            false => Some(Watch::start(Arc::clone(&original), writer.rescue()).map_err(unstarted)?),
         };
         let (watch, lock) = (Mutex::new(watch), Mutex::new(lock));
         Ok(Self { named, file, original, readers, writer, watch, lock, copy })

@@ -65,7 +65,7 @@ fn draw_another(db: &Connection) -> Result<()> {
 }
 
 /// Deletes the empty log that connections which only read leave behind, unless somebody uses the file.
-fn leave_no_log(file: &DatabaseFile) {
+pub(super) fn leave_no_log(file: &DatabaseFile) {
     let is_there = std::fs::exists(file.log()).unwrap_or(false);
     if is_there && !file.has_log() && !file.is_fixed() {
         // The last connection that may write deletes it when it is closed. Nothing is lost if it stays.
@@ -103,10 +103,12 @@ fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
         .pragma("temp_store", "MEMORY"))
 }
 
-/// A connection that cannot write, not even by a mistake in a query.
-pub(super) fn reading(file: &DatabaseFile) -> Result<Connection> {
-    let options = options(file.path(), READ_PATIENCE).pragma("query_only", "ON");
-    open(&options.read_only(file.is_fixed()).immutable(file.is_fixed()))
+/// A connection that cannot write, not even by a mistake in a query. The last one that is closed writes the log back, unless
+/// the file is to be left as it is.
+pub(super) fn reading(file: &DatabaseFile, is_untouched: bool) -> Result<Connection> {
+    let (options, is_fixed) = (options(file.path(), READ_PATIENCE), file.is_fixed());
+    let options = options.pragma("query_only", "ON");
+    open(&options.read_only(is_fixed || is_untouched).immutable(is_fixed))
 }
 
 /// How many rows its statements have changed so far, also those that were rolled back.

@@ -6,10 +6,15 @@ use rustix::fs::{Access, StatVfs, StatVfsMountFlags, access, statvfs};
 use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 use tempfile::TempDir;
 
 /// Free space, bytes, below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
+
+/// How often a lock is looked at that others may hold for a moment, and after which pause.
+const ATTEMPTS: usize = 10;
+const PAUSE: Duration = Duration::from_millis(50);
 
 /// The file of a database, with the write-ahead log.
 #[derive(Clone, Debug)]
@@ -99,12 +104,43 @@ impl DatabaseFile {
         identity(&self.path)
     }
 
-    /// The identities of the files that are at the paths of the log and of its index now; none of one that is not there.
-    pub(super) fn companions(&self) -> [Option<Identity>; 2] {
+    /// The index of the write-ahead log.
+    pub(super) fn index(&self) -> PathBuf {
         let mut index =
             self.path().canonicalize().unwrap_or_else(|_| self.path.clone()).into_os_string();
         index.push("-shm");
-        [&self.log, Path::new(&index)].map(|path| identity(path).ok())
+        index.into()
+    }
+
+    /// The identities of the files that are at the paths of the log and of its index now; none of one that is not there.
+    pub(super) fn companions(&self) -> [Option<Identity>; 2] {
+        [&self.log, &*self.index()].map(|path| identity(path).ok())
+    }
+
+    /// Whether whoever opens the file now has the same index of the log as the server that uses it, which keeps its own
+    /// locked; also if no server does. SQLite would make another one for an index that is gone, and two writers would not
+    /// know of each other.
+    pub(super) fn shares_index(&self) -> bool {
+        let is_locked = |path: &Path| {
+            File::open(path)
+                .is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
+        };
+        // A server locks its file a moment before it has an index.
+        (0..ATTEMPTS).any(|attempt| {
+            std::thread::sleep(if attempt == 0 { Duration::ZERO } else { PAUSE });
+            is_locked(&self.index()) || !is_locked(&self.path)
+        })
+    }
+
+    /// As [`Self::lock`], past a command that looks for a moment whether there is a lock.
+    pub(super) fn lock_soon(&self) -> io::Result<Option<File>> {
+        for _ in 1..ATTEMPTS {
+            match self.lock()? {
+                None => std::thread::sleep(PAUSE),
+                lock => return Ok(lock),
+            }
+        }
+        self.lock()
     }
 
     /// The folder of the file.

@@ -5,10 +5,10 @@
 
 use super::connection;
 use super::file::DatabaseFile;
+use super::log::Frames;
 use crate::store::sql::{OptionalExtension, Result};
 use memchr::memmem;
-use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io;
 use std::path::Path;
 
 /// What every mark begins with.
@@ -77,61 +77,59 @@ pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
 }
 
 /// What a write-ahead log says.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Log {
     /// Of this writing of the log: SQLite draws others when it begins the log anew.
     pub(super) salts: [u8; 8],
-    /// The first mark in it and the last.
+    /// The first mark and the last of what SQLite would apply.
     pub(super) marks: Option<[Mark; 2]>,
     /// Whether all marks go on where the file's is.
     follows: bool,
+    /// How many transactions SQLite would apply.
+    commits: usize,
+    /// How many frames it would read, if some behind them are of later transactions.
+    cut: Option<u64>,
 }
 
 impl Log {
-    /// Reads the log of a file with this mark; none if there is nothing in it that SQLite would apply. Only the page of the
-    /// mark tells: what people enter may look like a mark, too. The format:
-    /// <https://www.sqlite.org/fileformat2.html#walformat>.
+    /// Reads the log of a file with this mark; none if there is nothing in it that SQLite would apply, and nothing is lost
+    /// of it. Only the page of the mark tells: what people enter may look like a mark, too.
     pub(super) fn read(path: &Path, of: Option<&(Mark, Place)>) -> io::Result<Option<Self>> {
-        let file = match File::open(path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            file => file?,
+        let Some(mut frames) = Frames::open(path, of.map(|(_, place)| place.length))? else {
+            return Ok(None);
         };
-        let mut log = BufReader::with_capacity(1 << 20, file);
-        let mut header = [0; 32];
-        if !read_whole(&mut log, &mut header)?
-            || !matches!(header[..4], [0x37, 0x7f, 0x06, 0x82 | 0x83])
-        {
-            return Ok(None);
-        }
-        let size = u32::from_be_bytes([header[8], header[9], header[10], header[11]]);
-        let mut salts = [0; 8];
-        salts.copy_from_slice(&header[16..24]);
-        if !(512..=65_536).contains(&size) {
-            return Ok(None);
-        }
-        let page = of.map(|(_, place)| place.offset / u64::from(size) + 1);
-        let mut found = Self { salts, marks: None, follows: true };
-        let (mut frame, mut frames) = (vec![0; 24 + size as usize], 0_u64);
-        while read_whole(&mut log, &mut frame)? && frame[8..16] == salts {
-            frames += 1;
-            let number = u32::from_be_bytes([frame[0], frame[1], frame[2], frame[3]]);
-            if page.is_none_or(|page| page == u64::from(number))
-                && let Some(mark) = Mark::find(&frame[24..])
-            {
+        let page = of.map(|(_, place)| place.offset / place.length as u64 + 1);
+        let mut found = Self { salts: frames.salts(), follows: true, ..Self::default() };
+        // The last mark of a transaction that has not ended yet; how many frames are sound; the last mark behind those.
+        let (mut pending, mut sound, mut behind) = (None, 0, 0);
+        while let Some(frame) = frames.next()? {
+            let mark = match page {
+                Some(page) if page != u64::from(frame.page) => None,
+                _ => Mark::find(frame.content),
+            };
+            if !frame.is_sound {
+                let commits =
+                    mark.filter(|mark| of.is_some_and(|(of, _)| of.identity == mark.identity));
+                behind = behind.max(commits.map_or(0, |mark| mark.commits));
+                continue;
+            }
+            sound += 1;
+            pending = mark.or(pending);
+            if !frame.is_commit {
+                continue;
+            }
+            found.commits += 1;
+            if let Some(mark) = pending.take() {
                 found.follows &= of.is_none_or(|(file, _)| file.is_followed_by(&mark));
                 let first = found.marks.take().map_or_else(|| mark.clone(), |[first, _]| first);
                 found.marks = Some([first, mark]);
             }
         }
-        Ok((frames > 0).then_some(found))
-    }
-}
-
-/// Whether a whole buffer could be read.
-fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
-    match from.read_exact(buffer) {
-        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
-        read => read.map(|()| true),
+        // A power cut damages the last transaction at most: SQLite waits for the disk before it begins the next one.
+        let last = found.marks.as_ref().map_or(0, |[_, last]| last.commits);
+        let last = of.map_or(last, |(file, _)| last.max(file.commits));
+        found.cut = (behind > last + 1).then_some(sound);
+        Ok((found.commits > 0 || found.cut.is_some()).then_some(found))
     }
 }
 
@@ -159,6 +157,9 @@ pub enum Misplaced {
         "no commit of Sidestep is in it; another program wrote it, or it belongs to another database"
     )]
     Unmarked,
+    /// A part of it cannot be read, and what was stored afterwards is behind that.
+    #[error("a part of it was overwritten, and SQLite would drop all that was stored after that")]
+    Damaged,
 }
 
 /// How often a log is read that a server begins anew meanwhile.
@@ -166,21 +167,33 @@ const ATTEMPTS: usize = 20;
 
 /// What is wrong with the log of a file, if anything is. It changes nothing.
 pub(super) fn misplaced(file: &DatabaseFile) -> io::Result<Option<Misplaced>> {
+    let mut before = None;
     for _ in 0..ATTEMPTS {
-        let Some(before) = Log::read(file.log(), None)? else { return Ok(None) };
+        let Some(frames) = Frames::open(file.log(), None)? else { return Ok(None) };
         // Damage is for whoever opens the file to tell.
         let Ok(found) = of_file(file) else { return Ok(None) };
-        let Some(after) = Log::read(file.log(), found.as_ref())? else { continue };
-        if before.salts == after.salts {
-            return Ok(compare(found.map(|(mark, _)| mark).as_ref(), &after));
+        let Some(log) = Log::read(file.log(), found.as_ref())? else { return Ok(None) };
+        if frames.salts() != log.salts {
+            continue;
         }
+        // A server may write a frame while it is read. It writes no frame twice.
+        if log.cut.is_none() || before == Some((log.salts, log.cut)) {
+            return Ok(compare(found.map(|(mark, _)| mark).as_ref(), &log));
+        }
+        before = Some((log.salts, log.cut));
     }
     Ok(None)
 }
 
 fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
+    let foreign = strange(file, log);
+    foreign.or_else(|| log.cut.map(|_| Misplaced::Damaged))
+}
+
+/// Whether a log is not the file's own.
+fn strange(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     let Some([first, last]) = &log.marks else {
-        return file.map(|_| Misplaced::Unmarked);
+        return file.filter(|_| log.commits > 0).map(|_| Misplaced::Unmarked);
     };
     match file {
         None => Some(Misplaced::Later).filter(|_| first.commits > 1).or(None),
@@ -213,9 +226,10 @@ mod tests {
     #[test]
     fn a_log_belongs_to_its_file_alone() {
         let log = |first, last| Log {
-            salts: [0; 8],
             marks: Some([mark('a', first), mark('a', last)]),
             follows: true,
+            commits: 2,
+            ..Log::default()
         };
         let of = |file: Option<Mark>, log: Log| compare(file.as_ref(), &log);
         let fork = Log { follows: false, ..log(5, 9) };
@@ -230,7 +244,7 @@ mod tests {
         assert_eq!(of(Some(mark('a', 3)), log(5, 9)), Some(Misplaced::Later));
         assert_eq!(of(Some(mark('a', 10)), log(5, 9)), Some(Misplaced::Earlier));
         assert_eq!(of(Some(mark('b', 4)), log(5, 9)), Some(Misplaced::Other));
-        let unmarked = || Log { salts: [0; 8], marks: None, follows: true };
+        let unmarked = || Log { follows: true, commits: 1, ..Log::default() };
         assert_eq!(of(Some(mark('a', 4)), unmarked()), Some(Misplaced::Unmarked));
         // Of an earlier version, whose log has no marks either; or migrated in this log.
         assert_eq!(of(None, unmarked()), None);

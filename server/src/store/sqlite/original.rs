@@ -5,7 +5,7 @@
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
-use super::mark::{self, Log, Mark, Place};
+use super::mark::{self, Log, Mark, Misplaced, Place};
 use crate::store::error::StoreError;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -18,6 +18,9 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// How often the file is looked at when nobody uses it.
 const WATCH: Duration = Duration::from_millis(250);
+
+/// In which of these rounds the whole log is read, if it was written to.
+const READ_LOG: usize = 3;
 
 /// After which pause a rescue that failed is tried again.
 const AGAIN: Duration = Duration::from_secs(2);
@@ -41,6 +44,10 @@ pub(super) struct Original {
     log: Mutex<Seen>,
     /// Whether the log is what SQLite wrote.
     has_log: AtomicBool,
+    /// When the log was last written to, as of the last time that all of it was read.
+    log_read: Mutex<Option<SystemTime>>,
+    /// Each index of the log that was open here, locked. None is ever closed: SQLite's locks on it would be given up.
+    indices: Mutex<Vec<(Identity, File)>>,
     /// Where what was stored is safe, while the file is not.
     rescued: Mutex<Option<PathBuf>>,
 }
@@ -73,6 +80,8 @@ impl Original {
             companions: Mutex::default(),
             log: Mutex::default(),
             has_log: AtomicBool::new(true),
+            log_read: Mutex::default(),
+            indices: Mutex::default(),
             rescued: Mutex::default(),
         })
     }
@@ -101,7 +110,42 @@ impl Original {
     /// Notes which log and which index the writer has open, if it has any.
     pub(super) fn note_companions(&self, are_open: bool) {
         let found = are_open.then(|| self.file.companions());
+        if let Some([_, Some(index)]) = found {
+            self.keep_index(index);
+        }
         *self.companions.lock().unwrap_or_else(PoisonError::into_inner) = found;
+    }
+
+    /// Keeps an index locked, so that others know whether they share it.
+    fn keep_index(&self, identity: Identity) {
+        let mut indices = self.indices.lock().unwrap_or_else(PoisonError::into_inner);
+        if indices.iter().all(|(kept, _)| *kept != identity)
+            && let Ok(index) = File::open(self.file.index())
+        {
+            // Others that write here may have locked it, too.
+            let _ = index.try_lock_shared();
+            indices.push((identity, index));
+        }
+    }
+
+    /// The same of the file, its log and all that the log has. Whoever writes the log back calls it first: what somebody has
+    /// overwritten there would be in the file then.
+    pub(super) fn check_all(&self) -> Result<(), StoreError> {
+        self.check_with_log()?;
+        let written = std::fs::metadata(self.file.log()).and_then(|log| log.modified()).ok();
+        let mut read = self.log_read.lock().unwrap_or_else(PoisonError::into_inner);
+        if written.is_some() && *read == written {
+            return Ok(());
+        }
+        if matches!(mark::misplaced(&self.file), Ok(Some(Misplaced::Damaged))) {
+            self.has_log.store(false, Ordering::Relaxed);
+            self.changed.get_or_init(|| {
+                "separated from a part of its write-ahead log, which was overwritten; keep the file and its -wal: 'sidestep \
+                 salvage' reads what is left"
+            });
+        }
+        *read = written;
+        self.check()
     }
 
     /// The same of the file and its log.
@@ -139,7 +183,8 @@ impl Original {
                 return None;
             }
             // SQLite makes it empty once everything was written back, and knows that.
-            let pages = connection::reading(&self.file).and_then(|db| connection::log_pages(&db));
+            let pages =
+                connection::reading(&self.file, false).and_then(|db| connection::log_pages(&db));
             if pages != Ok(0) || is_read {
                 return Some(CUT);
             }
@@ -261,8 +306,13 @@ impl Watch {
         let (stop, stopped) = channel();
         let thread = std::thread::Builder::new().name("store-watch".to_owned()).spawn(move || {
             let (mut was_well, mut asked) = (true, Instant::now());
+            let mut rounds = 0_usize;
             while stopped.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
-                let found = original.check_with_log();
+                rounds += 1;
+                let found = match rounds.is_multiple_of(READ_LOG) {
+                    true => original.check_all(),
+                    false => original.check_with_log(),
+                };
                 match &found {
                     Err(error) if was_well => {
                         tracing::error!(%error, "nothing is stored any more");

@@ -16,6 +16,8 @@ const LONG_READS: usize = 4;
 pub(super) struct Readers {
     file: DatabaseFile,
     original: Arc<Original>,
+    /// Whether the file is to be left as it is.
+    only_reads: bool,
     /// None once the store is closed.
     idle: Mutex<Option<Vec<Connection>>>,
     long: Arc<Semaphore>,
@@ -23,9 +25,9 @@ pub(super) struct Readers {
 
 impl Readers {
     /// Readers of the original file; they never read one that replaces it.
-    pub(super) fn new(file: DatabaseFile, original: Arc<Original>) -> Self {
+    pub(super) fn new(file: DatabaseFile, original: Arc<Original>, only_reads: bool) -> Self {
         let idle = Mutex::new(Some(Vec::new()));
-        Self { file, original, idle, long: Arc::new(Semaphore::new(LONG_READS)) }
+        Self { file, original, only_reads, idle, long: Arc::new(Semaphore::new(LONG_READS)) }
     }
 
     /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and a few rows take some
@@ -80,9 +82,12 @@ impl Readers {
                 continue;
             }
             // The last connection deletes an empty log, if it may; one with content is left as it is.
-            if !self.file.has_log() {
+            if !self.only_reads && !self.file.has_log() {
                 let _ = db.batch("PRAGMA query_only = OFF");
             }
+        }
+        if self.only_reads {
+            connection::leave_no_log(&self.file);
         }
     }
 
@@ -93,7 +98,7 @@ impl Readers {
         };
         match idle {
             Some(db) => Ok(db),
-            None => Ok(connection::reading(&self.file)?),
+            None => Ok(connection::reading(&self.file, self.only_reads)?),
         }
     }
 

@@ -292,7 +292,7 @@ impl Thread {
                 Next::EmptyLog => self.empty_log(),
                 Next::Rescue => self.rescue(),
                 Next::Stop => {
-                    if self.original.check_with_log().is_err() {
+                    if self.original.check_all().is_err() {
                         self.rescue();
                         // Closing it would delete a log that may be another file's, or the only copy.
                         std::mem::forget(self.db.take());
@@ -435,7 +435,7 @@ impl Thread {
     fn empty_log(&mut self) {
         let emptied = match &self.db {
             Some(open) => {
-                let checked = self.original.check_with_log();
+                let checked = self.original.check_all();
                 checked.and_then(|()| connection::empty_log(open))
             }
             None => Ok(false),

@@ -1,0 +1,161 @@
+//! SQLite's write-ahead log, frame by frame: <https://www.sqlite.org/fileformat2.html#walformat>.
+//!
+//! Each frame has a page and the checksum of all that comes before it. SQLite reads up to the first frame whose checksum is
+//! wrong, as after a power cut, and overwrites what is behind that, without a word.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+const HEADER: usize = 32;
+const FRAME: usize = 24;
+
+/// The length of a page that is assumed where nothing tells it, bytes.
+const PAGE: usize = 4096;
+
+/// A log that is read from its beginning.
+pub(super) struct Frames {
+    log: BufReader<File>,
+    header: [u8; HEADER],
+    sum: Checksum,
+    /// Of this writing of the log: SQLite draws others when it begins the log anew.
+    salts: [u8; 8],
+    /// Whether everything so far is as SQLite wrote it.
+    is_sound: bool,
+    frame: Vec<u8>,
+}
+
+/// A frame of this writing of a log.
+pub(super) struct Frame<'a> {
+    /// The number of the page, from 1.
+    pub(super) page: u32,
+    /// Whether a transaction ends with it.
+    pub(super) is_commit: bool,
+    /// Whether it and all before it are as SQLite wrote them.
+    pub(super) is_sound: bool,
+    /// The page.
+    pub(super) content: &'a [u8],
+}
+
+impl Frames {
+    /// Opens a log; none if there is none, or nothing in it. Where its header is damaged, `page` is the length of a page.
+    pub(super) fn open(path: &Path, page: Option<usize>) -> io::Result<Option<Self>> {
+        let file = match File::open(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            file => file?,
+        };
+        let mut log = BufReader::with_capacity(1 << 20, file);
+        let mut header = [0; HEADER];
+        if !read_whole(&mut log, &mut header)? {
+            return Ok(None);
+        }
+        let mut sum = Checksum::of(&header);
+        sum.add(&header[..24]);
+        let length = number(&header[8..]) as usize;
+        let is_sound = matches!(header[..4], [0x37, 0x7f, 0x06, 0x82 | 0x83])
+            && (512..=65_536).contains(&length)
+            && sum.is(&header[24..]);
+        let length = if is_sound { length } else { page.unwrap_or(PAGE) };
+        let mut found =
+            Self { log, header, sum, salts: [0; 8], is_sound, frame: vec![0; FRAME + length] };
+        found.salts.copy_from_slice(&header[16..24]);
+        if !is_sound {
+            // The first frame has them, too.
+            let mut frame = [0; FRAME];
+            if !read_whole(&mut found.log, &mut frame)? {
+                return Ok(None);
+            }
+            found.salts.copy_from_slice(&frame[8..16]);
+            found.log.seek(SeekFrom::Start(HEADER as u64))?;
+        }
+        Ok(Some(found))
+    }
+
+    pub(super) fn salts(&self) -> [u8; 8] {
+        self.salts
+    }
+
+    /// The next frame, past all that does not belong to this writing; none at the end.
+    pub(super) fn next(&mut self) -> io::Result<Option<Frame<'_>>> {
+        loop {
+            if !read_whole(&mut self.log, &mut self.frame)? {
+                return Ok(None);
+            }
+            if self.frame[8..16] == self.salts {
+                break;
+            }
+            self.is_sound = false;
+        }
+        let (head, content) = self.frame.split_at(FRAME);
+        if self.is_sound {
+            self.sum.add(&head[..8]);
+            self.sum.add(content);
+            self.is_sound = self.sum.is(&head[16..]);
+        }
+        let (page, is_commit) = (number(head), number(&head[4..]) > 0);
+        Ok(Some(Frame { page, is_commit, is_sound: self.is_sound, content }))
+    }
+
+    /// Writes the log with the checksums that its content has, so that SQLite reads all of it, damaged pages too.
+    pub(super) fn write_mended(mut self, mut to: impl Write) -> io::Result<()> {
+        let mut header = self.header;
+        header[..8].copy_from_slice(&[0x37, 0x7f, 0x06, 0x82, 0x00, 0x2d, 0xe2, 0x18]);
+        header[8..12].copy_from_slice(&((self.frame.len() - FRAME) as u32).to_be_bytes());
+        header[16..24].copy_from_slice(&self.salts);
+        let mut sum = Checksum::of(&header);
+        sum.add(&header[..24]);
+        header[24..].copy_from_slice(&sum.bytes());
+        to.write_all(&header)?;
+        while self.next()?.is_some() {
+            sum.add(&self.frame[..8]);
+            sum.add(&self.frame[FRAME..]);
+            self.frame[16..FRAME].copy_from_slice(&sum.bytes());
+            to.write_all(&self.frame)?;
+        }
+        to.flush()
+    }
+}
+
+/// Whether a whole buffer could be read.
+fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
+    match from.read_exact(buffer) {
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
+        read => read.map(|()| true),
+    }
+}
+
+fn number(bytes: &[u8]) -> u32 {
+    u32::from_be_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+}
+
+/// The checksum of a log, over numbers in the byte order that its header names.
+struct Checksum {
+    sums: [u32; 2],
+    is_big_endian: bool,
+}
+
+impl Checksum {
+    fn of(header: &[u8; HEADER]) -> Self {
+        Self { sums: [0; 2], is_big_endian: header[3] & 1 == 1 }
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        let [mut first, mut second] = self.sums;
+        let read = if self.is_big_endian { u32::from_be_bytes } else { u32::from_le_bytes };
+        let (pairs, _) = bytes.as_chunks::<8>();
+        for &[a, b, c, d, e, f, g, h] in pairs {
+            first = first.wrapping_add(read([a, b, c, d])).wrapping_add(second);
+            second = second.wrapping_add(read([e, f, g, h])).wrapping_add(first);
+        }
+        self.sums = [first, second];
+    }
+
+    fn is(&self, bytes: &[u8]) -> bool {
+        bytes[..8] == self.bytes()
+    }
+
+    fn bytes(&self) -> [u8; 8] {
+        let [[a, b, c, d], [e, f, g, h]] = self.sums.map(u32::to_be_bytes);
+        [a, b, c, d, e, f, g, h]
+    }
+}
