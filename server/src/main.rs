@@ -9,6 +9,7 @@ use sidestep_server::commands::{
 use sidestep_server::jobs::children::SUBCOMMAND;
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
+use tokio::signal::unix::{SignalKind, signal};
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 
@@ -51,6 +52,9 @@ enum Command {
     Child(child::ChildArgs),
 }
 
+/// The number of the signal of a file that would become too long, on Linux and macOS.
+const SIGXFSZ: i32 = 25;
+
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.command {
@@ -79,6 +83,8 @@ fn main() -> ExitCode {
 }
 
 async fn call(command: Command) -> Result<(), CommandError> {
+    // Where files may not become longer (ulimit -f), a write fails then, as on a full disk, and does not kill.
+    let _too_long = signal(SignalKind::from_raw(SIGXFSZ)).map_err(CommandError::failure)?;
     match command {
         Command::Serve(args) => serve::run(args).await,
         Command::HashKey(_) => hash_key::run(),

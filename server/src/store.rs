@@ -52,6 +52,7 @@ use sidestep::study::StudyConfig;
 use sql::{Connection, Question};
 use sqlite::{DatabaseFile, Sqlite};
 use std::collections::HashMap;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, RwLock};
 use tokio::sync::watch;
@@ -197,15 +198,30 @@ fn harmless(url: &str) -> String {
     }
 }
 
-/// Refuses a file that this user must not read; SQLite only says that it cannot open it.
-fn check_permission(file: &Path) -> Result<(), OpenError> {
+/// Refuses what is no file, a file that this user must not read, and one to write to that has several names: SQLite only says
+/// that it cannot open it, or keeps a log for each name.
+fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
+    let refuse =
+        |reason: String| Err(OpenError::Unusable { database: file.display().to_string(), reason });
+    let Ok(found) = std::fs::metadata(file) else {
+        return match file.is_symlink() {
+            true => refuse("it is a link, and what it leads to does not exist".to_owned()),
+            false => Ok(()),
+        };
+    };
+    if !found.is_file() {
+        return refuse("it is a directory, a pipe or a device, not a file".to_owned());
+    }
+    if found.nlink() > 1 && purpose != Purpose::Read {
+        return refuse(
+            "it has several names (hard links), and SQLite would keep a log for each; copy the file, and use the copy"
+                .to_owned(),
+        );
+    }
     match std::fs::File::open(file) {
-        Err(error) if error.kind() == std::io::ErrorKind::PermissionDenied => {
-            let database = file.display().to_string();
-            let reason =
-                format!("{error}; give this user the permission to read it, or run as its owner");
-            Err(OpenError::Unusable { database, reason })
-        }
+        Err(error) if error.kind() == std::io::ErrorKind::PermissionDenied => refuse(format!(
+            "{error}; give this user the permission to read it, or run as its owner"
+        )),
         _ => Ok(()),
     }
 }
@@ -224,7 +240,7 @@ impl Store {
                 false => {
                     let file = DatabaseFile::of_url(&url)
                         .map_err(|found| OpenError::Address { url: harmless(&url), found })?;
-                    check_permission(file.path())?;
+                    check_file(file.path(), purpose)?;
                     Database::Sqlite(Sqlite::open(file, purpose)?)
                 }
             })

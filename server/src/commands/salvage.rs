@@ -41,6 +41,11 @@ struct Saved {
 /// [`CommandError::Input`] if the file is no database, or there is a database already; [`CommandError::Failure`] if
 /// anything was lost, or the new database refuses.
 pub async fn run(args: SalvageArgs) -> Result<(), CommandError> {
+    let from = args.from.to_string_lossy();
+    if from.contains("://") || from.starts_with("sqlite:") {
+        let expected = "expected the file of a SQLite database, found an address";
+        return Err(CommandError::Input(format!("--from: {expected}")));
+    }
     absent(&args.database).await?;
     let interrupt = Interrupt::listen();
     let fill =

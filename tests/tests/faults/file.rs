@@ -1,4 +1,4 @@
-//! A database that may not be written.
+//! A database that may not be written, or that only its server may write to.
 
 use sidestep::api::Progress;
 use sidestep_tests::process::{Said, binary};
@@ -51,4 +51,52 @@ async fn a_read_only_database_is_refused_and_unchanged() {
     assert_eq!(me.stored, sent.iter().map(|(id, _)| id.clone()).collect::<Vec<_>>());
     server.kill().await;
     run(&["check", "--database", &database]).await.json();
+}
+
+#[tokio::test]
+async fn commands_that_read_leave_an_unclosed_database_as_it_is() {
+    let folder = Folder::default();
+    let server = Process::start(&folder).await;
+    Driver::enrol(&server).await.drive(&server, 2).await;
+    server.kill().await;
+    let (database, out) = (folder.database("sidestep.db"), |name: &str| folder.name(name));
+    let files = ["sidestep.db", "sidestep.db-wal"].map(|name| folder.path(name));
+    let content = || files.each_ref().map(|file| std::fs::read(file).unwrap());
+    let before = content();
+    assert_eq!(run(&["check", "--database", &database]).await.json()["trials"], 2);
+    let export = ["export", "--database", &database, "--study", "default", "--out", &out("export")];
+    run(&export).await.json();
+    run(&["backup", "--database", &database, "--out", &out("backup.db")]).await.json();
+    run(&["copy", "--from", &database, "--to", &folder.database("copy.db")]).await.json();
+    assert!(content() == before, "a command has changed the database");
+}
+
+/// SQLite makes another index of the log where there is none, and knows nothing of the server's.
+#[tokio::test]
+async fn commands_refuse_another_index_of_the_log_than_the_server_has() {
+    for is_replaced in [false, true] {
+        let folder = Folder::default();
+        let server = Process::start(&folder).await;
+        Driver::enrol(&server).await.drive(&server, 2).await;
+        let trials = folder.name("trials.csv");
+        run(&["simulate", "--participants", "2", "--seed", "1", "--out", &trials]).await.json();
+        let (database, index) = (folder.database("sidestep.db"), folder.path("sidestep.db-shm"));
+        run(&["check", "--database", &database]).await.json();
+        std::fs::remove_file(&index).unwrap();
+        if is_replaced {
+            std::fs::write(&index, []).unwrap();
+        }
+        let log = std::fs::read(folder.path("sidestep.db-wal")).unwrap();
+        let (slug, out) = ("imported", folder.name("backup.db"));
+        for args in [
+            vec!["import", "--study", slug, "--trials", &trials, "--database", &database],
+            vec!["check", "--database", &database],
+            vec!["backup", "--database", &database, "--out", &out],
+        ] {
+            run(&args).await.refused(1, &["another index", "sidestep.db-shm", "stop that server"]);
+        }
+        assert!(std::fs::read(folder.path("sidestep.db-wal")).unwrap() == log);
+        server.kill().await;
+        assert_eq!(run(&["check", "--database", &database]).await.json()["trials"], 2);
+    }
 }

@@ -28,9 +28,10 @@ enum Fault {
     EmptyLog,
     DeleteLog,
     DeleteIndex,
+    OverwriteLog,
 }
 
-const FAULTS: [Fault; 14] = [
+const FAULTS: [Fault; 15] = [
     Fault::Delete,
     Fault::RenameAway,
     Fault::RenameOver,
@@ -45,6 +46,7 @@ const FAULTS: [Fault; 14] = [
     Fault::EmptyLog,
     Fault::DeleteLog,
     Fault::DeleteIndex,
+    Fault::OverwriteLog,
 ];
 
 impl Fault {
@@ -64,6 +66,7 @@ impl Fault {
             Self::EmptyLog => "its log is emptied",
             Self::DeleteLog => "its log is deleted",
             Self::DeleteIndex => "its `-shm` is deleted",
+            Self::OverwriteLog => "a page in the middle of its log is overwritten",
         }
     }
 
@@ -186,6 +189,13 @@ impl Place {
             Fault::EmptyLog => std::fs::write(self.path("sidestep.db-wal"), []).unwrap(),
             Fault::DeleteLog => std::fs::remove_file(self.path("sidestep.db-wal")).unwrap(),
             Fault::DeleteIndex => std::fs::remove_file(self.path("sidestep.db-shm")).unwrap(),
+            Fault::OverwriteLog => {
+                let log =
+                    std::fs::OpenOptions::new().write(true).open(self.path("sidestep.db-wal"));
+                let log = log.unwrap();
+                let middle = log.metadata().unwrap().len() / 2;
+                std::os::unix::fs::FileExt::write_all_at(&log, &[7; 4096], middle).unwrap();
+            }
             Fault::HalfCopy => {
                 let bytes = std::fs::read(&backup).unwrap();
                 std::fs::remove_file(&file).unwrap();
@@ -366,7 +376,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
             matches!(moment, Moment::AfterKill | Moment::AfterStop)
         }
         // It replaced the log of the file.
-        Fault::StrangeLog | Fault::EmptyLog => true,
+        Fault::StrangeLog | Fault::EmptyLog | Fault::OverwriteLog => true,
         _ => false,
     };
     assert!(destroyed, "{fault:?} {moment:?}: acknowledged trials are nowhere: {said}");
@@ -377,7 +387,8 @@ async fn case(fault: Fault, moment: Moment) -> String {
     if said.contains("rescued-wal") {
         return format!("{states} | destroyed; the log is kept in `sidestep.db.TIME.rescued-wal`");
     }
-    if fault != Fault::EmptyLog && said.contains("sidestep.db-wal") {
+    let is_salvaged = matches!(fault, Fault::EmptyLog | Fault::OverwriteLog);
+    if !is_salvaged && said.contains("sidestep.db-wal") {
         return format!("{states} | destroyed; `sidestep.db-wal` is left as it was");
     }
     if said.contains("sidestep salvage") {
@@ -402,7 +413,8 @@ async fn whatever_is_done_to_the_file_nothing_is_merged_or_lost_in_silence() {
     for fault in FAULTS {
         for moment in MOMENTS {
             let has_server = matches!(moment, Moment::Idle | Moment::UnderLoad);
-            if fault.is_of_a_server() && !has_server {
+            let has_log = has_server || moment == Moment::AfterKill;
+            if fault.is_of_a_server() && !has_server || fault == Fault::OverwriteLog && !has_log {
                 continue;
             }
             let found = case(fault, moment).await;

@@ -18,7 +18,7 @@ pub const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 /// What stands in the way.
 pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<()> {
     if !std::fs::metadata(from)?.is_file() {
-        return Err(io::Error::other("it is no file"));
+        return Err(io::Error::other("it is a directory or a pipe"));
     }
     let mut file = File::open(from)?;
     if let Err(TryLockError::WouldBlock) = file.try_lock() {

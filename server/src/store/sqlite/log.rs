@@ -159,3 +159,72 @@ impl Checksum {
         [a, b, c, d, e, f, g, h]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::connection;
+    use super::super::file::DatabaseFile;
+    use super::*;
+    use std::os::unix::fs::FileExt;
+
+    /// How many frames a log has, and how many SQLite reads.
+    fn frames(path: &Path) -> [usize; 2] {
+        let mut frames = Frames::open(path, Some(PAGE)).unwrap().unwrap();
+        let mut found = [0; 2];
+        while let Some(frame) = frames.next().unwrap() {
+            found[0] += 1;
+            found[1] += usize::from(frame.is_sound);
+        }
+        found
+    }
+
+    #[test]
+    fn a_log_is_read_as_sqlite_reads_it_and_mended() {
+        const ROWS: i64 = 40;
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
+        let file = of("written.db");
+        file.create().unwrap();
+        let db = connection::writing(file.path()).unwrap();
+        db.batch("CREATE TABLE page (bytes BLOB NOT NULL) STRICT").unwrap();
+        connection::write_back(&db).unwrap();
+        for _ in 0..ROWS {
+            db.execute("INSERT INTO page VALUES (randomblob(3000))", []).unwrap();
+        }
+        let [all, sound] = frames(file.log());
+        assert!(all == sound && all as i64 >= ROWS, "{sound} of {all}");
+        assert_eq!(all as i64, connection::log_pages(&db).unwrap());
+
+        let rows = |file: &DatabaseFile| {
+            let db = connection::reading(file, false).unwrap();
+            db.query_row("SELECT count(*) FROM page", [], |row| row.get::<_, i64>(0)).unwrap()
+        };
+        let length = std::fs::metadata(file.log()).unwrap().len();
+        // Its header, the salts of a frame, and what a page has at its end, where no row is.
+        let middle = 32 + (all as u64 / 2) * (24 + PAGE as u64);
+        for (name, at) in [("header.db", 26), ("salts.db", middle + 8), ("page.db", middle + 64)] {
+            let (damaged, mended) = (of(name), of(&format!("mended-{name}")));
+            for copy in [&damaged, &mended] {
+                std::fs::copy(file.path(), copy.path()).unwrap();
+            }
+            std::fs::copy(file.log(), damaged.log()).unwrap();
+            let log = std::fs::OpenOptions::new().write(true).open(damaged.log()).unwrap();
+            log.write_all_at(&[1, 2, 3, 4], at).unwrap();
+            let [found, sound] = frames(damaged.log());
+            let lost = usize::from(name == "salts.db");
+            let read = if name == "header.db" { 0 } else { all / 2 };
+            assert_eq!([found, sound], [all - lost, read], "{name}");
+            let frames = Frames::open(damaged.log(), Some(PAGE)).unwrap().unwrap();
+            frames.write_mended(File::create(mended.log()).unwrap()).unwrap();
+            assert_eq!(
+                std::fs::metadata(mended.log()).unwrap().len(),
+                length - lost as u64 * (24 + PAGE as u64)
+            );
+            assert!(rows(&damaged) < ROWS, "{name}");
+            assert_eq!(self::frames(mended.log()), [all - lost; 2], "{name}");
+            if name != "salts.db" {
+                assert_eq!(rows(&mended), ROWS, "{name}");
+            }
+        }
+    }
+}
