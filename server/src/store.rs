@@ -83,6 +83,9 @@ pub enum Purpose {
     /// closed: each would wait for the other's writes, and neither would know of them. Commands may read and write
     /// beside a server. Several servers share a PostgreSQL database.
     Alone,
+    /// To copy a database into it, as [`Self::Alone`]. If it was empty, it is refused otherwise until
+    /// [`Store::end_copy`].
+    Copy,
     /// To add something. It is created if there is none.
     Create,
     /// To change what is there.
@@ -404,6 +407,14 @@ impl Store {
             Database::Sqlite(database) => database.commits(),
             Database::Postgres(database) => database.commits(),
         }
+    }
+
+    /// Notes that what was copied into an empty database is whole.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the disk or the server refuses.
+    pub async fn end_copy(&self) -> Result<(), StoreError> {
+        self.write_behind([Lock::Studies], migrations::end_copy).await
     }
 
     /// Waits for what is under way and closes; SQLite writes its log back.

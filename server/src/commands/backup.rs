@@ -186,10 +186,14 @@ async fn fill(
     let before = interrupt.unless_stopped(soundness::report(&backup)).await??;
     let accepted = if args.with_faulty_trials { FaultyTrials::Kept } else { FaultyTrials::Refused };
     backups::sound(&args.from, &before, accepted).map_err(CommandError::failure)?;
-    let to = Store::open(url, Purpose::Alone).await?;
+    let to = Store::open(url, Purpose::Copy).await?;
     let filling = async {
         whole(&backup, &to, &backup.slugs().await?, true, interrupt).await?;
-        Ok::<_, TransferError>(soundness::report(&to).await?)
+        let report = soundness::report(&to).await?;
+        if report == before {
+            to.end_copy().await?;
+        }
+        Ok::<_, TransferError>(report)
     };
     let filled = interrupt.token.run_until_cancelled(filling).await;
     let report = filled.unwrap_or(Err(TransferError::Stopped));

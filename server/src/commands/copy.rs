@@ -47,7 +47,7 @@ pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
     if from.is_file_at(&args.to).map_err(of_flag("--to"))? {
         return Err(the_same());
     }
-    let to = Store::open(&args.to, Purpose::Alone).await.map_err(of_flag("--to"))?;
+    let to = Store::open(&args.to, Purpose::Copy).await.map_err(of_flag("--to"))?;
     if from.is_same(&to).await? {
         return Err(the_same());
     }
@@ -59,6 +59,7 @@ pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
             other => other.to_string(),
         })
     })?;
+    to.end_copy().await?;
     from.close().await;
     to.close().await;
     print_json(&copied)

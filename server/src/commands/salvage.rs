@@ -74,13 +74,16 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         }
         error => CommandError::Input(format!("--from {error}")),
     })?;
-    let to = Store::open(url, Purpose::Alone).await?;
+    let to = Store::open(url, Purpose::Copy).await?;
     let mut lost = 0;
     let saved = salvage::salvage(&from, &to, |row| {
         lost += 1;
         eprintln!("sidestep: {row}");
     });
-    let saved = saved.await;
+    let saved = match saved.await {
+        Ok(saved) => to.end_copy().await.map(|()| saved),
+        failed => failed,
+    };
     from.close().await;
     to.close().await;
     let Report { studies, participants, trials, .. } = saved.map_err(|error| {

@@ -120,6 +120,33 @@ pub(super) fn check(db: &Connection) -> Result<State, Failure> {
     })
 }
 
+/// Checks that no copy into a database was left half done.
+pub(super) fn check_finished(db: &Connection) -> Result<(), Failure> {
+    let query = db.choose(
+        "SELECT user_version <> 0 FROM pragma_user_version",
+        "SELECT obj_description('study'::regclass, 'pg_class') IS NOT NULL",
+    );
+    let is_unfinished = db.query_row(query, [], |row| row.get(0))?;
+    if is_unfinished { Err(Misfit::Unfinished.into()) } else { Ok(()) }
+}
+
+/// Notes that a copy into an empty database begins.
+pub(super) fn begin_copy(db: &Connection) -> Result<(), StoreError> {
+    Ok(db.batch(db.choose(
+        "PRAGMA user_version = 1",
+        "COMMENT ON TABLE study IS 'A copy into this database was not finished.'",
+    ))?)
+}
+
+/// Notes that it is whole.
+pub(super) fn end_copy(db: &Connection) -> Result<(), StoreError> {
+    // SQLite does not count the change of a version, and only what changes a row is marked.
+    Ok(db.batch(db.choose(
+        "PRAGMA user_version = 0; UPDATE mark SET text = text",
+        "COMMENT ON TABLE study IS NULL",
+    ))?)
+}
+
 /// Applies the missing migrations. Of several servers that start at once, one does.
 pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     let is_former = has(db, FORMER_TABLE)?;

@@ -31,6 +31,11 @@ pub enum Misfit {
              release of Sidestep"
     )]
     Other(i64),
+    /// A copy into it began while it was empty, and did not end.
+    #[error(
+        "it is not whole: a copy into it was not finished; run 'sidestep copy' again, or delete it"
+    )]
+    Unfinished,
     /// It contains tables that are not this program's.
     #[error("it is a database of another program")]
     Foreign,

@@ -142,7 +142,8 @@ impl Postgres {
             }
         };
         let may_change = purpose != Purpose::Read;
-        match (migrations::check(&db).map_err(misfit)?, purpose) {
+        let state = migrations::check(&db).map_err(misfit)?;
+        match (state, purpose) {
             (State::Empty, Purpose::Change | Purpose::Read) => {
                 return Err(OpenError::Absent(database));
             }
@@ -154,9 +155,15 @@ impl Postgres {
             }
             _ => {}
         }
+        if state != State::Empty && purpose != Purpose::Copy {
+            migrations::check_finished(&db).map_err(misfit)?;
+        }
         if may_change {
             migrations::apply(&db).map_err(misfit)?;
             check_rights(&db).map_err(refused)?;
+            if state == State::Empty && purpose == Purpose::Copy {
+                migrations::begin_copy(&db).map_err(refused)?;
+            }
         }
         drop(db);
         let mut counts = SESSIONS;

@@ -57,6 +57,7 @@ impl Sqlite {
     /// Opens the file and applies missing migrations, if it may be changed.
     pub(super) fn open(named: DatabaseFile, purpose: Purpose) -> Result<Self, OpenError> {
         let name = || named.path().display().to_string();
+        let is_alone = matches!(purpose, Purpose::Alone | Purpose::Copy);
         let unusable = |reason: String| OpenError::Unusable { database: name(), reason };
         let advice = match purpose {
             Purpose::Read => "check the path, that it may be read, and that its disk has room",
@@ -91,7 +92,7 @@ impl Sqlite {
                 why => OpenError::Misplaced { database, log, why },
             });
         }
-        if purpose != Purpose::Alone && !named.shares_index() {
+        if !is_alone && !named.shares_index() {
             return Err(unusable(format!(
                 "a server uses it with another index of its write-ahead log than the one here, {}, which somebody deleted \
                  or replaced, or that server is of an older version; stop that server first",
@@ -99,7 +100,7 @@ impl Sqlite {
             )));
         }
         match purpose {
-            Purpose::Alone | Purpose::Create => {
+            Purpose::Alone | Purpose::Copy | Purpose::Create => {
                 named.sweep_copies();
                 named.create().map_err(disk)?;
             }
@@ -110,11 +111,15 @@ impl Sqlite {
         }
         // A file that this program cannot use, or that another server uses, is not changed by a single byte.
         let untouching = connection::untouching(&named).map_err(refused)?;
-        let is_current = migrations::check(&untouching).map_err(misfit)? == State::Current;
+        let state = migrations::check(&untouching).map_err(misfit)?;
+        if state != State::Empty && purpose != Purpose::Copy {
+            migrations::check_finished(&untouching).map_err(misfit)?;
+        }
+        let is_current = state == State::Current;
         drop(untouching);
-        let lock = match (purpose, is_current) {
+        let lock = match (is_alone, purpose, is_current) {
             // A server of an older version may use the file, which could not go on with a migrated one.
-            (Purpose::Alone, _) | (Purpose::Create | Purpose::Change, false) => {
+            (true, ..) | (_, Purpose::Create | Purpose::Change, false) => {
                 let lock = named.lock_soon().map_err(|error| unusable(error.to_string()))?;
                 Some(lock.ok_or_else(|| OpenError::Served(name()))?)
             }
@@ -140,6 +145,9 @@ impl Sqlite {
         if purpose != Purpose::Read || is_copied {
             let db = connection::migrating(file.path()).map_err(refused)?;
             migrations::apply(&db).map_err(misfit)?;
+            if state == State::Empty && purpose == Purpose::Copy {
+                migrations::begin_copy(&db).map_err(sqlite)?;
+            }
         }
         let unstarted = |error: StoreError| unusable(error.to_string());
         let original = Arc::new(Original::new(file.clone()).map_err(unstarted)?);

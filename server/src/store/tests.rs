@@ -30,13 +30,22 @@ use tokio_util::sync::CancellationToken;
 /// A store of its own: in the cluster of PostgreSQL that `SIDESTEP_TEST_POSTGRES` names (an address with
 /// DATABASE in the place of its name), otherwise in a file.
 pub(crate) async fn store() -> (TempDir, Store) {
-    let Ok(cluster) = std::env::var("SIDESTEP_TEST_POSTGRES") else { return file_store().await };
+    let (folder, url) = address().await;
+    (folder, Store::open(&url, Purpose::Create).await.unwrap())
+}
+
+/// The address of a new database.
+async fn address() -> (TempDir, String) {
+    let folder = TempDir::new().unwrap();
+    let Ok(cluster) = std::env::var("SIDESTEP_TEST_POSTGRES") else {
+        let url = format!("sqlite:{}", folder.path().join("test.db").display());
+        return (folder, url);
+    };
     let name = format!("store_{}", uuid::Uuid::new_v4().simple());
     let address = cluster.replace("DATABASE", "postgres");
     let mut session = sqlx::PgConnection::connect(&address).await.unwrap();
     session.execute(sqlx::AssertSqlSafe(format!("CREATE DATABASE {name}"))).await.unwrap();
-    let store = Store::open(&cluster.replace("DATABASE", &name), Purpose::Create).await.unwrap();
-    (TempDir::new().unwrap(), store)
+    (folder, cluster.replace("DATABASE", &name))
 }
 
 /// A store in a file in a folder of its own.
@@ -538,6 +547,25 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     other.put_study(&StudyConfig::default(), 99).await.unwrap();
     let refused = transfer::copy(&other, &to, &slugs, &stop, ignore).await;
     assert!(matches!(refused, Err(TransferError::OtherStudy(_))), "{refused:?}");
+}
+
+/// A command that was killed leaves no database that looks whole.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_copy_that_was_not_finished_is_refused_until_it_is() {
+    let (_folder, url) = address().await;
+    Store::open(&url, Purpose::Copy).await.unwrap().close().await;
+    for purpose in [Purpose::Alone, Purpose::Create, Purpose::Change, Purpose::Read] {
+        let error = Store::open(&url, purpose).await.unwrap_err().to_string();
+        assert!(error.contains("a copy into it was not finished"), "{error}");
+    }
+    let store = Store::open(&url, Purpose::Copy).await.unwrap();
+    someone(&store, "copied", Known::default()).await;
+    store.end_copy().await.unwrap();
+    store.close().await;
+    // Into a database that is in use, one may copy at any time.
+    for purpose in [Purpose::Copy, Purpose::Alone, Purpose::Read] {
+        Store::open(&url, purpose).await.unwrap().close().await;
+    }
 }
 
 #[tokio::test]
