@@ -110,10 +110,10 @@ impl Drop for WriteBack {
 
 /// Writes back what is in the log. Returns whether only few pages are left, which came meanwhile.
 fn write_back(file: &DatabaseFile, original: &Original) -> Result<bool, StoreError> {
+    original.check_all()?;
     let db = connection::writing(file.path())?;
     let mut before = 0;
     for _ in 0..MOST_ROUNDS {
-        original.check_all()?;
         let Some(pages) = connection::write_back(&db)? else {
             return Ok(false);
         };
