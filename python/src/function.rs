@@ -20,7 +20,7 @@ use crate::arrays::{Array, points};
 use crate::error::Error;
 use crate::files::{read, write};
 use crate::interrupt::Watch;
-use crate::scalars::{horizon, real, some_real, some_whole};
+use crate::scalars::{self, horizon, real, some_real, some_whole};
 use crate::value::{States, checked, state_of, value_of};
 use crate::vehicles::{PursuitGame, SceneParameters};
 
@@ -311,7 +311,7 @@ pub(crate) fn solve(
     game: &PursuitGame,
     #[pyo3(from_py_with = horizon)] horizon_s: f64,
     method: Option<&str>,
-    accuracy: &str,
+    #[pyo3(from_py_with = scalars::accuracy)] accuracy: &str,
     #[pyo3(from_py_with = some_real)] range_m: Option<f64>,
     #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     progress: Option<Py<PyAny>>,

@@ -1,5 +1,6 @@
 //! Rectangular grids of one to four dimensions.
 
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
 use sidestep::invalid::Invalid;
@@ -200,11 +201,20 @@ impl Grid {
         let grid = slf.get();
         let answer;
         let given = if object.is_callable() {
-            answer = object.call1((grid.states(slf.py())?,))?;
+            answer = object.call1((grid.states(slf.py())?,)).map_err(|raised| {
+                uncallable(slf.py(), field, &raised).unwrap_or_else(|| raised.into())
+            })?;
             &answer
         } else {
             object
         };
+        if tail.is_empty() && is_mask(given) {
+            let inside = if field == "obstacle" { "1.0, -1.0" } else { "-1.0, 1.0" };
+            let expected = format!(
+                "numbers, best distances; of a mask that is true inside, np.where(mask, {inside})"
+            );
+            return Err(Invalid::new(field, expected, "booleans").into());
+        }
         let whole = grid.shape(tail);
         let listed = |shape: &[usize]| {
             let numbers: Vec<_> = shape.iter().map(ToString::to_string).collect();
@@ -227,6 +237,23 @@ impl Grid {
     }
 }
 
+/// Whether an array is of booleans.
+fn is_mask(array: &Bound<'_, PyAny>) -> bool {
+    let kind = array.getattr("dtype").and_then(|of| of.getattr("kind")?.extract::<char>());
+    kind.is_ok_and(|kind| kind == 'b')
+}
+
+/// The complaint about a callable that cannot be called with one argument. Then no line of it has run; what it raised itself
+/// is passed on.
+fn uncallable(py: Python<'_>, field: &str, raised: &PyErr) -> Option<Error> {
+    if !raised.is_instance_of::<PyTypeError>(py) || raised.traceback(py).is_some() {
+        return None;
+    }
+    let expected = "a callable of one argument, the states of all nodes";
+    let complaint = Invalid::new(field, expected, raised.value(py));
+    Some(PyTypeError::new_err(complaint.to_string()).into())
+}
+
 /// The axes that an argument names: by their numbers, or by a boolean for each. Python takes `True` for 1, so that a list of
 /// booleans has to be told from one of numbers.
 fn chosen(
@@ -236,10 +263,7 @@ fn chosen(
 ) -> Result<Vec<usize>, Error> {
     let Some(object) = object else { return Ok(Vec::new()) };
     let entries: Vec<Bound<'_, PyAny>> = object.extract()?;
-    let is_boolean = |entry: &Bound<'_, PyAny>| {
-        let dtype = entry.getattr("dtype").and_then(|of| of.getattr("kind")?.extract::<char>());
-        entry.is_instance_of::<PyBool>() || dtype.is_ok_and(|kind| kind == 'b')
-    };
+    let is_boolean = |entry: &Bound<'_, PyAny>| entry.is_instance_of::<PyBool>() || is_mask(entry);
     let booleans = entries.iter().filter(|entry| is_boolean(entry)).count();
     if booleans > 0 {
         if booleans < entries.len() {

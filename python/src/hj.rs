@@ -14,7 +14,7 @@ use crate::arrays::{Numbers, numbers, wrong_shape};
 use crate::error::Error;
 use crate::function::{named, watched};
 use crate::grid::Grid;
-use crate::scalars::{some_real, some_whole};
+use crate::scalars::{self, some_real, some_whole};
 use crate::solution::{DIRECTIONS, KINDS, OnGrid, Solution, Solved};
 use crate::value::checked;
 
@@ -93,9 +93,9 @@ pub(crate) fn hj_solve(
     times: &Bound<'_, PyAny>,
     avoid: Option<&Bound<'_, PyAny>>,
     obstacle: Option<&Bound<'_, PyAny>>,
-    kind: &str,
-    direction: &str,
-    scheme: &str,
+    #[pyo3(from_py_with = scalars::kind)] kind: &str,
+    #[pyo3(from_py_with = scalars::direction)] direction: &str,
+    #[pyo3(from_py_with = scalars::scheme)] scheme: &str,
     #[pyo3(from_py_with = some_real)] cfl: Option<f64>,
     #[pyo3(from_py_with = some_real)] tolerance: Option<f64>,
     #[pyo3(from_py_with = some_whole)] threads: Option<i64>,

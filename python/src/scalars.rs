@@ -1,9 +1,10 @@
-//! Numbers from Python. Whole numbers of any size are accepted where they are too large for a machine's number:
+//! Numbers and words from Python. Whole numbers of any size are accepted where they are too large for a machine's number:
 //! the largest one stands for them, and infinity among real numbers, so that whoever checks the argument names it.
 
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
+use sidestep::invalid::Invalid;
 
 /// A real number.
 pub(crate) fn real(object: &Bound<'_, PyAny>) -> PyResult<f64> {
@@ -77,3 +78,18 @@ where
         Ok(if object.lt(0)? { least } else { largest })
     })
 }
+
+/// Functions with the names of arguments that are words: Python's own complaint about what is no string does not name them.
+macro_rules! words {
+    ($($argument:ident),*) => {$(
+        pub(crate) fn $argument<'a>(object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+            object.extract().or_else(|_| {
+                let field = stringify!($argument);
+                let found = object.repr()?;
+                Err(PyTypeError::new_err(Invalid::new(field, "a string", found).to_string()))
+            })
+        }
+    )*};
+}
+
+words!(accuracy, direction, kind, outside, scheme);

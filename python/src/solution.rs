@@ -14,7 +14,7 @@ use crate::error::Error;
 use crate::files::{read, write};
 use crate::function::named;
 use crate::grid::Grid;
-use crate::scalars::{real, some_real, some_whole};
+use crate::scalars::{self, real, some_real, some_whole};
 use crate::value::{checked, in_parts};
 
 /// Values on the nodes.
@@ -102,7 +102,7 @@ impl Solution {
         &self,
         states: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
-        outside: &str,
+        #[pyo3(from_py_with = scalars::outside)] outside: &str,
         #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
         let instant = tau_s.map_or(Instant::End, Instant::At);
@@ -127,7 +127,7 @@ impl Solution {
         &self,
         states: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = some_real)] tau_s: Option<f64>,
-        outside: &str,
+        #[pyo3(from_py_with = scalars::outside)] outside: &str,
         #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
         let instant = tau_s.map_or(Instant::End, Instant::At);
@@ -164,7 +164,7 @@ impl Solution {
         &self,
         states: &Bound<'py, PyAny>,
         tau_s: Option<&Bound<'py, PyAny>>,
-        outside: &str,
+        #[pyo3(from_py_with = scalars::outside)] outside: &str,
         #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<(Array<'py>, Array<'py>), Error> {
         let instant = match tau_s {
@@ -207,7 +207,7 @@ impl Solution {
     fn time_to_reach<'py>(
         &self,
         states: &Bound<'py, PyAny>,
-        outside: &str,
+        #[pyo3(from_py_with = scalars::outside)] outside: &str,
         #[pyo3(from_py_with = some_whole)] threads: Option<i64>,
     ) -> Result<Array<'py>, Error> {
         let (py, asked) = (states.py(), self.asked(states, Instant::First, outside, threads)?);

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import re
 import time
 
 import numpy as np
@@ -413,6 +414,11 @@ REFUSED = [
     (lambda: solve(u_box=[[1.0, -1.0]]), r"u_box\[0\]\[1\]: expected 1 or more, the lower end, found -1"),
     (lambda: solve(target=np.zeros((4, 5))), r"target: expected an array of shape \(5, 4\), found shape \(4, 5\)"),
     (lambda: solve(avoid=lambda x: x), r"avoid: expected an array of shape \(5, 4\), found shape \(5, 4, 2\)"),
+    (
+        lambda: solve(avoid=lambda x: x[..., 0] > 0.5),
+        r"avoid: expected numbers, .*np\.where\(mask, -1\.0, 1\.0\), found booleans",
+    ),
+    (lambda: solve(target=np.ones((5, 4), bool)), r"target: .*np\.where\(mask, -1\.0, 1\.0\), found booleans"),
     (lambda: solve(avoid=lambda x: x[..., 0], obstacle=np.zeros((5, 4))), "obstacle: expected None beside avoid, found both"),
     (lambda: solve(avoid=lambda x: 0.5 - x[..., 0] - 1), "avoid: .*negative in the obstacle.*found one that covers all of the grid"),
     (lambda: solve(avoid=lambda x: x[..., 0] - 0.3), "avoid: .*negative in the obstacle.*found one that covers all of the target"),
@@ -450,3 +456,26 @@ def test_a_refusal_names_argument_expected_and_found(call, complaint):
     with pytest.raises(ValueError, match=complaint) as raised:
         call()
     assert "expected" in str(raised.value) and "found" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (lambda: solve(direction=3), "direction: expected a string, found 3"),
+        (lambda: solve(kind=None), "kind: expected a string, found None"),
+        (lambda: solve(scheme=b"weno5"), "scheme: expected a string, found b'weno5'"),
+        (lambda: solve().value([0.5, 0.5], outside=0), "outside: expected a string, found 0"),
+        (lambda: solve(avoid=lambda x, y: x), "avoid: expected a callable of one argument, .*found .*missing 1 required"),
+        (lambda: solve(f0=lambda: 0), "f0: expected a callable of one argument, .*found .*takes 0 positional"),
+    ],
+)
+def test_other_types_are_named_too(call, complaint):
+    with pytest.raises(TypeError) as raised:
+        call()
+    # Without the notes that Python adds from 3.11 on.
+    assert re.search(complaint, str(raised.value))
+
+
+def test_what_a_callable_raises_is_passed_on():
+    with pytest.raises(TypeError, match=r"^unsupported operand"):
+        solve(avoid=lambda x: x + None)

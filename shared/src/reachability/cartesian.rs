@@ -265,7 +265,8 @@ impl Settings {
 /// # Where the grid ends
 /// Beyond an end nothing is known, and [`Boundary`](super::Boundary) says what is taken instead. Where the flow leaves
 /// the grid, V depends on that. [`Solution::earliest_exit_s`] has the time before which no path leaves: V of a shorter march
-/// does not depend on it.
+/// does not depend on it. Beside an obstacle that jumps, a V below 0 goes on with the lesser of the two slopes at the end,
+/// so that a wall is not taken for a slope.
 ///
 /// The solve calls `progress` after every step; it may cancel the solve.
 ///

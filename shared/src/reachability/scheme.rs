@@ -197,6 +197,33 @@ impl Stencil for Weno5 {
     }
 }
 
+/// Nodes on each side of a face that [`has_jump`] looks at.
+pub(super) const JUMP_REACH: usize = 3;
+
+/// Whether the face between the nodes 0 and 1 must take its slope from these two alone, because V jumps in the stencil, as it
+/// does at an obstacle that is an indicator. A polynomial through a jump swings, and between two of them the smoothest one does,
+/// too: V would fall in a passage of a few nodes although nothing can leave it. First order is monotone.
+///
+/// Let q be a quarter of the largest difference of neighbours among the six nodes. At a jump second differences of more than q
+/// have both signs; at a kink they have one, and where V is smooth they are small. Jumps that are blurred on both sides of a
+/// passage look like a kink: `near` the obstacle's, a face that is flatter than q where third differences exceed q is taken
+/// for one of such a passage.
+#[inline(always)]
+pub(super) fn has_jump<T: Real>(v: impl Fn(isize) -> T, near: bool) -> bool {
+    let d = |k: isize| v(k + 1) - v(k);
+    let (d1, d2, d3, d4, d5) = (d(-2), d(-1), d(0), d(1), d(2));
+    let (a1, a2, a3, a4) = (d2 - d1, d3 - d2, d4 - d3, d5 - d4);
+    let largest = d1.abs().larger(d2.abs()).larger(d3.abs());
+    let largest = largest.larger(d4.abs().larger(d5.abs()));
+    let quarter = T::from_f64(0.25) * largest;
+    let most = a1.larger(a2).larger(a3.larger(a4));
+    let least = a1.smaller(a2).smaller(a3.smaller(a4));
+    let third = (a2 - a1).abs().larger((a3 - a2).abs()).larger((a4 - a3).abs());
+    let turns = (most > quarter) & (least < -quarter);
+    let is_flat = (d3.abs() < quarter) & (third > quarter);
+    turns | (near & is_flat)
+}
+
 /// Keeps the weights finite where the data are linear, as a share of the square of the stencil's largest difference (Osher
 /// and Fedkiw, (3.38)). Its fourth power must be a normal number in f32.
 const EPSILON: f64 = 3e-6;
@@ -300,6 +327,47 @@ mod tests {
         for v in [0.0, f32::from_bits(1), f32::MIN_POSITIVE, 1.6e38] {
             let (right, left) = Weno5::face(|k| if k % 2 == 0 { v } else { -v }, 1.0);
             assert!(right.is_finite() && left.is_finite(), "{v:e}: {right:e} {left:e}");
+        }
+    }
+
+    /// Whether there is a jump at each face whose stencil is in `v`; the first one is that of the nodes 2 and 3.
+    fn jumps<const N: usize>(v: [f64; N], near: bool) -> Vec<bool> {
+        v.windows(6).map(|v| has_jump(|k| v[(k + 2) as usize], near)).collect()
+    }
+
+    /// Passages of one to four nodes between walls, from node 8 on, on a slope. Of four nodes, the middle ones have no
+    /// jump between them.
+    #[test]
+    fn jumps_are_found_in_passages() {
+        for height in [1e-3_f64, 0.5, 1e9] {
+            for (thick, free) in (1..=3).flat_map(|thick| (1..=4).map(move |free| (thick, free))) {
+                let is_wall = |i: usize| (8 - thick..8 + free + thick).contains(&i);
+                let is_free = |i: usize| (8..8 + free).contains(&i);
+                let floor = |i: usize| if is_wall(i) && !is_free(i) { height } else { 0.0 };
+                let found =
+                    jumps::<20>(core::array::from_fn(|i| floor(i).max(1e-5 * i as f64)), true);
+                for face in 7..8 + free {
+                    let is_middle = free == 4 && face == 9;
+                    assert!(found[face - 2] || is_middle, "{height} {thick} {free} {face}");
+                }
+            }
+        }
+    }
+
+    /// Slopes, extrema, inflections and kinks, away from walls.
+    #[test]
+    fn kinks_are_no_jumps() {
+        let shapes: [fn(f64) -> f64; 6] = [
+            |_| 4.0,
+            |x| 3.0 * x - 2.0,
+            |x| 0.1 * x * x,
+            |x| sin(0.3 * x),
+            |x| (2.0 * x).max(-x),
+            |x| (2.0 * x).min(-x),
+        ];
+        for (which, shape) in shapes.into_iter().enumerate() {
+            let found = jumps::<21>(core::array::from_fn(|i| shape(i as f64 - 10.3)), false);
+            assert!(!found.contains(&true), "{which}: {found:?}");
         }
     }
 

@@ -168,6 +168,152 @@ fn no_wall_opens_a_way() {
     }
 }
 
+/// A target {l ≤ 0} with the least value of l over a rectangle of given half sides about a place.
+type Least = fn([f64; 2], [f64; 2]) -> f64;
+
+/// How far the interval of half width `half` about `x` is from `centre`.
+fn gap(x: f64, half: f64, centre: f64) -> f64 {
+    ((x - centre).abs() - half).max(0.0)
+}
+
+fn square(x: f64) -> f64 {
+    x * x
+}
+
+/// Slopes of 1, a slope that grows, that differs by axis, and that is low at the target and high elsewhere.
+const TARGETS: [Least; 6] = [
+    |[x, _], [a, _]| gap(x, a, 0.0) - 0.5,
+    |[x, y], [a, b]| hypot(gap(x, a, 0.0), gap(y, b, 0.0)) - 0.5,
+    |[x, y], [a, b]| square(gap(x, a, -1.0)) + square(gap(y, b, 0.0)) - 0.16,
+    |[x, y], [a, b]| square(gap(x, a, -1.0)) + 9.0 * square(gap(y, b, 0.0)) - 0.16,
+    |[x, _], [a, _]| 10.0 * gap(x, a, 0.0) - 5.0,
+    |[x, y], [a, b]| 0.1 * square(square(gap(x, a, 0.0)) + square(gap(y, b, 0.0))) - 0.05,
+];
+
+/// How many fields of walls are tried.
+const FIELDS: usize = 72;
+
+/// Cells of a field of walls about its middle, in cells of the grid: corridors of one to four nodes along both axes and
+/// aslant, closed rooms, discs and scattered blocks.
+struct Walls {
+    shape: usize,
+    free: f64,
+    thick: f64,
+    half: f64,
+    slant: [f64; 2],
+    scattered: u64,
+}
+
+impl Walls {
+    const SHAPES: usize = 6;
+
+    fn random(rng: &mut SeededRng, shape: usize) -> Self {
+        let mut whole = || 1.0 + rng.below(4) as f64;
+        let (free, thick) = (whole(), whole());
+        let (sin, cos) = sin_cos(rng.uniform(0.0, TAU));
+        let scattered = rng.below(1 << 60) as u64;
+        Self { shape, free, thick, half: rng.uniform(3.0, 14.0), slant: [sin, cos], scattered }
+    }
+
+    fn contain(&self, [x, y]: [f64; 2]) -> bool {
+        let wall = |z: f64| z.abs() > 0.5 * self.free && z.abs() <= 0.5 * self.free + self.thick;
+        let [sin, cos] = self.slant;
+        let (along, across) = (cos * x + sin * y, cos * y - sin * x);
+        match self.shape {
+            0 => x.abs() < self.half && wall(y),
+            1 => y.abs() < self.half && wall(x),
+            2 => along.abs() < self.half && wall(across),
+            3 => wall(x.abs().max(y.abs())),
+            4 => hypot(x, y) < 0.5 * self.half,
+            _ => {
+                let block = (7.0 * x.round() + 3.0 * y.round()).rem_euclid(60.0) as u64;
+                x.abs().max(y.abs()) < self.half && (self.scattered >> block) & 3 == 0
+            }
+        }
+    }
+}
+
+/// The same for low walls beside targets of any slope, which differ from place to place; walls may move. ẋ = c + u with
+/// |u_d| ≤ s_d comes within T to the rectangles about x + cτ that grow by sτ, whose least l bounds V from below.
+#[test]
+fn no_wall_opens_a_way_beside_a_steep_target() {
+    let mut rng = SeededRng::new(11);
+    let (mut solves, mut close) = (0, 0);
+    for field in 0..FIELDS {
+        let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 31 + 10 * (field % 2))];
+        let (grid, cells) = (Grid { axes }, axes.map(|axis| axis.spacing()));
+        let least = TARGETS[field % TARGETS.len()];
+        let mut either = |most: f64| rng.uniform(-most, most);
+        let (middle, drift, speed) =
+            ([either(2.6), either(1.7)], [either(0.7), either(0.7)], [either(0.8), either(0.8)]);
+        let [drift, moves] = [
+            if rng.below(3) == 0 { drift } else { [0.0; 2] },
+            if rng.below(3) == 0 { speed } else { [0.0; 2] },
+        ];
+        let walls = Walls::random(&mut rng, field / TARGETS.len() % Walls::SHAPES);
+        let speed = [[1.0, 1.0], [1.0, 0.3], [0.3, 1.0], [1.0, 0.0]][rng.below(4)];
+        let game = Drift { drift, speed };
+        let (kind, seconds) =
+            ([Kind::Tube, Kind::Set][rng.below(2)], [0.2, 0.4, 0.8][rng.below(3)]);
+        let inside = |x: [f64; 2], tau: f64| {
+            let place = |d: usize| (x[d] - middle[d] - moves[d] * tau) / cells[d];
+            walls.contain([place(0), place(1)])
+        };
+        let at = |x: [f64; 2], tau: f64| {
+            let moved = core::array::from_fn(|d| x[d] + drift[d] * tau);
+            least(moved, speed.map(|speed| speed * tau))
+        };
+        let free: Vec<f64> = (0..grid.len())
+            .map(|at_node| {
+                let x = grid.node(grid.index(at_node));
+                let instants = if kind == Kind::Set { 100..=100 } else { 0..=100 };
+                instants.map(|k| at(x, 0.01 * f64::from(k) * seconds)).fold(f64::INFINITY, f64::min)
+            })
+            .collect();
+        // A front is known to half a cell: so much of the steepest difference at the node.
+        let close_to = |at: usize| {
+            let index = grid.index(at);
+            let mut most = 0.0_f64;
+            for (d, along) in [grid.axes[1].nodes, 1].into_iter().enumerate() {
+                let neighbours = [
+                    (index[d] > 0, at.wrapping_sub(along)),
+                    (index[d] + 1 < grid.axes[d].nodes, at + along),
+                ];
+                for (_, near) in neighbours.into_iter().filter(|(is_one, _)| *is_one) {
+                    most = most.max((free[near] - free[at]).abs());
+                }
+            }
+            0.5 * most
+        };
+        let target = |x| least(x, [0.0; 2]);
+        for scheme in SCHEMES {
+            let without: Solution<f32, 2> = solved(
+                &problem(&game, axes, &target, (kind, BACKWARD), seconds),
+                &Settings::new(scheme),
+            );
+            for height in [0.3, 1.0, 2.5] {
+                let wall = |x, tau: f64| if inside(x, tau) { -height } else { height };
+                let problem = problem(&game, axes, &target, (kind, BACKWARD), seconds)
+                    .with_avoid(Region::OfMarchTime(&wall));
+                let found: Solution<f32, 2> = solved(&problem, &Settings::new(scheme));
+                solves += 1;
+                for (at, value) in found.values.iter().enumerate() {
+                    if *value <= 0.0 && free[at] > 0.0 && without.values[at] > 0.0 {
+                        close += 1;
+                        assert!(
+                            free[at] <= close_to(at),
+                            "{field} {kind:?} {scheme:?} {height:e}: {value} at {:?}, {} without",
+                            grid.node(grid.index(at)),
+                            free[at]
+                        );
+                    }
+                }
+            }
+        }
+    }
+    eprintln!("{close} nodes in {solves} solves at the front");
+}
+
 fn check_equivariance<T: Real>(exponents: [i32; 4]) {
     let distance = |state| depth(state, 0.0);
     for scheme in SCHEMES {

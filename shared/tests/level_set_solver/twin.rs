@@ -1,7 +1,7 @@
 //! The solver against a plain twin of itself.
 
 use super::*;
-use core::cell::Cell;
+use core::cell::{Cell, RefCell};
 
 /// The same method as the solver's, written down from the books: one node after
 /// the other, in f64, with the printed formulas (Osher and Fedkiw 2003, sections
@@ -11,8 +11,14 @@ pub(crate) struct Twin<'a, const D: usize, G> {
     /// Negative inside.
     pub(crate) avoid: Option<Region<'a, D>>,
     pub(crate) scheme: Scheme,
-    /// The least value of the target so far.
-    pub(crate) lowest: Cell<f64>,
+    /// The least and the largest value of the target so far.
+    pub(crate) seen: Cell<[f64; 2]>,
+    /// The target's steepest slope.
+    pub(crate) slope: Cell<f64>,
+    /// Whether the obstacle has had jumps.
+    pub(crate) jumps: Cell<bool>,
+    /// How near those are that the slope hides: 8 where they are, and one less for each cell. Empty if there are none.
+    pub(crate) near: RefCell<Vec<f64>>,
 }
 
 impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
@@ -26,15 +32,112 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
             value[index.iter().enumerate().fold(0, |n, (d, i)| n * grid.axes[d].nodes + i)]
         };
         let last = nodes as isize - 1;
-        let (end, before, distance) = match boundary {
+        let ([end, before, deeper], distance) = match boundary {
             Boundary::Periodic => return inside(moved.rem_euclid(nodes as isize)),
-            Boundary::Extrapolate if moved < 0 => (inside(0), inside(1), -moved),
-            Boundary::Extrapolate if moved > last => (inside(last), inside(last - 1), moved - last),
+            Boundary::Extrapolate if moved < 0 => ([0, 1, 2].map(inside), -moved),
+            Boundary::Extrapolate if moved > last => {
+                ([last, last - 1, last - 2].map(inside), moved - last)
+            }
             Boundary::Constant => return inside(moved.clamp(0, last)),
             Boundary::Extrapolate => return inside(moved),
             _ => unreachable!("the twin has no {boundary:?}"),
         };
-        end + distance as f64 * (end - before).abs() * if end < 0.0 { -1.0 } else { 1.0 }
+        let (mut slope, next) = ((end - before).abs(), before - deeper);
+        if self.jumps.get() && end < 0.0 {
+            // The lesser of the two at the edge.
+            slope = if (end > before) == (before > deeper) { slope.min(next.abs()) } else { 0.0 };
+        }
+        end + distance as f64 * slope * if end < 0.0 { -1.0 } else { 1.0 }
+    }
+
+    /// Whether the face between the nodes `before` and `before` + 1 beyond `index` is of first order: where V jumps.
+    fn is_plain(&self, value: &[f64], index: [usize; D], axis: usize, before: isize) -> bool {
+        let v: [f64; 6] =
+            core::array::from_fn(|k| self.at(value, index, axis, before + k as isize - 2));
+        let differences = |v: &[f64]| v.windows(2).map(|v| v[1] - v[0]).collect::<Vec<_>>();
+        let first = differences(&v);
+        let second = differences(&first);
+        let quarter = 0.25 * first.iter().fold(0.0_f64, |most, d| most.max(d.abs()));
+        let has = |sign: f64| second.iter().any(|a| sign * a > quarter);
+        let is_rough = differences(&second).iter().any(|a| a.abs() > quarter);
+        let near = self.near.borrow();
+        let is_near = |k| self.at(&near, index, axis, k) > 0.0;
+        let in_stencil = match self.scheme {
+            Scheme::Upwind => return false,
+            Scheme::Eno2 => &first[1..4],
+            _ => &first[..],
+        };
+        let is_steep = in_stencil.iter().any(|d| d.abs() > self.steep(axis));
+        self.avoid.is_some() && is_steep
+            || !near.is_empty()
+                && (has(1.0) && has(-1.0)
+                    || (is_near(before) || is_near(before + 1))
+                        && first[2].abs() < quarter
+                        && is_rough)
+    }
+
+    /// A difference along `axis` that is far steeper than the target.
+    fn steep(&self, axis: usize) -> f64 {
+        4.0 * self.slope.get() * self.problem.grid.axes[axis].spacing()
+    }
+
+    /// Looks where the obstacle at `time`, within the target's values, goes through a quarter of its range between two
+    /// neighbours, and through four times as much as beside them.
+    fn look(&self, time: f64) {
+        let (grid, Some(avoid)) = (&self.problem.grid, &self.avoid) else { return };
+        if self.problem.kind == Kind::Tube {
+            self.see(&self.sampled(&self.problem.target, time));
+        }
+        let [low, high] = self.seen.get();
+        let largest = low.abs().max(high.abs());
+        let floor = self.sampled(avoid, time).into_iter().map(|g| (-g).min(largest).max(low));
+        let floor: Vec<f64> = floor.collect();
+        let range = floor.iter().fold(low, |most, g| most.max(*g))
+            - floor.iter().fold(largest, |least, g| least.min(*g));
+        let mut near = self.near.borrow_mut();
+        let mut jumps = vec![0.0; grid.len()];
+        for (position, jump) in jumps.iter_mut().enumerate() {
+            for d in 0..D {
+                let at = |k: isize| neighbour(grid, position, d, k).map(|at| floor[at]);
+                let rise = |k: isize| at(k).zip(at(k + 1)).map_or(0.0, |(a, b)| b - a);
+                for k in [-1, 0] {
+                    let beside = [k - 1, k + 1].map(|beside| rise(beside) * rise(k).signum());
+                    let is_steep = beside.iter().all(|beside| rise(k).abs() > 4.0 * beside);
+                    if rise(k).abs() > 0.25 * range && is_steep {
+                        self.jumps.set(true);
+                        let height = at(k).into_iter().chain(at(k + 1)).fold(low, f64::max);
+                        if height <= self.steep(d) {
+                            *jump = 8.0;
+                        }
+                    }
+                }
+            }
+        }
+        if near.is_empty() {
+            if !jumps.contains(&8.0) {
+                return;
+            }
+            near.resize(jumps.len(), 0.0);
+        }
+        for (near, jump) in near.iter_mut().zip(jumps) {
+            *near = near.max(jump);
+        }
+        for _ in 0..8 {
+            let last = near.clone();
+            for (position, near) in near.iter_mut().enumerate() {
+                for (d, k) in (0..D).flat_map(|d| [(d, -1), (d, 1)]) {
+                    if let Some(at) = neighbour(grid, position, d, k) {
+                        *near = near.max(last[at] - 1.0);
+                    }
+                }
+            }
+        }
+    }
+
+    fn see(&self, target: &[f64]) {
+        let [low, high] = self.seen.get();
+        let fold = |from: f64, pick: fn(f64, f64) -> f64| target.iter().copied().fold(from, pick);
+        self.seen.set([fold(low, f64::min), fold(high, f64::max)]);
     }
 
     /// Left and right derivative along `axis`.
@@ -59,7 +162,7 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
             }
             slope
         };
-        match self.scheme {
+        let slopes = match self.scheme {
             Scheme::Upwind => [eno(1, -1), eno(1, 0)],
             Scheme::Eno2 => [eno(2, -1), eno(2, 0)],
             Scheme::Eno3 => [eno(3, -1), eno(3, 0)],
@@ -67,7 +170,11 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
                 [Self::weno([-3, -2, -1, 0, 1].map(d1)), Self::weno([2, 1, 0, -1, -2].map(d1))]
             }
             scheme => unreachable!("the twin has no {scheme:?}"),
-        }
+        };
+        let either = |side: usize, before: isize| {
+            if self.is_plain(value, index, axis, before) { d1(before) } else { slopes[side] }
+        };
+        [either(0, -1), either(1, 0)]
     }
 
     fn weno([v1, v2, v3, v4, v5]: [f64; 5]) -> f64 {
@@ -129,9 +236,9 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
             old.iter().zip(new).map(|(old, new)| keep * old + (1.0 - keep) * new).collect();
         if self.problem.kind == Kind::Tube {
             let target = self.sampled(&self.problem.target, time);
-            self.lowest.set(target.iter().fold(self.lowest.get(), |lowest, l| lowest.min(*l)));
+            self.see(&target);
             for (value, ceiling) in value.iter_mut().zip(target) {
-                *value = value.max(self.lowest.get()).min(ceiling);
+                *value = value.max(self.seen.get()[0]).min(ceiling);
             }
         }
         if let Some(avoid) = &self.avoid {
@@ -142,18 +249,33 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         value
     }
 
+    /// keep · old + (1 − keep) · source moved by `dt`, within target and obstacle at `time`.
+    fn stage(&self, keep: f64, old: &[f64], source: &[f64], dt: f64, time: f64) -> Vec<f64> {
+        self.look(time);
+        self.mixed(keep, old, &self.moved(source, dt), time)
+    }
+
     fn step(&self, value: &[f64], time: f64, dt: f64) -> Vec<f64> {
-        let first = self.mixed(0.0, value, &self.moved(value, dt), time + dt);
+        let first = self.stage(0.0, value, value, dt, time + dt);
         match self.scheme {
             Scheme::Upwind => first,
-            Scheme::Eno2 => self.mixed(0.5, value, &self.moved(&first, dt), time + dt),
+            Scheme::Eno2 => self.stage(0.5, value, &first, dt, time + dt),
             Scheme::Eno3 | Scheme::Weno5 => {
-                let half = self.mixed(0.75, value, &self.moved(&first, dt), time + 0.5 * dt);
-                self.mixed(1.0 / 3.0, value, &self.moved(&half, dt), time + dt)
+                let half = self.stage(0.75, value, &first, dt, time + 0.5 * dt);
+                self.stage(1.0 / 3.0, value, &half, dt, time + dt)
             }
             scheme => unreachable!("the twin has no {scheme:?}"),
         }
     }
+}
+
+/// The position `k` nodes beyond another one along an axis, if there is one.
+fn neighbour<const D: usize>(grid: &Grid<D>, position: usize, d: usize, k: isize) -> Option<usize> {
+    let (mut index, axis) = (grid.index(position), grid.axes[d]);
+    let (moved, nodes) = (index[d] as isize + k, axis.nodes as isize);
+    let moved = if axis.is_periodic() { moved.rem_euclid(nodes) } else { moved };
+    index[d] = usize::try_from(moved).ok().filter(|moved| *moved < axis.nodes)?;
+    Some(index.iter().zip(grid.axes).fold(0, |n, (i, axis)| n * axis.nodes + i))
 }
 
 /// V by the twin, with steps of the share `cfl` of the largest stable one.
@@ -164,8 +286,28 @@ pub(crate) fn by_twin<'a, const D: usize, G: Game<D>>(
     cfl: f64,
 ) -> Vec<f64> {
     let grid = &problem.grid;
-    let twin = Twin { problem, avoid, scheme, lowest: Cell::new(f64::INFINITY) };
+    let seen = Cell::new([f64::INFINITY, f64::NEG_INFINITY]);
+    let twin = Twin {
+        problem,
+        avoid,
+        scheme,
+        seen,
+        slope: Cell::default(),
+        jumps: Cell::new(false),
+        near: RefCell::default(),
+    };
     let target = twin.sampled(&problem.target, 0.0);
+    for position in 0..target.len() {
+        for (d, axis) in grid.axes.iter().enumerate() {
+            let last = grid.index(position)[d] + 1 == axis.nodes;
+            if let Some(at) = neighbour(grid, position, d, 1).filter(|_| !last) {
+                let slope = (target[at] - target[position]).abs() / axis.spacing();
+                twin.slope.set(twin.slope.get().max(slope));
+            }
+        }
+    }
+    twin.see(&target);
+    twin.look(0.0);
     let mut value = twin.mixed(1.0, &target, &target, 0.0);
     let mut fastest = 0.0_f64;
     for position in 0..value.len() {
@@ -184,12 +326,15 @@ pub(crate) fn by_twin<'a, const D: usize, G: Game<D>>(
 pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
     let still_target = |x| bumpy(x, 0.0);
     let still_ball = |x| ball(x, 0.0);
+    // Low, lest it is above the target somewhere.
+    let wall = |x| if ball(x, 0.0) < 0.0 { -0.3 } else { 0.3 };
     let target = Region::Static(&still_target);
     let cases = [
         (Kind::Set, Direction::Backward, target, None),
         (Kind::Tube, Direction::Backward, target, None),
         (Kind::Tube, Direction::Forward, target, Some(Region::Static(&still_ball))),
         (Kind::Set, Direction::Forward, target, Some(Region::OfMarchTime(&ball))),
+        (Kind::Tube, Direction::Backward, target, Some(Region::Static(&wall))),
         (
             Kind::Tube,
             Direction::Backward,

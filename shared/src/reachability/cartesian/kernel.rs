@@ -2,7 +2,7 @@
 
 use super::super::game::{Game, TERMS};
 use super::super::grid::Grid;
-use super::super::scheme::Stencil;
+use super::super::scheme::{Stencil, Upwind, has_jump};
 use super::layout::{BLOCK, Ghosts, Layout, fill_ghosts};
 use crate::parallel::Kernel;
 use crate::real::Real;
@@ -64,8 +64,12 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) tables: &'a Tables<T, D>,
     /// Factors of the differences of neighbours, by axis.
     pub(super) units: [T; D],
-    /// Differences of neighbours, by axis, that are jumps. See [`Stage::across`].
-    pub(super) jumps: Option<[T; D]>,
+    /// Beside an obstacle: differences of neighbours, by axis, that are jumps.
+    pub(super) steep: Option<[T; D]>,
+    /// Where the obstacle has jumps that are lower than that: above 0 near these.
+    pub(super) near: Option<&'a [T]>,
+    /// Whether V can jump, beside an obstacle that does.
+    pub(super) jumps: bool,
     /// Half the scale of the data, for the mean of the two derivatives (negative
     /// for forward sets) and for their difference.
     pub(super) half_mean: T,
@@ -151,7 +155,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T,
                 }
             }
             for (d, ghosts) in ghosts.into_iter().enumerate().skip(1) {
-                fill_ghosts(slice, layout, d, ghosts);
+                fill_ghosts(slice, layout, d, ghosts, stage.jumps);
             }
             carried.next_slice();
         }
@@ -226,6 +230,19 @@ impl<T: Real, const D: usize> Carried<T, D> {
     }
 }
 
+/// The nodes about the `i`-th face of a block, from −2 on.
+#[inline(always)]
+fn node<T: Real>(rows: [&[T; BLOCK]; 6], i: usize) -> impl Fn(isize) -> T {
+    move |k| rows[(k + 2) as usize][i]
+}
+
+/// Whether the scheme's stencil has a difference of neighbours above `most`.
+#[inline(always)]
+fn is_steeper<T: Real, S: Stencil>(value: impl Fn(isize) -> T, most: T) -> bool {
+    let faces = 1 - S::REACH as isize..S::REACH as isize;
+    faces.fold(T::ZERO, |largest, k| largest.larger((value(k + 1) - value(k)).abs())) > most
+}
+
 impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
     /// The left derivatives of a run's first cells, along each axis whose first nodes they are; along axis 0
     /// if this is the first slice of a task.
@@ -251,7 +268,11 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             if count == 1 {
                 let value = |k: isize| self.source[at.wrapping_add_signed(k * stride as isize)];
                 let left = S::face(value, self.units[d]).1;
-                carried.lefts[d][offset] = self.across(d, &value).unwrap_or(left);
+                let plain = Upwind::face(value, self.units[d]).1;
+                let near = |near: &[T]| near[at].larger(near[at + stride]) > T::ZERO;
+                let is_plain = self.steep.is_some_and(|steep| is_steeper::<T, S>(value, steep[d]))
+                    || self.near.is_some_and(|of| has_jump(value, near(of)));
+                carried.lefts[d][offset] = if is_plain { plain } else { left };
                 continue;
             }
             // What a last block computes too much is computed again before it is read.
@@ -267,34 +288,43 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
     #[inline(always)]
     fn faces(&self, d: usize, at: usize, rights: &mut [T; BLOCK], lefts: &mut [T; BLOCK]) {
         let stride = self.layout.strides[d];
-        let rows: [&[T; BLOCK]; 6] = core::array::from_fn(|k| {
-            let k = k.clamp(3 - S::REACH, 2 + S::REACH);
-            block(self.source, at + k * stride - 2 * stride)
-        });
+        let row = |k: usize| block(self.source, at + k * stride - 2 * stride);
+        let rows: [&[T; BLOCK]; 6] =
+            core::array::from_fn(|k| row(k.clamp(3 - S::REACH, 2 + S::REACH)));
         for i in 0..BLOCK {
-            let (right, left) = S::face(|k| rows[(k + 2) as usize][i], self.units[d]);
+            let (right, left) = S::face(node(rows, i), self.units[d]);
             rights[i] = right;
             lefts[i] = left;
         }
-        if self.jumps.is_some() {
-            for i in 0..BLOCK {
-                let slope = self.across(d, &|k: isize| rows[(k + 2) as usize][i]);
-                rights[i] = slope.unwrap_or(rights[i]);
-                lefts[i] = slope.unwrap_or(lefts[i]);
-            }
+        if let Some(steep) = self.steep {
+            self.flatten(d, at, steep[d], [rights, lefts]);
         }
     }
 
-    /// The slope of a face whose stencil reaches across a jump, as at an obstacle that is an indicator: the difference
-    /// of its two nodes. A polynomial through a jump swings, and between two of them the smoothest one does, too: V would
-    /// fall in a passage of a few nodes although nothing can leave it. First order is monotone.
+    /// Gives the faces across jumps the slopes of their two nodes.
     #[inline(always)]
-    fn across(&self, d: usize, value: &impl Fn(isize) -> T) -> Option<T> {
-        let least = self.jumps?[d];
-        let ends = 1 - S::REACH as isize..S::REACH as isize;
-        let largest =
-            ends.fold(T::ZERO, |largest, k| largest.larger((value(k + 1) - value(k)).abs()));
-        (largest > least).then(|| (value(1) - value(0)) * self.units[d])
+    fn flatten(&self, d: usize, at: usize, steep: T, [rights, lefts]: [&mut [T; BLOCK]; 2]) {
+        let stride = self.layout.strides[d];
+        let row = |k: usize| block(self.source, at + k * stride - 2 * stride);
+        let mut keep = |i: usize, rows, is_plain: bool| {
+            let (right, left) = Upwind::face(node(rows, i), self.units[d]);
+            rights[i] = if is_plain { right } else { rights[i] };
+            lefts[i] = if is_plain { left } else { lefts[i] };
+        };
+        if let Some(near) = self.near {
+            let rows = core::array::from_fn(row);
+            let (before, behind) = (block(near, at), block(near, at + stride));
+            for i in 0..BLOCK {
+                let is_near = before[i].larger(behind[i]) > T::ZERO;
+                let is_steep = is_steeper::<T, S>(node(rows, i), steep);
+                keep(i, rows, is_steep | has_jump(node(rows, i), is_near));
+            }
+        } else {
+            let rows = core::array::from_fn(|k| row(k.clamp(3 - S::REACH, 2 + S::REACH)));
+            for i in 0..BLOCK {
+                keep(i, rows, is_steeper::<T, S>(node(rows, i), steep));
+            }
+        }
     }
 
     /// The block of cells of a run from `here` in their slice.

@@ -93,13 +93,15 @@ pub(super) enum Ghosts<'a> {
     },
 }
 
-/// Fills the ghosts of `axis` in `data`, whose entries form whole slices of it.
+/// Fills the ghosts of `axis` in `data`, whose entries form whole slices of it. Where V can have `jumps`, none goes on
+/// outside: see [`extend`].
 #[inline(always)]
 pub(super) fn fill_ghosts<T: Real, const D: usize>(
     data: &mut [T],
     layout: &Layout<D>,
     axis: usize,
     ghosts: Ghosts<'_>,
+    jumps: bool,
 ) {
     let (reach, nodes, stride) = (layout.reach, layout.nodes[axis], layout.strides[axis]);
     let padded = (nodes + 2 * reach) * stride;
@@ -113,11 +115,11 @@ pub(super) fn fill_ghosts<T: Real, const D: usize>(
             }
             Ghosts::Of(Boundary::Extrapolate) => {
                 let (low, rest) = line.split_at_mut(reach * stride);
-                let (edge, inner) = rest.split_at(stride);
+                let row = |k: usize| &rest[k * stride..][..stride];
                 for (k, ghost) in low.rchunks_mut(stride).enumerate() {
-                    extend(ghost, edge, &inner[..stride], k);
+                    extend(ghost, [row(0), row(1), row(2)], k, jumps);
                 }
-                extend_high(line, reach, nodes, stride);
+                extend_high(line, reach, nodes, stride, jumps);
             }
             Ghosts::Of(Boundary::Constant) => {
                 let (low, high) = (reach * stride, (reach + nodes) * stride);
@@ -134,7 +136,7 @@ pub(super) fn fill_ghosts<T: Real, const D: usize>(
                         line[ghost + to] = line[image + from];
                     }
                 }
-                extend_high(line, reach, nodes, stride);
+                extend_high(line, reach, nodes, stride, jumps);
             }
         }
     }
@@ -142,12 +144,11 @@ pub(super) fn fill_ghosts<T: Real, const D: usize>(
 
 /// Fills the rows of ghosts at the high end.
 #[inline(always)]
-fn extend_high<T: Real>(line: &mut [T], reach: usize, nodes: usize, stride: usize) {
+fn extend_high<T: Real>(line: &mut [T], reach: usize, nodes: usize, stride: usize, jumps: bool) {
     let (inside, high) = line.split_at_mut((reach + nodes) * stride);
-    let (inner, edge) = inside.split_at(inside.len() - stride);
-    let inner = &inner[inner.len() - stride..];
+    let row = |k: usize| &inside[inside.len() - (k + 1) * stride..][..stride];
     for (k, ghost) in high.chunks_mut(stride).enumerate() {
-        extend(ghost, edge, inner, k);
+        extend(ghost, [row(0), row(1), row(2)], k, jumps);
     }
 }
 
@@ -169,12 +170,17 @@ fn wrap<T: Copy>(line: &mut [T], reach: usize, nodes: usize) {
     }
 }
 
-/// The `k`-th row of ghosts beyond the row `edge`, whose neighbour is `inner`.
+/// The `k`-th row of ghosts beyond the row `edge`, whose neighbour is `inner`, before which is `deeper`. Below 0, where V has
+/// `jumps`, the slope is the lesser of the two at the edge: beside a wall the first one is the jump, and V would come in from
+/// outside far too low.
 #[inline(always)]
-fn extend<T: Real>(ghosts: &mut [T], edge: &[T], inner: &[T], k: usize) {
-    for ((ghost, edge), inner) in ghosts.iter_mut().zip(edge).zip(inner) {
-        let slope = (*edge - *inner).abs();
-        let slope = if *edge < T::ZERO { -slope } else { slope };
+fn extend<T: Real>(ghosts: &mut [T], [edge, inner, deeper]: [&[T]; 3], k: usize, jumps: bool) {
+    for (((ghost, edge), inner), deeper) in ghosts.iter_mut().zip(edge).zip(inner).zip(deeper) {
+        let (first, second) = (*edge - *inner, *inner - *deeper);
+        let agree = (first > T::ZERO) == (second > T::ZERO);
+        let lesser = if agree { first.abs().smaller(second.abs()) } else { T::ZERO };
+        let slope =
+            if *edge < T::ZERO { -(if jumps { lesser } else { first.abs() }) } else { first.abs() };
         let mut value = *edge;
         for _ in 0..=k {
             value += slope;

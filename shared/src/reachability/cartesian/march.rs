@@ -3,7 +3,7 @@
 use super::super::game::Game;
 use super::super::grid::Grid;
 use super::super::progress::{Progress, SolveError, check_memory};
-use super::super::scheme::Stencil;
+use super::super::scheme::{JUMP_REACH, Stencil};
 use super::kernel::{Base, Range, Stage, Tables, Task};
 use super::layout::{BLOCK, Ghosts, Layout, each_interior, fill_ghosts};
 use super::mirror::Mirror;
@@ -13,7 +13,7 @@ use crate::invalid::Invalid;
 use crate::parallel::{Lanes, Workers, in_lanes};
 use crate::real::Real;
 use core::ops::ControlFlow;
-use core::sync::atomic::{AtomicUsize, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 struct Marcher<'a, T, const D: usize, G, S> {
     problem: &'a Problem<'a, D, G>,
@@ -25,8 +25,6 @@ struct Marcher<'a, T, const D: usize, G, S> {
     layout: Layout<D>,
     tables: Tables<T, D>,
     units: [T; D],
-    /// See [`Stage::jumps`].
-    jumps: Option<[T; D]>,
     scale: f64,
     cfl: f64,
     workers: Workers,
@@ -51,7 +49,10 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             layout: &self.layout,
             tables: &self.tables,
             units: self.units,
-            jumps: self.jumps,
+            steep: (S::REACH > 1 && limits.floor.is_some())
+                .then(|| self.steep(limits.slope).map(T::from_f64)),
+            near: (S::REACH > 1 && limits.hides_jumps).then_some(&limits.near),
+            jumps: limits.jumps,
             half_mean: T::from_f64(0.5 * sign * self.scale),
             half_difference: T::from_f64(0.5 * self.scale),
             time_step: T::from_f64(time_step),
@@ -70,7 +71,12 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             let first = chunk * self.slices_per_chunk;
             in_lanes(self.lanes, Task { stage, first, slices, ghosts });
         });
-        fill_ghosts(destination, layout, 0, ghosts[0]);
+        fill_ghosts(destination, layout, 0, ghosts[0], limits.jumps);
+    }
+
+    /// Differences of neighbours, by axis, that are far steeper than `slope`.
+    fn steep(&self, slope: f64) -> [f64; D] {
+        self.grid.axes.map(|axis| STEEP * slope * axis.spacing())
     }
 
     /// What the ghosts of each axis are.
@@ -96,8 +102,65 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         {
             self.sample(avoid.name(), &avoid.region, avoid.sign, time, floor)?;
             limits.cap_floor();
+            self.look_for_jumps(limits);
         }
         Ok(())
+    }
+
+    /// Notes whether the obstacle jumps: whether, within the target's values, the difference of two neighbours is more than
+    /// a quarter of the obstacle's range and than four times those beside it that have its sign, as no slope's is. Where it
+    /// is too low there to be far steeper than the target's steepest slope, that slope hides the jumps of V.
+    fn look_for_jumps(&self, limits: &mut Limits<T>) {
+        let Some(floor) = &limits.floor else { return };
+        let (layout, lowest) = (&self.layout, limits.seen[0]);
+        let (lead, length) = (layout.lead(), layout.slice_length());
+        let [low, high] = self.range(floor).map(|value| value.max(lowest));
+        let (share, hidden) = (0.25 * (high - low), T::from_f64(NEAR));
+        let (steep, jumps) = (self.steep(limits.slope), AtomicBool::new(limits.jumps));
+        let inside = &mut limits.near[lead..lead + layout.slices() * length];
+        self.workers.for_chunks(inside, length, |i, near| {
+            each_interior(layout, i, |index, offset| {
+                let value = |at: usize| floor[at].to_f64().max(lowest);
+                for (d, axis) in self.grid.axes.iter().enumerate() {
+                    let (nodes, stride) = (axis.nodes as isize, layout.strides[d]);
+                    let first = lead + i * length + offset - index[d] * stride;
+                    let at = |k: isize| {
+                        let k = if axis.is_periodic() { k.rem_euclid(nodes) } else { k };
+                        (0..nodes).contains(&k).then(|| value(first + k as usize * stride))
+                    };
+                    // From the k-th node of the axis to the next; 0 beyond an end.
+                    let rise = |k: isize| match (at(k), at(k + 1)) {
+                        (Some(this), Some(next)) => next - this,
+                        _ => 0.0,
+                    };
+                    let is_jump = |k: isize| {
+                        let this = rise(k);
+                        let beside = |k: isize| rise(k) * this.signum();
+                        let size = this.abs();
+                        size > share && size > STEEP * beside(k - 1).max(beside(k + 1))
+                    };
+                    let node = index[d] as isize;
+                    for k in [node - 1, node].into_iter().filter(|k| is_jump(*k)) {
+                        jumps.store(true, Ordering::Relaxed);
+                        let height = at(k).into_iter().chain(at(k + 1)).fold(low, f64::max);
+                        if height <= steep[d] {
+                            near[offset] = hidden;
+                        }
+                    }
+                }
+            });
+        });
+        limits.jumps = jumps.into_inner();
+        limits.hides_jumps |= inside.contains(&hidden);
+        if limits.hides_jumps {
+            let near = &mut limits.near[..layout.length - BLOCK];
+            for d in 0..D {
+                spread(near, layout, d, self.grid.axes[d].is_periodic());
+            }
+            for d in (0..D).rev() {
+                fill_ghosts(near, layout, d, self.ghosts()[d], false);
+            }
+        }
     }
 
     /// The values of the whole grid's nodes at `time`, row-major, an obstacle's at its own height.
@@ -267,6 +330,14 @@ struct Limits<T> {
     floor: Option<Vec<T>>,
     /// Whether the obstacle has been higher somewhere than it is in `floor`.
     is_capped: bool,
+    /// Whether the obstacle has had jumps, and V may still have them.
+    jumps: bool,
+    /// Whether the target's slope has hidden some.
+    hides_jumps: bool,
+    /// [`NEAR`] at the nodes where it has, and one less for each cell away from there. Empty without an obstacle.
+    near: Vec<T>,
+    /// The target's steepest slope at the beginning.
+    slope: f64,
     /// The least and the largest value of the target so far.
     seen: [f64; 2],
 }
@@ -305,6 +376,35 @@ impl<T: Real> Limits<T> {
     }
 }
 
+/// Spreads along `axis` how near a jump is.
+fn spread<T: Real, const D: usize>(
+    near: &mut [T],
+    layout: &Layout<D>,
+    axis: usize,
+    is_periodic: bool,
+) {
+    let (reach, nodes, stride) = (layout.reach, layout.nodes[axis], layout.strides[axis]);
+    // Twice around where there is no end.
+    let steps = if is_periodic { 2 * nodes } else { nodes };
+    for line in near.chunks_exact_mut((nodes + 2 * reach) * stride) {
+        let mut pass = |to: usize, from: usize| {
+            for k in 0..stride {
+                let there = line[(reach + from) * stride + k] - T::from_f64(1.0);
+                let here = &mut line[(reach + to) * stride + k];
+                *here = here.larger(there);
+            }
+        };
+        for k in 1..steps {
+            let (this, last) = (k % nodes, (k - 1) % nodes);
+            pass(this, last);
+        }
+        for k in (1..steps).rev() {
+            let (this, last) = (k % nodes, (k - 1) % nodes);
+            pass(last, this);
+        }
+    }
+}
+
 /// The range of both.
 fn joined([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64; 2] {
     [low.min(other_low), high.max(other_high)]
@@ -325,20 +425,24 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         return Err(Invalid::new("cfl", "above 0 and at most 1", settings.cfl).into());
     }
     check_times(problem, settings)?;
+    // First order needs to look for no jumps.
+    let looks = problem.avoid.is_some() && S::REACH > 1;
+    let reach = if looks { JUMP_REACH } else { S::REACH };
     let stages = settings.scheme.stages();
-    let limits = usize::from(problem.kind == Kind::Tube) + usize::from(problem.avoid.is_some());
+    // The target's values; the obstacle's, and how near its jumps are.
+    let limits = usize::from(problem.kind == Kind::Tube) + 2 * usize::from(problem.avoid.is_some());
     let padded = problem
         .grid
         .axes
         .iter()
-        .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * S::REACH)));
+        .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * reach)));
     let arrays = (stages.max(2) + limits).saturating_add(settings.slices);
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
     // It looks at every node: after the check that there are not too many.
-    let mirror = Mirror::of(problem, S::REACH);
+    let mirror = Mirror::of(problem, reach);
     let grid = mirror.as_ref().map_or(problem.grid, Mirror::half);
 
-    let layout = Layout::new(&grid, S::REACH);
+    let layout = Layout::new(&grid, reach);
     let threads = if grid.len() < SMALL { 1 } else { settings.threads.clamp(1, layout.slices()) };
     let mut marcher = Marcher::<T, D, G, S> {
         problem,
@@ -348,7 +452,6 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         layout,
         tables: Tables::new(problem.game, &grid, &layout),
         units: [T::ZERO; D],
-        jumps: None,
         scale: 1.0,
         cfl: settings.cfl,
         workers: Workers::new(threads),
@@ -363,21 +466,24 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         ceiling: (problem.kind == Kind::Tube).then(|| value.clone()),
         floor: problem.avoid.as_ref().map(|_| array()),
         is_capped: false,
+        jumps: false,
+        hides_jumps: false,
+        near: if problem.avoid.is_some() { array() } else { Vec::new() },
+        slope: steepest(&value, &layout, &grid),
         seen: marcher.range(&value),
     };
     if let (Some(floor), Some(avoid)) = (&mut limits.floor, &problem.avoid) {
         marcher.sample(avoid.name(), &avoid.region, avoid.sign, 0.0, floor)?;
         marcher.check_room(&value, floor)?;
-        let slope = STEEP * steepest(&value, &layout, &grid);
-        let jump = |d: usize| T::from_f64(slope * grid.axes[d].spacing());
-        marcher.jumps = Some(core::array::from_fn(jump));
     }
     limits.cap_floor();
+    marcher.look_for_jumps(&mut limits);
     for (value, floor) in value.iter_mut().zip(limits.floor.iter().flatten()) {
         *value = value.larger(*floor);
     }
     for d in (0..D).rev() {
-        fill_ghosts(&mut value[..layout.length - BLOCK], &layout, d, marcher.ghosts()[d]);
+        let inside = &mut value[..layout.length - BLOCK];
+        fill_ghosts(inside, &layout, d, marcher.ghosts()[d], limits.jumps);
     }
     marcher.scale = steepest(&value, &layout, &grid);
     marcher.units =
@@ -486,8 +592,10 @@ fn check_times<const D: usize, G>(
 const MOST_STEPS: f64 = 1e8;
 /// Fewer cells than this are not worth more than one thread.
 const SMALL: usize = 50_000;
-/// How many times as steep as the target's steepest slope is a jump, where there is an obstacle.
+/// How many times as steep as others is a jump, where there is an obstacle.
 const STEEP: f64 = 4.0;
+/// How many cells away from jumps faces may be of first order although nothing in them jumps.
+const NEAR: f64 = 8.0;
 /// Steps between two looks at the residual.
 const RESIDUAL_EVERY: usize = 8;
 /// Steps between two looks at all values: what is no number spreads.
