@@ -399,7 +399,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
         assert!(saved.iter().all(|id| known.contains(id)), "{fault:?} {moment:?}: {saved:?}");
         let of = place.acknowledged.len();
         let here = saved.intersection(&place.acknowledged).count();
-        return format!("{states} | destroyed; salvage saves {here} of {of}");
+        return format!("{states} | salvage saves {here} of {of}");
     }
     assert!(log.is_none(), "{fault:?} {moment:?}: nobody names the log: {said}");
     format!("{states} | destroyed with the file")
