@@ -151,13 +151,13 @@ impl Sqlite {
         }
         let unstarted = |error: StoreError| unusable(error.to_string());
         let original = Arc::new(Original::new(file.clone()).map_err(unstarted)?);
-        let writer = match purpose {
-            Purpose::Read => Ok(Writer::none()),
-            _ => Writer::start(file.clone(), Arc::clone(&original)),
-        };
-        let writer = writer.map_err(unstarted)?;
         let only_reads = purpose == Purpose::Read;
         let readers = Arc::new(Readers::new(file.clone(), Arc::clone(&original), only_reads));
+        let writer = match only_reads {
+            true => Ok(Writer::none()),
+            false => Writer::start(file.clone(), Arc::clone(&original), Arc::clone(&readers)),
+        };
+        let writer = writer.map_err(unstarted)?;
         let watch = match only_reads {
             true => None,
             false => Some(Watch::start(Arc::clone(&original), writer.rescue()).map_err(unstarted)?),
@@ -274,5 +274,37 @@ impl Sqlite {
         work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
         self.writer.run(Lane::Trial, question, work).await
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The writer closes its connection after an error of the disk, and has none when the file is deleted then.
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_deleted_file_is_rescued_through_a_reader() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = DatabaseFile::at(&folder.path().join("study.db"));
+        let db = Sqlite::open(file.clone(), Purpose::Alone).unwrap();
+        let add = "INSERT INTO study_config (hash, json) VALUES ('kept', '{}')";
+        let added = db.write(Lane::Request, |db| Ok(db.execute(add, [])?)).await.unwrap();
+        assert_eq!(added, 1);
+        let kept = |db: &Connection| {
+            let count = "SELECT count(*) FROM study_config";
+            Ok(db.query_row(count, [], |row| row.get::<_, i64>(0))?)
+        };
+        assert_eq!(db.read(kept).unwrap(), 1);
+        let failed = db.write(Lane::Request, |_| Err::<(), _>(StoreError::Full)).await;
+        assert_eq!(failed, Err(StoreError::Full));
+        std::fs::remove_file(file.path()).unwrap();
+        while db.original.rescued().is_none() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        db.close();
+        let rescued = DatabaseFile::at(&db.original.rescued().unwrap());
+        assert_eq!(rescued.path().extension().unwrap(), "db");
+        let rescued = Sqlite::open(rescued, Purpose::Read).unwrap();
+        assert_eq!(rescued.read(kept).unwrap(), 1);
     }
 }

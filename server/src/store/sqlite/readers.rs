@@ -72,6 +72,15 @@ impl Readers {
         reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
+    /// A connection that nobody uses now and that has the file open, whatever became of its name; it may copy what it sees.
+    pub(super) fn take_idle(&self) -> Option<Connection> {
+        let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let db = idle.as_mut()?.pop()?;
+        // A copy counts as a write.
+        db.batch("PRAGMA query_only = OFF").ok()?;
+        Some(db)
+    }
+
     pub(super) fn close(&self) {
         self.long.close();
         let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).take();

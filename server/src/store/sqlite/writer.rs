@@ -13,6 +13,7 @@
 use super::connection;
 use super::file::DatabaseFile;
 use super::original::Original;
+use super::readers::Readers;
 use super::write_back::WriteBack;
 use crate::private;
 use crate::store::commits::Commits;
@@ -168,7 +169,11 @@ impl fmt::Debug for Writer {
 
 impl Writer {
     /// Starts the thread. The file at the database's path must stay the same.
-    pub(super) fn start(file: DatabaseFile, original: Arc<Original>) -> Result<Self, StoreError> {
+    pub(super) fn start(
+        file: DatabaseFile,
+        original: Arc<Original>,
+        readers: Arc<Readers>,
+    ) -> Result<Self, StoreError> {
         let db = Some(open(&file, &original)?);
         let queue = Arc::new(Queue { lanes: Mutex::default(), changed: Condvar::new() });
         let log = WriteBack::start(file.clone(), Arc::clone(&original))?;
@@ -180,6 +185,7 @@ impl Writer {
             observed: observed.clone(),
             file,
             original,
+            readers,
             db,
             log,
             disk: Duration::ZERO,
@@ -271,6 +277,8 @@ struct Thread {
     file: DatabaseFile,
     /// The file that was opened first; the thread never writes to another one.
     original: Arc<Original>,
+    /// They may have the file open while the writer has not.
+    readers: Arc<Readers>,
     /// None after an error; the next batch opens another connection.
     db: Option<Connection>,
     /// Keeps the log short.
@@ -400,7 +408,8 @@ impl Thread {
         let name = self.original.rescue_name();
         let unfinished = ended(&name, ".part");
         let refused = |error: std::io::Error| StoreError::Unavailable(error.to_string());
-        let (what, end, written) = match &self.db {
+        let reader = if self.db.is_none() { self.readers.take_idle() } else { None };
+        let (what, end, written) = match self.db.as_ref().or(reader.as_ref()) {
             Some(open) if self.original.is_whole() => {
                 let file = DatabaseFile::at(&unfinished);
                 let made = file.create().map_err(refused);
@@ -419,6 +428,8 @@ impl Thread {
                 )
             }
         };
+        // Closing it may delete a log that is another file's, or the only copy.
+        std::mem::forget(reader);
         let name = ended(&name, end);
         match written.and_then(|()| std::fs::rename(&unfinished, &name).map_err(refused)) {
             Ok(()) => {
