@@ -92,10 +92,12 @@ impl Sqlite {
                 why => OpenError::Misplaced { database, log, why },
             });
         }
-        if !is_alone && !named.shares_index() {
+        // Servers of versions that knew no marks lock no index.
+        let has_mark = matches!(mark::of_file(&named), Ok(Some(_)));
+        if !is_alone && has_mark && !named.shares_index() {
             return Err(unusable(format!(
                 "a server uses it with another index of its write-ahead log than the one here, {}, which somebody deleted \
-                 or replaced, or that server is of an older version; stop that server first",
+                 or replaced; stop that server first",
                 named.index().display()
             )));
         }
