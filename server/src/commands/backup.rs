@@ -163,8 +163,14 @@ async fn fill(
 ) -> Result<Report, CommandError> {
     let named = args.from.display().to_string();
     let file = folder.join("backup.db");
-    let mut from = File::open(&args.from)
-        .map_err(|error| CommandError::Input(format!("--from {named}: cannot read: {error}")))?;
+    let unreadable = |error: &dyn std::fmt::Display| {
+        CommandError::Input(format!("--from {named}: cannot read: {error}"))
+    };
+    let found = fs::metadata(&args.from).map_err(|error| unreadable(&error))?;
+    if !found.is_file() {
+        return Err(unreadable(&"it is a directory or a pipe"));
+    }
+    let mut from = File::open(&args.from).map_err(|error| unreadable(&error))?;
     let mut head = Vec::new();
     let begins = from.by_ref().take(MAGIC.len() as u64).read_to_end(&mut head);
     if begins.is_ok() && head != MAGIC {
