@@ -90,6 +90,10 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
 /// sound or the database refuses.
 pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     absent(&args.database).await?;
+    let found = fs::metadata(&args.from).map_err(|error| unreadable(&args.from, error))?;
+    if !found.is_file() {
+        return Err(unreadable(&args.from, "it is a directory or a pipe"));
+    }
     if Store::is_in_use(&args.from) {
         let message = format!(
             "--from {}: expected a backup, found a database that a server uses, or did not close; write one with \
@@ -101,6 +105,10 @@ pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     let fill = async |folder: &Path, url: &str| fill(&args, folder, url, &interrupt).await;
     print_json(&new_database(&args.database, fill).await?)
+}
+
+fn unreadable(from: &Path, why: impl std::fmt::Display) -> CommandError {
+    CommandError::Input(format!("--from {}: cannot read: {why}", from.display()))
 }
 
 /// Accepts an address at which there is no database.
@@ -163,14 +171,7 @@ async fn fill(
 ) -> Result<Report, CommandError> {
     let named = args.from.display().to_string();
     let file = folder.join("backup.db");
-    let unreadable = |error: &dyn std::fmt::Display| {
-        CommandError::Input(format!("--from {named}: cannot read: {error}"))
-    };
-    let found = fs::metadata(&args.from).map_err(|error| unreadable(&error))?;
-    if !found.is_file() {
-        return Err(unreadable(&"it is a directory or a pipe"));
-    }
-    let mut from = File::open(&args.from).map_err(|error| unreadable(&error))?;
+    let mut from = File::open(&args.from).map_err(|error| unreadable(&args.from, error))?;
     let mut head = Vec::new();
     let begins = from.by_ref().take(MAGIC.len() as u64).read_to_end(&mut head);
     if begins.is_ok() && head != MAGIC {

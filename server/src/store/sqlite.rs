@@ -309,4 +309,40 @@ mod tests {
         let rescued = Sqlite::open(rescued, Purpose::Read).unwrap();
         assert_eq!(rescued.read(kept).unwrap(), 1);
     }
+
+    /// A power cut may leave half of the last transaction. Whatever else is not as SQLite wrote it is damage.
+    #[tokio::test(flavor = "multi_thread")]
+    async fn damage_of_a_log_is_told_from_a_power_cut() {
+        use std::os::unix::fs::FileExt;
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
+        let db = Sqlite::open(of("study.db"), Purpose::Alone).unwrap();
+        for key in 0..8 {
+            let add = "INSERT INTO study_config (hash, json) VALUES ($1, $2)";
+            let json = format!("{{\"text\": \"{}\"}}", "x".repeat(9_000));
+            db.write(Lane::Request, move |db| Ok(db.execute(add, [key.to_string(), json])?))
+                .await
+                .unwrap();
+        }
+        let length = std::fs::metadata(of("study.db").log()).unwrap().len();
+        let misplaced = |name: &str, at: u64, bytes: usize| {
+            let copy = of(name);
+            std::fs::copy(of("study.db").path(), copy.path()).unwrap();
+            std::fs::copy(of("study.db").log(), copy.log()).unwrap();
+            let log = std::fs::OpenOptions::new().write(true).open(copy.log()).unwrap();
+            log.write_all_at(&vec![7; bytes], at).unwrap();
+            mark::misplaced(&copy).unwrap()
+        };
+        assert_eq!(misplaced("whole.db", 0, 0), None);
+        assert_eq!(misplaced("cut.db", length - 2_000, 2_000), None);
+        for (name, at, bytes) in [
+            ("magic.db", 0, 4),
+            ("header.db", 20, 4_096),
+            ("salts.db", 40, 8),
+            ("middle.db", length / 2, 4_096),
+        ] {
+            assert_eq!(misplaced(name, at, bytes), Some(Misplaced::Damaged), "{name}");
+        }
+        db.close();
+    }
 }

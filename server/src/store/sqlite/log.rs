@@ -27,7 +27,7 @@ pub(super) struct Frames {
     frame: Vec<u8>,
 }
 
-/// A frame of this writing of a log.
+/// A frame of a log: of this writing, or left of one before.
 pub(super) struct Frame<'a> {
     /// The number of the page, from 1.
     pub(super) page: u32,
@@ -35,7 +35,7 @@ pub(super) struct Frame<'a> {
     pub(super) is_commit: bool,
     /// Whether it and all before it are as SQLite wrote them.
     pub(super) is_sound: bool,
-    /// Whether it is as SQLite wrote it, as far as the one before it tells.
+    /// Whether it is of this writing and as SQLite wrote it, as far as the one before it tells.
     is_intact: bool,
     /// The page.
     pub(super) content: &'a [u8],
@@ -71,46 +71,49 @@ impl Frames {
         };
         found.salts.copy_from_slice(&header[16..24]);
         if !is_sound {
-            // The first frame has them, too.
-            let mut frame = [0; FRAME];
-            if !read_whole(&mut found.log, &mut frame)? {
-                return Ok(None);
-            }
-            found.salts.copy_from_slice(&frame[8..16]);
+            found.salts = found.repeated_salts()?;
             found.log.seek(SeekFrom::Start(HEADER as u64))?;
         }
         Ok(Some(found))
+    }
+
+    /// The first salts that two frames in a row have, which are no filling: each frame has those of the header.
+    fn repeated_salts(&mut self) -> io::Result<[u8; 8]> {
+        let mut last = [0; 8];
+        while read_whole(&mut self.log, &mut self.frame)? {
+            let salts = &self.frame[8..16];
+            if last == salts && salts.iter().any(|byte| *byte != salts[0]) {
+                break;
+            }
+            last.copy_from_slice(salts);
+        }
+        Ok(last)
     }
 
     pub(super) fn salts(&self) -> [u8; 8] {
         self.salts
     }
 
-    /// The next frame, past all that does not belong to this writing; none at the end.
+    /// The next frame; none at the end.
     pub(super) fn next(&mut self) -> io::Result<Option<Frame<'_>>> {
-        loop {
-            if !read_whole(&mut self.log, &mut self.frame)? {
-                return Ok(None);
-            }
-            if self.frame[8..16] == self.salts {
-                break;
-            }
-            (self.is_sound, self.before) = (false, None);
+        if !read_whole(&mut self.log, &mut self.frame)? {
+            return Ok(None);
         }
         let (head, content) = self.frame.split_at(FRAME);
+        let is_own = head[8..16] == self.salts;
+        self.is_sound &= is_own;
         if self.is_sound {
             self.sum.add(&head[..8]);
             self.sum.add(content);
             self.is_sound = self.sum.is(&head[16..]);
         }
-        let is_intact = self.is_sound
-            || self.before.is_none_or(|before| {
-                let mut sum =
-                    Checksum { sums: [number(&before), number(&before[4..])], ..self.sum };
-                sum.add(&head[..8]);
-                sum.add(content);
-                sum.is(&head[16..])
-            });
+        let follows = |before: [u8; 8]| {
+            let mut sum = Checksum { sums: [number(&before), number(&before[4..])], ..self.sum };
+            sum.add(&head[..8]);
+            sum.add(content);
+            sum.is(&head[16..])
+        };
+        let is_intact = is_own && (self.is_sound || self.before.is_none_or(follows));
         self.before = head[16..].try_into().ok().filter(|_| is_intact);
         let (page, is_commit) = (number(head), number(&head[4..]) > 0);
         Ok(Some(Frame { page, is_commit, is_sound: self.is_sound, is_intact, content }))
@@ -161,7 +164,7 @@ struct Checksum {
 
 impl Checksum {
     fn of(header: &[u8; HEADER]) -> Self {
-        Self { sums: [0; 2], is_big_endian: header[3] & 1 == 1 }
+        Self { sums: [0; 2], is_big_endian: header[3] == 0x83 }
     }
 
     fn add(&mut self, bytes: &[u8]) {
@@ -227,7 +230,7 @@ mod tests {
         let length = std::fs::metadata(file.log()).unwrap().len();
         // Its header, the salts of a frame, and what a page has at its end, where no row is.
         let middle = 32 + (all as u64 / 2) * (24 + PAGE as u64);
-        for (name, at) in [("header.db", 26), ("salts.db", middle + 8), ("page.db", middle + 64)] {
+        for (name, at) in [("header.db", 0), ("salts.db", middle + 8), ("page.db", middle + 64)] {
             let (damaged, mended) = (of(name), of(&format!("mended-{name}")));
             for copy in [&damaged, &mended] {
                 std::fs::copy(file.path(), copy.path()).unwrap();
@@ -237,9 +240,8 @@ mod tests {
             log.write_all_at(&[1, 2, 3, 4], at).unwrap();
             let [found, sound] = frames(damaged.log());
             let lost = usize::from(name != "header.db");
-            let strange = usize::from(name == "salts.db");
             let read = if name == "header.db" { 0 } else { all / 2 };
-            assert_eq!([found, sound], [all - strange, read], "{name}");
+            assert_eq!([found, sound], [all, read], "{name}");
             let frames = Frames::open(damaged.log(), Some(PAGE)).unwrap().unwrap();
             frames.write_mended(File::create(mended.log()).unwrap()).unwrap();
             assert_eq!(
