@@ -122,12 +122,17 @@ pub(super) fn check(db: &Connection) -> Result<State, Failure> {
 
 /// Checks that no copy into a database was left half done.
 pub(super) fn check_finished(db: &Connection) -> Result<(), Failure> {
+    if is_unfinished(db)? { Err(Misfit::Unfinished.into()) } else { Ok(()) }
+}
+
+/// Whether a copy into it began and did not end. Others may comment on the table, too.
+fn is_unfinished(db: &Connection) -> sql::Result<bool> {
     let query = db.choose(
-        "SELECT user_version <> 0 FROM pragma_user_version",
-        "SELECT obj_description('study'::regclass, 'pg_class') IS NOT NULL",
+        "SELECT user_version = 1 FROM pragma_user_version",
+        "SELECT coalesce(obj_description('study'::regclass, 'pg_class') \
+                         = 'A copy into this database was not finished.', FALSE)",
     );
-    let is_unfinished = db.query_row(query, [], |row| row.get(0))?;
-    if is_unfinished { Err(Misfit::Unfinished.into()) } else { Ok(()) }
+    db.query_row(query, [], |row| row.get(0))
 }
 
 /// Notes that a copy into an empty database begins.
@@ -138,8 +143,11 @@ pub(super) fn begin_copy(db: &Connection) -> Result<(), StoreError> {
     ))?)
 }
 
-/// Notes that it is whole.
+/// Notes that it is whole, if a copy began in it: who copies into another's database may not own its tables.
 pub(super) fn end_copy(db: &Connection) -> Result<(), StoreError> {
+    if !is_unfinished(db)? {
+        return Ok(());
+    }
     // SQLite does not count the change of a version, and only what changes a row is marked.
     Ok(db.batch(db.choose(
         "PRAGMA user_version = 0; UPDATE mark SET text = text",
