@@ -10,6 +10,7 @@ mod mark;
 mod damaged;
 mod original;
 mod readers;
+mod trees;
 mod write_back;
 mod writer;
 

@@ -1,18 +1,20 @@
 //! A copy of a damaged file in which SQLite reads all that is left.
 
 use super::file::DatabaseFile;
-use super::log::Frames;
+use super::log::{self, PAGE};
 use super::mark::{self, Misplaced};
+use super::trees;
 use crate::private;
 use std::fs::{File, TryLockError};
-use std::io::{self, Read, Seek, Write};
+use std::io::{self, Read, Seek};
 use std::path::Path;
 
 /// What every file of SQLite begins with.
 pub const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 
-/// Copies a file that no server uses, and its log. Pages that are missing at its end are empty in the copy, and the
-/// checksums of a damaged log are right: SQLite would otherwise read nothing, or nothing behind the damage.
+/// Copies a file that no server uses, with what its log has. Trees of the copy are built anew over the rows that are left,
+/// where a page of them is lost. A log that is not the file's own is copied
+/// for whoever opens the copy to refuse.
 ///
 /// # Errors
 /// What stands in the way.
@@ -25,39 +27,41 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<()> {
         return Err(io::Error::other("a server uses it; stop the server first"));
     }
     let (source, copy) = (DatabaseFile::at(from), DatabaseFile::at(to));
-    let frames = Frames::open(source.log(), None)?;
-    match (frames, mark::misplaced(&source)?) {
-        (Some(_), Some(Misplaced::Damaged)) => {
-            let page = head(&file).map(|(page, _)| page);
-            if let Some(frames) = Frames::open(source.log(), page)? {
-                frames.write_mended(private::new_file(copy.log())?)?;
-            }
-        }
-        (Some(_), _) => {
-            io::copy(&mut File::open(source.log())?, &mut private::new_file(copy.log())?)?;
-        }
-        (None, _) => {}
-    }
     let mut out = private::new_file(to)?;
-    file.rewind()?;
-    let length = io::copy(&mut file, &mut out)?;
-    out.flush()?;
-    file.rewind()?;
-    let whole = head(&file).map_or(0, |(page, pages)| page as u64 * u64::from(pages));
-    if length > 0 && whole > length {
-        out.set_len(whole)?;
+    io::copy(&mut file, &mut out)?;
+    let page = page_length(&file).unwrap_or(PAGE);
+    if source.has_log() {
+        io::copy(&mut File::open(source.log())?, &mut private::new_file(copy.log())?)?;
+        if mark::of_file(&copy).is_err() {
+            // So that the mark can be read, by which the log is known to be the file's own.
+            trees::mend(&copy, page)?;
+        }
+        let is_damaged = match mark::misplaced(&copy)? {
+            None => false,
+            Some(Misplaced::Damaged) => true,
+            Some(_) => return Ok(()),
+        };
+        out.set_len(0)?;
+        file.rewind()?;
+        out.rewind()?;
+        io::copy(&mut file, &mut out)?;
+        if let Some(length) = log::apply(copy.log(), Some(page), is_damaged, &out)? {
+            out.set_len(length)?;
+        }
+        std::fs::remove_file(copy.log())?;
     }
-    Ok(())
+    // The last page may be there in part.
+    out.set_len(out.metadata()?.len().next_multiple_of(page as u64))?;
+    trees::mend(&copy, page)
 }
 
-/// The length of a page, and how many there are, as a file's first page tells it.
-fn head(mut file: &File) -> Option<(usize, u32)> {
-    let mut head = [0; 32];
+/// The length of a page, as a file's first page tells it.
+fn page_length(mut file: &File) -> Option<usize> {
+    let mut head = [0; 18];
     file.rewind().and_then(|()| file.read_exact(&mut head)).ok()?;
-    let page = match u16::from_be_bytes([head[16], head[17]]) {
+    let length = match u16::from_be_bytes([head[16], head[17]]) {
         1 => 65_536,
-        size => usize::from(size),
+        length => usize::from(length),
     };
-    let pages = u32::from_be_bytes([head[28], head[29], head[30], head[31]]);
-    head.starts_with(MAGIC).then_some((page, pages))
+    (head.starts_with(MAGIC) && length >= 512 && length.is_power_of_two()).then_some(length)
 }

@@ -115,7 +115,7 @@ impl Log {
             }
             sound += 1;
             pending = mark.or(pending);
-            if !frame.is_commit {
+            if frame.pages == 0 {
                 continue;
             }
             found.commits += 1;

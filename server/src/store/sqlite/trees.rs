@@ -1,0 +1,599 @@
+//! Trees of a damaged file of SQLite, built anew over the rows that are left:
+//! <https://www.sqlite.org/fileformat2.html#b_tree_pages>.
+//!
+//! SQLite finds rows from the first page of a table downwards, so that a lost inner page hides all rows below it. Pages
+//! with rows tell which rows they have, and by the kinds of their values of which table they are.
+
+use super::connection;
+use super::damaged::MAGIC;
+use super::file::DatabaseFile;
+use crate::store::sql;
+use std::collections::HashSet;
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+
+/// The length of a file's header, which is in its first page.
+const HEADER: usize = 100;
+
+const INNER: u8 = 5;
+const LEAF: u8 = 13;
+
+/// Builds the trees of a file anew where a page of them is lost. The file has no log. What is missing is, in the trees, on a
+/// page that SQLite calls damaged.
+///
+/// # Errors
+/// If the file cannot be read or written.
+pub(super) fn mend(named: &DatabaseFile, page: usize) -> io::Result<()> {
+    let file = File::options().read(true).write(true).open(named.path())?;
+    let mut pages = Pages::of(&file, page)?;
+    if pages.count == 0 {
+        return Ok(());
+    }
+    pages.mend(&[Table::of_schema()])?;
+    // Without them SQLite says itself what is wrong with the file.
+    pages.mend(&tables(named).unwrap_or_default())
+}
+
+/// What a column takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Integer,
+    Real,
+    Text,
+    Blob,
+    Any,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Column {
+    kind: Kind,
+    /// Whether NULL is refused.
+    is_required: bool,
+    /// Whether rows that are older than the column have a value in it.
+    has_default: bool,
+}
+
+impl Column {
+    /// Whether a value may be of this type, as records name it.
+    fn takes(self, serial_type: u64) -> bool {
+        match serial_type {
+            0 => !self.is_required,
+            1..=6 | 8 | 9 => matches!(self.kind, Kind::Integer | Kind::Real | Kind::Any),
+            7 => matches!(self.kind, Kind::Real | Kind::Any),
+            10 | 11 => false,
+            even if even % 2 == 0 => matches!(self.kind, Kind::Blob | Kind::Any),
+            _ => matches!(self.kind, Kind::Text | Kind::Any),
+        }
+    }
+}
+
+struct Table {
+    /// The first page of its tree.
+    root: u32,
+    columns: Vec<Column>,
+}
+
+impl Table {
+    /// The table of all tables.
+    fn of_schema() -> Self {
+        let kinds = [Kind::Text, Kind::Text, Kind::Text, Kind::Integer, Kind::Text];
+        let column = |kind| Column { kind, is_required: kind == Kind::Integer, has_default: false };
+        Self { root: 1, columns: kinds.map(column).to_vec() }
+    }
+
+    /// Whether a row may be of this table. Rows that are older than a column lack it.
+    fn takes(&self, row: &[u64]) -> bool {
+        let later = self.columns.get(row.len()..);
+        later.is_some_and(|later| {
+            later.iter().all(|column| !column.is_required || column.has_default)
+        }) && row.iter().zip(&self.columns).all(|(value, column)| column.takes(*value))
+    }
+}
+
+/// The tables whose rows are numbered.
+fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
+    let query = "SELECT rootpage, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
+                 FROM sqlite_schema AS own, pragma_table_list(own.name) AS list, pragma_table_xinfo(own.name) AS info \
+                 WHERE own.type = 'table' AND own.name NOT LIKE 'sqlite%' AND list.schema = 'main' AND NOT list.wr \
+                     AND info.hidden <> 2 \
+                 ORDER BY rootpage, info.cid";
+    let db = connection::without_log(file)?;
+    let mut statement = db.prepare_cached(query)?;
+    let columns = statement.query_map([], |row| {
+        let kind = match &*row.get::<_, String>(1)? {
+            "INTEGER" | "INT" => Kind::Integer,
+            "REAL" => Kind::Real,
+            "TEXT" => Kind::Text,
+            "BLOB" => Kind::Blob,
+            _ => Kind::Any,
+        };
+        let column = Column { kind, is_required: row.get(2)?, has_default: row.get(3)? };
+        Ok((row.get::<_, i64>(0)?, column))
+    })?;
+    let mut tables: Vec<Table> = Vec::new();
+    for column in columns {
+        let (root, column) = column?;
+        let Ok(root) = u32::try_from(root) else { continue };
+        match tables.last_mut() {
+            Some(table) if table.root == root => table.columns.push(column),
+            _ => tables.push(Table { root, columns: vec![column] }),
+        }
+    }
+    Ok(tables)
+}
+
+/// The rows of a tree from the one after the part before, up to this one.
+struct Part {
+    last: i64,
+    /// The page that they are on; none if it is not known.
+    page: Option<u32>,
+}
+
+/// A page with rows that no tree leads to.
+struct Stray {
+    page: u32,
+    first: i64,
+    last: i64,
+    /// The types of the values of each row.
+    rows: Vec<Vec<u64>>,
+}
+
+impl Stray {
+    /// None if the page has no rows, or anything in it cannot be.
+    fn read(page: u32, content: &[u8]) -> Option<Self> {
+        if content.first() != Some(&LEAF) {
+            return None;
+        }
+        let count = usize::from(u16::from_be_bytes([content[3], content[4]]));
+        let mut numbers = Vec::new();
+        let mut rows = Vec::new();
+        for at in content.get(8..8 + 2 * count)?.chunks_exact(2) {
+            let mut cell = content.get(usize::from(u16::from_be_bytes([at[0], at[1]]))..)?;
+            let length = varint(&mut cell)?;
+            numbers.push(varint(&mut cell)? as i64);
+            rows.push(types(cell, length)?);
+        }
+        let (first, last) = (*numbers.first()?, *numbers.last()?);
+        numbers.is_sorted_by(|one, next| one < next).then_some(Self { page, first, last, rows })
+    }
+}
+
+/// The types of the values of a record of this length.
+fn types(record: &[u8], length: u64) -> Option<Vec<u64>> {
+    let mut rest = record;
+    let head = varint(&mut rest)?;
+    let head_length = usize::try_from(head).ok()?;
+    let mut rest = record.get(record.len() - rest.len()..head_length)?;
+    let (mut types, mut total) = (Vec::new(), head);
+    while !rest.is_empty() {
+        let of_value = varint(&mut rest)?;
+        types.push(of_value);
+        let bytes = match of_value {
+            0 | 8 | 9 => 0,
+            1..=4 => of_value,
+            5 => 6,
+            6 | 7 => 8,
+            10 | 11 => return None,
+            _ => (of_value - 12) / 2,
+        };
+        total = total.checked_add(bytes)?;
+    }
+    (total == length).then_some(types)
+}
+
+struct Pages<'a> {
+    file: &'a File,
+    size: usize,
+    /// How many there are.
+    count: u32,
+    /// Those that a tree leads to.
+    reached: HashSet<u32>,
+}
+
+impl<'a> Pages<'a> {
+    /// More levels than a tree of 2³² pages has.
+    const DEPTH: usize = 20;
+
+    fn of(file: &'a File, size: usize) -> io::Result<Self> {
+        let count = file.metadata()?.len() / size as u64;
+        let count = u32::try_from(count).map_err(io::Error::other)?;
+        Ok(Self { file, size, count, reached: HashSet::new() })
+    }
+
+    fn offset(&self, page: u32) -> u64 {
+        u64::from(page - 1) * self.size as u64
+    }
+
+    fn read(&self, page: u32) -> io::Result<Vec<u8>> {
+        let mut content = vec![0; self.size];
+        self.file.read_exact_at(&mut content, self.offset(page))?;
+        Ok(content)
+    }
+
+    fn append(&mut self, content: &[u8]) -> io::Result<u32> {
+        self.count += 1;
+        self.file.write_all_at(content, self.offset(self.count))?;
+        Ok(self.count)
+    }
+
+    /// Builds the trees of these tables anew, if anything of them is lost.
+    fn mend(&mut self, tables: &[Table]) -> io::Result<()> {
+        let mut damaged = Vec::new();
+        for table in tables {
+            let mut parts = Vec::new();
+            self.walk(table.root, i64::MAX, Self::DEPTH, &mut parts)?;
+            if parts.iter().any(|part| part.page.is_none()) {
+                damaged.push((table, parts));
+            }
+        }
+        if damaged.is_empty() {
+            return self.write_header();
+        }
+        let strays = self.strays()?;
+        let mut found: Vec<Vec<&Stray>> = damaged.iter().map(|_| Vec::new()).collect();
+        for stray in &strays {
+            if let Some(at) = owner(&damaged, stray) {
+                found[at].push(stray);
+            }
+        }
+        if damaged[0].0.root == 1 && found[0].is_empty() {
+            // Perhaps it is no database at all.
+            return Ok(());
+        }
+        let lost = self.append(&vec![0; self.size])?;
+        for ((table, parts), strays) in damaged.iter().zip(&found) {
+            let mut pages = filled(parts, strays, lost);
+            if table.root == 1 {
+                // SQLite reads all tables or none.
+                pages.retain(|(_, page)| *page != lost);
+            }
+            self.build(table.root, pages)?;
+        }
+        self.write_header()
+    }
+
+    /// The parts of the tree below a page, whose rows end with `last`.
+    fn walk(
+        &mut self,
+        page: u32,
+        last: i64,
+        depth: usize,
+        parts: &mut Vec<Part>,
+    ) -> io::Result<()> {
+        let before = parts.last().map_or(i64::MIN, |part| part.last);
+        let is_new = (1..=self.count).contains(&page) && depth > 0 && self.reached.insert(page);
+        let content = if is_new { self.read(page)? } else { Vec::new() };
+        let page_of_rows = match content.get(header_in(page)) {
+            Some(&INNER) => {
+                let below = below(&content[header_in(page)..], &content);
+                if let Some((below, right)) =
+                    below.filter(|(below, _)| is_ascending(before, below, last))
+                {
+                    for (last, page) in below {
+                        self.walk(page, last, depth - 1, parts)?;
+                    }
+                    return self.walk(right, last, depth - 1, parts);
+                }
+                None
+            }
+            Some(&LEAF) => Some(page),
+            _ => None,
+        };
+        parts.push(Part { last, page: page_of_rows });
+        Ok(())
+    }
+
+    /// The pages with rows that no tree leads to, in the order of their rows.
+    fn strays(&self) -> io::Result<Vec<Stray>> {
+        let mut strays = Vec::new();
+        for page in (2..=self.count).filter(|page| !self.reached.contains(page)) {
+            strays.extend(Stray::read(page, &self.read(page)?));
+        }
+        strays.sort_unstable_by_key(|stray| (stray.first, stray.page));
+        Ok(strays)
+    }
+
+    /// Writes a tree over these pages, each with the number of its last row.
+    fn build(&mut self, root: u32, mut pages: Vec<(i64, u32)>) -> io::Result<()> {
+        // What fits whatever the numbers of the rows.
+        let most = (self.size - HEADER - 12) / 15;
+        while pages.len() > most {
+            let mut above = Vec::new();
+            for below in pages.chunks(most) {
+                let content = inner(below, &vec![0; self.size], 0);
+                above.push((below[below.len() - 1].0, self.append(&content)?));
+            }
+            pages = above;
+        }
+        let content = inner(&pages, &self.read(root)?, header_in(root));
+        self.file.write_all_at(&content, self.offset(root))
+    }
+
+    /// Writes how many pages there are. None of them is free: the list of the free ones may be damaged, too.
+    fn write_header(&self) -> io::Result<()> {
+        let mut header = [0; HEADER];
+        self.file.read_exact_at(&mut header, 0)?;
+        if !header.starts_with(MAGIC) {
+            header = [0; HEADER];
+            header[..16].copy_from_slice(MAGIC);
+            let size = u16::try_from(self.size).unwrap_or(1);
+            header[16..18].copy_from_slice(&size.to_be_bytes());
+            // With a write-ahead log; the parts of a page that rows may fill; schema format 4; UTF-8.
+            header[18..24].copy_from_slice(&[2, 2, 0, 64, 32, 32]);
+            header[47] = 4;
+            header[59] = 1;
+        }
+        header[28..32].copy_from_slice(&self.count.to_be_bytes());
+        header[32..40].fill(0);
+        let changes: [u8; 4] = std::array::from_fn(|at| header[24 + at]);
+        header[92..96].copy_from_slice(&changes);
+        self.file.write_all_at(&header, 0)
+    }
+}
+
+/// Where the header of a page's tree is in it.
+fn header_in(page: u32) -> usize {
+    if page == 1 { HEADER } else { 0 }
+}
+
+/// The one table that lacks these rows and may have them. None if there are two: rows must not appear where they never
+/// were.
+fn owner(damaged: &[(&Table, Vec<Part>)], stray: &Stray) -> Option<usize> {
+    let is_missing = |parts: &[Part]| {
+        let mut before = i64::MIN;
+        parts.iter().any(|part| {
+            let is_in = part.page.is_none() && before < stray.first && stray.last <= part.last;
+            before = part.last;
+            is_in
+        })
+    };
+    let only = |is_whole: bool| {
+        let mut owners = damaged.iter().enumerate().filter(|(_, (table, parts))| {
+            let takes = |row: &Vec<u64>| {
+                (!is_whole || row.len() == table.columns.len()) && table.takes(row)
+            };
+            stray.rows.iter().all(takes) && is_missing(parts)
+        });
+        owners.next().map(|(at, _)| at).filter(|_| owners.next().is_none())
+    };
+    only(true).or_else(|| only(false))
+}
+
+/// All pages of a table, each with the number of its last row; `lost` for rows that are on none.
+fn filled(parts: &[Part], strays: &[&Stray], lost: u32) -> Vec<(i64, u32)> {
+    let (mut pages, mut strays) = (Vec::new(), strays.iter().peekable());
+    let mut before = 0;
+    for part in parts {
+        if let Some(page) = part.page {
+            pages.push((part.last, page));
+            before = part.last;
+            continue;
+        }
+        while let Some(stray) = strays.next_if(|stray| stray.last <= part.last) {
+            if stray.first <= before {
+                continue;
+            }
+            if stray.first > before + 1 {
+                pages.push((stray.first - 1, lost));
+            }
+            pages.push((stray.last, stray.page));
+            before = stray.last;
+        }
+        if before < part.last {
+            pages.push((part.last, lost));
+            before = part.last;
+        }
+    }
+    pages
+}
+
+/// The pages below an inner one, each with the number of its last row, and the one behind them.
+fn below(header: &[u8], content: &[u8]) -> Option<(Vec<(i64, u32)>, u32)> {
+    let count = usize::from(u16::from_be_bytes([*header.get(3)?, *header.get(4)?]));
+    let pages = header.get(12..)?.chunks_exact(2).take(count).map(|at| {
+        let mut cell = content.get(usize::from(u16::from_be_bytes([at[0], at[1]]))..)?;
+        let page = number(cell)?;
+        cell = &cell[4..];
+        Some((varint(&mut cell)? as i64, page))
+    });
+    Some((pages.collect::<Option<Vec<_>>>()?, number(header.get(8..)?)?))
+}
+
+fn is_ascending(before: i64, below: &[(i64, u32)], last: i64) -> bool {
+    let numbers = || below.iter().map(|(number, _)| *number);
+    std::iter::once(before)
+        .chain(numbers())
+        .zip(numbers().chain([last]))
+        .all(|(one, next)| one < next)
+}
+
+/// An inner page above these, in place of the one with this content.
+fn inner(below: &[(i64, u32)], content: &[u8], header: usize) -> Vec<u8> {
+    let mut page = content[..header].to_vec();
+    page.resize(content.len(), 0);
+    let mut end = page.len();
+    let Some(((_, right), cells)) = below.split_last() else { return page };
+    for (at, (last, below)) in cells.iter().enumerate() {
+        let mut cell = below.to_be_bytes().to_vec();
+        push_varint(&mut cell, *last as u64);
+        end -= cell.len();
+        page[end..][..cell.len()].copy_from_slice(&cell);
+        page[header + 12 + 2 * at..][..2].copy_from_slice(&(end as u16).to_be_bytes());
+    }
+    page[header] = INNER;
+    page[header + 3..][..2].copy_from_slice(&(cells.len() as u16).to_be_bytes());
+    page[header + 5..][..2].copy_from_slice(&(end as u16).to_be_bytes());
+    page[header + 8..][..4].copy_from_slice(&right.to_be_bytes());
+    page
+}
+
+fn number(bytes: &[u8]) -> Option<u32> {
+    bytes.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))
+}
+
+/// A number of up to nine bytes, the first with the highest bits; all but the last byte begin with a 1.
+fn varint(bytes: &mut &[u8]) -> Option<u64> {
+    let mut number = 0;
+    for at in 0..9 {
+        let (&byte, rest) = bytes.split_first()?;
+        *bytes = rest;
+        if at == 8 {
+            return Some(number << 8 | u64::from(byte));
+        }
+        number = number << 7 | u64::from(byte & 0x7f);
+        if byte < 0x80 {
+            break;
+        }
+    }
+    Some(number)
+}
+
+fn push_varint(to: &mut Vec<u8>, number: u64) {
+    let mut rest = number;
+    let mut bytes = Vec::new();
+    if number >= 1 << 56 {
+        bytes.push(rest as u8);
+        rest >>= 8;
+        bytes.extend((0..8).map(|at| (rest >> (7 * at)) as u8 | 0x80));
+    } else {
+        bytes.push(rest as u8 & 0x7f);
+        while rest >= 0x80 {
+            rest >>= 7;
+            bytes.push(rest as u8 & 0x7f | 0x80);
+        }
+    }
+    to.extend(bytes.iter().rev());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::log::PAGE;
+    use super::*;
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    #[test]
+    fn numbers_have_the_length_that_they_need() {
+        for number in [0, 1, 127, 128, 16_383, 16_384, (1 << 56) - 1, 1 << 56, u64::MAX] {
+            let mut bytes = Vec::new();
+            push_varint(&mut bytes, number);
+            let bits = 64 - number.max(1).leading_zeros() as usize;
+            assert_eq!(bytes.len(), bits.div_ceil(7).min(9), "{number}");
+            let mut rest = &bytes[..];
+            assert!(varint(&mut rest) == Some(number) && rest.is_empty(), "{number}");
+            assert_eq!(varint(&mut &bytes[..bytes.len() - 1]), None);
+        }
+    }
+
+    /// A file with two tables of three levels, and one of few rows.
+    fn written(path: &Path) -> Vec<u8> {
+        let file = DatabaseFile::at(path);
+        file.create().unwrap();
+        let db = connection::writing(path).unwrap();
+        db.batch(
+            "CREATE TABLE one (id INTEGER PRIMARY KEY, name TEXT NOT NULL, bytes BLOB NOT NULL) STRICT; \
+             CREATE TABLE other (name TEXT NOT NULL, weight REAL NOT NULL) STRICT; \
+             ALTER TABLE other ADD COLUMN later INTEGER NOT NULL DEFAULT 7; \
+             CREATE TABLE few (at INTEGER NOT NULL) STRICT; INSERT INTO few VALUES (3);",
+        )
+        .unwrap();
+        // As in a file of this program, the table of all tables has several pages.
+        for view in 0..8 {
+            let text = "x".repeat(900);
+            db.batch(&format!("CREATE VIEW view{view} AS SELECT '{text}'")).unwrap();
+        }
+        // Numbers of rows are of many lengths; two tables grow at once, so that their pages alternate.
+        let rows =
+            "WITH RECURSIVE n (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM n WHERE n < 400) ";
+        for part in 0..3 {
+            db.batch(&format!(
+                "{rows} INSERT INTO one SELECT n * (n + {part}) + {part} * 5000000000, \
+                     printf('one%08d.', {part} * 400 + n), zeroblob(n % 3 * 1900) FROM n; \
+                 {rows} INSERT INTO other (name, weight) SELECT \
+                     printf('other%07d%01500d', {part} * 400 + n, 0), n / 2.0 FROM n;"
+            ))
+            .unwrap();
+        }
+        assert!(connection::empty_log(&db).unwrap());
+        drop(db);
+        std::fs::read(path).unwrap()
+    }
+
+    /// The names of the rows that SQLite reads, from each row that it finds to the next one.
+    fn names(file: &DatabaseFile) -> BTreeSet<String> {
+        let db = connection::without_log(file).unwrap();
+        let mut found = BTreeSet::new();
+        for table in ["one", "other"] {
+            let next =
+                format!("SELECT rowid, substr(name, 1, 12) FROM {table} WHERE rowid > $1 LIMIT 1");
+            let last = format!("SELECT rowid, substr(name, 1, 12) FROM {table} WHERE rowid = $1");
+            let mut numbers: Vec<i64> = vec![0];
+            numbers
+                .extend((0..3).flat_map(|part| {
+                    (1..=400).map(move |n| n * (n + part) + part * 5_000_000_000)
+                }));
+            for number in numbers.into_iter().chain(0..1201) {
+                for query in [&next, &last] {
+                    let row = db.query_row(query, [number], |row| row.get::<_, String>(1));
+                    found.extend(row.ok());
+                }
+            }
+        }
+        found
+    }
+
+    /// The names in the pages with rows of a file, by whoever knows nothing of trees: these rows are left.
+    fn left(content: &[u8]) -> BTreeSet<String> {
+        let mut found = BTreeSet::new();
+        for page in content.chunks_exact(PAGE).filter(|page| page[0] == LEAF) {
+            for word in ["one", "other"] {
+                for at in memchr::memmem::find_iter(page, word) {
+                    let name = String::from_utf8_lossy(&page[at..at + 12]).into_owned();
+                    if name[word.len()..].starts_with('0') {
+                        found.insert(name);
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Mends a file of these bytes, and compares what is read with what is left.
+    fn compare(path: &Path, content: &[u8], what: &str) -> usize {
+        std::fs::write(path, content).unwrap();
+        let file = DatabaseFile::at(path);
+        mend(&file, PAGE).unwrap();
+        let (read, left) = (names(&file), left(content));
+        assert!(read == left, "{what}: {} of {}", read.len(), left.len());
+        left.len()
+    }
+
+    #[test]
+    fn rows_are_read_wherever_pages_are_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let whole = written(&folder.path().join("whole.db"));
+        let damaged = folder.path().join("damaged.db");
+        let all = compare(&damaged, &whole, "sound");
+        assert_eq!(all, 2400);
+        assert!(std::fs::read(&damaged).unwrap() == whole, "a sound file is as it was");
+        let inner: Vec<_> =
+            (0..whole.len() / PAGE).filter(|page| whole[page * PAGE] == INNER).collect();
+        assert!(inner.len() > 4, "{inner:?}");
+        // The first page has the tables, and the trees begin in the next ones.
+        for lost in inner.iter().copied().chain([0, 1, 2, 3, 40]) {
+            let mut content = whole.clone();
+            content[lost * PAGE..][..PAGE].fill(0);
+            let left = compare(&damaged, &content, &format!("without page {lost}"));
+            assert!(all - left < 20, "{left}");
+        }
+        for parts in 1..10 {
+            let content = &whole[..whole.len() / PAGE * parts / 10 * PAGE];
+            let left = compare(&damaged, content, &format!("{parts} tenths"));
+            assert!(left * 20 > all * parts, "{left}");
+        }
+        let mut content = whole.clone();
+        inner.iter().for_each(|lost| content[lost * PAGE..][..PAGE].fill(0xd5));
+        assert_eq!(compare(&damaged, &content, "without any inner page"), all);
+    }
+}
