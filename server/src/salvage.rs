@@ -16,9 +16,11 @@ pub async fn salvage(
     to: &Store,
     mut lost: impl FnMut(Lost),
 ) -> Result<Report, StoreError> {
-    let (sender, mut found) = mpsc::channel(4);
+    let (sender, found) = mpsc::channel(4);
     let reading = from.salvage(sender);
     let writing = async {
+        // Where it ends early, the receiver ends with it, and reading does not wait for ever.
+        let mut found = found;
         let mut targets = HashMap::new();
         while let Some(found) = found.recv().await {
             match found {

@@ -151,17 +151,35 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(said.code == Some(0) && lost.is_empty(), "{index}: {}", said.err);
     }
-    // Without the participants, there is nobody whose trials they are; all are named.
-    let damaged = with_page(&file, "people.db", root_of(&file, "participant").await, |_| 0);
-    let (said, lost) = salvaged(&damaged, &before).await;
-    assert!(lost.len() == before.len() && names_all(&said, &lost));
+    // Without the first page of a tree, or of the file, all rows are still there.
+    let roots = [root_of(&file, "trial").await, root_of(&file, "scene").await];
+    for page in roots.into_iter().chain([0]) {
+        for byte in [(|_| 0) as fn(usize) -> u8, noise] {
+            let damaged = with_page(&file, "inner.db", page, byte);
+            let (said, lost) = salvaged(&damaged, &before).await;
+            assert!(lost.is_empty(), "page {page}: {}", said.err);
+        }
+    }
+    // Without the participants, there is nobody whose trials they are, and without the parameters of a study nothing
+    // can be replayed; all are named.
+    for table in ["participant", "study_config"] {
+        let damaged = with_page(&file, "people.db", root_of(&file, table).await, |_| 0);
+        let (said, lost) = salvaged(&damaged, &before).await;
+        assert!(lost.len() == before.len() && names_all(&said, &lost), "{table}");
+    }
     // A file that was cut off.
-    let cut = content.len() * 9 / 10 / PAGE * PAGE - 7;
-    let (said, lost) = {
-        let short = folder.file("short.db", &content[..cut]);
-        salvaged(&short, &before).await
-    };
-    assert!(said.code == Some(1) && lost.len() < before.len() / 2, "{}: {}", lost.len(), said.err);
+    for tenths in [9, 7] {
+        let short =
+            folder.file("short.db", &content[..content.len() * tenths / 10 / PAGE * PAGE - 7]);
+        let (said, lost) = salvaged(&short, &before).await;
+        let most = before.len() * (11 - tenths) / 10;
+        assert!(
+            said.code == Some(1) && lost.len() < most,
+            "{tenths}: {}: {}",
+            lost.len(),
+            said.err
+        );
+    }
 }
 
 #[tokio::test]

@@ -117,6 +117,22 @@ async fn writing_goes_on_when_a_full_disk_has_room_again() {
     assert_eq!(server.get("/readyz").await.status, 200);
 }
 
+/// As `ulimit -f` limits it. SQLite's log is longer then already.
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn writing_goes_on_when_files_may_be_longer_again() {
+    let folder = Folder::default();
+    let server = Process::start(&folder).await;
+    let id = server.id().to_string();
+    let limit = |most: &str| {
+        let most = format!("--fsize={most}:unlimited");
+        let set = std::process::Command::new("prlimit").args(["--pid", &id, &most]).status();
+        assert!(set.unwrap().success());
+    };
+    waits_for_room(&server, || limit("4096"), || limit("unlimited")).await;
+    assert_eq!(server.get("/readyz").await.status, 200);
+}
+
 #[tokio::test]
 async fn one_server_a_database() {
     let server = Server::on_a_file(SHORT_STUDY).await;

@@ -71,6 +71,55 @@ async fn commands_that_read_leave_an_unclosed_database_as_it_is() {
     assert!(content() == before, "a command has changed the database");
 }
 
+/// SQLite would only say that it cannot open it, wait for ever, or keep a log for each name.
+#[tokio::test]
+async fn what_is_no_file_of_one_name_is_refused_with_the_reason() {
+    let folder = Folder::default();
+    let server = Process::start(&folder).await;
+    Driver::enrol(&server).await.drive(&server, 2).await;
+    server.stop().await;
+    let before = std::fs::read(folder.path("sidestep.db")).unwrap();
+    std::fs::hard_link(folder.path("sidestep.db"), folder.path("twin.db")).unwrap();
+    std::os::unix::fs::symlink(folder.path("nowhere"), folder.path("dangling.db")).unwrap();
+    std::os::unix::fs::symlink(folder.path("sidestep.db"), folder.path("link.db")).unwrap();
+    std::fs::create_dir(folder.path("folder.db")).unwrap();
+    assert!(Command::new("mkfifo").arg(folder.path("pipe.db")).status().unwrap().success());
+
+    let site = folder.name("site");
+    let serve = ["serve", "--listen", "127.0.0.1:0", "--static", &site];
+    let trials = folder.name("trials.csv");
+    run(&["simulate", "--participants", "1", "--seed", "1", "--out", &trials]).await.json();
+    let import = ["import", "--study", "imported", "--trials", &trials];
+    let (saved, new) = (folder.name("saved.db"), folder.database("new.db"));
+    for (name, word) in [("dangling.db", "a link"), ("folder.db", "directory"), ("pipe.db", "pipe")]
+    {
+        let database = folder.database(name);
+        for args in [&serve[..], &import, &["check"], &["backup", "--out", &saved]] {
+            run(&[args, &["--database", &database]].concat()).await.refused(1, &[name, word]);
+        }
+        run(&["copy", "--from", &database, "--to", &new]).await.refused(1, &[name, word]);
+        let from = folder.name(name);
+        for command in ["restore", "salvage"] {
+            let said = run(&[command, "--from", &from, "--database", &new]).await;
+            said.refused(2, &["--from", name]);
+        }
+    }
+    // Who only reads needs no log; through a symbolic link there is one log, that of the file.
+    for name in ["sidestep.db", "twin.db"] {
+        let database = folder.database(name);
+        for args in [&serve[..], &import] {
+            let said = run(&[args, &["--database", &database]].concat()).await;
+            said.refused(1, &[name, "hard links", "copy the file"]);
+        }
+        assert_eq!(run(&["check", "--database", &database]).await.json()["trials"], 2);
+    }
+    assert!(std::fs::read(folder.path("sidestep.db")).unwrap() == before);
+    std::fs::remove_file(folder.path("twin.db")).unwrap();
+    run(&[&import[..], &["--database", &folder.database("link.db")]].concat()).await.json();
+    let files = ["saved.db", "new.db", "link.db-wal"];
+    assert!(files.iter().all(|name| !folder.path(name).exists()));
+}
+
 /// SQLite makes another index of the log where there is none, and knows nothing of the server's.
 #[tokio::test]
 async fn commands_refuse_another_index_of_the_log_than_the_server_has() {

@@ -383,6 +383,9 @@ impl Reader<'_> {
             let json = self.unless_lost("study_config", &hash, json.map_err(StoreError::from))?;
             configs.extend(json.map(|json| (hash, json)));
         }
+        if configs.iter().all(|(hash, _)| *hash != config_hash) {
+            return self.lose("study", slug, "its configuration is lost").map(|()| None);
+        }
         let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
         let versions =
             versions.unwrap_or_else(|| vec![(1, config_hash.clone(), created_at_ms, false)]);
