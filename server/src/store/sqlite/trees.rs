@@ -7,7 +7,7 @@
 use super::connection;
 use super::damaged::MAGIC;
 use super::file::DatabaseFile;
-use crate::store::sql;
+use crate::store::{StoreError, sql};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io;
@@ -19,20 +19,41 @@ const HEADER: usize = 100;
 const INNER: u8 = 5;
 const LEAF: u8 = 13;
 
+/// Without one of these tables no trial can be saved.
+const NEEDED: [&str; 5] = ["study", "study_config", "participant", "scene", "trial"];
+
 /// Builds the trees of a file anew where a page of them is lost. The file has no log. What is missing is, in the trees, on a
-/// page that SQLite calls damaged.
+/// page that SQLite calls damaged. Where even the names of the tables are lost, they are made by `create`, as this version
+/// makes them in an empty file, and get the rows that fit. Returns whether they were lost.
 ///
 /// # Errors
-/// If the file cannot be read or written.
-pub(super) fn mend(named: &DatabaseFile, page: usize) -> io::Result<()> {
+/// If the file cannot be read or written, or `create` fails.
+pub(super) fn mend(
+    named: &DatabaseFile,
+    page: usize,
+    create: impl FnOnce() -> io::Result<()>,
+) -> io::Result<bool> {
     let file = File::options().read(true).write(true).open(named.path())?;
     let mut pages = Pages::of(&file, page)?;
     if pages.count == 0 {
-        return Ok(());
+        return Ok(false);
     }
-    pages.mend(&[Table::of_schema()])?;
-    // Without them SQLite says itself what is wrong with the file.
-    pages.mend(&tables(named).unwrap_or_default())
+    pages.mend(&[Table::of_schema()], false)?;
+    let needed =
+        |tables: &[Table]| NEEDED.iter().all(|name| tables.iter().any(|table| table.name == *name));
+    if let Some(tables) = tables(named).ok().filter(|tables| needed(tables)) {
+        return pages.mend(&tables, false).map(|()| false);
+    }
+    let mut pages = Pages::of(&file, page)?;
+    if pages.strays()?.is_empty() {
+        // Perhaps it is no database at all; SQLite says what is wrong with it.
+        return Ok(false);
+    }
+    pages.begin_anew()?;
+    create()?;
+    let tables = tables(named).map_err(|error| io::Error::other(StoreError::from(error)))?;
+    Pages::of(&file, page)?.mend(&tables, true)?;
+    Ok(true)
 }
 
 /// What a column takes.
@@ -69,6 +90,7 @@ impl Column {
 }
 
 struct Table {
+    name: String,
     /// The first page of its tree.
     root: u32,
     columns: Vec<Column>,
@@ -79,7 +101,7 @@ impl Table {
     fn of_schema() -> Self {
         let kinds = [Kind::Text, Kind::Text, Kind::Text, Kind::Integer, Kind::Text];
         let column = |kind| Column { kind, is_required: kind == Kind::Integer, has_default: false };
-        Self { root: 1, columns: kinds.map(column).to_vec() }
+        Self { name: String::new(), root: 1, columns: kinds.map(column).to_vec() }
     }
 
     /// Whether a row may be of this table. Rows that are older than a column lack it.
@@ -93,7 +115,7 @@ impl Table {
 
 /// The tables whose rows are numbered.
 fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
-    let query = "SELECT rootpage, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
+    let query = "SELECT rootpage, own.name, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
                  FROM sqlite_schema AS own, pragma_table_list(own.name) AS list, pragma_table_xinfo(own.name) AS info \
                  WHERE own.type = 'table' AND own.name NOT LIKE 'sqlite%' AND list.schema = 'main' AND NOT list.wr \
                      AND info.hidden <> 2 \
@@ -101,23 +123,23 @@ fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
     let db = connection::without_log(file)?;
     let mut statement = db.prepare_cached(query)?;
     let columns = statement.query_map([], |row| {
-        let kind = match &*row.get::<_, String>(1)? {
+        let kind = match &*row.get::<_, String>(2)? {
             "INTEGER" | "INT" => Kind::Integer,
             "REAL" => Kind::Real,
             "TEXT" => Kind::Text,
             "BLOB" => Kind::Blob,
             _ => Kind::Any,
         };
-        let column = Column { kind, is_required: row.get(2)?, has_default: row.get(3)? };
-        Ok((row.get::<_, i64>(0)?, column))
+        let column = Column { kind, is_required: row.get(3)?, has_default: row.get(4)? };
+        Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?, column))
     })?;
     let mut tables: Vec<Table> = Vec::new();
     for column in columns {
-        let (root, column) = column?;
+        let (root, name, column) = column?;
         let Ok(root) = u32::try_from(root) else { continue };
         match tables.last_mut() {
             Some(table) if table.root == root => table.columns.push(column),
-            _ => tables.push(Table { root, columns: vec![column] }),
+            _ => tables.push(Table { name, root, columns: vec![column] }),
         }
     }
     Ok(tables)
@@ -145,7 +167,7 @@ impl Stray {
         if content.first() != Some(&LEAF) {
             return None;
         }
-        let count = usize::from(u16::from_be_bytes([content[3], content[4]]));
+        let count = rows_in(content);
         let mut numbers = Vec::new();
         let mut rows = Vec::new();
         for at in content.get(8..8 + 2 * count)?.chunks_exact(2) {
@@ -157,6 +179,11 @@ impl Stray {
         let (first, last) = (*numbers.first()?, *numbers.last()?);
         numbers.is_sorted_by(|one, next| one < next).then_some(Self { page, first, last, rows })
     }
+}
+
+/// How many rows a page with rows has.
+fn rows_in(content: &[u8]) -> usize {
+    usize::from(u16::from_be_bytes([content[3], content[4]]))
 }
 
 /// The types of the values of a record of this length.
@@ -217,12 +244,25 @@ impl<'a> Pages<'a> {
         Ok(self.count)
     }
 
-    /// Builds the trees of these tables anew, if anything of them is lost.
-    fn mend(&mut self, tables: &[Table]) -> io::Result<()> {
+    /// Makes the file an empty one, behind all pages that it has.
+    fn begin_anew(&mut self) -> io::Result<()> {
+        let mut first = vec![0; self.size];
+        first[HEADER] = LEAF;
+        first[HEADER + 5..][..2].copy_from_slice(&(self.size as u16).to_be_bytes());
+        self.file.write_all_at(&first, 0)?;
+        self.write_header()
+    }
+
+    /// Builds the trees of these tables anew, if anything of them is lost. In a file that was begun anew, all of a table
+    /// without rows is.
+    fn mend(&mut self, tables: &[Table], is_new: bool) -> io::Result<()> {
         let mut damaged = Vec::new();
         for table in tables {
             let mut parts = Vec::new();
             self.walk(table.root, i64::MAX, Self::DEPTH, &mut parts)?;
+            if is_new && rows_in(&self.read(table.root)?) == 0 {
+                parts = vec![Part { last: i64::MAX, page: None }];
+            }
             if parts.iter().any(|part| part.page.is_none()) {
                 damaged.push((table, parts));
             }
@@ -238,7 +278,6 @@ impl<'a> Pages<'a> {
             }
         }
         if damaged[0].0.root == 1 && found[0].is_empty() {
-            // Perhaps it is no database at all.
             return Ok(());
         }
         let lost = self.append(&vec![0; self.size])?;
@@ -492,10 +531,12 @@ mod tests {
         file.create().unwrap();
         let db = connection::writing(path).unwrap();
         db.batch(
-            "CREATE TABLE one (id INTEGER PRIMARY KEY, name TEXT NOT NULL, bytes BLOB NOT NULL) STRICT; \
-             CREATE TABLE other (name TEXT NOT NULL, weight REAL NOT NULL) STRICT; \
-             ALTER TABLE other ADD COLUMN later INTEGER NOT NULL DEFAULT 7; \
-             CREATE TABLE few (at INTEGER NOT NULL) STRICT; INSERT INTO few VALUES (3);",
+            "CREATE TABLE study (id INTEGER PRIMARY KEY, name TEXT NOT NULL, bytes BLOB NOT NULL) STRICT; \
+             CREATE TABLE trial (name TEXT NOT NULL, weight REAL NOT NULL) STRICT; \
+             ALTER TABLE trial ADD COLUMN later INTEGER NOT NULL DEFAULT 7; \
+             CREATE TABLE scene (at INTEGER NOT NULL) STRICT; INSERT INTO scene VALUES (3); \
+             CREATE TABLE participant (at INTEGER NOT NULL, few REAL NOT NULL) STRICT; \
+             CREATE TABLE study_config (hash TEXT NOT NULL) STRICT",
         )
         .unwrap();
         // As in a file of this program, the table of all tables has several pages.
@@ -508,9 +549,9 @@ mod tests {
             "WITH RECURSIVE n (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM n WHERE n < 400) ";
         for part in 0..3 {
             db.batch(&format!(
-                "{rows} INSERT INTO one SELECT n * (n + {part}) + {part} * 5000000000, \
+                "{rows} INSERT INTO study SELECT n * (n + {part}) + {part} * 5000000000, \
                      printf('one%08d.', {part} * 400 + n), zeroblob(n % 3 * 1900) FROM n; \
-                 {rows} INSERT INTO other (name, weight) SELECT \
+                 {rows} INSERT INTO trial (name, weight) SELECT \
                      printf('other%07d%01500d', {part} * 400 + n, 0), n / 2.0 FROM n;"
             ))
             .unwrap();
@@ -524,7 +565,7 @@ mod tests {
     fn names(file: &DatabaseFile) -> BTreeSet<String> {
         let db = connection::without_log(file).unwrap();
         let mut found = BTreeSet::new();
-        for table in ["one", "other"] {
+        for table in ["study", "trial"] {
             let next =
                 format!("SELECT rowid, substr(name, 1, 12) FROM {table} WHERE rowid > $1 LIMIT 1");
             let last = format!("SELECT rowid, substr(name, 1, 12) FROM {table} WHERE rowid = $1");
@@ -563,7 +604,7 @@ mod tests {
     fn compare(path: &Path, content: &[u8], what: &str) -> usize {
         std::fs::write(path, content).unwrap();
         let file = DatabaseFile::at(path);
-        mend(&file, PAGE).unwrap();
+        mend(&file, PAGE, || unreachable!("its tables can be read")).unwrap();
         let (read, left) = (names(&file), left(content));
         assert!(read == left, "{what}: {} of {}", read.len(), left.len());
         left.len()
