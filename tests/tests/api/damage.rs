@@ -160,6 +160,10 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
             assert!(lost.is_empty(), "page {page}: {}", said.err);
         }
     }
+    // The last version of a study says the same as its row.
+    let damaged = with_page(&file, "study.db", root_of(&file, "study").await, |_| 0);
+    let (said, lost) = salvaged(&damaged, &before).await;
+    assert!(lost.is_empty() && said.err.contains("study imported: "), "{}", said.err);
     // Without the participants, there is nobody whose trials they are, and without the parameters of a study nothing
     // can be replayed; all are named.
     for table in ["participant", "study_config"] {

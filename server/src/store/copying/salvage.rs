@@ -373,7 +373,14 @@ impl Reader<'_> {
             Ok((row.get::<_, String>(0)?, row.get::<_, i64>(1)?))
         });
         let own = self.unless_lost("study", slug, own.map_err(StoreError::from))?;
-        let Some((config_hash, created_at_ms)) = own else { return Ok(None) };
+        let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
+        let mut versions = versions.unwrap_or_default();
+        // The last version says the same as the row.
+        let last = versions.last().map(|(_, hash, at_ms, _)| (hash.clone(), *at_ms));
+        let Some((config_hash, created_at_ms)) = own.or(last) else { return Ok(None) };
+        if versions.is_empty() {
+            versions.push((1, config_hash.clone(), created_at_ms, false));
+        }
         let mut configs = Vec::new();
         for hash in self.ids("study_config")? {
             let json =
@@ -386,9 +393,6 @@ impl Reader<'_> {
         if configs.iter().all(|(hash, _)| *hash != config_hash) {
             return self.lose("study", slug, "its configuration is lost").map(|()| None);
         }
-        let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
-        let versions =
-            versions.unwrap_or_else(|| vec![(1, config_hash.clone(), created_at_ms, false)]);
         let (mut functions, mut safety) = (BTreeMap::new(), Vec::new());
         for (hash, _) in &configs {
             let of = || {
