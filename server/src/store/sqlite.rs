@@ -21,6 +21,7 @@ use super::sql::{self, Connection, Question};
 use super::{OpenError, Purpose};
 use crate::store::commits::Commits;
 use file::Copied;
+use log::Index;
 use original::{Original, Watch};
 use readers::Readers;
 use std::fs::File;
@@ -86,7 +87,9 @@ impl Sqlite {
         if named.is_log_alone() {
             return Err(OpenError::LogAlone { database: name(), log: named.log().to_owned() });
         }
-        if let Some(why) = mark::misplaced(&named).map_err(disk)? {
+        // An index that a killed process has left tells how many frames there were.
+        let index = || Index::read(&File::open(named.index()).ok()?, false);
+        if let Some(why) = mark::misplaced(&named, index).map_err(disk)? {
             let (database, log) = (name(), named.log().to_owned());
             return Err(match why {
                 Misplaced::Damaged => OpenError::DamagedLog { database, log },
@@ -332,7 +335,7 @@ mod tests {
             std::fs::copy(of("study.db").log(), copy.log()).unwrap();
             let log = std::fs::OpenOptions::new().write(true).open(copy.log()).unwrap();
             log.write_all_at(&vec![7; bytes], at).unwrap();
-            mark::misplaced(&copy).unwrap()
+            mark::misplaced(&copy, || None).unwrap()
         };
         assert_eq!(misplaced("whole.db", 0, 0), None);
         assert_eq!(misplaced("cut.db", length - 2_000, 2_000), None);

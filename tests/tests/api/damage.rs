@@ -160,6 +160,12 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
             assert!(lost.is_empty(), "page {page}: {}", said.err);
         }
     }
+    // What the program needs to open a file is made anew.
+    for table in ["mark", "_sqlx_migrations"] {
+        let damaged = with_page(&file, "needed.db", root_of(&file, table).await, |_| 0);
+        let (said, lost) = salvaged(&damaged, &before).await;
+        assert!(lost.is_empty(), "{table}: {}", said.err);
+    }
     // The last version of a study says the same as its row.
     let damaged = with_page(&file, "study.db", root_of(&file, "study").await, |_| 0);
     let (said, lost) = salvaged(&damaged, &before).await;

@@ -142,7 +142,7 @@ fn key_and_owner(table: &str) -> [&'static str; 2] {
 
 impl Reader<'_> {
     /// Most numbers of rows that are tried after the last one that can be read.
-    const MOST_TRIED: i64 = 1_000_000;
+    const MOST_TRIED: i64 = 100_000;
 
     fn run(mut self) -> Result<(), StoreError> {
         for slug in self.ids("study")? {

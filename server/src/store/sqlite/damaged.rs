@@ -1,7 +1,7 @@
 //! A copy of a damaged file in which SQLite reads all that is left.
 
 use super::file::DatabaseFile;
-use super::log::{self, PAGE};
+use super::log::{self, Index, PAGE};
 use super::mark::{self, Misplaced};
 use super::{connection, trees};
 use crate::private;
@@ -40,7 +40,8 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<()> {
         // By its mark the log is known to be the file's own, if the mark can be read.
         let is_lost = mark::of_file(&copy).is_err() && mend(&copy, page)?;
         io::copy(&mut File::open(source.log())?, &mut private::new_file(copy.log())?)?;
-        let is_damaged = match mark::misplaced(&copy)? {
+        let index = || Index::read(&File::open(source.index()).ok()?, false);
+        let is_damaged = match mark::misplaced(&copy, index)? {
             None => is_lost,
             Some(Misplaced::Damaged) => true,
             Some(_) if is_lost => true,

@@ -119,6 +119,58 @@ impl Frames {
     }
 }
 
+/// The index of a log, which all connections share: <https://www.sqlite.org/walformat.html#walidxfmt>.
+pub(super) struct Index {
+    /// Of the writing of the log that it is about.
+    pub(super) salts: [u8; 8],
+    /// How many frames of the log are committed.
+    pub(super) frames: u64,
+    /// All of it, or only its header.
+    bytes: Vec<u8>,
+}
+
+impl Index {
+    /// The length of a part, bytes: the numbers of the pages of some frames, and a table for searching them.
+    const PART: usize = 32_768;
+    /// The length of the header of the first part.
+    const HEADER: usize = 136;
+    /// How many frames a part is about; the first part is about fewer, because it has the header.
+    const FRAMES: usize = 4096;
+
+    /// None if there is none that a connection has written. It may be written at the same time.
+    pub(super) fn read(file: &File, is_whole: bool) -> Option<Self> {
+        let length = if is_whole { usize::try_from(file.metadata().ok()?.len()).ok()? } else { 0 };
+        let mut bytes = vec![0; length.max(Self::HEADER)];
+        file.read_exact_at(&mut bytes, 0).ok()?;
+        // The header is there twice, so that a half written one is known; it says that it is ready, and the number of frames.
+        let (one, other) = (&bytes[..48], &bytes[48..96]);
+        if one != other || one[12] != 1 {
+            return None;
+        }
+        let frames = u32::from_ne_bytes(one[16..20].try_into().ok()?);
+        let salts = one[32..40].try_into().ok()?;
+        Some(Self {
+            salts,
+            frames: frames.into(),
+            bytes: if is_whole { bytes } else { Vec::new() },
+        })
+    }
+
+    /// Whether the frame with this number, from 1, may have this page, as far as is known.
+    pub(super) fn may_have(&self, frame: u64, page: u32) -> bool {
+        let first = Self::FRAMES - Self::HEADER / 4;
+        let Some(at) = usize::try_from(frame).ok().filter(|_| frame <= self.frames) else {
+            return true;
+        };
+        let offset = match at.checked_sub(first + 1) {
+            None => Self::HEADER + 4 * (at - 1),
+            Some(at) => (1 + at / Self::FRAMES) * Self::PART + 4 * (at % Self::FRAMES),
+        };
+        let found = self.bytes.get(offset..offset + 4).and_then(|found| found.try_into().ok());
+        found.is_none_or(|found| u32::from_ne_bytes(found) == page)
+    }
+}
+
 /// Whether a file is a log.
 pub(super) fn is_log(file: &File) -> io::Result<bool> {
     let mut begin = [0; 4];

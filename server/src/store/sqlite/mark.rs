@@ -5,7 +5,7 @@
 
 use super::connection;
 use super::file::DatabaseFile;
-use super::log::Frames;
+use super::log::{Frames, Index};
 use crate::store::sql::{OptionalExtension, Result};
 use memchr::memmem;
 use std::io;
@@ -87,14 +87,18 @@ pub(super) struct Log {
     follows: bool,
     /// How many transactions SQLite would apply.
     commits: usize,
-    /// How many frames it would read, if some behind them are of later transactions.
+    /// How many frames it would read, if some behind them are of later transactions, or its index has more, or others.
     cut: Option<u64>,
 }
 
 impl Log {
     /// Reads the log of a file with this mark; none if there is nothing in it that SQLite would apply, and nothing is lost
     /// of it. Only the page of the mark tells: what people enter may look like a mark, too.
-    pub(super) fn read(path: &Path, of: Option<&(Mark, Place)>) -> io::Result<Option<Self>> {
+    pub(super) fn read(
+        path: &Path,
+        of: Option<&(Mark, Place)>,
+        index: Option<&Index>,
+    ) -> io::Result<Option<Self>> {
         let Some(mut frames) = Frames::open(path, of.map(|(_, place)| place.length))? else {
             return Ok(None);
         };
@@ -102,6 +106,8 @@ impl Log {
         let mut found = Self { salts: frames.salts(), follows: true, ..Self::default() };
         // The last mark of a transaction that has not ended yet; how many frames are sound; the last mark behind those.
         let (mut pending, mut sound, mut behind) = (None, 0, 0);
+        let index = index.filter(|index| index.salts == found.salts);
+        let mut is_indexed = true;
         while let Some(frame) = frames.next()? {
             let mark = match page {
                 Some(page) if page != u64::from(frame.page) => None,
@@ -114,6 +120,7 @@ impl Log {
                 continue;
             }
             sound += 1;
+            is_indexed &= index.is_none_or(|index| index.may_have(sound, frame.page));
             pending = mark.or(pending);
             if frame.pages == 0 {
                 continue;
@@ -128,7 +135,8 @@ impl Log {
         // A power cut damages the last transaction at most: SQLite waits for the disk before it begins the next one.
         let last = found.marks.as_ref().map_or(0, |[_, last]| last.commits);
         let last = of.map_or(last, |(file, _)| last.max(file.commits));
-        found.cut = (behind > last + 1).then_some(sound);
+        let is_told = is_indexed && index.is_none_or(|index| index.frames <= sound);
+        found.cut = (behind > last + 1 || !is_told).then_some(sound);
         Ok((found.commits > 0 || found.cut.is_some()).then_some(found))
     }
 }
@@ -165,14 +173,22 @@ pub enum Misplaced {
 /// How often a log is read that a server begins anew meanwhile.
 const ATTEMPTS: usize = 20;
 
-/// What is wrong with the log of a file, if anything is. It changes nothing.
-pub(super) fn misplaced(file: &DatabaseFile) -> io::Result<Option<Misplaced>> {
+/// What is wrong with the log of a file, if anything is. It changes nothing. `index` reads the log's index, if it can be
+/// trusted.
+pub(super) fn misplaced(
+    file: &DatabaseFile,
+    index: impl Fn() -> Option<Index>,
+) -> io::Result<Option<Misplaced>> {
     let mut before = None;
     for _ in 0..ATTEMPTS {
+        // First: what comes afterwards is in the log, and may be in the index.
+        let index = index();
         let Some(frames) = Frames::open(file.log(), None)? else { return Ok(None) };
         // Damage is for whoever opens the file to tell.
         let Ok(found) = of_file(file) else { return Ok(None) };
-        let Some(log) = Log::read(file.log(), found.as_ref())? else { return Ok(None) };
+        let Some(log) = Log::read(file.log(), found.as_ref(), index.as_ref())? else {
+            return Ok(None);
+        };
         if frames.salts() != log.salts {
             continue;
         }

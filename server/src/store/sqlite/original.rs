@@ -5,6 +5,7 @@
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
+use super::log::Index;
 use super::mark::{self, Log, Mark, Misplaced, Place};
 use crate::store::error::StoreError;
 use std::fs::File;
@@ -137,15 +138,43 @@ impl Original {
         if written.is_some() && *read == written {
             return Ok(());
         }
-        if matches!(mark::misplaced(&self.file), Ok(Some(Misplaced::Damaged))) {
+        let log = mark::misplaced(&self.file, || self.index(true));
+        if matches!(log, Ok(Some(Misplaced::Damaged))) {
             self.has_log.store(false, Ordering::Relaxed);
             self.changed.get_or_init(|| {
-                "separated from a part of its write-ahead log, which was overwritten; keep the file and its -wal: 'sidestep \
-                 salvage' reads what is left"
+                "separated from a part of its write-ahead log or of that log's index (-wal, -shm), which was overwritten; stop \
+                 the server and keep all files: 'sidestep check' reads everything if only the index was hit, and 'sidestep salvage' \
+                 what is left"
             });
         }
         *read = written;
         self.check()
+    }
+
+    /// The index of the log that the writer has open.
+    fn index(&self, is_whole: bool) -> Option<Index> {
+        let [_, known] = (*self.companions.lock().unwrap_or_else(PoisonError::into_inner))?;
+        let indices = self.indices.lock().unwrap_or_else(PoisonError::into_inner);
+        let (_, open) = indices.iter().find(|(identity, _)| Some(*identity) == known)?;
+        Index::read(open, is_whole)
+    }
+
+    /// Whether the index is of another writing of the log than the one that is there.
+    fn has_other_index(&self) -> bool {
+        let is_other = || {
+            let Some(index) = self.index(false).filter(|index| index.frames > 0) else {
+                return false;
+            };
+            let mut header = [0; 32];
+            let log = File::open(self.file.log());
+            log.is_ok_and(|log| log.read_exact_at(&mut header, 0).is_ok())
+                && header[16..24] != index.salts
+        };
+        // SQLite begins a log and its index anew one after the other.
+        (0..3).all(|attempt| {
+            std::thread::sleep(Duration::from_millis(5 * attempt));
+            is_other()
+        })
     }
 
     /// The same of the file and its log.
@@ -165,7 +194,19 @@ impl Original {
             self.has_log.store(false, Ordering::Relaxed);
             self.changed.get_or_init(|| what);
         }
+        self.check_index();
         self.check()
+    }
+
+    /// Notes that somebody has overwritten the index of the log. What is in the log is whole then, and stays there.
+    fn check_index(&self) {
+        if self.has_other_index() {
+            self.has_log.store(false, Ordering::Relaxed);
+            self.changed.get_or_init(|| {
+                "separated from the index (-shm) of its write-ahead log, which was overwritten; stop the server and keep all \
+                 files: the next start reads everything from them"
+            });
+        }
     }
 
     /// What somebody has done to the log.
@@ -198,7 +239,7 @@ impl Original {
         }
         // It begins anew, after everything was written back.
         let mark = mark::of_file(&self.file).ok()?;
-        let log = Log::read(self.file.log(), mark.as_ref()).ok()??;
+        let log = Log::read(self.file.log(), mark.as_ref(), None).ok()??;
         let [_, last] = log.marks?;
         let (identity, _) = self.mark.lock().unwrap_or_else(PoisonError::into_inner).clone()?;
         if last.identity != identity || last.commits < self.commits.load(Ordering::Relaxed) {

@@ -23,7 +23,7 @@ const LEAF: u8 = 13;
 const NEEDED: [&str; 5] = ["study", "study_config", "participant", "scene", "trial"];
 
 /// Builds the trees of a file anew where a page of them is lost. The file has no log. What is missing is, in the trees, on a
-/// page that SQLite calls damaged. Where even the names of the tables are lost, they are made by `create`, as this version
+/// page that SQLite calls damaged. Where even the names of the tables are lost, or what the program needs to open a file, they are made by `create`, as this version
 /// makes them in an empty file, and get the rows that fit. Returns whether they were lost.
 ///
 /// # Errors
@@ -41,8 +41,11 @@ pub(super) fn mend(
     pages.mend(&[Table::of_schema()], false)?;
     let needed =
         |tables: &[Table]| NEEDED.iter().all(|name| tables.iter().any(|table| table.name == *name));
-    if let Some(tables) = tables(named).ok().filter(|tables| needed(tables)) {
-        return pages.mend(&tables, false).map(|()| false);
+    if let Some(tables) = tables(named).ok().filter(|tables| needed(tables))
+        && pages.mend(&tables, false).is_ok()
+        && can_be_opened(named)
+    {
+        return Ok(false);
     }
     let mut pages = Pages::of(&file, page)?;
     if pages.strays()?.is_empty() {
@@ -52,8 +55,39 @@ pub(super) fn mend(
     pages.begin_anew()?;
     create()?;
     let tables = tables(named).map_err(|error| io::Error::other(StoreError::from(error)))?;
-    Pages::of(&file, page)?.mend(&tables, true)?;
+    let indices = indices(named).map_err(|error| io::Error::other(StoreError::from(error)))?;
+    let mut pages = Pages::of(&file, page)?;
+    pages.mend(&tables, true)?;
+    for (table, index) in indices {
+        // A new index knows nothing of these rows. Without one SQLite says so, and does not find fewer.
+        if pages.read(table)?[0] == INNER {
+            file.write_all_at(&vec![0; page], pages.offset(index))?;
+        }
+    }
     Ok(true)
+}
+
+/// Whether the tables can be read without which the program opens no file.
+fn can_be_opened(file: &DatabaseFile) -> bool {
+    let found = |query: &str| {
+        let db = connection::without_log(file)?;
+        db.prepare_cached(query)?.exists([])
+    };
+    // Files of older versions have no mark.
+    ["SELECT * FROM _sqlx_migrations ORDER BY version", "SELECT text FROM mark"]
+        .iter()
+        .all(|query| !matches!(found(query).map_err(StoreError::from), Err(StoreError::Corrupt(_))))
+}
+
+/// The first pages of the trees of tables and of their indices.
+fn indices(file: &DatabaseFile) -> sql::Result<Vec<(u32, u32)>> {
+    let query = "SELECT own.rootpage, list.rootpage FROM sqlite_schema AS own JOIN sqlite_schema AS list \
+                 ON list.tbl_name = own.name WHERE own.type = 'table' AND list.type = 'index'";
+    let db = connection::without_log(file)?;
+    let mut statement = db.prepare_cached(query)?;
+    let rows = statement.query_map([], |row| Ok((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?)))?;
+    let pages = rows.map(|row| row.map(|(table, index)| (table as u32, index as u32)));
+    pages.collect()
 }
 
 /// What a column takes.
@@ -106,6 +140,10 @@ impl Table {
 
     /// Whether a row may be of this table. Rows that are older than a column lack it.
     fn takes(&self, row: &[u64]) -> bool {
+        // Its first value is view, table, index or trigger, as long as these words.
+        if self.root == 1 && (row.len() < self.columns.len() || !matches!(row[0], 21 | 23 | 27)) {
+            return false;
+        }
         let later = self.columns.get(row.len()..);
         later.is_some_and(|later| {
             later.iter().all(|column| !column.is_required || column.has_default)
