@@ -217,7 +217,8 @@ fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
     }
     if found.nlink() > 1 && purpose != Purpose::Read {
         return refuse(
-            "it has several names (hard links), and SQLite would keep a log for each; copy the file, and use the copy"
+            "it has several names (hard links), and SQLite would keep a log for each; delete the names beside which there is no \
+             -wal"
                 .to_owned(),
         );
     }

@@ -329,17 +329,34 @@ mod tests {
                 .unwrap();
         }
         let length = std::fs::metadata(of("study.db").log()).unwrap().len();
+        let told = std::fs::read(of("study.db").index()).unwrap();
+        let index = |name: &str| {
+            let mut bytes = told.clone();
+            match name {
+                "told.db" | "cut and told.db" => {}
+                // The page of its second frame.
+                "indexed.db" => bytes[140..144].copy_from_slice(&[7; 4]),
+                _ => return None,
+            }
+            let path = of(name).index();
+            std::fs::write(&path, bytes).unwrap();
+            Index::read(&File::open(path).unwrap(), true)
+        };
         let misplaced = |name: &str, at: u64, bytes: usize| {
             let copy = of(name);
             std::fs::copy(of("study.db").path(), copy.path()).unwrap();
             std::fs::copy(of("study.db").log(), copy.log()).unwrap();
             let log = std::fs::OpenOptions::new().write(true).open(copy.log()).unwrap();
             log.write_all_at(&vec![7; bytes], at).unwrap();
-            mark::misplaced(&copy, || None).unwrap()
+            mark::misplaced(&copy, || index(name)).unwrap()
         };
         assert_eq!(misplaced("whole.db", 0, 0), None);
         assert_eq!(misplaced("cut.db", length - 2_000, 2_000), None);
+        // A process that was killed leaves the index, which no power cut leaves ahead of the log.
+        assert_eq!(misplaced("told.db", 0, 0), None);
         for (name, at, bytes) in [
+            ("cut and told.db", length - 2_000, 2_000),
+            ("indexed.db", 0, 0),
             ("magic.db", 0, 4),
             ("header.db", 20, 4_096),
             ("salts.db", 40, 8),

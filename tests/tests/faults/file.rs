@@ -109,7 +109,7 @@ async fn what_is_no_file_of_one_name_is_refused_with_the_reason() {
         let database = folder.database(name);
         for args in [&serve[..], &import] {
             let said = run(&[args, &["--database", &database]].concat()).await;
-            said.refused(1, &[name, "hard links", "copy the file"]);
+            said.refused(1, &[name, "hard links", "delete the names"]);
         }
         assert_eq!(run(&["check", "--database", &database]).await.json()["trials"], 2);
     }
