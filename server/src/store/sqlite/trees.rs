@@ -320,6 +320,9 @@ impl<'a> Pages<'a> {
         }
         let lost = self.append(&vec![0; self.size])?;
         for ((table, parts), strays) in damaged.iter().zip(&found) {
+            if is_new && strays.is_empty() {
+                continue;
+            }
             let mut pages = filled(parts, strays, lost);
             if table.root == 1 {
                 // SQLite reads all tables or none.

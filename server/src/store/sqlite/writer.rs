@@ -471,7 +471,7 @@ fn open(file: &DatabaseFile, original: &Original) -> Result<Connection, StoreErr
     original.check()?;
     let db = connection::writing(file.path())?;
     // SQLite creates the log at the first read.
-    db.query_row("SELECT count(*) FROM study", [], |_| Ok(()))?;
+    db.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))?;
     original.note_companions(true);
     Ok(db)
 }
