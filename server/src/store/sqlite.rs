@@ -7,10 +7,10 @@ mod file;
 mod connection;
 mod log;
 mod mark;
+mod trees;
 mod damaged;
 mod original;
 mod readers;
-mod trees;
 mod write_back;
 mod writer;
 
@@ -33,9 +33,9 @@ use tokio::sync::watch;
 use writer::Writer;
 
 pub(super) use connection::open;
-pub use damaged::{MAGIC, copy_damaged};
-pub use file::LEAST_FREE_BYTES;
+pub use damaged::copy_damaged;
 pub(super) use file::{DatabaseFile, Identity};
+pub use file::{LEAST_FREE_BYTES, MAGIC};
 pub use mark::Misplaced;
 
 /// An open file of this version.

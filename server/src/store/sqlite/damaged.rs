@@ -1,6 +1,6 @@
 //! A copy of a damaged file in which SQLite reads all that is left.
 
-use super::file::DatabaseFile;
+use super::file::{DatabaseFile, MAGIC};
 use super::log::{self, Index, PAGE};
 use super::mark::{self, Misplaced};
 use super::{connection, trees};
@@ -10,9 +10,6 @@ use crate::store::migrations::{self, Failure};
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek};
 use std::path::Path;
-
-/// What every file of SQLite begins with.
-pub const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 
 /// Copies a file that no server uses, with what its log has, or a log alone. Trees of the copy are built anew over the rows that
 /// are left, where a page of them is lost. A log that is not the file's own is copied for whoever opens the copy to

@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
 
+/// What every file of SQLite begins with.
+pub const MAGIC: &[u8; 16] = b"SQLite format 3\0";
+
 /// Free space, bytes, below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 

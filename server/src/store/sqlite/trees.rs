@@ -5,8 +5,7 @@
 //! with rows tell which rows they have, and by the kinds of their values of which table they are.
 
 use super::connection;
-use super::damaged::MAGIC;
-use super::file::DatabaseFile;
+use super::file::{DatabaseFile, MAGIC};
 use crate::store::{StoreError, sql};
 use std::collections::HashSet;
 use std::fs::File;
