@@ -22,7 +22,7 @@ const LEAF: u8 = 13;
 const NEEDED: [&str; 5] = ["study", "study_config", "participant", "scene", "trial"];
 
 /// Builds the trees of a file anew where a page of them is lost. The file has no log. What is missing is, in the trees, on a
-/// page that SQLite calls damaged. Where even the names of the tables are lost, or what the program needs to open a file, they are made by `create`, as this version
+/// page that SQLite calls damaged. Where even the names of the tables are lost, they are made by `create`, as this version
 /// makes them in an empty file, and get the rows that fit. Returns whether they were lost.
 ///
 /// # Errors
@@ -40,11 +40,8 @@ pub(super) fn mend(
     pages.mend(&[Table::of_schema()], false)?;
     let needed =
         |tables: &[Table]| NEEDED.iter().all(|name| tables.iter().any(|table| table.name == *name));
-    if let Some(tables) = tables(named).ok().filter(|tables| needed(tables))
-        && pages.mend(&tables, false).is_ok()
-        && can_be_opened(named)
-    {
-        return Ok(false);
+    if let Some(tables) = tables(named).ok().filter(|tables| needed(tables)) {
+        return pages.mend(&tables, false).map(|()| false);
     }
     let mut pages = Pages::of(&file, page)?;
     if pages.strays()?.is_empty() {
@@ -64,18 +61,6 @@ pub(super) fn mend(
         }
     }
     Ok(true)
-}
-
-/// Whether the tables can be read without which the program opens no file.
-fn can_be_opened(file: &DatabaseFile) -> bool {
-    let found = |query: &str| {
-        let db = connection::without_log(file)?;
-        db.prepare_cached(query)?.exists([])
-    };
-    // Files of older versions have no mark.
-    ["SELECT * FROM _sqlx_migrations ORDER BY version", "SELECT text FROM mark"]
-        .iter()
-        .all(|query| !matches!(found(query).map_err(StoreError::from), Err(StoreError::Corrupt(_))))
 }
 
 /// The first pages of the trees of tables and of their indices.
