@@ -238,17 +238,6 @@ async fn what_cannot_be_salvaged_is_refused() {
     let salvage = ["salvage", "--from", &folder.name("crashed.db"), "--database", &to];
     assert_eq!(run(&salvage).await.only_json()["trials"], 3);
     run(&salvage).await.refused(2, &["--database", "new.db", "it has data"]);
-    // The log alone, and beside a file of which little is left.
-    let log = folder.name("crashed.db-wal");
-    let alone = ["salvage", "--from", &log, "--database", &folder.database("alone.db")];
-    let said = run(&alone).await;
-    assert!(said.out.contains("\"trials\":3"), "{}", said.err);
-    let content = std::fs::read(folder.path("crashed.db")).unwrap();
-    let short = folder.file("short.db", &content[..2 * PAGE]);
-    std::fs::copy(&log, folder.name("short.db-wal")).unwrap();
-    let said =
-        run(&["salvage", "--from", &short, "--database", &folder.database("saved.db")]).await;
-    assert!(said.out.contains("\"trials\":3"), "{}", said.err);
     let left = folder.names();
     assert!(!left.iter().any(|name| name.starts_with('.')), "{left:?}");
 }
