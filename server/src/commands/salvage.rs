@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Prints a JSON summary. The exit code is 1 if anything was lost.
 #[derive(Clone, Debug, clap::Args)]
 pub struct SalvageArgs {
-    /// The damaged file of SQLite; its -wal is read too, if it lies beside it. A -wal alone is read as well.
+    /// The damaged file of SQLite; its -wal is read too, if it lies beside it.
     #[arg(long, value_name = "FILE")]
     pub from: PathBuf,
 
