@@ -3,16 +3,13 @@
 use super::file::{DatabaseFile, MAGIC};
 use super::log::{self, Index, PAGE};
 use super::mark::{self, Misplaced};
-use super::{connection, trees};
+use super::trees;
 use crate::private;
-use crate::store::StoreError;
-use crate::store::migrations::{self, Failure};
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek};
 use std::path::Path;
 
-/// Copies a file that no server uses, with what its log has, or a log alone. Trees of the copy are built anew over the rows that
-/// are left, where a page of them is lost. A log that is not the file's own is copied for whoever opens the copy to
+/// Copies a file that no server uses, with what its log has. Trees of the copy are built anew over the rows that are left, where a page of them is lost. A log that is not the file's own is copied for whoever opens the copy to
 /// refuse.
 ///
 /// # Errors
@@ -27,21 +24,18 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<()> {
     }
     let (source, copy) = (DatabaseFile::at(from), DatabaseFile::at(to));
     let mut out = private::new_file(to)?;
-    if log::is_log(&file)? {
-        log::apply(from, None, true, &out)?;
-        return mend(&copy, PAGE).map(drop);
-    }
     io::copy(&mut file, &mut out)?;
     let page = page_length(&file).unwrap_or(PAGE);
     if source.has_log() {
-        // By its mark the log is known to be the file's own, if the mark can be read.
-        let is_lost = mark::of_file(&copy).is_err() && mend(&copy, page)?;
+        if mark::of_file(&copy).is_err() {
+            // So that the mark can be read, by which the log is known to be the file's own.
+            trees::mend(&copy, page)?;
+        }
         io::copy(&mut File::open(source.log())?, &mut private::new_file(copy.log())?)?;
         let index = || Index::read(&File::open(source.index()).ok()?, false);
         let is_damaged = match mark::misplaced(&copy, index)? {
-            None => is_lost,
+            None => false,
             Some(Misplaced::Damaged) => true,
-            Some(_) if is_lost => true,
             Some(_) => return Ok(()),
         };
         out.set_len(0)?;
@@ -55,18 +49,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<()> {
     }
     // The last page may be there in part.
     out.set_len(out.metadata()?.len().next_multiple_of(page as u64))?;
-    mend(&copy, page).map(drop)
-}
-
-/// Mends the trees of a copy; returns whether the list of its tables was lost.
-fn mend(copy: &DatabaseFile, page: usize) -> io::Result<bool> {
-    trees::mend(copy, page, || {
-        let db = connection::migrating(copy.path()).map_err(StoreError::from);
-        migrations::apply(&db.map_err(io::Error::other)?).map_err(|failure| match failure {
-            Failure::Unusable(error) => io::Error::other(error),
-            Failure::Misfit(reason) => io::Error::other(reason),
-        })
-    })
+    trees::mend(&copy, page)
 }
 
 /// The length of a page, as a file's first page tells it.

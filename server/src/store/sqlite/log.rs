@@ -56,7 +56,7 @@ impl Frames {
         let mut sum = Checksum::of(&header);
         sum.add(&header[..24]);
         let length = number(&header[8..]) as usize;
-        let is_sound = is_magic([header[0], header[1], header[2], header[3]])
+        let is_sound = matches!(header[..4], [0x37, 0x7f, 0x06, 0x82 | 0x83])
             && (512..=65_536).contains(&length)
             && sum.is(&header[24..]);
         let length = if is_sound { length } else { page.unwrap_or(PAGE) };
@@ -169,17 +169,6 @@ impl Index {
         let found = self.bytes.get(offset..offset + 4).and_then(|found| found.try_into().ok());
         found.is_none_or(|found| u32::from_ne_bytes(found) == page)
     }
-}
-
-/// Whether a file is a log.
-pub(super) fn is_log(file: &File) -> io::Result<bool> {
-    let mut begin = [0; 4];
-    let length = file.read_at(&mut begin, 0)?;
-    Ok(length == 4 && is_magic(begin))
-}
-
-fn is_magic(begin: [u8; 4]) -> bool {
-    matches!(begin, [0x37, 0x7f, 0x06, 0x82 | 0x83])
 }
 
 /// Writes into a copy of the file what SQLite would read of the log; of a damaged one, all that is not damaged. `page` is

@@ -6,7 +6,7 @@
 
 use super::connection;
 use super::file::{DatabaseFile, MAGIC};
-use crate::store::{StoreError, sql};
+use crate::store::sql;
 use std::collections::HashSet;
 use std::fs::File;
 use std::io;
@@ -18,60 +18,20 @@ const HEADER: usize = 100;
 const INNER: u8 = 5;
 const LEAF: u8 = 13;
 
-/// Without one of these tables no trial can be saved.
-const NEEDED: [&str; 5] = ["study", "study_config", "participant", "scene", "trial"];
-
 /// Builds the trees of a file anew where a page of them is lost. The file has no log. What is missing is, in the trees, on a
-/// page that SQLite calls damaged. Where even the names of the tables are lost, they are made by `create`, as this version
-/// makes them in an empty file, and get the rows that fit. Returns whether they were lost.
+/// page that SQLite calls damaged.
 ///
 /// # Errors
-/// If the file cannot be read or written, or `create` fails.
-pub(super) fn mend(
-    named: &DatabaseFile,
-    page: usize,
-    create: impl FnOnce() -> io::Result<()>,
-) -> io::Result<bool> {
+/// If the file cannot be read or written.
+pub(super) fn mend(named: &DatabaseFile, page: usize) -> io::Result<()> {
     let file = File::options().read(true).write(true).open(named.path())?;
     let mut pages = Pages::of(&file, page)?;
     if pages.count == 0 {
-        return Ok(false);
+        return Ok(());
     }
-    pages.mend(&[Table::of_schema()], false)?;
-    let needed =
-        |tables: &[Table]| NEEDED.iter().all(|name| tables.iter().any(|table| table.name == *name));
-    if let Some(tables) = tables(named).ok().filter(|tables| needed(tables)) {
-        return pages.mend(&tables, false).map(|()| false);
-    }
-    let mut pages = Pages::of(&file, page)?;
-    if pages.strays()?.is_empty() {
-        // Perhaps it is no database at all; SQLite says what is wrong with it.
-        return Ok(false);
-    }
-    pages.begin_anew()?;
-    create()?;
-    let tables = tables(named).map_err(|error| io::Error::other(StoreError::from(error)))?;
-    let indices = indices(named).map_err(|error| io::Error::other(StoreError::from(error)))?;
-    let mut pages = Pages::of(&file, page)?;
-    pages.mend(&tables, true)?;
-    for (table, index) in indices {
-        // A new index knows nothing of these rows. Without one SQLite says so, and does not find fewer.
-        if pages.read(table)?[0] == INNER {
-            file.write_all_at(&vec![0; page], pages.offset(index))?;
-        }
-    }
-    Ok(true)
-}
-
-/// The first pages of the trees of tables and of their indices.
-fn indices(file: &DatabaseFile) -> sql::Result<Vec<(u32, u32)>> {
-    let query = "SELECT own.rootpage, list.rootpage FROM sqlite_schema AS own JOIN sqlite_schema AS list \
-                 ON list.tbl_name = own.name WHERE own.type = 'table' AND list.type = 'index'";
-    let db = connection::without_log(file)?;
-    let mut statement = db.prepare_cached(query)?;
-    let rows = statement.query_map([], |row| Ok((row.get::<_, i64>(0)?, row.get::<_, i64>(1)?)))?;
-    let pages = rows.map(|row| row.map(|(table, index)| (table as u32, index as u32)));
-    pages.collect()
+    pages.mend(&[Table::of_schema()])?;
+    // Without them SQLite says itself what is wrong with the file.
+    pages.mend(&tables(named).unwrap_or_default())
 }
 
 /// What a column takes.
@@ -108,7 +68,6 @@ impl Column {
 }
 
 struct Table {
-    name: String,
     /// The first page of its tree.
     root: u32,
     columns: Vec<Column>,
@@ -119,7 +78,7 @@ impl Table {
     fn of_schema() -> Self {
         let kinds = [Kind::Text, Kind::Text, Kind::Text, Kind::Integer, Kind::Text];
         let column = |kind| Column { kind, is_required: kind == Kind::Integer, has_default: false };
-        Self { name: String::new(), root: 1, columns: kinds.map(column).to_vec() }
+        Self { root: 1, columns: kinds.map(column).to_vec() }
     }
 
     /// Whether a row may be of this table. Rows that are older than a column lack it.
@@ -137,7 +96,7 @@ impl Table {
 
 /// The tables whose rows are numbered.
 fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
-    let query = "SELECT rootpage, own.name, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
+    let query = "SELECT rootpage, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
                  FROM sqlite_schema AS own, pragma_table_list(own.name) AS list, pragma_table_xinfo(own.name) AS info \
                  WHERE own.type = 'table' AND own.name NOT LIKE 'sqlite%' AND list.schema = 'main' AND NOT list.wr \
                      AND info.hidden <> 2 \
@@ -145,23 +104,23 @@ fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
     let db = connection::without_log(file)?;
     let mut statement = db.prepare_cached(query)?;
     let columns = statement.query_map([], |row| {
-        let kind = match &*row.get::<_, String>(2)? {
+        let kind = match &*row.get::<_, String>(1)? {
             "INTEGER" | "INT" => Kind::Integer,
             "REAL" => Kind::Real,
             "TEXT" => Kind::Text,
             "BLOB" => Kind::Blob,
             _ => Kind::Any,
         };
-        let column = Column { kind, is_required: row.get(3)?, has_default: row.get(4)? };
-        Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?, column))
+        let column = Column { kind, is_required: row.get(2)?, has_default: row.get(3)? };
+        Ok((row.get::<_, i64>(0)?, column))
     })?;
     let mut tables: Vec<Table> = Vec::new();
     for column in columns {
-        let (root, name, column) = column?;
+        let (root, column) = column?;
         let Ok(root) = u32::try_from(root) else { continue };
         match tables.last_mut() {
             Some(table) if table.root == root => table.columns.push(column),
-            _ => tables.push(Table { name, root, columns: vec![column] }),
+            _ => tables.push(Table { root, columns: vec![column] }),
         }
     }
     Ok(tables)
@@ -266,25 +225,12 @@ impl<'a> Pages<'a> {
         Ok(self.count)
     }
 
-    /// Makes the file an empty one, behind all pages that it has.
-    fn begin_anew(&mut self) -> io::Result<()> {
-        let mut first = vec![0; self.size];
-        first[HEADER] = LEAF;
-        first[HEADER + 5..][..2].copy_from_slice(&(self.size as u16).to_be_bytes());
-        self.file.write_all_at(&first, 0)?;
-        self.write_header()
-    }
-
-    /// Builds the trees of these tables anew, if anything of them is lost. In a file that was begun anew, all of a table
-    /// without rows is.
-    fn mend(&mut self, tables: &[Table], is_new: bool) -> io::Result<()> {
+    /// Builds the trees of these tables anew, if anything of them is lost.
+    fn mend(&mut self, tables: &[Table]) -> io::Result<()> {
         let mut damaged = Vec::new();
         for table in tables {
             let mut parts = Vec::new();
             self.walk(table.root, i64::MAX, Self::DEPTH, &mut parts)?;
-            if is_new && rows_in(&self.read(table.root)?) == 0 {
-                parts = vec![Part { last: i64::MAX, page: None }];
-            }
             if parts.iter().any(|part| part.page.is_none()) {
                 damaged.push((table, parts));
             }
@@ -300,13 +246,11 @@ impl<'a> Pages<'a> {
             }
         }
         if damaged[0].0.root == 1 && found[0].is_empty() {
+            // Perhaps it is no database at all.
             return Ok(());
         }
         let lost = self.append(&vec![0; self.size])?;
         for ((table, parts), strays) in damaged.iter().zip(&found) {
-            if is_new && strays.is_empty() {
-                continue;
-            }
             let mut pages = filled(parts, strays, lost);
             if table.root == 1 {
                 // SQLite reads all tables or none.
@@ -629,7 +573,7 @@ mod tests {
     fn compare(path: &Path, content: &[u8], what: &str) -> usize {
         std::fs::write(path, content).unwrap();
         let file = DatabaseFile::at(path);
-        mend(&file, PAGE, || unreachable!("its tables can be read")).unwrap();
+        mend(&file, PAGE).unwrap();
         let (read, left) = (names(&file), left(content));
         assert!(read == left, "{what}: {} of {}", read.len(), left.len());
         left.len()
