@@ -30,8 +30,11 @@ pub(super) fn mend(named: &DatabaseFile, page: usize) -> io::Result<()> {
         return Ok(());
     }
     pages.mend(&[Table::of_schema()])?;
-    // Without them SQLite says itself what is wrong with the file.
-    pages.mend(&tables(named).unwrap_or_default())
+    match tables(named) {
+        Ok(tables) => pages.mend(&tables),
+        // SQLite says itself what is wrong with the file.
+        Err(_) => Ok(()),
+    }
 }
 
 /// What a column takes.
