@@ -122,21 +122,29 @@ pub fn sound(file: &Path, report: &Report, accepted: FaultyTrials) -> Result<(),
     }
 }
 
-/// The name of a backup that is made now, at this time in ms since 1970: `sidestep-20261125T043000Z.db`.
-#[must_use]
-pub fn name(now_ms: i64) -> String {
-    let time: String = date_time(now_ms).chars().filter(|c| !"-:".contains(*c)).collect();
-    format!("sidestep-{time}.db")
+/// How the names of a database's backups end, by its [`Store::code`].
+fn end(code: &str) -> String {
+    format!("Z-{code}.db")
 }
 
-/// The backups with such names in a folder, the oldest first. Other files are none of them.
+/// The name of a backup that is made now, at this time in ms since 1970, of the database with this
+/// [`Store::code`]: `sidestep-20261125T043000Z-1f0c9a37.db`.
+#[must_use]
+pub fn name(code: &str, now_ms: i64) -> String {
+    let time: String = date_time(now_ms).chars().filter(|c| !"-:".contains(*c)).collect();
+    format!("sidestep-{}{}", time.trim_end_matches('Z'), end(code))
+}
+
+/// The backups of a database with such names in a folder, the oldest first. Other files, also backups of other databases,
+/// are none of them.
 ///
 /// # Errors
 /// If the folder cannot be read.
-pub fn list(folder: &Path) -> io::Result<Vec<PathBuf>> {
+pub fn list(folder: &Path, code: &str) -> io::Result<Vec<PathBuf>> {
+    let end = end(code);
     let is_one = |path: &PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str());
-        let time = name.and_then(|name| name.strip_prefix("sidestep-")?.strip_suffix("Z.db"));
+        let time = name.and_then(|name| name.strip_prefix("sidestep-")?.strip_suffix(&*end));
         time.is_some_and(|time| {
             let is_digit =
                 |(i, b): (usize, u8)| if i == 8 { b == b'T' } else { b.is_ascii_digit() };
@@ -150,12 +158,12 @@ pub fn list(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Deletes the oldest backups in a folder, so that `keep` are left. Returns how many were deleted.
+/// Deletes the oldest backups of a database in a folder, so that `keep` are left. Returns how many were deleted.
 ///
 /// # Errors
 /// If a file cannot be deleted.
-pub fn prune(folder: &Path, keep: usize) -> io::Result<usize> {
-    let all = list(folder)?;
+pub fn prune(folder: &Path, code: &str, keep: usize) -> io::Result<usize> {
+    let all = list(folder, code)?;
     let old = &all[..all.len().saturating_sub(keep)];
     old.iter().try_for_each(std::fs::remove_file)?;
     Ok(old.len())
@@ -169,15 +177,16 @@ mod tests {
     #[test]
     fn the_newest_backups_are_kept_and_other_files_too() {
         let folder = TempDir::new().unwrap();
-        let names = [name(0), name(86_400_000), name(1_795_000_000_000)];
-        assert_eq!(names[0], "sidestep-19700101T000000Z.db");
-        let others = ["sidestep.db", "sidestep-old.db", "sidestep-19700101T00000xZ.db"];
+        let names = [0, 86_400_000, 1_795_000_000_000].map(|at_ms| name("1f0c9a37", at_ms));
+        assert_eq!(names[0], "sidestep-19700101T000000Z-1f0c9a37.db");
+        let another = name("00000000", 0);
+        let others = [&*another, "sidestep.db", "sidestep-19700101T00000xZ-1f0c9a37.db"];
         for name in names.iter().map(String::as_str).chain(others) {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
-        assert_eq!(prune(folder.path(), 3).unwrap(), 0);
-        assert_eq!(prune(folder.path(), 2).unwrap(), 1);
-        let left = list(folder.path()).unwrap();
+        assert_eq!(prune(folder.path(), "1f0c9a37", 3).unwrap(), 0);
+        assert_eq!(prune(folder.path(), "1f0c9a37", 2).unwrap(), 1);
+        let left = list(folder.path(), "1f0c9a37").unwrap();
         assert_eq!(left, [&names[1], &names[2]].map(|name| folder.path().join(name)));
         assert!(others.iter().all(|name| folder.path().join(name).exists()));
     }

@@ -48,6 +48,7 @@ pub use sqlite::{LEAST_FREE_BYTES, MAGIC, Misplaced, copy_damaged};
 use commits::Commits;
 use lanes::{Lane, Lock};
 use postgres::Postgres;
+use sha2::{Digest, Sha256};
 use sidestep::study::StudyConfig;
 use sql::{Connection, Question};
 use sqlite::{DatabaseFile, Sqlite};
@@ -178,13 +179,14 @@ impl OpenError {
     /// The same of a database that its user knows by another name.
     #[must_use]
     pub fn named(self, name: String) -> Self {
+        let log = PathBuf::from(format!("{name}-wal"));
         match self {
             Self::Address { .. } => self,
             Self::Unusable { reason, .. } => Self::Unusable { database: name, reason },
             Self::Absent(_) => Self::Absent(name),
-            Self::LogAlone { log, .. } => Self::LogAlone { database: name, log },
-            Self::DamagedLog { log, .. } => Self::DamagedLog { database: name, log },
-            Self::Misplaced { log, why, .. } => Self::Misplaced { database: name, log, why },
+            Self::LogAlone { .. } => Self::LogAlone { database: name, log },
+            Self::DamagedLog { .. } => Self::DamagedLog { database: name, log },
+            Self::Misplaced { why, .. } => Self::Misplaced { database: name, log, why },
             Self::Version { reason, .. } => Self::Version { database: name, reason },
             Self::Served(_) => Self::Served(name),
         }
@@ -201,8 +203,8 @@ fn harmless(url: &str) -> String {
     }
 }
 
-/// Refuses what is no file, a file that this user must not read, and one to write to that has several names: SQLite only says
-/// that it cannot open it, or keeps a log for each name.
+/// Refuses what is no file, a file that this user must not read, and one to write to that has several names, or to read if the
+/// log is that of another name: SQLite only says that it cannot open it, or keeps a log for each name.
 fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
     let refuse =
         |reason: String| Err(OpenError::Unusable { database: file.display().to_string(), reason });
@@ -215,7 +217,9 @@ fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
     if !found.is_file() {
         return refuse("it is a directory, a pipe or a device, not a file".to_owned());
     }
-    if found.nlink() > 1 && purpose != Purpose::Read {
+    if found.nlink() > 1
+        && (purpose != Purpose::Read || DatabaseFile::at(file).has_log_of_other_name())
+    {
         return refuse(
             "it has several names (hard links), and SQLite would keep a log for each; delete the names beside which there is no \
              -wal"
@@ -312,6 +316,25 @@ impl Store {
             }
             Database::Postgres(database) => database.identity().await,
         }
+    }
+
+    /// What tells this database from others as long as it lives, also on another machine, in eight hexadecimal digits. A
+    /// copy is another database.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the database does not say which it is.
+    pub async fn code(&self) -> Result<String, StoreError> {
+        let identity: String = self
+            .read_long(|db| {
+                // A mark: the word, the identity, and what changes with every commit.
+                let file = "SELECT substr(text, 1, length('sidestep mark ') + 32) FROM mark";
+                let server =
+                    "SELECT (SELECT system_identifier FROM pg_control_system()) || ' ' || oid \
+                     FROM pg_database WHERE datname = current_database()";
+                Ok(db.query_row(db.choose(file, server), [], |row| row.get(0))?)
+            })
+            .await?;
+        Ok(hex::encode(&Sha256::digest(identity)[..4]))
     }
 
     /// What messages call the database: its file, or its address without a password.
@@ -416,6 +439,15 @@ impl Store {
     /// [`StoreError`] if the disk or the server refuses.
     pub async fn end_copy(&self) -> Result<(), StoreError> {
         self.write_behind([Lock::Studies], migrations::end_copy).await
+    }
+
+    /// Why what was stored may be lost, once it is closed: somebody changed the file, and no other could be written.
+    #[must_use]
+    pub fn unrescued(&self) -> Option<StoreError> {
+        match &self.open.database {
+            Database::Sqlite(database) => database.unrescued(),
+            Database::Postgres(_) => None,
+        }
     }
 
     /// Waits for what is under way and closes; SQLite writes its log back.

@@ -180,7 +180,8 @@ impl Server {
     pub async fn stop(self) -> Stopped {
         let mut args = self.args;
         args.listen = self.running.address.to_string();
-        self.running.stop().await;
+        let ended = self.running.stop().await;
+        assert!(ended.is_ok(), "{ended:?}");
         Stopped { folder: self.folder, args, key: self.key }
     }
 

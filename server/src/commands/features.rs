@@ -44,7 +44,7 @@ pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
     let (scene, people) = (recording.scene, recording.participants);
     let interrupt = Interrupt::listen();
     let safety = safety_levels(&scene, &interrupt).await?;
-    let written = atomic_file::write(&args.out, &interrupt.token, |out| {
+    let written = atomic_file::write_private(&args.out, &interrupt.token, |out| {
         features_csv::write(out, &people, &safety)
     });
     interrupt.check()?;

@@ -13,7 +13,7 @@ const FIRST: Duration = Duration::from_secs(60);
 #[derive(Clone, Debug, clap::Args)]
 pub struct KeepingArgs {
     /// Folder for backups, on another disk if possible: the server writes one every day (see --check-every)
-    /// and deletes the oldest. Of several servers on one database, one needs this.
+    /// and deletes the oldest of this database. Of several servers on one database, one needs this.
     #[arg(long, value_name = "DIR")]
     pub backups: Option<PathBuf>,
     /// Backups that are kept in --backups.
@@ -46,7 +46,7 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 impl KeepingArgs {
-    /// What is to be looked after, of this database.
+    /// What is to be looked after, of this database, whose code is not known yet.
     ///
     /// # Errors
     /// [`CommandError::Input`] if the folder for backups is none, or no file can be written in it.
@@ -72,6 +72,7 @@ impl KeepingArgs {
         let every =
             (self.check_every > 0.0).then(|| Duration::from_secs_f64(3600.0 * self.check_every));
         let database = database.to_owned();
-        Ok(Keeping { database, backups: backups.transpose()?, every, first: self.first })
+        let code = String::new();
+        Ok(Keeping { database, code, backups: backups.transpose()?, every, first: self.first })
     }
 }

@@ -5,6 +5,7 @@ use super::solving::Interrupt;
 use super::{CommandError, failed, print_json};
 use crate::salvage;
 use crate::soundness::Report;
+use crate::store::copying::salvage::Lost;
 use crate::store::{OpenError, Purpose, Store, copy_damaged};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -31,7 +32,7 @@ struct Saved {
     studies: usize,
     participants: usize,
     trials: usize,
-    /// Rows that are named on stderr.
+    /// Lines on stderr: a row each, or rows or pages of which no more is known.
     lost: usize,
 }
 
@@ -54,8 +55,10 @@ pub async fn run(args: SalvageArgs) -> Result<(), CommandError> {
     let printed = print_json(&saved);
     match saved.lost {
         0 => printed,
-        1 => failed(printed, "1 row was lost; the rest was saved".to_owned()),
-        lost => failed(printed, format!("{lost} rows were lost; the rest was saved")),
+        1 => failed(printed, "the line above says what was lost; the rest was saved".to_owned()),
+        lost => {
+            failed(printed, format!("{lost} lines above say what was lost; the rest was saved"))
+        }
     }
 }
 
@@ -65,7 +68,7 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         CommandError::Input(format!("--from {named}: cannot read: {error}"))
     };
     let copy = folder.join("damaged.db");
-    copy_damaged(&args.from, &copy).map_err(|error| unreadable(&error))?;
+    let pages = copy_damaged(&args.from, &copy).map_err(|error| unreadable(&error))?;
     let from = Store::open(&format!("sqlite:{}", copy.display()), Purpose::Change).await;
     let from = from.map_err(|error| match error.named(named.clone()) {
         OpenError::Absent(_) => unreadable(&"it is empty"),
@@ -76,10 +79,15 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
     })?;
     let to = Store::open(url, Purpose::Copy).await?;
     let mut lost = 0;
-    let saved = salvage::salvage(&from, &to, |row| {
+    let mut lose = |row: Lost| {
         lost += 1;
         eprintln!("sidestep: {row}");
-    });
+    };
+    if pages > 0 {
+        let why = "damaged: what was stored last may be missing, without its name";
+        lose(Lost::new("write-ahead log", format!("({pages} pages)"), why));
+    }
+    let saved = salvage::salvage(&from, &to, lose);
     let saved = match saved.await {
         Ok(saved) => to.end_copy().await.map(|()| saved),
         failed => failed,

@@ -18,7 +18,7 @@ use crate::http::routes::router;
 use crate::http::site::{Site, default_folder};
 use crate::http::tls::Certificates;
 use crate::jobs::analysis_worker::AnalysisWorker;
-use crate::jobs::keeper::Keeper;
+use crate::jobs::keeper::{Keeper, Keeping};
 use crate::jobs::safety;
 use crate::jobs::safety::Solver;
 use crate::languages::Languages;
@@ -181,8 +181,7 @@ pub async fn run(args: ServeArgs) -> Result<(), CommandError> {
     print_line(&running.announcement())?;
     signal.await;
     tracing::info!("stopping");
-    running.stop().await;
-    Ok(())
+    running.stop().await
 }
 
 /// Starts a server and returns when it accepts requests.
@@ -284,6 +283,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         (!args.no_solve).then(|| Solver::start(store.clone(), study_stored, children.clone()));
     let asked = Arc::clone(&analysis_asked);
     let analysis_worker = AnalysisWorker::start(store.clone(), asked, children, analysis_limits);
+    let keeping = Keeping { code: store.code().await?, ..keeping };
     let keeper = Keeper::start(keeping, kept_by, found);
     let demo =
         args.demo.then(|| Demo::start(store.clone(), address, analysis_asked, new_key.clone()));
@@ -336,7 +336,10 @@ impl Running {
     }
 
     /// Finishes requests under way, then closes the database.
-    pub async fn stop(self) {
+    ///
+    /// # Errors
+    /// [`CommandError::Failure`] if somebody changed its file, and what it had could not be written to another one.
+    pub async fn stop(self) -> Result<(), CommandError> {
         if let Some(demo) = self.demo {
             demo.stop().await;
         }
@@ -353,6 +356,14 @@ impl Running {
             tracing::error!(%error, "the server ended badly");
         }
         self.store.close().await;
+        match self.store.unrescued() {
+            None => Ok(()),
+            Some(error) => Err(CommandError::Failure(format!(
+                "{}: {error}; what it had could not be written anywhere else: see the log, and keep what is left of the file and \
+                 its -wal",
+                self.store.name()
+            ))),
+        }
     }
 }
 

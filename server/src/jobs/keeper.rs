@@ -21,6 +21,8 @@ const MOST_FAULTS: usize = 20;
 pub struct Keeping {
     /// The database's address.
     pub database: String,
+    /// By which its backups are known from those of others: [`Store::code`](crate::store::Store::code).
+    pub code: String,
     /// The folder for backups, and how many are kept in it; none writes no backups.
     pub backups: Option<(PathBuf, usize)>,
     /// The time between two checks or backups; none checks nothing.
@@ -88,7 +90,7 @@ impl Keeping {
     /// The newest backup in the folder, which an earlier run of the server may have written.
     fn newest_backup(&self) -> Option<Backup> {
         let (folder, _) = self.backups.as_ref()?;
-        let file = backups::list(folder).ok()?.pop()?;
+        let file = backups::list(folder, &self.code).ok()?.pop()?;
         let about = file.metadata().ok()?;
         let at = about.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
         Some(Backup {
@@ -101,7 +103,7 @@ impl Keeping {
     /// One check, or one backup, which is a check of what it has written.
     async fn once(&self, children: &Children, found: &watch::Sender<DataCheck>) {
         let backup = self.backups.as_ref().map(|(folder, keep)| {
-            let file = folder.join(backups::name(now_ms()));
+            let file = folder.join(backups::name(&self.code, now_ms()));
             (folder, *keep, file)
         });
         let file = backup.as_ref().map(|(.., file)| file.clone());
@@ -111,7 +113,7 @@ impl Keeping {
         let pruned = match (&done, &backup) {
             // While there are faults, older backups may have what the newer ones lack.
             (Ok((report, _)), Some((folder, keep, _))) if report.faults() == 0 => {
-                backups::prune(folder, *keep)
+                backups::prune(folder, &self.code, *keep)
             }
             _ => Ok(0),
         };

@@ -205,7 +205,14 @@ impl Postgres {
                     false => check_rights(db),
                 }
             });
-        tokio::time::timeout(PATIENCE, asked).await.unwrap_or(Err(StoreError::Locked))
+        if let Ok(answer) = tokio::time::timeout(PATIENCE, asked).await {
+            return answer;
+        }
+        // A new session tells whether the server is there at all.
+        let found = tokio::time::timeout(PATIENCE, self.shared.sessions.find()).await;
+        found.unwrap_or_else(|_| Err(StoreError::Unavailable("it does not answer".to_owned())))?;
+        let busy = "its sessions are all busy, or wait for a lock";
+        Err(StoreError::Unavailable(busy.to_owned()))
     }
 
     /// A folder for a temporary file: the system's.

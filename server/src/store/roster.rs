@@ -1,11 +1,10 @@
 //! The participants of a study, each with all that is stored about them besides their trials.
 
-use super::sql::{Connection, Row, params};
+use super::sql::{OptionalExtension, Row, params};
 use super::{Store, StoreError};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use sidestep::trial::Phase;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 /// A participant of a study.
 #[derive(Clone, Debug)]
@@ -33,7 +32,7 @@ pub struct RosterEntry {
     pub completion_code: Option<String>,
     /// Whether their data were deleted.
     pub data_deleted: bool,
-    /// Stored trials, in the order of [`Phase::ALL`].
+    /// Stored trials, in the order of [`Phase::ALL`](sidestep::trial::Phase::ALL): what was counted when they were stored.
     pub trials: [i64; 3],
     /// Recorded parameters of the link.
     pub parameters: BTreeMap<String, String>,
@@ -51,22 +50,27 @@ impl Store {
         pilots: bool,
     ) -> Result<Vec<RosterEntry>, StoreError> {
         self.read_long(move |db| {
-            let trials = trials(db, study_id)?;
-            let mut statement = db.prepare_cached(
-                "SELECT number, participant.id, place, external_id, config_hash, import_hash IS NOT NULL, \
+            // All rows of the table: an index that is damaged may miss some.
+            let people = db.choose("participant NOT INDEXED", "participant");
+            let mut statement = db.prepare_cached(&format!(
+                "SELECT participant.number, participant.id, place, external_id, config_hash, import_hash IS NOT NULL, \
                      consent_language, consent_hash, enrolled_at_ms, last_seen_at_ms, \
                      understood_at_ms, screened_out_at_ms, answered_at_ms, completed_at_ms, \
                      withdrawn_at_ms, comprehension_attempts, completion_code, data_deleted, \
-                     parameters, answers, exclusion.at_ms, exclusion.reason \
-                 FROM participant LEFT JOIN exclusion \
+                     parameters, answers, exclusion.at_ms, exclusion.reason, \
+                     familiarisation, practice, task \
+                 FROM {people} LEFT JOIN exclusion \
                      ON exclusion.participant_id = participant.id AND ended_at_ms IS NULL \
-                 WHERE study_id = $1 AND pilot = $2 ORDER BY number",
-            )?;
+                 LEFT JOIN tally ON tally.study_id = participant.study_id \
+                     AND tally.pilot = participant.pilot AND tally.number = participant.number \
+                 WHERE participant.study_id = $1 AND participant.pilot = $2 \
+                 ORDER BY participant.number"
+            ))?;
             let entry = |row: &Row| {
-                let id: String = row.get(1)?;
                 let time = |i: usize| row.get::<_, Option<i64>>(8 + i);
                 Ok(RosterEntry {
                     number: row.get(0)?,
+                    id: row.get(1)?,
                     place: row.get(2)?,
                     external_id: row.get(3)?,
                     config_hash: row.get(4)?,
@@ -84,39 +88,27 @@ impl Store {
                     comprehension_attempts: row.get(15)?,
                     completion_code: row.get(16)?,
                     data_deleted: row.get(17)?,
-                    trials: trials.get(&id).copied().unwrap_or_default(),
+                    trials: [row.get(22)?, row.get(23)?, row.get(24)?],
                     parameters: object(row, 18)?,
                     answers: object(row, 19)?,
                     exclusion: row.get::<_, Option<i64>>(20)?.zip(row.get(21)?),
-                    id,
                 })
             };
             statement.query_and_then(params![study_id, pilots], entry)?.collect()
         })
         .await
     }
-}
 
-/// How many trials of each phase are stored, by participant.
-fn trials(db: &Connection, study_id: i64) -> Result<HashMap<String, [i64; 3]>, StoreError> {
-    let mut statement = db.prepare_cached(
-        "SELECT participant.id, scene.phase, count(*) FROM participant \
-         JOIN scene ON scene.participant_id = participant.id \
-         JOIN trial ON trial.trial_id = scene.trial_id \
-         WHERE participant.study_id = $1 GROUP BY participant.id, scene.phase",
-    )?;
-    let mut counts: HashMap<String, [i64; 3]> = HashMap::new();
-    let count = |row: &Row| {
-        let (id, phase): (String, String) = (row.get(0)?, row.get(1)?);
-        Ok::<_, StoreError>((id, phase, row.get::<_, i64>(2)?))
-    };
-    for found in statement.query_and_then([study_id], count)? {
-        let (id, phase, trials) = found?;
-        let place = Phase::ALL.iter().position(|known| known.word() == phase);
-        let place = place.ok_or_else(|| StoreError::unknown_word(&phase))?;
-        counts.entry(id).or_default()[place] = trials;
+    /// How many trials of a participant were stored; none if the participant was deleted.
+    pub async fn stored_trials(&self, participant_id: &str) -> Result<i64, StoreError> {
+        let participant_id = participant_id.to_owned();
+        self.read_long(move |db| {
+            let query = "SELECT stored FROM tally WHERE participant_id = $1";
+            let stored = db.prepare_cached(query)?.query_row([participant_id], |row| row.get(0));
+            Ok(stored.optional()?.unwrap_or(0))
+        })
+        .await
     }
-    Ok(counts)
 }
 
 /// A JSON object in a column; empty if the column is NULL.

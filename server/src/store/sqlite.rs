@@ -176,7 +176,12 @@ impl Sqlite {
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
         const PATIENCE: Duration = Duration::from_secs(2);
         self.original.check()?;
-        let begun = self.write(Lane::Request, |db| Ok(db.query_row("SELECT 1", [], |_| Ok(()))?));
+        // Once the disk has refused something, only a write tells whether it takes any.
+        let probe = match self.writer.has_failed() {
+            true => "UPDATE mark SET text = text",
+            false => "UPDATE mark SET text = text WHERE FALSE",
+        };
+        let begun = self.write(Lane::Request, move |db| Ok(db.execute(probe, [])?));
         tokio::time::timeout(PATIENCE, begun).await.unwrap_or(Err(StoreError::Locked))?;
         self.file.check_disk()
     }
@@ -205,7 +210,14 @@ impl Sqlite {
         let writing = tokio::task::spawn_blocking(move || {
             let refused = |error: std::io::Error| StoreError::Unavailable(error.to_string());
             to.create().map_err(refused)?;
-            Ok(connection::copy(&from, to.path())?)
+            let copied = connection::copy(&from, to.path()).map_err(StoreError::from);
+            if copied == Err(StoreError::Full)
+                && let Some(what) = connection::damage(&connection::untouching(&from)?)?.pop()
+            {
+                // SQLite takes some damage for a full disk.
+                return Err(StoreError::Corrupt(what));
+            }
+            copied
         });
         writing.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
@@ -230,6 +242,12 @@ impl Sqlite {
         self.writer.close();
         // Last: closing any handle of the file gives up SQLite's locks on it.
         self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+
+    /// Why nothing is stored any more, if what was stored could not be rescued either.
+    pub(super) fn unrescued(&self) -> Option<StoreError> {
+        let is_lost = self.original.rescued().is_none() && self.original.has_log();
+        self.original.check().err().filter(|_| is_lost)
     }
 
     pub(super) fn observed(&self) -> &Commits {

@@ -211,6 +211,42 @@ async fn a_check_goes_on_after_damage_and_says_what_to_do() {
     assert!(export.code == Some(1) && export.err.contains(&trial), "{}", export.err);
 }
 
+/// A byte of the id by which a trial and its scene are joined, in the rows and indices that have it.
+#[tokio::test]
+async fn a_trial_that_damage_hides_is_counted() {
+    let folder = Folder::default();
+    let file = collected(&folder).await;
+    let before = trials(&file).await;
+    let all = before.len() - 4 * 5;
+    let (trial, _) = stored(&file, "content_hash", "content_version = 2").await;
+    let content = std::fs::read(&file).unwrap();
+    let windows = content.windows(trial.len()).enumerate();
+    let places: Vec<_> =
+        windows.filter(|(_, id)| *id == trial.as_bytes()).map(|(at, _)| at).collect();
+    assert!(places.len() >= 4, "rows and indices of two tables");
+    let mut hidden = 0;
+    for (number, place) in places.into_iter().enumerate() {
+        let (page, place) = (place / PAGE, place % PAGE + 20);
+        let damaged = with_page(&file, "flipped.db", page, |at| {
+            content[page * PAGE + at] ^ u8::from(at == place)
+        });
+        let (database, out) = (format!("sqlite:{damaged}"), folder.name(&format!("{number}")));
+        let export = ["export", "--database", &database, "--study", "imported", "--out", &out];
+        let said = run(&export).await;
+        let summary: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+        let is_trials = |file: &&serde_json::Value| file["name"] == "trials.csv";
+        let files = summary["files"].as_array().unwrap();
+        let rows = files.iter().find(is_trials).unwrap()["rows"].as_u64().unwrap();
+        let missing = all as u64 - rows;
+        assert!(missing <= summary["damaged_trials"].as_u64().unwrap(), "{summary}: {}", said.err);
+        assert_eq!(said.code, Some(i32::from(summary["damaged_trials"] != 0)), "{}", said.err);
+        hidden += missing;
+        let (said, lost) = salvaged(&damaged, &before).await;
+        assert!(lost.is_subset(&BTreeSet::from([trial.clone()])), "{}", said.err);
+    }
+    assert!(hidden > 0);
+}
+
 #[tokio::test]
 async fn what_cannot_be_salvaged_is_refused() {
     let folder = Folder::default();

@@ -53,9 +53,9 @@ async fn stored_data_are_checked_while_the_server_runs() {
 async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
     let folder = tempfile::tempdir().unwrap();
     let backups = folder.path().to_owned();
-    let old = backups.join("sidestep-20200101T000000Z.db");
-    std::fs::write(&old, "an old one").unwrap();
     // Its age is what the file system says: now.
+    let another = backups.join("sidestep-20200101T000000Z-00000000.db");
+    std::fs::write(&another, "that of another database").unwrap();
     let server = Server::with_study_and(SHORT_STUDY, often).await;
     Driver::enrol(&server).await.drive(&server, 2).await;
     let wanted = backups.clone();
@@ -65,6 +65,8 @@ async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
     let server = server.stop().await.start_with(None, change).await;
     let is_done = |it: &DataCheck| it.state == DataCheckState::Done && it.trials == Some(2);
     let first = until(&server, is_done).await.backup.unwrap();
+    let old = first.name.replace("sidestep-20", "sidestep-19");
+    std::fs::write(backups.join(&old), "an old one").unwrap();
     let next = |it: &DataCheck| it.backup.as_ref().is_some_and(|it| it.name != first.name);
     let second = until(&server, next).await.backup.unwrap();
     let metrics = server.request(Method::GET, "/metrics").send().await.unwrap();
@@ -75,7 +77,7 @@ async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
     let known = until(&server, |it| it.backup.is_some()).await.backup.unwrap();
     assert!(known.name >= second.name, "{known:?}");
     server.stop().await;
-    assert!(!old.exists(), "two are kept");
+    assert!(!backups.join(old).exists() && another.exists(), "two of this database are kept");
     let newest = backups.join(&second.name);
     assert!(newest.metadata().unwrap().len() == second.bytes);
     let to = format!("sqlite:{}", folder.path().join("restored.db").display());

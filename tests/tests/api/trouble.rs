@@ -78,6 +78,7 @@ pub(crate) async fn waits_for_room(
         driver.send(server, trial_id, &driven(scene)).await.problem(503, "storage", None);
         new().await.problem(503, "storage", None);
     }
+    assert_eq!(server.get("/readyz").await.status, 503);
     let me: Progress = driver.me(server).await.into(200);
     assert!(me.stored.is_empty());
     make_room();

@@ -8,7 +8,7 @@ use std::fmt;
 pub struct Damaged {
     /// The participant's number.
     pub participant: i64,
-    /// The trial; none if no trial of the participant can be read.
+    /// The trial, if it is known which one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trial_id: Option<String>,
     /// What is wrong.
@@ -23,7 +23,7 @@ impl fmt::Display for Damaged {
         let Self { participant, trial_id, what, is_readable } = self;
         match trial_id {
             Some(trial_id) => write!(f, "participant {participant}, trial {trial_id}: {what}")?,
-            None => write!(f, "participant {participant}: no trial can be read: {what}")?,
+            None => write!(f, "participant {participant}: {what}")?,
         }
         f.write_str(if *is_readable { "" } else { "; left out" })
     }

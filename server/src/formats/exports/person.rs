@@ -13,6 +13,8 @@ pub(super) struct Person {
     trials: Vec<Result<Examined, Wrong>>,
     /// Why no trial can be read.
     unreadable: Option<String>,
+    /// How many were stored that are not found: damage hides them.
+    hidden: usize,
 }
 
 impl Person {
@@ -23,12 +25,19 @@ impl Person {
             Err(StoreError::Corrupt(what)) => (Vec::new(), Some(what)),
             Err(error) => return Err(error),
         };
-        Ok(Self { number: entry.number, trials, unreadable })
+        let mut hidden = 0;
+        let stored = entry.trials.iter().sum();
+        if unreadable.is_none() && (trials.len() as i64) < stored {
+            // Unless they were deleted since.
+            let stored = stored.min(store.stored_trials(&entry.id).await?);
+            hidden = usize::try_from(stored).unwrap_or(0).saturating_sub(trials.len());
+        }
+        Ok(Self { number: entry.number, trials, unreadable, hidden })
     }
 
     /// How many trials are stored, if that is known.
     pub(super) fn count(&self) -> Option<usize> {
-        self.unreadable.is_none().then_some(self.trials.len())
+        self.unreadable.is_none().then_some(self.trials.len() + self.hidden)
     }
 
     /// Forgets all but the first trials of the plan.
@@ -59,6 +68,10 @@ impl Person {
             }
             Err(Wrong { trial_id, what }) => Some(damaged(Some(trial_id), what, false)),
         });
-        trials.chain(self.unreadable.iter().map(move |what| damaged(None, what, false)))
+        let unreadable = self.unreadable.iter();
+        let unreadable = unreadable.map(|what| format!("no trial can be read: {what}"));
+        let hidden = "a trial that was stored is not found by its scene; 'sidestep check' says where the damage is";
+        let hidden = std::iter::repeat_n(hidden.to_owned(), self.hidden);
+        trials.chain(unreadable.chain(hidden).map(move |what| damaged(None, &what, false)))
     }
 }

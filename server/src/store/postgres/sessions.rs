@@ -163,7 +163,7 @@ impl Sessions {
     }
 
     /// Finds the server that takes writes among those of the address: of several, the one on the newest timeline.
-    async fn find(&self) -> Result<(), StoreError> {
+    pub(super) async fn find(&self) -> Result<(), StoreError> {
         let tries = self.hosts.iter().map(|host| async move {
             let silent = |_| StoreError::Unavailable("the server does not answer".to_owned());
             tokio::time::timeout(self.patience, self.try_host(host)).await.map_err(silent)?
@@ -261,6 +261,8 @@ impl Sessions {
             Ok(session) => Ok(session),
             // The pool tries for as long as it may, and does not say why it failed.
             Err(sqlx::Error::PoolTimedOut) => {
+                // Until it is found, nobody else waits for the pool.
+                self.is_lost.store(true, Ordering::Relaxed);
                 self.find().await?;
                 Err(sqlx::Error::PoolTimedOut.into())
             }

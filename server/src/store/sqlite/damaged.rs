@@ -1,5 +1,6 @@
 //! A copy of a damaged file in which SQLite reads all that is left.
 
+use super::connection;
 use super::file::{DatabaseFile, MAGIC};
 use super::log::{self, Index, PAGE};
 use super::mark::{self, Misplaced};
@@ -9,12 +10,13 @@ use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek};
 use std::path::Path;
 
-/// Copies a file that no server uses, with what its log has. Trees of the copy are built anew over the rows that are left, where a page of them is lost. A log that is not the file's own is copied for whoever opens the copy to
-/// refuse.
+/// Copies a file that no server uses, with what its log has. Trees of the copy are built anew over the rows that are left, where
+/// a page of them is lost, and so are indices of tables that can be read: a damaged one may miss rows. A log that is not the
+/// file's own is copied for whoever opens the copy to refuse. Returns how many pages of the log are lost.
 ///
 /// # Errors
 /// What stands in the way.
-pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<()> {
+pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<u64> {
     if !std::fs::metadata(from)?.is_file() {
         return Err(io::Error::other("it is a directory or a pipe"));
     }
@@ -26,6 +28,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<()> {
     let mut out = private::new_file(to)?;
     io::copy(&mut file, &mut out)?;
     let page = page_length(&file).unwrap_or(PAGE);
+    let mut lost = 0;
     if source.has_log() {
         if mark::of_file(&copy).is_err() {
             // So that the mark can be read, by which the log is known to be the file's own.
@@ -36,20 +39,24 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<()> {
         let is_damaged = match mark::misplaced(&copy, index)? {
             None => false,
             Some(Misplaced::Damaged) => true,
-            Some(_) => return Ok(()),
+            Some(_) => return Ok(0),
         };
         out.set_len(0)?;
         file.rewind()?;
         out.rewind()?;
         io::copy(&mut file, &mut out)?;
-        if let Some(length) = log::apply(copy.log(), Some(page), is_damaged, &out)? {
+        let applied = log::apply(copy.log(), Some(page), is_damaged, index().as_ref(), &out)?;
+        lost = applied.lost;
+        if let Some(length) = applied.length {
             out.set_len(length)?;
         }
         std::fs::remove_file(copy.log())?;
     }
     // The last page may be there in part.
     out.set_len(out.metadata()?.len().next_multiple_of(page as u64))?;
-    trees::mend(&copy, page)
+    trees::mend(&copy, page)?;
+    connection::renew_indices(to);
+    Ok(lost)
 }
 
 /// The length of a page, as a file's first page tells it.

@@ -39,6 +39,14 @@ impl DatabaseFile {
             });
         };
         let name = name.strip_prefix("//").unwrap_or(name);
+        if let Some((file, options)) = name.split_once('?')
+            && options.contains('=')
+            && !Path::new(name).exists()
+        {
+            return Err(format!(
+                "options, {options:?}, which a file has none of; write sqlite:{file}"
+            ));
+        }
         if name.is_empty() || name.contains(":memory:") || name.contains("mode=memory") {
             return Err("no file; results must survive a restart".to_owned());
         }
@@ -56,6 +64,20 @@ impl DatabaseFile {
     /// Whether there is something in the log: a server uses the file, or did not close it.
     pub(in crate::store) fn has_log(&self) -> bool {
         std::fs::metadata(&self.log).is_ok_and(|log| log.len() > 0)
+    }
+
+    /// Whether the file's log is that of another of its names (hard links), as far as its folder and the lock of a server
+    /// tell.
+    pub(in crate::store) fn has_log_of_other_name(&self) -> bool {
+        let is_twin = |other: &Self| {
+            self.path.file_name() != other.path.file_name()
+                && other.has_log()
+                && identity(&other.path).is_ok_and(|other| Ok(other) == self.identity())
+        };
+        let names = std::fs::read_dir(self.folder()).into_iter().flatten().flatten();
+        !self.has_log()
+            && (self.lock().is_ok_and(|lock| lock.is_none())
+                || names.map(|entry| Self::at(&entry.path())).any(|other| is_twin(&other)))
     }
 
     /// Whether there is a log whose database is not here. SQLite would delete it.

@@ -35,6 +35,8 @@ pub(super) struct Frame<'a> {
     pub(super) pages: u32,
     /// Whether it and all before it are as SQLite wrote them.
     pub(super) is_sound: bool,
+    /// Whether it is of this writing.
+    is_own: bool,
     /// Whether it is of this writing and as SQLite wrote it, as far as the one before it tells.
     is_intact: bool,
     /// The page.
@@ -115,7 +117,7 @@ impl Frames {
         let is_intact = is_own && (self.is_sound || self.before.is_none_or(follows));
         self.before = head[16..].try_into().ok().filter(|_| is_intact);
         let (page, pages) = (number(head), number(&head[4..]));
-        Ok(Some(Frame { page, pages, is_sound: self.is_sound, is_intact, content }))
+        Ok(Some(Frame { page, pages, is_sound: self.is_sound, is_own, is_intact, content }))
     }
 }
 
@@ -171,16 +173,27 @@ impl Index {
     }
 }
 
+/// What was written into a copy.
+#[derive(Debug, Default)]
+pub(super) struct Applied {
+    /// How long the copy is then, if the log tells.
+    pub(super) length: Option<u64>,
+    /// How many pages of the log are damaged, or were in it and are not any more.
+    pub(super) lost: u64,
+}
+
 /// Writes into a copy of the file what SQLite would read of the log; of a damaged one, all that is not damaged. `page` is
-/// as in [`Frames::open`]. Returns how long the file is then, if the log tells.
+/// as in [`Frames::open`]; `index` tells how many frames there were.
 pub(super) fn apply(
     log: &Path,
     page: Option<usize>,
     is_damaged: bool,
+    index: Option<&Index>,
     to: &File,
-) -> io::Result<Option<u64>> {
+) -> io::Result<Applied> {
     let is_read = |frame: &Frame<'_>| frame.is_sound || is_damaged && frame.is_intact;
-    let Some(mut frames) = Frames::open(log, page)? else { return Ok(None) };
+    let Some(mut frames) = Frames::open(log, page)? else { return Ok(Applied::default()) };
+    let index = index.filter(|index| index.salts == frames.salts).map_or(0, |index| index.frames);
     let (mut count, mut end, mut pages) = (0_u64, 0, 0);
     while let Some(frame) = frames.next()? {
         count += 1;
@@ -189,16 +202,25 @@ pub(super) fn apply(
         }
     }
     // Behind the last commit are pages of a transaction that was not finished.
-    let Some(mut frames) = Frames::open(log, page)? else { return Ok(None) };
+    let Some(mut frames) = Frames::open(log, page)? else { return Ok(Applied::default()) };
     let length = (frames.frame.len() - FRAME) as u64;
+    let mut lost = if is_damaged { index.saturating_sub(end) } else { 0 };
     for _ in 0..end {
-        if let Some(frame) = frames.next()?.filter(&is_read)
-            && frame.page > 0
-        {
-            to.write_all_at(frame.content, u64::from(frame.page - 1) * length)?;
+        match frames.next()?.filter(&is_read) {
+            Some(frame) if frame.page > 0 => {
+                to.write_all_at(frame.content, u64::from(frame.page - 1) * length)?;
+            }
+            _ => lost += 1,
         }
     }
-    Ok((pages > 0).then_some(u64::from(pages) * length))
+    // Without an index, what is damaged there may be of one that was.
+    while index == 0
+        && is_damaged
+        && let Some(frame) = frames.next()?
+    {
+        lost += u64::from(frame.is_own && !frame.is_intact);
+    }
+    Ok(Applied { length: (pages > 0).then_some(u64::from(pages) * length), lost })
 }
 
 /// Whether a whole buffer could be read.
@@ -298,7 +320,8 @@ mod tests {
             let read = if name == "header.db" { 0 } else { all / 2 };
             assert_eq!([found, sound], [all, read], "{name}");
             let copy = File::options().write(true).open(mended.path()).unwrap();
-            apply(damaged.log(), Some(PAGE), true, &copy).unwrap();
+            let applied = apply(damaged.log(), Some(PAGE), true, None, &copy).unwrap();
+            assert_eq!(applied.lost, u64::from(name != "header.db"), "{name}");
             assert!(rows(&damaged) < ROWS, "{name}");
             // A row of the damaged page may be in the same page of a later commit.
             let lost = rows(&mended) < ROWS;

@@ -322,12 +322,21 @@ impl Original {
         self.has_log.load(Ordering::Relaxed)
     }
 
-    /// A new name beside the file for what is rescued.
-    pub(super) fn rescue_name(&self) -> PathBuf {
+    /// Whether the log that lies beside the file is the one that the writer has open.
+    pub(super) fn is_own_log(&self) -> bool {
+        let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
+        known.is_none_or(|[log, _]| log == self.file.companions()[0])
+    }
+
+    /// New names for what is rescued: beside the file, and where that fails, in the working directory or in that for
+    /// temporary files.
+    pub(super) fn rescue_names(&self) -> impl Iterator<Item = PathBuf> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let mut name = self.file.path().as_os_str().to_owned();
+        let mut name = self.file.path().file_name().unwrap_or_default().to_owned();
         name.push(format!(".{}.rescued", now.as_millis()));
-        name.into()
+        let elsewhere = std::env::current_dir().into_iter().chain([std::env::temp_dir()]);
+        let folders = std::iter::once(self.file.folder().to_owned()).chain(elsewhere);
+        folders.map(move |folder| folder.join(&name))
     }
 }
 

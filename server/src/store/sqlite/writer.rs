@@ -54,6 +54,8 @@ struct Lanes {
     empty_log_at: Option<Instant>,
     /// Whether somebody has changed the file.
     rescue: bool,
+    /// Whether the disk has refused a write, and taken none since.
+    has_failed: bool,
     closed: bool,
 }
 
@@ -225,6 +227,11 @@ impl Writer {
         self.committed.subscribe()
     }
 
+    /// Whether the disk has refused a write, and taken none since.
+    pub(super) fn has_failed(&self) -> bool {
+        self.queue.lanes().has_failed
+    }
+
     pub(super) fn observed(&self) -> &Commits {
         &self.observed
     }
@@ -329,10 +336,12 @@ impl Thread {
         // What has changed nothing, as a look whether writes succeed, is no news.
         if committed == Ok(true) {
             self.committed.send_modify(|commits| *commits += 1);
+            self.queue.lanes().has_failed = false;
         }
         if let Err(error) = &committed {
             tracing::error!(%error, writes = batch.len(), "nothing was stored");
             if error.is_temporary() {
+                self.queue.lanes().has_failed = true;
                 // The waiting operations would fail for the same reason, only later.
                 batch.extend(self.queue.drain());
             }
@@ -405,42 +414,46 @@ impl Thread {
         if self.original.rescued().is_some() || !self.original.has_log() {
             return;
         }
-        let name = self.original.rescue_name();
-        let unfinished = ended(&name, ".part");
-        let refused = |error: std::io::Error| StoreError::Unavailable(error.to_string());
         let reader = if self.db.is_none() { self.readers.take_idle() } else { None };
-        let (what, end, written) = match self.db.as_ref().or(reader.as_ref()) {
-            Some(open) if self.original.is_whole() => {
-                let file = DatabaseFile::at(&unfinished);
-                let made = file.create().map_err(refused);
-                let copied = made.and_then(|()| Ok(connection::copy_of(open, file.path())?));
-                ("what the database had", ".db", copied)
-            }
-            _ => {
-                let copied = private::new_file(&unfinished).and_then(|mut to| {
-                    std::io::copy(&mut std::fs::File::open(self.file.log())?, &mut to)?;
-                    to.sync_all()
-                });
-                (
-                    "the log of the database, with what was stored last,",
-                    "-wal",
-                    copied.map_err(refused),
-                )
-            }
+        let open = self.db.as_ref().or(reader.as_ref()).filter(|_| self.original.is_whole());
+        let (what, end) = match open {
+            Some(_) => ("what the database had", ".db"),
+            None => ("the log of the database, with what was stored last,", "-wal"),
         };
-        // Closing it may delete a log that is another file's, or the only copy.
-        std::mem::forget(reader);
-        let name = ended(&name, end);
-        match written.and_then(|()| std::fs::rename(&unfinished, &name).map_err(refused)) {
-            Ok(()) => {
-                tracing::error!(file = %name.display(), "{what} was written to this file");
-                self.original.note_rescued(Some(name));
-            }
-            Err(error) => {
-                tracing::error!(%error, "{what} could not be written yet");
-                let _ = std::fs::remove_file(unfinished);
+        for name in self.original.rescue_names() {
+            let (unfinished, name) = (ended(&name, ".part"), ended(&name, end));
+            let written = match open {
+                Some(open) => rescue_all(open, &unfinished),
+                None => self.rescue_log(&unfinished),
+            };
+            match written.and_then(|()| std::fs::rename(&unfinished, &name).map_err(refused)) {
+                Ok(()) => {
+                    tracing::error!(file = %name.display(), "{what} was written to this file");
+                    self.original.note_rescued(Some(name));
+                    break;
+                }
+                Err(error) => {
+                    let file = name.display();
+                    tracing::error!(%error, %file, "{what} could not be written to this file yet");
+                    let _ = std::fs::remove_file(unfinished);
+                }
             }
         }
+        // Closing it may delete a log that is another file's, or the only copy.
+        std::mem::forget(reader);
+    }
+
+    fn rescue_log(&self, to: &Path) -> Result<(), StoreError> {
+        if !self.original.is_own_log() {
+            return Err(StoreError::Unavailable(
+                "the log beside the file is not the one that the server wrote".to_owned(),
+            ));
+        }
+        let copied = private::new_file(to).and_then(|mut to| {
+            std::io::copy(&mut std::fs::File::open(self.file.log())?, &mut to)?;
+            to.sync_all()
+        });
+        copied.map_err(refused)
     }
 
     fn empty_log(&mut self) {
@@ -458,6 +471,15 @@ impl Thread {
             self.queue.lanes().empty_log_at = Some(Instant::now() + EMPTY_LOG_PAUSE);
         }
     }
+}
+
+fn rescue_all(open: &Connection, to: &Path) -> Result<(), StoreError> {
+    DatabaseFile::at(to).create().map_err(refused)?;
+    Ok(connection::copy_of(open, to)?)
+}
+
+fn refused(error: std::io::Error) -> StoreError {
+    StoreError::Unavailable(error.to_string())
 }
 
 fn ended(path: &Path, end: &str) -> PathBuf {
