@@ -4,7 +4,7 @@
 //! acknowledged is in the file, in one that the operator has put elsewhere, or in one that a sentence names.
 
 use sidestep_tests::process::Said;
-use sidestep_tests::{Driver, Folder, Process, run};
+use sidestep_tests::{Driver, Folder, Process, driven, run};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::os::unix::fs::PermissionsExt;
@@ -144,7 +144,7 @@ impl Place {
         .json();
         let older = acknowledged.clone();
         for (id, scene) in &driver.scenes()[2..4] {
-            assert_eq!(driver.send(&server, id, &sidestep_tests::driven(scene)).await.status, 201);
+            assert_eq!(driver.send(&server, id, &driven(scene)).await.status, 201);
             acknowledged.insert(id.clone());
         }
         let other = trials(&folder.path("other.db")).await.unwrap();
@@ -256,7 +256,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
             place.suffer(fault);
             if moment == Moment::UnderLoad {
                 for (id, scene) in waiting.iter().take(2) {
-                    let answer = driver.send(&server, id, &sidestep_tests::driven(scene)).await;
+                    let answer = driver.send(&server, id, &driven(scene)).await;
                     match answer.status {
                         201 => drop(place.acknowledged.insert(id.clone())),
                         status => assert_eq!(status, 503, "{fault:?} {moment:?}: {}", answer.body),
@@ -422,6 +422,47 @@ async fn whatever_is_done_to_the_file_nothing_is_merged_or_lost_in_silence() {
         }
     }
     eprintln!("{table}");
+}
+
+/// SQLite has pages in memory and notices nothing until it reads them again.
+#[tokio::test]
+async fn a_page_that_is_overwritten_in_place_is_noticed() {
+    let folder = Folder::default();
+    let server = Process::start(&folder).await;
+    Driver::enrol(&server).await.drive(&server, 3).await;
+    server.stop().await;
+    let server = Process::start(&folder).await;
+    let driver = Driver::enrol(&server).await;
+    let (first, second) = (&driver.scenes()[0], &driver.scenes()[1]);
+    assert_eq!(driver.send(&server, &first.0, &driven(&first.1)).await.status, 201);
+    let path = folder.path("sidestep.db");
+    let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    // Who only touches it has damaged nothing.
+    file.set_modified(std::time::SystemTime::now()).unwrap();
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    assert_eq!(server.get("/readyz").await.status, 200);
+    // A page with what the browser said of its display.
+    let content = std::fs::read(&path).unwrap();
+    let is_of_trial = |page: &[u8]| page.windows(10).any(|part| part == b"refresh_hz");
+    let page = content.chunks(4096).position(is_of_trial).unwrap() as u64;
+    std::os::unix::fs::FileExt::write_all_at(&file, &[7; 4096], page * 4096).unwrap();
+    let due = Instant::now() + Duration::from_secs(5);
+    while server.get("/readyz").await.status == 200 {
+        assert!(Instant::now() < due, "nobody notices");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    let ready = server.get("/readyz").await.body.to_string();
+    assert!(ready.contains("overwritten in part"), "{ready}");
+    assert_eq!(driver.send(&server, &second.0, &driven(&second.1)).await.status, 503);
+    server.stop().await;
+    // What was stored last is in the log, which stays.
+    assert!(std::fs::metadata(folder.path("sidestep.db-wal")).unwrap().len() > 0);
+    let database = folder.database("sidestep.db");
+    run(&["check", "--database", &database]).await.refused(1, &["sidestep salvage"]);
+    let salvage = ["salvage", "--from", &folder.name("sidestep.db"), "--database"];
+    let said = run(&[&salvage[..], &[&folder.database("saved.db")]].concat()).await;
+    let saved: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+    assert!(saved["trials"].as_u64().unwrap() >= 2, "{saved}: {}", said.err);
 }
 
 /// Only the page of the mark says whose a log is.

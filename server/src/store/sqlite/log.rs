@@ -127,6 +127,8 @@ pub(super) struct Index {
     pub(super) salts: [u8; 8],
     /// How many frames of the log are committed.
     pub(super) frames: u64,
+    /// How many of them are in the file.
+    pub(super) written_back: u32,
     /// All of it, or only its header.
     bytes: Vec<u8>,
 }
@@ -154,6 +156,7 @@ impl Index {
         Some(Self {
             salts,
             frames: frames.into(),
+            written_back: u32::from_ne_bytes(bytes[96..100].try_into().ok()?),
             bytes: if is_whole { bytes } else { Vec::new() },
         })
     }

@@ -39,6 +39,10 @@ pub(super) struct Original {
     length: AtomicU64,
     /// What somebody has done to the content; it cannot be undone.
     changed: OnceLock<&'static str>,
+    /// The file when it was last looked at.
+    written: Mutex<Looked>,
+    /// Whether it is to be searched for damage.
+    is_suspected: AtomicBool,
     /// The log and its index, as the writer has them open.
     companions: Mutex<Option<[Option<Identity>; 2]>>,
     /// The log when it was last looked at.
@@ -61,6 +65,22 @@ struct Seen {
     length: u64,
 }
 
+/// When a file was last written to, and how much of its log was in it then: whoever writes the log back changes both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Written {
+    at: SystemTime,
+    salts: [u8; 8],
+    frames: u32,
+}
+
+/// What was seen of a file in place.
+#[derive(Debug, Default)]
+struct Looked {
+    last: Option<Written>,
+    /// Whether it was written to, and nothing of the log came into it. Another process may be about to say so.
+    is_odd: bool,
+}
+
 impl Original {
     /// The current file, with all migrations applied.
     pub(super) fn new(file: DatabaseFile) -> Result<Self, StoreError> {
@@ -78,6 +98,8 @@ impl Original {
             commits: AtomicU64::new(0),
             length: AtomicU64::new(length),
             changed: OnceLock::new(),
+            written: Mutex::default(),
+            is_suspected: AtomicBool::new(false),
             companions: Mutex::default(),
             log: Mutex::default(),
             has_log: AtomicBool::new(true),
@@ -249,6 +271,60 @@ impl Original {
         None
     }
 
+    /// Writes the log back. What anybody else writes to the file meanwhile is not told from that.
+    pub(super) fn writing_back<T>(&self, write_back: impl FnOnce() -> T) -> T {
+        let mut looked = self.written.try_lock();
+        if let Ok(looked) = &mut looked {
+            self.look(looked);
+            self.is_suspected.fetch_or(looked.is_odd, Ordering::Relaxed);
+        }
+        let done = write_back();
+        if let Ok(looked) = &mut looked {
+            **looked = Looked { last: self.written(), is_odd: false };
+        }
+        done
+    }
+
+    fn written(&self) -> Option<Written> {
+        let index = self.index(false)?;
+        let at = self.handle.metadata().and_then(|found| found.modified()).ok()?;
+        Some(Written { at, salts: index.salts, frames: index.written_back })
+    }
+
+    /// Notes whether somebody has written to the file without writing its log back. Returns whether that was so before,
+    /// and is over.
+    fn look(&self, looked: &mut Looked) -> bool {
+        let (last, found) = (looked.last, self.written());
+        looked.last = found;
+        let is_same_log = |(last, found): &(Written, Written)| {
+            (last.salts, last.frames) == (found.salts, found.frames)
+        };
+        let Some((last, found)) = last.zip(found).filter(is_same_log) else {
+            looked.is_odd = false;
+            return false;
+        };
+        let was_odd = std::mem::replace(&mut looked.is_odd, last.at != found.at);
+        was_odd && !looked.is_odd
+    }
+
+    /// Looks for damage, if somebody has written to the file in place.
+    fn check_in_place(&self) {
+        let is_over = self.written.try_lock().is_ok_and(|mut looked| self.look(&mut looked));
+        if !self.is_suspected.swap(false, Ordering::Relaxed) && !is_over {
+            return;
+        }
+        let db = connection::reading(&self.file, true).map_err(StoreError::from);
+        match db.and_then(|db| connection::damage(&db)) {
+            Ok(found) if found.is_empty() => tracing::warn!(
+                "somebody has written to the database file; SQLite finds no damage, and 'sidestep check' replays every trial"
+            ),
+            Ok(_) | Err(StoreError::Corrupt(_)) => {
+                self.changed.get_or_init(|| "overwritten in part");
+            }
+            Err(_) => self.is_suspected.store(true, Ordering::Relaxed),
+        }
+    }
+
     /// Where what was stored is safe.
     pub(super) fn rescued(&self) -> Option<PathBuf> {
         self.rescued.lock().unwrap_or_else(PoisonError::into_inner).clone()
@@ -359,6 +435,7 @@ impl Watch {
             let mut rounds = 0_usize;
             while stopped.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
                 rounds += 1;
+                original.check_in_place();
                 let found = match rounds.is_multiple_of(READ_LOG) {
                     true => original.check_all(),
                     false => original.check_with_log(),

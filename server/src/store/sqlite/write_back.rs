@@ -41,6 +41,7 @@ enum Turn {
 pub(super) struct WriteBack {
     begin: Option<SyncSender<()>>,
     turn: Arc<Mutex<Turn>>,
+    original: Arc<Original>,
     /// Pages at which the log is written back next: after an error or a round that left much, not at every commit.
     due: i64,
     thread: Option<JoinHandle<()>>,
@@ -51,7 +52,7 @@ impl WriteBack {
     pub(super) fn start(file: DatabaseFile, original: Arc<Original>) -> Result<Self, StoreError> {
         let turn = Arc::new(Mutex::new(Turn::Nobody));
         let (begin, asked) = sync_channel(1);
-        let next = Arc::clone(&turn);
+        let (next, own) = (Arc::clone(&turn), Arc::clone(&original));
         let thread = std::thread::Builder::new()
             .name("store-log".to_owned())
             .spawn(move || {
@@ -64,7 +65,7 @@ impl WriteBack {
                 }
             })
             .map_err(|error| StoreError::Unavailable(error.to_string()))?;
-        Ok(Self { begin: Some(begin), turn, due: LONG, thread: Some(thread) })
+        Ok(Self { begin: Some(begin), turn, original: own, due: LONG, thread: Some(thread) })
     }
 
     /// Has a long log written back. To be called by the writer's thread after a commit.
@@ -79,7 +80,8 @@ impl WriteBack {
         if turn == Turn::Writer || (is_due && pages >= TOO_LONG) {
             self.due = pages.saturating_add(LONG);
             set(&self.turn, Turn::Nobody);
-            if let Err(error) = connection::write_back(db).map_err(StoreError::from) {
+            let written = self.original.writing_back(|| connection::write_back(db));
+            if let Err(error) = written.map_err(StoreError::from) {
                 tracing::warn!(%error, "the write-ahead log was not written back");
             }
         } else if is_due && let Some(begin) = &self.begin {
@@ -114,7 +116,7 @@ fn write_back(file: &DatabaseFile, original: &Original) -> Result<bool, StoreErr
     let db = connection::writing(file.path())?;
     let mut before = 0;
     for _ in 0..MOST_ROUNDS {
-        let Some(pages) = connection::write_back(&db)? else {
+        let Some(pages) = original.writing_back(|| connection::write_back(&db))? else {
             return Ok(false);
         };
         if pages - before <= FEW {

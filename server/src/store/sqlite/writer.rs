@@ -460,7 +460,7 @@ impl Thread {
         let emptied = match &self.db {
             Some(open) => {
                 let checked = self.original.check_all();
-                checked.and_then(|()| connection::empty_log(open))
+                checked.and_then(|()| self.original.writing_back(|| connection::empty_log(open)))
             }
             None => Ok(false),
         };
