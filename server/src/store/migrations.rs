@@ -174,6 +174,43 @@ pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     )?
 }
 
+/// Makes the tables of a damaged file of SQLite anew that say which database it is and of which version, if they cannot be
+/// read: the number of the last migration is that of this version if there is a mark, which came with it.
+pub(super) fn renew(db: &Connection) -> Result<(), Failure> {
+    const MARK: &str = "mark";
+    let is_lost = |table: &str| {
+        let mut read = db.prepare_cached(&format!("SELECT * FROM {table}"))?;
+        let rows =
+            read.query_map([], |_| Ok(())).and_then(Iterator::collect::<sql::Result<Vec<_>>>);
+        Ok::<_, sql::Error>(rows.is_err_and(|error| matches!(error.into(), StoreError::Corrupt(_))))
+    };
+    if !has(db, MARK)? {
+        return Ok(());
+    }
+    let lost = [is_lost(MARK)?, is_lost(TABLE)?];
+    for (table, is_lost) in [MARK, TABLE].into_iter().zip(lost) {
+        if is_lost {
+            db.batch(&format!(
+                "PRAGMA writable_schema = ON; DELETE FROM sqlite_schema WHERE tbl_name = '{table}'; \
+                 PRAGMA writable_schema = RESET"
+            ))?;
+        }
+    }
+    if let ([true, _], Some((.., made))) = (lost, SQLITE.last()) {
+        db.batch(made)?;
+    }
+    if lost[1] {
+        let known = Migrator::with_migrations(SQLITE.iter().copied().map(migration).collect());
+        let adopted = SQLITE.iter().map(|(version, ..)| *version).collect();
+        let missing = Missing { known, adopted };
+        db.with_link(
+            async |db| missing.apply::<Sqlite>(db, "BEGIN IMMEDIATE", None, None).await,
+            async |_| Ok(()),
+        )??;
+    }
+    Ok(())
+}
+
 fn files(db: &Connection) -> Files {
     if db.is_sqlite() { SQLITE } else { POSTGRES }
 }

@@ -54,9 +54,9 @@ impl Store {
             let people = db.choose("participant NOT INDEXED", "participant");
             let mut statement = db.prepare_cached(&format!(
                 "SELECT participant.number, participant.id, place, external_id, config_hash, import_hash IS NOT NULL, \
-                     consent_language, consent_hash, enrolled_at_ms, last_seen_at_ms, \
+                     consent_language, consent_hash, enrolled_at_ms, participant.last_seen_at_ms, \
                      understood_at_ms, screened_out_at_ms, answered_at_ms, completed_at_ms, \
-                     withdrawn_at_ms, comprehension_attempts, completion_code, data_deleted, \
+                     withdrawn_at_ms, participant.comprehension_attempts, completion_code, data_deleted, \
                      parameters, answers, exclusion.at_ms, exclusion.reason, \
                      familiarisation, practice, task \
                  FROM {people} LEFT JOIN exclusion \

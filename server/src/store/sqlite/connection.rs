@@ -112,19 +112,15 @@ pub(super) fn reading(file: &DatabaseFile, is_untouched: bool) -> Result<Connect
 }
 
 /// Makes the indices of a file anew, as far as their tables can be read whole.
-pub(super) fn renew_indices(path: &Path) {
+pub(super) fn renew_indices(db: &Connection) -> Result<()> {
     let query = "SELECT 'REINDEX ' || quote(name) FROM sqlite_schema WHERE type = 'index'";
-    let renew = |db: Connection| {
-        let mut statement = db.prepare_cached(query)?;
-        let names = statement.query_map([], |row| row.get::<_, String>(0))?.collect::<Vec<_>>();
-        for renewing in names.into_iter().flatten() {
-            // An index of a table that has lost rows may know their keys, and stays.
-            let _ = db.batch(&renewing);
-        }
-        Ok(())
-    };
-    // What cannot be done here is left to whoever reads the file.
-    let _ = writing(path).and_then(renew);
+    let mut statement = db.prepare_cached(query)?;
+    let names = statement.query_map([], |row| row.get::<_, String>(0))?;
+    for renewing in names.collect::<Result<Vec<_>>>()? {
+        // An index of a table that has lost rows may know their keys, and stays.
+        let _ = db.batch(&renewing);
+    }
+    Ok(())
 }
 
 /// How many rows its statements have changed so far, also those that were rolled back.

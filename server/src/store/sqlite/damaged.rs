@@ -6,6 +6,7 @@ use super::log::{self, Index, PAGE};
 use super::mark::{self, Misplaced};
 use super::trees;
 use crate::private;
+use crate::store::migrations;
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek};
 use std::path::Path;
@@ -55,7 +56,11 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<u64> {
     // The last page may be there in part.
     out.set_len(out.metadata()?.len().next_multiple_of(page as u64))?;
     trees::mend(&copy, page)?;
-    connection::renew_indices(to);
+    // What cannot be made anew here is left to whoever reads the file.
+    if let Ok(db) = connection::migrating(to) {
+        let _ = migrations::renew(&db);
+        let _ = connection::renew_indices(&db);
+    }
     Ok(lost)
 }
 
