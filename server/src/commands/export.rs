@@ -28,7 +28,8 @@ pub struct ExportArgs {
     /// Format of the tables.
     #[arg(long, value_name = "FORMAT", default_value = "csv", value_parser = one_of(FORMATS))]
     pub format: Format,
-    /// Folder for the files; it is created if it does not exist.
+    /// Folder for the files; it is created if it does not exist. An earlier export of the same study there is
+    /// replaced.
     #[arg(long, visible_alias = "output", value_name = "DIR")]
     pub out: PathBuf,
     /// Only trials of this phase, with their steps and key events [default: all phases].
@@ -93,6 +94,9 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     let (format, stop) = (args.format, &interrupt.token);
     let written = exports::write(&store, dataset, format, &args.out, stop).await;
     let manifest = written.map_err(|error| match error {
+        ExportError::Occupied(_) => {
+            CommandError::Input(format!("--out {}: {error}", args.out.display()))
+        }
         ExportError::Disk(error) => interrupt.unwritten(&args.out, &error),
         error => error.into(),
     })?;

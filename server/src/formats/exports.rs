@@ -53,6 +53,9 @@ pub enum ExportError {
         /// The participant's number.
         participant: i64,
     },
+    /// The folder has the export of another study.
+    #[error("it has the export of study {0}; name another folder")]
+    Occupied(String),
     /// A defect of this program.
     #[error("the export broke off: {0}")]
     Defect(#[from] tokio::task::JoinError),

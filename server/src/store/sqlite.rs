@@ -67,11 +67,14 @@ impl Sqlite {
         };
         let hint = |reason: String| unusable(format!("{reason}; {advice}"));
         let sqlite = |error: StoreError| match error {
-            StoreError::Corrupt(reason) if reason.contains("not a database") => unusable(reason),
-            StoreError::Corrupt(reason) => unusable(format!(
-                "{reason}; restore a backup with 'sidestep restore', or save what can still be read with 'sidestep \
-                 salvage'"
-            )),
+            StoreError::Corrupt(reason) => {
+                let if_it_was =
+                    if reason.contains("not a database") { "if it was one, " } else { "" };
+                unusable(format!(
+                    "{reason}; {if_it_was}restore a backup with 'sidestep restore', or save what can still be read with \
+                     'sidestep salvage'"
+                ))
+            }
             StoreError::Locked => {
                 unusable("database is locked; another program writes to it, try again".to_owned())
             }
@@ -117,12 +120,18 @@ impl Sqlite {
         }
         // A file that this program cannot use, or that another server uses, is not changed by a single byte.
         let untouching = connection::untouching(&named).map_err(refused)?;
-        let state = migrations::check(&untouching).map_err(misfit)?;
-        if state != State::Empty && purpose != Purpose::Copy {
-            migrations::check_finished(&untouching).map_err(misfit)?;
-        }
-        let is_current = state == State::Current;
+        let checked = migrations::check(&untouching).and_then(|state| {
+            if state != State::Empty && purpose != Purpose::Copy {
+                migrations::check_finished(&untouching)?;
+            }
+            Ok(state)
+        });
         drop(untouching);
+        if checked.is_err() {
+            connection::leave_no_log(&named);
+        }
+        let state = checked.map_err(misfit)?;
+        let is_current = state == State::Current;
         let lock = match (is_alone, purpose, is_current) {
             // A server of an older version may use the file, which could not go on with a migrated one.
             (true, ..) | (_, Purpose::Create | Purpose::Change, false) => {

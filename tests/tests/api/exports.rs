@@ -332,6 +332,27 @@ async fn wrong_filters_are_named() {
     }
 }
 
+/// A folder has one export: files of two would look like one.
+#[tokio::test]
+async fn another_export_in_the_same_folder_is_replaced_or_left_alone() {
+    let server = study().await;
+    let folder = Folder::default();
+    let (out, database) = (folder.name("out"), server.database());
+    export(&server, "parquet", &out, &[]).await;
+    std::fs::write(folder.path("out/mine.txt"), "mine").unwrap();
+    export(&server, "csv", &out, &[]).await;
+    let names: Vec<_> = files(&folder.path("out")).into_keys().collect();
+    assert!(names.iter().all(|name| !name.ends_with(".parquet")), "{names:?}");
+    assert!(["mine.txt", "trials.csv"].iter().all(|name| names.iter().any(|it| it == name)));
+    let trials = folder.name("trials.csv");
+    run(&["simulate", "--participants", "2", "--seed", "1", "--out", &trials]).await.json();
+    run(&["import", "--study", "other", "--trials", &trials, "--database", &database]).await.json();
+    let before = files(&folder.path("out"));
+    let other = ["export", "--database", &database, "--study", "other", "--out", &out];
+    run(&other).await.refused(2, &["--out", "the export of study default"]);
+    assert!(files(&folder.path("out")) == before);
+}
+
 #[tokio::test]
 async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let server = study().await;
@@ -408,7 +429,10 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let all = server.request(reqwest::Method::GET, &route).bearer_auth(&server.key);
     let all = async { all.send().await?.bytes().await };
     assert!(all.await.is_err());
-    db.execute(&format!("DELETE FROM trial WHERE trial_id = '{unreadable}'")).await.unwrap();
+    let delete = format!(
+        "DELETE FROM trial WHERE trial_id = '{unreadable}'; UPDATE tally SET task = task - 1 WHERE number = 1"
+    );
+    db.execute(&delete).await.unwrap();
     let steps = server.export("default").await;
     assert_eq!(steps.lines().filter(|line| line.ends_with(",1")).count(), 50);
 }

@@ -16,17 +16,30 @@ use crate::formats::atomic_folder::Draft;
 use crate::formats::tables::participants::Participants;
 use crate::private;
 use crate::store::Store;
+use serde::Deserialize;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// Writes an export into a folder. Files with the same names are replaced when everything new is
-/// on the disk; in between there is no manifest.
+/// The export that a folder has.
+#[derive(Deserialize)]
+struct Former {
+    study: String,
+    files: Vec<FormerFile>,
+}
+
+#[derive(Deserialize)]
+struct FormerFile {
+    name: String,
+}
+
+/// Writes an export into a folder. That of the same study which is there, in whatever format, is replaced when everything
+/// new is on the disk; in between there is no manifest.
 ///
 /// # Errors
-/// [`ExportError`], also if `cancel` was cancelled; the folder has no new file then, or no manifest.
+/// [`ExportError`], also if the folder has the export of another study, or if `cancel` was cancelled; the folder has no new file then, or no manifest.
 pub async fn write(
     store: &Store,
     dataset: Dataset,
@@ -35,6 +48,15 @@ pub async fn write(
     cancel: &CancellationToken,
 ) -> Result<Manifest, ExportError> {
     let created_at = date_time(now_ms());
+    let former = fs::read(folder.join(MANIFEST)).ok();
+    let former: Option<Former> = former.and_then(|text| serde_json::from_slice(&text).ok());
+    let mut obsolete = Vec::new();
+    if let Some(Former { study, files }) = former {
+        if study != dataset.study.slug {
+            return Err(ExportError::Occupied(study));
+        }
+        obsolete.extend(files.into_iter().map(|file| file.name).filter(|name| !name.contains('/')));
+    }
     let draft = Draft::begin_private(folder)?;
     let people = dataset.driven(store, Arc::default());
     let (path, asked) = (draft.path().to_owned(), cancel.clone());
@@ -49,7 +71,8 @@ pub async fn write(
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error.into()),
         _ => {}
     }
-    draft.keep(&[], cancel)?;
+    let obsolete: Vec<&str> = obsolete.iter().map(String::as_str).collect();
+    draft.keep(&obsolete, cancel)?;
     let manifest = Manifest::new(&dataset, format, created_at, files, damage);
     let text = manifest.text()?;
     // From here on it is complete but for this.
