@@ -16,7 +16,8 @@ use std::path::PathBuf;
 /// without it is not complete.
 ///
 /// Every trial is replayed, as by 'sidestep check'. One that is damaged is named, and marked in the tables by the
-/// column damaged; one that cannot be read is left out. The exit code is 1 then.
+/// column damaged; one that cannot be read, or is not found, is left out. The exit code is 1 then. Nothing is written
+/// where the study or the list of its participants cannot be read.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ExportArgs {
     /// Database: sqlite: followed by a file.

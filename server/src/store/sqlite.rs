@@ -164,18 +164,17 @@ impl Sqlite {
                 migrations::begin_copy(&db).map_err(sqlite)?;
             }
         }
-        let unstarted = |error: StoreError| unusable(error.to_string());
-        let original = Arc::new(Original::new(file.clone()).map_err(unstarted)?);
+        let original = Arc::new(Original::new(file.clone()).map_err(sqlite)?);
         let only_reads = purpose == Purpose::Read;
         let readers = Arc::new(Readers::new(file.clone(), Arc::clone(&original), only_reads));
         let writer = match only_reads {
             true => Ok(Writer::none()),
             false => Writer::start(file.clone(), Arc::clone(&original), Arc::clone(&readers)),
         };
-        let writer = writer.map_err(unstarted)?;
+        let writer = writer.map_err(sqlite)?;
         let watch = match only_reads {
             true => None,
-            false => Some(Watch::start(Arc::clone(&original), writer.rescue()).map_err(unstarted)?),
+            false => Some(Watch::start(Arc::clone(&original), writer.rescue()).map_err(sqlite)?),
         };
         let (watch, lock) = (Mutex::new(watch), Mutex::new(lock));
         Ok(Self { named, file, original, readers, writer, watch, lock, copy })

@@ -11,6 +11,8 @@ pub struct Damaged {
     /// The trial, if it is known which one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trial_id: Option<String>,
+    /// How many trials it concerns.
+    pub trials: u64,
     /// What is wrong.
     pub what: String,
     /// Whether it can be read. If not, no table has it.
@@ -20,7 +22,7 @@ pub struct Damaged {
 
 impl fmt::Display for Damaged {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { participant, trial_id, what, is_readable } = self;
+        let Self { participant, trial_id, trials: _, what, is_readable } = self;
         match trial_id {
             Some(trial_id) => write!(f, "participant {participant}, trial {trial_id}: {what}")?,
             None => write!(f, "participant {participant}: {what}")?,
@@ -32,7 +34,7 @@ impl fmt::Display for Damaged {
 /// All that is damaged.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Damage {
-    /// How much there is.
+    /// How many trials it concerns.
     #[serde(rename = "damaged_trials")]
     pub count: u64,
     /// The first of it.
@@ -45,7 +47,7 @@ impl Damage {
     const MOST: usize = 10_000;
 
     pub(super) fn add(&mut self, damaged: Damaged) {
-        self.count += 1;
+        self.count += damaged.trials;
         if self.first.len() < Self::MOST {
             self.first.push(damaged);
         }

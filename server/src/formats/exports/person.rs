@@ -10,6 +10,8 @@ use crate::store::{Store, StoreError};
 pub(super) struct Person {
     /// The participant's number.
     number: i64,
+    /// How many trials were stored.
+    stored: usize,
     trials: Vec<Result<Examined, Wrong>>,
     /// Why no trial can be read.
     unreadable: Option<String>,
@@ -25,14 +27,14 @@ impl Person {
             Err(StoreError::Corrupt(what)) => (Vec::new(), Some(what)),
             Err(error) => return Err(error),
         };
+        let stored = usize::try_from(entry.trials.iter().sum::<i64>()).unwrap_or(0);
         let mut hidden = 0;
-        let stored = entry.trials.iter().sum();
-        if unreadable.is_none() && (trials.len() as i64) < stored {
+        if unreadable.is_none() && trials.len() < stored {
             // Unless they were deleted since.
-            let stored = stored.min(store.stored_trials(&entry.id).await?);
-            hidden = usize::try_from(stored).unwrap_or(0).saturating_sub(trials.len());
+            let left = usize::try_from(store.stored_trials(&entry.id).await?).unwrap_or(0);
+            hidden = stored.min(left).saturating_sub(trials.len());
         }
-        Ok(Self { number: entry.number, trials, unreadable, hidden })
+        Ok(Self { number: entry.number, stored, trials, unreadable, hidden })
     }
 
     /// How many trials are stored, if that is known.
@@ -56,22 +58,29 @@ impl Person {
 
     /// What is damaged.
     pub(super) fn damaged(&self) -> impl Iterator<Item = Damaged> {
-        let damaged = |trial_id: Option<&str>, what: &str, is_readable| Damaged {
+        let of = |trial_id: Option<&str>, trials: usize, what: &str, is_readable| Damaged {
             participant: self.number,
             trial_id: trial_id.map(str::to_owned),
+            trials: trials as u64,
             what: what.to_owned(),
             is_readable,
         };
         let trials = self.trials.iter().filter_map(move |examined| match examined {
             Ok(Examined { trial, fault, .. }) => {
-                Some(damaged(Some(&trial.head.trial_id), fault.as_ref()?, true))
+                Some(of(Some(&trial.head.trial_id), 1, fault.as_ref()?, true))
             }
-            Err(Wrong { trial_id, what }) => Some(damaged(Some(trial_id), what, false)),
+            Err(Wrong { trial_id, what }) => Some(of(Some(trial_id), 1, what, false)),
         });
-        let unreadable = self.unreadable.iter();
-        let unreadable = unreadable.map(|what| format!("no trial can be read: {what}"));
-        let hidden = "a trial that was stored is not found by its scene; 'sidestep check' says where the damage is";
-        let hidden = std::iter::repeat_n(hidden.to_owned(), self.hidden);
-        trials.chain(unreadable.chain(hidden).map(move |what| damaged(None, &what, false)))
+        let unreadable = self.unreadable.as_ref().map(|what| {
+            of(None, self.stored.max(1), &format!("no trial can be read: {what}"), false)
+        });
+        let hidden = (self.hidden > 0).then(|| {
+            let (hidden, stored) = (self.hidden, self.stored);
+            let what = format!(
+                "of {stored} trials that were stored, {hidden} are not found by their scenes"
+            );
+            of(None, hidden, &what, false)
+        });
+        trials.chain(unreadable).chain(hidden)
     }
 }
