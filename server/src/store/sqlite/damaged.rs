@@ -57,7 +57,9 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<u64> {
     out.set_len(out.metadata()?.len().next_multiple_of(page as u64))?;
     trees::mend(&copy, page)?;
     // What cannot be made anew here is left to whoever reads the file.
-    if let Ok(db) = connection::migrating(to) {
+    if !copy.is_empty()
+        && let Ok(db) = connection::migrating(to)
+    {
         let _ = migrations::renew(&db);
         let _ = connection::renew_indices(&db);
     }
