@@ -4,19 +4,18 @@
 //! SQLite finds rows from the first page of a table downwards, so that a lost inner page hides all rows below it. Pages
 //! with rows tell which rows they have, and by the kinds of their values of which table they are.
 
-use super::connection;
+mod page;
+mod columns;
+
+use self::columns::{Table, tables};
+use self::page::{
+    HEADER, INNER, LEAF, below, header_in, inner, is_ascending, rows_in, types, varint,
+};
 use super::file::{DatabaseFile, MAGIC};
-use crate::store::sql;
 use std::collections::HashSet;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
-
-/// The length of a file's header, which is in its first page.
-const HEADER: usize = 100;
-
-const INNER: u8 = 5;
-const LEAF: u8 = 13;
 
 /// Builds the trees of a file anew where a page of them is lost. The file has no log. What is missing is, in the trees, on a
 /// page that SQLite calls damaged.
@@ -35,98 +34,6 @@ pub(super) fn mend(named: &DatabaseFile, page: usize) -> io::Result<()> {
         // SQLite says itself what is wrong with the file.
         Err(_) => Ok(()),
     }
-}
-
-/// What a column takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Integer,
-    Real,
-    Text,
-    Blob,
-    Any,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Column {
-    kind: Kind,
-    /// Whether NULL is refused.
-    is_required: bool,
-    /// Whether rows that are older than the column have a value in it.
-    has_default: bool,
-}
-
-impl Column {
-    /// Whether a value may be of this type, as records name it.
-    fn takes(self, serial_type: u64) -> bool {
-        match serial_type {
-            0 => !self.is_required,
-            1..=6 | 8 | 9 => matches!(self.kind, Kind::Integer | Kind::Real | Kind::Any),
-            7 => matches!(self.kind, Kind::Real | Kind::Any),
-            10 | 11 => false,
-            even if even % 2 == 0 => matches!(self.kind, Kind::Blob | Kind::Any),
-            _ => matches!(self.kind, Kind::Text | Kind::Any),
-        }
-    }
-}
-
-struct Table {
-    /// The first page of its tree.
-    root: u32,
-    columns: Vec<Column>,
-}
-
-impl Table {
-    /// The table of all tables.
-    fn of_schema() -> Self {
-        let kinds = [Kind::Text, Kind::Text, Kind::Text, Kind::Integer, Kind::Text];
-        let column = |kind| Column { kind, is_required: kind == Kind::Integer, has_default: false };
-        Self { root: 1, columns: kinds.map(column).to_vec() }
-    }
-
-    /// Whether a row may be of this table. Rows that are older than a column lack it.
-    fn takes(&self, row: &[u64]) -> bool {
-        // Its first value is view, table, index or trigger, as long as these words.
-        if self.root == 1 && (row.len() < self.columns.len() || !matches!(row[0], 21 | 23 | 27)) {
-            return false;
-        }
-        let later = self.columns.get(row.len()..);
-        later.is_some_and(|later| {
-            later.iter().all(|column| !column.is_required || column.has_default)
-        }) && row.iter().zip(&self.columns).all(|(value, column)| column.takes(*value))
-    }
-}
-
-/// The tables whose rows are numbered.
-fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
-    let query = "SELECT rootpage, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
-                 FROM sqlite_schema AS own, pragma_table_list(own.name) AS list, pragma_table_xinfo(own.name) AS info \
-                 WHERE own.type = 'table' AND own.name NOT LIKE 'sqlite%' AND list.schema = 'main' AND NOT list.wr \
-                     AND info.hidden <> 2 \
-                 ORDER BY rootpage, info.cid";
-    let db = connection::without_log(file)?;
-    let mut statement = db.prepare_cached(query)?;
-    let columns = statement.query_map([], |row| {
-        let kind = match &*row.get::<_, String>(1)? {
-            "INTEGER" | "INT" => Kind::Integer,
-            "REAL" => Kind::Real,
-            "TEXT" => Kind::Text,
-            "BLOB" => Kind::Blob,
-            _ => Kind::Any,
-        };
-        let column = Column { kind, is_required: row.get(2)?, has_default: row.get(3)? };
-        Ok((row.get::<_, i64>(0)?, column))
-    })?;
-    let mut tables: Vec<Table> = Vec::new();
-    for column in columns {
-        let (root, column) = column?;
-        let Ok(root) = u32::try_from(root) else { continue };
-        match tables.last_mut() {
-            Some(table) if table.root == root => table.columns.push(column),
-            _ => tables.push(Table { root, columns: vec![column] }),
-        }
-    }
-    Ok(tables)
 }
 
 /// The rows of a tree from the one after the part before, up to this one.
@@ -163,34 +70,6 @@ impl Stray {
         let (first, last) = (*numbers.first()?, *numbers.last()?);
         numbers.is_sorted_by(|one, next| one < next).then_some(Self { page, first, last, rows })
     }
-}
-
-/// How many rows a page with rows has.
-fn rows_in(content: &[u8]) -> usize {
-    usize::from(u16::from_be_bytes([content[3], content[4]]))
-}
-
-/// The types of the values of a record of this length.
-fn types(record: &[u8], length: u64) -> Option<Vec<u64>> {
-    let mut rest = record;
-    let head = varint(&mut rest)?;
-    let head_length = usize::try_from(head).ok()?;
-    let mut rest = record.get(record.len() - rest.len()..head_length)?;
-    let (mut types, mut total) = (Vec::new(), head);
-    while !rest.is_empty() {
-        let of_value = varint(&mut rest)?;
-        types.push(of_value);
-        let bytes = match of_value {
-            0 | 8 | 9 => 0,
-            1..=4 => of_value,
-            5 => 6,
-            6 | 7 => 8,
-            10 | 11 => return None,
-            _ => (of_value - 12) / 2,
-        };
-        total = total.checked_add(bytes)?;
-    }
-    (total == length).then_some(types)
 }
 
 struct Pages<'a> {
@@ -343,11 +222,6 @@ impl<'a> Pages<'a> {
     }
 }
 
-/// Where the header of a page's tree is in it.
-fn header_in(page: u32) -> usize {
-    if page == 1 { HEADER } else { 0 }
-}
-
 /// The one table that lacks these rows and may have them. None if there are two: rows must not appear where they never
 /// were.
 fn owner(damaged: &[(&Table, Vec<Part>)], stray: &Stray) -> Option<usize> {
@@ -399,103 +273,13 @@ fn filled(parts: &[Part], strays: &[&Stray], lost: u32) -> Vec<(i64, u32)> {
     pages
 }
 
-/// The pages below an inner one, each with the number of its last row, and the one behind them.
-fn below(header: &[u8], content: &[u8]) -> Option<(Vec<(i64, u32)>, u32)> {
-    let count = usize::from(u16::from_be_bytes([*header.get(3)?, *header.get(4)?]));
-    let pages = header.get(12..)?.chunks_exact(2).take(count).map(|at| {
-        let mut cell = content.get(usize::from(u16::from_be_bytes([at[0], at[1]]))..)?;
-        let page = number(cell)?;
-        cell = &cell[4..];
-        Some((varint(&mut cell)? as i64, page))
-    });
-    Some((pages.collect::<Option<Vec<_>>>()?, number(header.get(8..)?)?))
-}
-
-fn is_ascending(before: i64, below: &[(i64, u32)], last: i64) -> bool {
-    let numbers = || below.iter().map(|(number, _)| *number);
-    std::iter::once(before)
-        .chain(numbers())
-        .zip(numbers().chain([last]))
-        .all(|(one, next)| one < next)
-}
-
-/// An inner page above these, in place of the one with this content.
-fn inner(below: &[(i64, u32)], content: &[u8], header: usize) -> Vec<u8> {
-    let mut page = content[..header].to_vec();
-    page.resize(content.len(), 0);
-    let mut end = page.len();
-    let Some(((_, right), cells)) = below.split_last() else { return page };
-    for (at, (last, below)) in cells.iter().enumerate() {
-        let mut cell = below.to_be_bytes().to_vec();
-        push_varint(&mut cell, *last as u64);
-        end -= cell.len();
-        page[end..][..cell.len()].copy_from_slice(&cell);
-        page[header + 12 + 2 * at..][..2].copy_from_slice(&(end as u16).to_be_bytes());
-    }
-    page[header] = INNER;
-    page[header + 3..][..2].copy_from_slice(&(cells.len() as u16).to_be_bytes());
-    page[header + 5..][..2].copy_from_slice(&(end as u16).to_be_bytes());
-    page[header + 8..][..4].copy_from_slice(&right.to_be_bytes());
-    page
-}
-
-fn number(bytes: &[u8]) -> Option<u32> {
-    bytes.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))
-}
-
-/// A number of up to nine bytes, the first with the highest bits; all but the last byte begin with a 1.
-fn varint(bytes: &mut &[u8]) -> Option<u64> {
-    let mut number = 0;
-    for at in 0..9 {
-        let (&byte, rest) = bytes.split_first()?;
-        *bytes = rest;
-        if at == 8 {
-            return Some(number << 8 | u64::from(byte));
-        }
-        number = number << 7 | u64::from(byte & 0x7f);
-        if byte < 0x80 {
-            break;
-        }
-    }
-    Some(number)
-}
-
-fn push_varint(to: &mut Vec<u8>, number: u64) {
-    let mut rest = number;
-    let mut bytes = Vec::new();
-    if number >= 1 << 56 {
-        bytes.push(rest as u8);
-        rest >>= 8;
-        bytes.extend((0..8).map(|at| (rest >> (7 * at)) as u8 | 0x80));
-    } else {
-        bytes.push(rest as u8 & 0x7f);
-        while rest >= 0x80 {
-            rest >>= 7;
-            bytes.push(rest as u8 & 0x7f | 0x80);
-        }
-    }
-    to.extend(bytes.iter().rev());
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::connection;
     use super::super::log::PAGE;
     use super::*;
     use std::collections::BTreeSet;
     use std::path::Path;
-
-    #[test]
-    fn numbers_have_the_length_that_they_need() {
-        for number in [0, 1, 127, 128, 16_383, 16_384, (1 << 56) - 1, 1 << 56, u64::MAX] {
-            let mut bytes = Vec::new();
-            push_varint(&mut bytes, number);
-            let bits = 64 - number.max(1).leading_zeros() as usize;
-            assert_eq!(bytes.len(), bits.div_ceil(7).min(9), "{number}");
-            let mut rest = &bytes[..];
-            assert!(varint(&mut rest) == Some(number) && rest.is_empty(), "{number}");
-            assert_eq!(varint(&mut &bytes[..bytes.len() - 1]), None);
-        }
-    }
 
     /// A file with two tables of three levels, and one of few rows.
     fn written(path: &Path) -> Vec<u8> {

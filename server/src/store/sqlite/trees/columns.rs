@@ -1,0 +1,97 @@
+//! What the rows of a table may look like.
+
+use super::super::connection;
+use super::super::file::DatabaseFile;
+use crate::store::sql;
+
+/// What a column takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Integer,
+    Real,
+    Text,
+    Blob,
+    Any,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Column {
+    kind: Kind,
+    /// Whether NULL is refused.
+    is_required: bool,
+    /// Whether rows that are older than the column have a value in it.
+    has_default: bool,
+}
+
+impl Column {
+    /// Whether a value may be of this type, as records name it.
+    fn takes(self, serial_type: u64) -> bool {
+        match serial_type {
+            0 => !self.is_required,
+            1..=6 | 8 | 9 => matches!(self.kind, Kind::Integer | Kind::Real | Kind::Any),
+            7 => matches!(self.kind, Kind::Real | Kind::Any),
+            10 | 11 => false,
+            even if even % 2 == 0 => matches!(self.kind, Kind::Blob | Kind::Any),
+            _ => matches!(self.kind, Kind::Text | Kind::Any),
+        }
+    }
+}
+
+pub(super) struct Table {
+    /// The first page of its tree.
+    pub(super) root: u32,
+    pub(super) columns: Vec<Column>,
+}
+
+impl Table {
+    /// The table of all tables.
+    pub(super) fn of_schema() -> Self {
+        let kinds = [Kind::Text, Kind::Text, Kind::Text, Kind::Integer, Kind::Text];
+        let column = |kind| Column { kind, is_required: kind == Kind::Integer, has_default: false };
+        Self { root: 1, columns: kinds.map(column).to_vec() }
+    }
+
+    /// Whether a row may be of this table. Rows that are older than a column lack it.
+    pub(super) fn takes(&self, row: &[u64]) -> bool {
+        // Its first value is view, table, index or trigger, as long as these words.
+        if self.root == 1 && (row.len() < self.columns.len() || !matches!(row[0], 21 | 23 | 27)) {
+            return false;
+        }
+        let later = self.columns.get(row.len()..);
+        later.is_some_and(|later| {
+            later.iter().all(|column| !column.is_required || column.has_default)
+        }) && row.iter().zip(&self.columns).all(|(value, column)| column.takes(*value))
+    }
+}
+
+/// The tables whose rows are numbered.
+pub(super) fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
+    let query = "SELECT rootpage, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
+                 FROM sqlite_schema AS own, pragma_table_list(own.name) AS list, pragma_table_xinfo(own.name) AS info \
+                 WHERE own.type = 'table' AND own.name NOT LIKE 'sqlite%' AND list.schema = 'main' AND NOT list.wr \
+                     AND info.hidden <> 2 \
+                 ORDER BY rootpage, info.cid";
+    let db = connection::without_log(file)?;
+    let mut statement = db.prepare_cached(query)?;
+    let columns = statement.query_map([], |row| {
+        let kind = match &*row.get::<_, String>(1)? {
+            "INTEGER" | "INT" => Kind::Integer,
+            "REAL" => Kind::Real,
+            "TEXT" => Kind::Text,
+            "BLOB" => Kind::Blob,
+            _ => Kind::Any,
+        };
+        let column = Column { kind, is_required: row.get(2)?, has_default: row.get(3)? };
+        Ok((row.get::<_, i64>(0)?, column))
+    })?;
+    let mut tables: Vec<Table> = Vec::new();
+    for column in columns {
+        let (root, column) = column?;
+        let Ok(root) = u32::try_from(root) else { continue };
+        match tables.last_mut() {
+            Some(table) if table.root == root => table.columns.push(column),
+            _ => tables.push(Table { root, columns: vec![column] }),
+        }
+    }
+    Ok(tables)
+}
