@@ -98,7 +98,8 @@ impl Shfrs {
     ) -> Result<Bound<'py, PyArray1<f64>>, Error> {
         let Source { human, settings, .. } = &*self.source;
         let worst = worst_case_area_m2(&human.parameters, settings.bounds.steps())?;
-        let shares = self.found.sets.iter().map(|set| set.area_m2 / worst);
+        // Nothing is reached that the vehicle cannot reach; both areas are known to their polygons' accuracy alone.
+        let shares = self.found.sets.iter().map(|set| (set.area_m2 / worst).min(1.0));
         Ok(shares.collect::<Vec<_>>().into_pyarray(py))
     }
 

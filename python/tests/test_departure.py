@@ -111,6 +111,8 @@ def test_headings_that_may_be_degrees_are_told():
         (lambda: sidestep.ReachableSet([0, 0, 0], -FULL, FULL).contains(turned, 1), r"states\[0, 2\]"),
         (lambda: sidestep.bounds(now, STRAIGHT, [0.0], [1]), r"history\[0, 0, 2\]: 90"),
         (lambda: sidestep.ShfrsPredictor(STRAIGHT, WIDE).predict(now), r"history\[0, 0, 2\]"),
+        (lambda: sidestep.OnlinePredictor(STRAIGHT, WIDE).push(now[0]), r"state\[0, 2\]: 90"),
+        (lambda: sidestep.solve(GAME).level_curves(90.0), r"psi: 90"),
     ):
         with pytest.warns(sidestep.AngleWarning, match=place):
             assert call() is not None

@@ -122,7 +122,13 @@ impl<R: Read> Records<R> {
     /// # Errors
     /// [`LineError`] for what is not text, or a row with another number of fields than the header has.
     pub fn read(&mut self) -> Result<Option<(u64, &Record)>, LineError> {
-        let Some(line) = self.next()? else { return Ok(None) };
+        let line = loop {
+            let Some(line) = self.next()? else { return Ok(None) };
+            // Spreadsheets go on with empty rows.
+            if !self.record.is_blank() {
+                break line;
+            }
+        };
         if self.record.len() != self.fields {
             let expected = format!("{} fields, as in the header", self.fields);
             return Err(LineError { line, what: Invalid::new("row", expected, self.record.len()) });
@@ -224,11 +230,19 @@ impl<R: Read> Lines<R> {
             let begins_at = self.line;
             let next = self.next().map_err(|error| (begins_at, error.to_string()))?;
             let Some(range) = next else { return Ok(b',') };
-            let line = without_ends(&self.buffer[range.clone()], begins_at);
+            let lines = without_ends(&self.buffer[range.clone()], begins_at);
+            // Old spreadsheets end lines with a carriage return alone.
+            let line = lines.split(|byte| *byte == b'\r').next().unwrap_or(lines);
             match line {
-                [] => continue,
+                [] if lines.is_empty() => continue,
                 [b's', b'e', b'p', b'=', separator @ (b',' | b';' | b'\t')] => {
-                    return Ok(*separator);
+                    let separator = *separator;
+                    if line.len() < lines.len() {
+                        let mark = self.buffer[range.start..].starts_with(MARK);
+                        self.begin = range.start + usize::from(mark) * MARK.len() + line.len() + 1;
+                        self.line = begins_at + 1;
+                    }
+                    return Ok(separator);
                 }
                 _ if line.contains(&0) => {
                     let found = "NUL, as UTF-16 without a mark has; save the file as UTF-8";
@@ -328,6 +342,13 @@ mod tests {
         let latin = "read as a table with Windows-1252 (Latin-1), columns between semicolons";
         check(b"\xe4;b\n1;2\n", &[1.0, 2.0], latin);
         check(b"\xe4;b\n\"1\";2\n", &[1.0, 2.0], latin);
+        // Lines that end with a carriage return alone, everything in quotation marks, and empty rows.
+        check(b"a;b\r1,5;-2\r1234,25;1E-07\r", &values, &commas);
+        check(b"\xef\xbb\xbfsep=;\ra;b\r1,5;-2\r1234,25;1E-07", &values, &commas);
+        let quoted = b"\"a\",\"b\"\n\"1,5\",\"-2\"\n\"1234,25\",\"1e-7\"\n";
+        check(quoted, &values, "read as a table with decimal commas");
+        check(b"a;b\n1,5;-2\n;\n1234,25;1e-7\n;\n;;;\n", &values, &commas);
+        check(b"a,b\n1.5,-2\n\"\",\"\"\n1234.25,1e-7\n,,,\n", &values, "");
     }
 
     #[test]
@@ -349,8 +370,15 @@ mod tests {
         );
         check("a;b\n1,234,567;2\n", "line 2: a: expected a number, found \"1,234,567\"");
         check("a,b\n1,5,2\n", "line 2: row: expected 2 fields, as in the header, found 3");
-        let (found, _) = numbers(b"a,b\n\"1,5\",2\n");
-        assert_eq!(found.unwrap_err(), "line 2: a: expected a number, found \"1,5\"");
+        check(
+            "a,b\n\"1,500\",2\n",
+            "line 2: a: expected a number without marks between thousands, or with a decimal comma in a table with \
+             columns between semicolons, found \"1,500\"",
+        );
+        check(
+            "a;b\r1.5;2\r1.5;2,5\r",
+            "line 3: b: expected a decimal point, as the numbers before have, found \"2,5\"",
+        );
         let bare: Vec<u8> = "a;b\n1;2".encode_utf16().flat_map(u16::to_le_bytes).collect();
         let said = Records::of(&bare[..]).err().unwrap().to_string();
         let expected = "line 1: row: expected UTF-8 text, found NUL, as UTF-16 without a mark has; save \

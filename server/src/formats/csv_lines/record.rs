@@ -17,8 +17,8 @@ pub struct Record {
     text: String,
     /// The end of each field in the text, and the beginning of the next one.
     fields: Vec<(usize, usize)>,
-    /// Whether commas separate no columns, so that numbers can have them.
-    decimals_vary: bool,
+    /// Whether commas separate the columns, so that only fields in quotation marks have some, also between thousands.
+    by_commas: bool,
     /// What the file's numbers so far have.
     decimal: Cell<Option<Decimal>>,
 }
@@ -26,13 +26,18 @@ pub struct Record {
 impl Record {
     /// A row of a file whose columns this separates.
     pub(super) fn separated_by(separator: u8) -> Self {
-        Self { decimals_vary: separator != b',', ..Self::default() }
+        Self { by_commas: separator == b',', ..Self::default() }
     }
 
     /// The number of fields.
     #[must_use]
     pub fn len(&self) -> usize {
         self.fields.len()
+    }
+
+    /// Whether nothing is in its fields.
+    pub(super) fn is_blank(&self) -> bool {
+        self.text.bytes().all(|byte| matches!(byte, b',' | b';' | b'\t' | b' '))
     }
 
     /// Whether there is no field.
@@ -54,8 +59,8 @@ impl Record {
         (0..self.len()).map(|place| &self[place])
     }
 
-    /// The number at a place, of the column `name`. Where commas separate no columns, it may have a decimal comma;
-    /// then all numbers of the file that have decimals have one.
+    /// The number at a place, of the column `name`. It may have a decimal comma; then all numbers of the file that have
+    /// decimals have one.
     ///
     /// # Errors
     /// [`Invalid`] naming the column.
@@ -69,12 +74,17 @@ impl Record {
             Ok(number) => Ok(number),
             Err(_) => refused("a number"),
         };
-        if !self.decimals_vary {
-            return parsed(text);
-        }
         let found = match (text.contains(','), text.contains('.')) {
             (false, false) => return parsed(text),
             (true, true) => return refused("a number without marks between thousands"),
+            (true, false)
+                if self.by_commas && self.decimal.get().is_none() && may_be_thousands(text) =>
+            {
+                return refused(
+                    "a number without marks between thousands, or with a decimal comma in a table with columns between \
+                     semicolons",
+                );
+            }
             (true, false) => Decimal::Comma,
             (false, true) => Decimal::Point,
         };
@@ -120,6 +130,14 @@ impl Record {
         self.text.push_str(field);
         self.fields.push((self.text.len(), self.text.len()));
     }
+}
+
+/// Whether a comma stands before three digits, as between thousands.
+fn may_be_thousands(text: &str) -> bool {
+    let (whole, rest) = text.split_once(',').unwrap_or((text, ""));
+    let whole = whole.trim_start_matches(['-', '+']);
+    let is_whole = (1..=3).contains(&whole.len()) && !whole.starts_with('0');
+    is_whole && rest.split(',').all(|part| part.len() == 3)
 }
 
 impl Index<usize> for Record {

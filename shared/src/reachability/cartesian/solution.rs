@@ -123,7 +123,8 @@ impl<T: Real, const D: usize> Solution<T, D> {
     }
 
     /// Whether V after `tau_s`, s, of the march may depend on what lies beyond the grid's ends, node by node, row-major;
-    /// none if the solution is from a file that does not say. See [`Self::earliest_exit_s`].
+    /// none if the solution is from a file that does not say. See [`Self::earliest_exit_s`]: it knows speeds without their
+    /// sign, so that nodes near an end are marked also where every path leads away from it.
     ///
     /// # Errors
     /// [`Invalid`] for a time that is not from 0 to the horizon.
