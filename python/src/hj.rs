@@ -1,8 +1,9 @@
 //! Games of one's own on a grid: the Hamilton–Jacobi equation, solved.
 
+use std::ffi::CString;
 use std::ops::ControlFlow;
 
-use pyo3::exceptions::PyFutureWarning;
+use pyo3::exceptions::{PyFutureWarning, PyUserWarning};
 use pyo3::prelude::*;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::cartesian::{
@@ -41,7 +42,8 @@ use crate::value::checked;
 ///     The horizon > 0, s; or the instants at which V is kept, s, which rise from 0 to the horizon in equal steps.
 ///     They are times of the march: the time left, or with `direction="forward"` the time since the beginning.
 /// avoid : array of float64 or callable or None, shape (*nodes,)
-///     g(x), < 0 in what must not be entered: V ≥ -g. Best a distance, negative inside, as for the target.
+///     g(x), < 0 in what must not be entered: V ≥ -g. Best a distance, negative inside, as for the target. Warns if so little of V
+///     is left that its sign can be wrong: of an indicator that is lower than the target is deep.
 /// obstacle : array of float64 or callable or None, shape (*nodes,)
 ///     The same with the other sign, **positive** inside, as in earlier versions: use `avoid`. Warns.
 /// kind : {"tube", "set"}
@@ -69,7 +71,7 @@ use crate::value::checked;
 /// A tube's V is between the least l at any node and max(l, -g), at every node.
 ///
 /// Beyond the grid nothing is known. There V continues as `Grid` says, and where paths leave the grid, V depends on that:
-/// `Solution.depends_on_outside` marks such nodes. If they matter, take a larger grid.
+/// `Solution.depends_on_outside` marks such nodes, and others. If they matter, take a larger grid.
 ///
 /// Raises
 /// ------
@@ -130,6 +132,10 @@ pub(crate) fn hj_solve(
             ended => ended,
         })
     })?;
+    if let Some(shallow) = solved.shallow() {
+        let said = CString::new(format!("avoid: {shallow}")).unwrap_or_default();
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &said, 1)?;
+    }
     Ok(Solution { grid: grid.get().clone(), solved })
 }
 

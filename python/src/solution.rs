@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
 use sidestep::invalid::Invalid;
-use sidestep::reachability::cartesian::{self, Direction, Kind};
+use sidestep::reachability::cartesian::{self, Direction, Kind, ShallowObstacle};
 use sidestep::reachability::{self, AffineArrays};
 
 use crate::arrays::{Array, Numbers, place, rows_of, shaped};
@@ -216,8 +216,9 @@ impl Solution {
     }
 
     /// Where V may depend on what lies beyond the ends of the grid: a path from there can leave the grid in the time
-    /// marched, if each coordinate changes as fast as anywhere on the grid with that coordinate, for any inputs. The paths that
-    /// matter may leave much later. Where it is False, V is that of a larger grid.
+    /// marched, if each coordinate changes as fast as anywhere on the grid with that coordinate, for any inputs and **in either
+    /// direction**. The paths that matter may leave much later, or never, as beside an end from which everything moves away: more
+    /// nodes are marked than depend. Where it is False, V is that of a larger grid.
     ///
     /// Parameters
     /// ----------
@@ -374,6 +375,7 @@ pub(crate) trait Solved: Send + Sync {
     fn first_times(&self, py: Python<'_>, asked: &Asked) -> Result<Vec<f64>, Error>;
     /// Which nodes depend on what is beyond the grid, after this time or the horizon.
     fn depends_on_outside(&self, tau_s: Option<f64>) -> Result<Vec<bool>, Invalid>;
+    fn shallow(&self) -> Option<ShallowObstacle>;
     /// The optimal inputs u and d at states, and how many there are of each.
     fn inputs(&self, py: Python<'_>, asked: &Asked) -> Result<OptimalInputs, Error>;
 }
@@ -492,6 +494,10 @@ impl<const D: usize> Solved for OnGrid<D> {
 
     fn first_times(&self, py: Python<'_>, asked: &Asked) -> Result<Vec<f64>, Error> {
         self.each(py, asked, f64::NAN, |state| self.solution.time_to_reach(state))
+    }
+
+    fn shallow(&self) -> Option<ShallowObstacle> {
+        self.solution.shallow
     }
 
     fn depends_on_outside(&self, tau_s: Option<f64>) -> Result<Vec<bool>, Invalid> {

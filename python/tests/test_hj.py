@@ -168,6 +168,22 @@ def test_an_obstacle_may_be_an_indicator(plane):
     assert (found >= inside(distance - 0.4)).all()
 
 
+def test_an_obstacle_that_leaves_little_of_v_warns(plane, recwarn):
+    distance = np.hypot(plane.states[..., 0] - 1.2, plane.states[..., 1] + 0.5) - 0.4
+
+    def solved(kind, avoid):
+        sidestep.hj_solve(plane, double_integrator, PUSH, None, [[-1, 1]], None, strip, 0.1, avoid=avoid, kind=kind)
+
+    for kind in ("tube", "set"):
+        said = r"avoid: the obstacle keeps V at -0\.001 or more, .*as low as -0\.5.*an indicator at least as high as the target is deep, ±0\.5"
+        with pytest.warns(UserWarning, match=said):
+            solved(kind, np.where(distance < 0, -1e-3, 1e-3))
+        recwarn.clear()
+        for avoid in (None, distance, np.sign(distance), 1e9 * np.sign(distance)):
+            solved(kind, avoid)
+        assert not recwarn.list
+
+
 def test_ends_of_a_grid(plane):
     """ẋ = -1: V(x, T) is l(x - T), with l = x beyond the end or constant there."""
     x = np.linspace(-1, 2, 61)

@@ -25,7 +25,7 @@ use core::ops::ControlFlow;
 use march::march;
 use serde::{Deserialize, Serialize};
 
-pub use solution::{Sample, Snapshot, Solution};
+pub use solution::{Sample, ShallowObstacle, Snapshot, Solution};
 
 /// Whether a state counts that passes through the target, or only one that ends in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -261,6 +261,10 @@ impl Settings {
 /// min l ≤ V ≤ max(l, −g), where min l is the least value of the target at any node so far. Schemes of higher order
 /// undershoot beside kinks; each stage brings V back to min l, as it does to l and −g. What no scheme does in one
 /// stage is no undershoot but an error.
+///
+/// # Low obstacles
+/// An indicator that is lower than the target is deep, or a distance in a larger unit, leaves so flat a V that its sign can be wrong.
+/// [`Solution::shallow`] says so.
 ///
 /// # Where the grid ends
 /// Beyond an end nothing is known, and [`Boundary`](super::Boundary) says what is taken instead. Where the flow leaves

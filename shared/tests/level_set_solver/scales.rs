@@ -75,6 +75,67 @@ fn an_obstacle_may_have_any_height() {
     }
 }
 
+/// A plane, a wall in it, and a target that is 0.5 deep.
+fn shallow(kind: Kind, avoid: Option<&(dyn Fn([f64; 2]) -> f64 + Sync)>) -> Option<[f64; 2]> {
+    let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 41)];
+    let game = Drift { drift: [0.0; 2], speed: [1.0; 2] };
+    let target = |[x, y]: [f64; 2]| hypot(x, y) - 0.5;
+    let problem = problem(&game, axes, &target, (kind, BACKWARD), 0.2);
+    let problem = problem.with_avoid(avoid.map(Region::Static));
+    let found: Solution<f64, 2> = solved(&problem, &settings(Scheme::Weno5));
+    assert_eq!(Solution::from_npz(&found.npz().unwrap()).unwrap(), found);
+    found.shallow.map(|shallow| {
+        assert!(shallow.to_string().contains("or an indicator at least as high"), "{shallow}");
+        [shallow.lowest, shallow.target]
+    })
+}
+
+#[test]
+fn an_obstacle_that_leaves_little_of_v_is_told() {
+    let distance = |[x, y]: [f64; 2]| hypot(x - 1.3, y) - 0.5;
+    // Between walls that leave 0.3 m on each side.
+    let corridor = |[_, y]: [f64; 2]| 0.3 - y.abs();
+    for kind in [Kind::Tube, Kind::Set] {
+        let indicator = |height: f64| {
+            let avoid = move |state| if distance(state) < 0.0 { -height } else { height };
+            shallow(kind, Some(&avoid))
+        };
+        let scaled = |scale: f64| shallow(kind, Some(&move |state| scale * distance(state)));
+        assert_eq!(indicator(1e-3), Some([-1e-3, -0.5]));
+        assert_eq!(indicator(0.4), Some([-0.4, -0.5]));
+        assert_eq!(scaled(0.05).map(|[_, target]| target), Some(-0.5));
+        for told in [indicator(0.5), indicator(1.0), indicator(1e9), scaled(1.0), scaled(0.5)] {
+            assert_eq!(told, None);
+        }
+        assert_eq!((shallow(kind, None), shallow(kind, Some(&corridor))), (None, None));
+    }
+}
+
+/// Where no passage is between walls, V far from them is as good as beside a distance.
+#[test]
+fn one_low_wall_turns_few_signs() {
+    let axes =
+        [Axis::bounded(-5.0, 5.0, 41), Axis::bounded(-5.0, 5.0, 41), Axis::periodic(0.0, TAU, 32)];
+    let target = |[x, y, _]: [f64; 3]| hypot(x, y) - 0.5;
+    let disc = |[x, y, _]: [f64; 3]| hypot(x - 2.0, y) - 1.0;
+    let tube = |avoid: &(dyn Fn([f64; 3]) -> f64 + Sync)| -> Solution<f32, 3> {
+        let problem = problem(&CAR, axes, &target, (Kind::Tube, BACKWARD), 6.0);
+        let problem = problem.with_avoid(Region::Static(avoid));
+        solved(&problem, &Settings::new(Scheme::Weno5).with_threads(2))
+    };
+    let expected = tube(&disc);
+    for (height, most) in [(0.5, 320), (1.0, 600)] {
+        let found = tube(&|state| if disc(state) < 0.0 { -height } else { height });
+        let is_wrong = |at: &usize| {
+            let is_far = disc(found.grid.node(found.grid.index(*at))) >= 0.5;
+            is_far && (found.values[*at] <= 0.0) != (expected.values[*at] <= 0.0)
+        };
+        let wrong = (0..found.values.len()).filter(is_wrong).count();
+        eprintln!("{height}: {wrong}");
+        assert!(wrong < most, "{height}: {wrong}");
+    }
+}
+
 /// max(l, g) ≤ M where max(l, min(g, M)) ≤ M, and |l| ≤ M: a wall that is higher than any magnitude of the target gives
 /// the V of one of that magnitude, to the bit, and its own height where it stands. It may move, and so may the target.
 #[test]

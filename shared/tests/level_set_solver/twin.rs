@@ -82,7 +82,7 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
     }
 
     /// Looks where the obstacle at `time`, within the target's values, goes through a quarter of its range between two
-    /// neighbours, and through four times as much as beside them.
+    /// neighbours, and through four times as much as beside them; and which of these jumps are at passages.
     fn look(&self, time: f64) {
         let (grid, Some(avoid)) = (&self.problem.grid, &self.avoid) else { return };
         if self.problem.kind == Kind::Tube {
@@ -100,13 +100,24 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
             for d in 0..D {
                 let at = |k: isize| neighbour(grid, position, d, k).map(|at| floor[at]);
                 let rise = |k: isize| at(k).zip(at(k + 1)).map_or(0.0, |(a, b)| b - a);
-                for k in [-1, 0] {
+                let is_jump = |k: isize| {
                     let beside = [k - 1, k + 1].map(|beside| rise(beside) * rise(k).signum());
                     let is_steep = beside.iter().all(|beside| rise(k).abs() > 4.0 * beside);
-                    if rise(k).abs() > 0.25 * range && is_steep {
+                    rise(k).abs() > 0.25 * range && is_steep
+                };
+                // Whether there is another wall, or the end, at most six nodes from the foot of this one.
+                let is_passage = |k: isize| {
+                    (1..=6).any(|nodes| {
+                        let other = if rise(k) > 0.0 { k - nodes } else { k + nodes };
+                        let is_end = at(other).is_none() || at(other + 1).is_none();
+                        is_end || is_jump(other) && rise(other) * rise(k) < 0.0
+                    })
+                };
+                for k in [-1, 0] {
+                    if is_jump(k) {
                         self.jumps.set(true);
                         let height = at(k).into_iter().chain(at(k + 1)).fold(low, f64::max);
-                        if height <= self.steep(d) {
+                        if height <= self.steep(d) && is_passage(k) {
                             *jump = 8.0;
                         }
                     }

@@ -8,7 +8,7 @@ use super::kernel::{Base, Range, Stage, Tables, Task};
 use super::layout::{BLOCK, Ghosts, Layout, each_interior, fill_ghosts};
 use super::mirror::Mirror;
 use super::speeds::Speeds;
-use super::{Direction, Horizon, Kind, Problem, Region, Settings, Solution};
+use super::{Direction, Horizon, Kind, Problem, Region, Settings, ShallowObstacle, Solution};
 use crate::invalid::Invalid;
 use crate::parallel::{Lanes, Workers, in_lanes};
 use crate::real::Real;
@@ -109,7 +109,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
 
     /// Notes whether the obstacle jumps: whether, within the target's values, the difference of two neighbours is more than
     /// a quarter of the obstacle's range and than four times those beside it that have its sign, as no slope's is. Where it
-    /// is too low there to be far steeper than the target's steepest slope, that slope hides the jumps of V.
+    /// is too low there to be far steeper than the target's steepest slope, that slope hides the jumps of V. This matters in
+    /// passages: elsewhere first order would cost more than jumps do.
     fn look_for_jumps(&self, limits: &mut Limits<T>) {
         let Some(floor) = &limits.floor else { return };
         let (layout, lowest) = (&self.layout, limits.seen[0]);
@@ -139,11 +140,20 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
                         let size = this.abs();
                         size > share && size > STEEP * beside(k - 1).max(beside(k + 1))
                     };
+                    // From the foot of a wall on: whether another one, or the end, is near.
+                    let is_passage = |k: isize| {
+                        let way = -rise(k).signum() as isize;
+                        (1..=PASSAGE).map(|nodes| k + way * nodes).any(|k| {
+                            at(k).is_none()
+                                || at(k + 1).is_none()
+                                || way as f64 * rise(k) > 0.0 && is_jump(k)
+                        })
+                    };
                     let node = index[d] as isize;
                     for k in [node - 1, node].into_iter().filter(|k| is_jump(*k)) {
                         jumps.store(true, Ordering::Relaxed);
                         let height = at(k).into_iter().chain(at(k + 1)).fold(low, f64::max);
-                        if height <= steep[d] {
+                        if height <= steep[d] && is_passage(k) {
                             near[offset] = hidden;
                         }
                     }
@@ -196,6 +206,22 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
                 f(index, data[start + offset].to_f64());
             });
         }
+    }
+
+    /// What to tell of an obstacle beside which V is far flatter than the target.
+    fn shallow(&self, floor: &[T], limits: &Limits<T>) -> Option<ShallowObstacle> {
+        let (target, lowest) = (limits.seen[0], self.range(floor)[0]);
+        if lowest <= target {
+            return None;
+        }
+        let [mut free, mut lowest_ones] = [0, 0];
+        self.each_node(floor, |_, value| {
+            free += usize::from(value <= 0.0);
+            lowest_ones += usize::from(value <= 0.99 * lowest.min(0.0));
+        });
+        let is_flat = 2 * lowest_ones > free
+            || STEEP * steepest(floor, &self.layout, &self.grid) < limits.slope;
+        (free > 0 && is_flat).then_some(ShallowObstacle { lowest, target })
     }
 
     /// Refuses a fixed obstacle outside of which there is nothing, or nothing of a fixed target.
@@ -476,6 +502,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         marcher.sample(avoid.name(), &avoid.region, avoid.sign, 0.0, floor)?;
         marcher.check_room(&value, floor)?;
     }
+    let shallow = limits.floor.as_ref().and_then(|floor| marcher.shallow(floor, &limits));
     limits.cap_floor();
     marcher.look_for_jumps(&mut limits);
     for (value, floor) in value.iter_mut().zip(limits.floor.iter().flatten()) {
@@ -562,6 +589,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         horizon_s,
         residual,
         exit_s: Some(speeds.exit_s(&problem.grid)),
+        shallow,
     })
 }
 
@@ -594,6 +622,8 @@ const MOST_STEPS: f64 = 1e8;
 const SMALL: usize = 50_000;
 /// How many times as steep as others is a jump, where there is an obstacle.
 const STEEP: f64 = 4.0;
+/// At most this many nodes between walls, or a wall and the grid's end, are a passage.
+const PASSAGE: isize = 6;
 /// How many cells away from jumps faces may be of first order although nothing in them jumps.
 const NEAR: f64 = 8.0;
 /// Steps between two looks at the residual.

@@ -5,6 +5,8 @@ use crate::invalid::Invalid;
 use crate::reachability::game::{Inputs, Players};
 use crate::reachability::grid::Grid;
 use crate::real::Real;
+use core::fmt;
+use serde::{Deserialize, Serialize};
 
 /// The solution of a problem: V on the nodes, and by interpolation anywhere on the grid.
 ///
@@ -46,6 +48,33 @@ pub struct Solution<T, const D: usize> {
     /// By axis and node of it: the time, s, before which no path from such a node is beyond an end of that axis.
     /// Infinite where none ever is; none if a file does not say. See [`Solution::earliest_exit_s`].
     pub exit_s: Option<[Vec<f64>; D]>,
+    /// Why the sign of V is not to be trusted, if the obstacle left too little of V.
+    pub shallow: Option<ShallowObstacle>,
+}
+
+/// An obstacle that keeps V far flatter than the target is, so that V's sign can be wrong far from the obstacle, too: the
+/// scheme's error does not shrink with it. Either most of the free nodes have one value, as an indicator's have, or the
+/// steepest slope is less than a quarter of the target's, as that of a distance in a larger unit is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShallowObstacle {
+    /// V is nowhere below this: −g where g is largest, at the beginning of the march.
+    pub lowest: f64,
+    /// V would be as low as this without it: the least value of the target.
+    pub target: f64,
+}
+
+impl fmt::Display for ShallowObstacle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Seven digits, of which the last are not those of a rounded f32.
+        let [lowest, target] = [self.lowest, self.target].map(|value| value as f32);
+        write!(
+            f,
+            "the obstacle keeps V at {lowest} or more, without which it is as low as {target}: so flat a V can have a \
+             wrong sign, far from the obstacle, too; give the obstacle as a distance in the target's unit, or an \
+             indicator at least as high as the target is deep, ±{}",
+            -target
+        )
+    }
 }
 
 /// V and its gradient at a state.
@@ -101,7 +130,8 @@ impl<T: Real, const D: usize> Solution<T, D> {
     /// what lies beyond the grid's ends; after a longer one it may.
     ///
     /// It is a bound for every input of both players: along each axis a path is at most as fast as the game's speed
-    /// bounds at any node of the grid with that coordinate. The paths that matter may leave much later.
+    /// bounds at any node of the grid with that coordinate, **in either direction**, since the bounds have none. The paths that
+    /// matter may leave much later, and where everything moves away from an end, none leaves there at all.
     ///
     /// # Errors
     /// As [`Self::value`].
@@ -123,8 +153,8 @@ impl<T: Real, const D: usize> Solution<T, D> {
     }
 
     /// Whether V after `tau_s`, s, of the march may depend on what lies beyond the grid's ends, node by node, row-major;
-    /// none if the solution is from a file that does not say. See [`Self::earliest_exit_s`]: it knows speeds without their
-    /// sign, so that nodes near an end are marked also where every path leads away from it.
+    /// none if the solution is from a file that does not say. No node is left out that does; but many are marked that do
+    /// not, such as those beside an end from which everything moves away. See [`Self::earliest_exit_s`].
     ///
     /// # Errors
     /// [`Invalid`] for a time that is not from 0 to the horizon.

@@ -9,7 +9,7 @@ use super::archive::Archive;
 use super::layout::check_axis;
 use super::reading::Arrays;
 use crate::invalid::{Invalid, length};
-use crate::reachability::cartesian::{Direction, Kind, Solution};
+use crate::reachability::cartesian::{Direction, Kind, ShallowObstacle, Solution};
 use crate::reachability::grid::{Axis, Grid};
 use crate::real::Real;
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,8 @@ struct Meta {
     /// Whether there are arrays `exit0`, …; files of earlier versions do not say.
     #[serde(default)]
     exits: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    shallow: Option<ShallowObstacle>,
 }
 
 impl<T: Real, const D: usize> Solution<T, D> {
@@ -78,6 +80,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
             // JSON has no infinity.
             residual: self.residual.min(f64::MAX),
             exits: self.exit_s.is_some(),
+            shallow: self.shallow,
         };
         let meta = serde_json::to_vec(&meta).unwrap_or_default();
         archive.add("meta", &[meta.len()], meta.into_iter());
@@ -121,7 +124,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
             .map(|slice| slice.iter().map(|value| T::from_f64(*value)).collect())
             .collect();
         let values = slices.pop().unwrap_or_default();
-        let Meta { direction, kind, steps, residual, exits, .. } = meta;
+        let Meta { direction, kind, steps, residual, exits, shallow, .. } = meta;
         let stated = |name: &str| arrays.get(name)?.numbers(name);
         let mut exit_s = None;
         if exits {
@@ -138,8 +141,18 @@ impl<T: Real, const D: usize> Solution<T, D> {
             exit_s = Some(by_axis);
         }
         let earlier = slices;
-        let solution =
-            Self { grid, values, earlier, direction, kind, steps, horizon_s, residual, exit_s };
+        let solution = Self {
+            grid,
+            values,
+            earlier,
+            direction,
+            kind,
+            steps,
+            horizon_s,
+            residual,
+            exit_s,
+            shallow,
+        };
         check_axis("tau", &solution.march_times_s(), &stated("tau")?)?;
         for (d, axis) in solution.grid.axes.iter().enumerate() {
             let name = format!("axis{d}");
