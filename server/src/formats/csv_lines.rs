@@ -1,8 +1,9 @@
 //! CSV files, with the line on which each record begins as an editor counts them. The header says what separates the
-//! columns: commas, or else semicolons or tabs, as spreadsheets write where a comma is the decimal mark.
+//! columns: commas, or else semicolons or tabs, as spreadsheets write where a comma is the decimal mark. Rows of separators alone
+//! are left out.
 //!
 //! Lines without a quotation mark are split there, which is several times as fast as a whole parser.
-//! From the first quotation mark on (or a carriage return within a line), the csv crate reads the file. It
+//! From the first quotation mark on (or a carriage return within a line, which ends one), the csv crate reads the file. It
 //! counts lines from where it began to read, which differs after empty lines and after CR LF; so they are
 //! counted here.
 
@@ -122,7 +123,13 @@ impl<R: Read> Records<R> {
     /// # Errors
     /// [`LineError`] for what is not text, or a row with another number of fields than the header has.
     pub fn read(&mut self) -> Result<Option<(u64, &Record)>, LineError> {
-        let Some(line) = self.next()? else { return Ok(None) };
+        let line = loop {
+            let Some(line) = self.next()? else { return Ok(None) };
+            // Spreadsheets append rows of separators alone, which say nothing.
+            if self.record.len() == 1 || self.record.iter().any(|field| !field.is_empty()) {
+                break line;
+            }
+        };
         if self.record.len() != self.fields {
             let expected = format!("{} fields, as in the header", self.fields);
             return Err(LineError { line, what: Invalid::new("row", expected, self.record.len()) });
@@ -224,7 +231,13 @@ impl<R: Read> Lines<R> {
             let begins_at = self.line;
             let next = self.next().map_err(|error| (begins_at, error.to_string()))?;
             let Some(range) = next else { return Ok(b',') };
-            let line = without_ends(&self.buffer[range.clone()], begins_at);
+            // A carriage return alone ends a line, too, as old Macintoshes wrote them: then this is the whole file.
+            let end = memchr::memchr(b'\r', &self.buffer[range.clone()]);
+            let end = end.map_or(range.end, |length| range.start + length);
+            if end + 1 < range.end {
+                (self.begin, self.line) = (end + 1, begins_at + 1);
+            }
+            let line = without_ends(&self.buffer[range.start..end], begins_at);
             match line {
                 [] => continue,
                 [b's', b'e', b'p', b'=', separator @ (b',' | b';' | b'\t')] => {
@@ -325,6 +338,16 @@ mod tests {
         check(b"\"a\"\t\"b;,c\"\n1,5\t-2\n1234,25\t1e-7", &values, tabs);
         let utf_16 = "read as a table with UTF-16, columns between tabs, decimal commas";
         check(&wide("a\tb\r\n1,5\t-2\r\n1234,25\t1e-7\r\n"), &values, utf_16);
+        check(b"\ra;b\r1,5;-2\r\r1234,25;1E-07\r", &values, &commas);
+        check(b"sep=;\ra;b\r1,5;-2\r1234,25;1E-07", &values, &commas);
+        check(b"a,b\r1.5,-2\r1234.25,1e-7", &values, "");
+        check(&wide("a\tb\r1,5\t-2\r1234,25\t1e-7\r"), &values, utf_16);
+        let quoted = "\"a\";\"b,c\"\n\"1,5\";\"-2,0\"\n\"1234,25\";\"1E-07\"\n";
+        for end in ["\n", "\r\n", "\r"] {
+            check(quoted.replace('\n', end).as_bytes(), &values, &commas);
+        }
+        check(b"a;b\n1,5;-2\n;\n1234,25;1E-07\n;\n;\n", &values, &commas);
+        check(b"a,b\r\n\"1.5\",-2\r\n1234.25,1e-7\r\n,,,\r\n\"\",\r\n", &values, "");
         let latin = "read as a table with Windows-1252 (Latin-1), columns between semicolons";
         check(b"\xe4;b\n1;2\n", &[1.0, 2.0], latin);
         check(b"\xe4;b\n\"1\";2\n", &[1.0, 2.0], latin);
@@ -348,6 +371,11 @@ mod tests {
             "line 2: a: expected a number without marks between thousands, found \"1.234,5\"",
         );
         check("a;b\n1,234,567;2\n", "line 2: a: expected a number, found \"1,234,567\"");
+        check(
+            "a;b\r\r1,5;2\r;\r3;4.5\r",
+            "line 5: b: expected a decimal comma, as the numbers before have, found \"4.5\"",
+        );
+        check("a,b\n1,\n", "line 2: b: expected a number, found \"\"");
         check("a,b\n1,5,2\n", "line 2: row: expected 2 fields, as in the header, found 3");
         let (found, _) = numbers(b"a,b\n\"1,5\",2\n");
         assert_eq!(found.unwrap_err(), "line 2: a: expected a number, found \"1,5\"");
@@ -422,7 +450,7 @@ mod tests {
     fn records_are_on_their_lines() {
         let mut rng = SeededRng::new(1);
         for case in 0..200 {
-            let ends = if case % 2 == 0 { "\n" } else { "\r\n" };
+            let ends = ["\n", "\r\n", "\r"][case % 3];
             // From the first quotation mark on another reader reads.
             let quotes = rng.below(4) as u64;
             let mut text = "number".to_owned();

@@ -59,6 +59,8 @@ struct Watched<R> {
     line: u64,
     /// Whether that line is empty so far.
     empty: bool,
+    /// Whether the last byte was a carriage return, which ends a line with a line feed or alone.
+    after_return: bool,
     /// The first byte and the number of each line that is not empty, from the last requested line on.
     begins: VecDeque<(u64, u64)>,
 }
@@ -66,7 +68,7 @@ struct Watched<R> {
 impl<R> Watched<R> {
     /// The file from this line on.
     fn new(file: R, line: u64) -> Self {
-        Self { file, read: 0, line, empty: true, begins: VecDeque::new() }
+        Self { file, read: 0, line, empty: true, after_return: false, begins: VecDeque::new() }
     }
 
     /// The first line from this byte on that is not empty. Requests are in rising order.
@@ -83,14 +85,15 @@ impl<R: Read> Read for Watched<R> {
         let count = self.file.read(buffer)?;
         for byte in &buffer[..count] {
             match byte {
-                b'\n' => (self.line, self.empty) = (self.line + 1, true),
-                b'\r' => {}
+                b'\n' if self.after_return => {}
+                b'\n' | b'\r' => (self.line, self.empty) = (self.line + 1, true),
                 _ if self.empty => {
                     self.begins.push_back((self.read, self.line));
                     self.empty = false;
                 }
                 _ => {}
             }
+            self.after_return = *byte == b'\r';
             self.read += 1;
         }
         Ok(count)
