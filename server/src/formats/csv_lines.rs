@@ -1,8 +1,9 @@
 //! CSV files, with the line on which each record begins as an editor counts them. The header says what separates the
-//! columns: commas, or else semicolons or tabs, as spreadsheets write where a comma is the decimal mark.
+//! columns: commas, or else semicolons or tabs, as spreadsheets write where a comma is the decimal mark. Rows of separators alone
+//! are left out.
 //!
 //! Lines without a quotation mark are split there, which is several times as fast as a whole parser.
-//! From the first quotation mark on (or a carriage return within a line), the csv crate reads the file. It
+//! From the first quotation mark on (or a carriage return within a line, which ends one), the csv crate reads the file. It
 //! counts lines from where it began to read, which differs after empty lines and after CR LF; so they are
 //! counted here.
 
@@ -124,8 +125,8 @@ impl<R: Read> Records<R> {
     pub fn read(&mut self) -> Result<Option<(u64, &Record)>, LineError> {
         let line = loop {
             let Some(line) = self.next()? else { return Ok(None) };
-            // Spreadsheets go on with empty rows.
-            if !self.record.is_blank() {
+            // Spreadsheets append rows of separators alone, which say nothing.
+            if self.record.len() == 1 || self.record.iter().any(|field| !field.is_empty()) {
                 break line;
             }
         };
@@ -230,19 +231,17 @@ impl<R: Read> Lines<R> {
             let begins_at = self.line;
             let next = self.next().map_err(|error| (begins_at, error.to_string()))?;
             let Some(range) = next else { return Ok(b',') };
-            let lines = without_ends(&self.buffer[range.clone()], begins_at);
-            // Old spreadsheets end lines with a carriage return alone.
-            let line = lines.split(|byte| *byte == b'\r').next().unwrap_or(lines);
+            // A carriage return alone ends a line, too, as old Macintoshes wrote them: then this is the whole file.
+            let end = memchr::memchr(b'\r', &self.buffer[range.clone()]);
+            let end = end.map_or(range.end, |length| range.start + length);
+            if end + 1 < range.end {
+                (self.begin, self.line) = (end + 1, begins_at + 1);
+            }
+            let line = without_ends(&self.buffer[range.start..end], begins_at);
             match line {
-                [] if lines.is_empty() => continue,
+                [] => continue,
                 [b's', b'e', b'p', b'=', separator @ (b',' | b';' | b'\t')] => {
-                    let separator = *separator;
-                    if line.len() < lines.len() {
-                        let mark = self.buffer[range.start..].starts_with(MARK);
-                        self.begin = range.start + usize::from(mark) * MARK.len() + line.len() + 1;
-                        self.line = begins_at + 1;
-                    }
-                    return Ok(separator);
+                    return Ok(*separator);
                 }
                 _ if line.contains(&0) => {
                     let found = "NUL, as UTF-16 without a mark has; save the file as UTF-8";
@@ -339,16 +338,21 @@ mod tests {
         check(b"\"a\"\t\"b;,c\"\n1,5\t-2\n1234,25\t1e-7", &values, tabs);
         let utf_16 = "read as a table with UTF-16, columns between tabs, decimal commas";
         check(&wide("a\tb\r\n1,5\t-2\r\n1234,25\t1e-7\r\n"), &values, utf_16);
+        check(b"\ra;b\r1,5;-2\r\r1234,25;1E-07\r", &values, &commas);
+        check(b"sep=;\ra;b\r1,5;-2\r1234,25;1E-07", &values, &commas);
+        check(b"a,b\r1.5,-2\r1234.25,1e-7", &values, "");
+        check(&wide("a\tb\r1,5\t-2\r1234,25\t1e-7\r"), &values, utf_16);
+        let quoted = "\"a\";\"b,c\"\n\"1,5\";\"-2,0\"\n\"1234,25\";\"1E-07\"\n";
+        for end in ["\n", "\r\n", "\r"] {
+            check(quoted.replace('\n', end).as_bytes(), &values, &commas);
+        }
+        check(b"a;b\n1,5;-2\n;\n1234,25;1E-07\n;\n;\n", &values, &commas);
+        check(b"a,b\r\n\"1.5\",-2\r\n1234.25,1e-7\r\n,,,\r\n\"\",\r\n", &values, "");
+        let between_commas = quoted.replace(';', ",").replace("b,c", "b");
+        check(between_commas.as_bytes(), &values, "read as a table with decimal commas");
         let latin = "read as a table with Windows-1252 (Latin-1), columns between semicolons";
         check(b"\xe4;b\n1;2\n", &[1.0, 2.0], latin);
         check(b"\xe4;b\n\"1\";2\n", &[1.0, 2.0], latin);
-        // Lines that end with a carriage return alone, everything in quotation marks, and empty rows.
-        check(b"a;b\r1,5;-2\r1234,25;1E-07\r", &values, &commas);
-        check(b"\xef\xbb\xbfsep=;\ra;b\r1,5;-2\r1234,25;1E-07", &values, &commas);
-        let quoted = b"\"a\",\"b\"\n\"1,5\",\"-2\"\n\"1234,25\",\"1e-7\"\n";
-        check(quoted, &values, "read as a table with decimal commas");
-        check(b"a;b\n1,5;-2\n;\n1234,25;1e-7\n;\n;;;\n", &values, &commas);
-        check(b"a,b\n1.5,-2\n\"\",\"\"\n1234.25,1e-7\n,,,\n", &values, "");
     }
 
     #[test]
@@ -369,15 +373,16 @@ mod tests {
             "line 2: a: expected a number without marks between thousands, found \"1.234,5\"",
         );
         check("a;b\n1,234,567;2\n", "line 2: a: expected a number, found \"1,234,567\"");
+        check(
+            "a;b\r\r1,5;2\r;\r3;4.5\r",
+            "line 5: b: expected a decimal comma, as the numbers before have, found \"4.5\"",
+        );
+        check("a,b\n1,\n", "line 2: b: expected a number, found \"\"");
         check("a,b\n1,5,2\n", "line 2: row: expected 2 fields, as in the header, found 3");
         check(
             "a,b\n\"1,500\",2\n",
             "line 2: a: expected a number without marks between thousands, or with a decimal comma in a table with \
              columns between semicolons, found \"1,500\"",
-        );
-        check(
-            "a;b\r1.5;2\r1.5;2,5\r",
-            "line 3: b: expected a decimal point, as the numbers before have, found \"2,5\"",
         );
         let bare: Vec<u8> = "a;b\n1;2".encode_utf16().flat_map(u16::to_le_bytes).collect();
         let said = Records::of(&bare[..]).err().unwrap().to_string();
@@ -450,7 +455,7 @@ mod tests {
     fn records_are_on_their_lines() {
         let mut rng = SeededRng::new(1);
         for case in 0..200 {
-            let ends = if case % 2 == 0 { "\n" } else { "\r\n" };
+            let ends = ["\n", "\r\n", "\r"][case % 3];
             // From the first quotation mark on another reader reads.
             let quotes = rng.below(4) as u64;
             let mut text = "number".to_owned();

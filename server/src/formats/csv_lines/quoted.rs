@@ -59,7 +59,7 @@ struct Watched<R> {
     line: u64,
     /// Whether that line is empty so far.
     empty: bool,
-    /// Whether the last byte was a carriage return, which ends a line, too.
+    /// Whether the last byte was a carriage return, which ends a line with a line feed or alone.
     after_return: bool,
     /// The first byte and the number of each line that is not empty, from the last requested line on.
     begins: VecDeque<(u64, u64)>,

@@ -35,11 +35,6 @@ impl Record {
         self.fields.len()
     }
 
-    /// Whether nothing is in its fields.
-    pub(super) fn is_blank(&self) -> bool {
-        self.text.bytes().all(|byte| matches!(byte, b',' | b';' | b'\t' | b' '))
-    }
-
     /// Whether there is no field.
     #[must_use]
     pub fn is_empty(&self) -> bool {
