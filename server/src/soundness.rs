@@ -3,7 +3,7 @@
 use crate::store::trials::{StoredTrial, Unreadable, flag_words};
 use crate::store::{Store, StoreError};
 use serde::{Deserialize, Serialize};
-use sidestep::scene::SceneParameters;
+use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
 use sidestep::trial::{Flag, Outcome, outcome};
 use std::sync::Arc;
@@ -73,13 +73,8 @@ pub struct Wrong {
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
 pub async fn report(store: &Store) -> Result<Report, StoreError> {
-    let mut report = Report::default();
-    let found = report.read("the file", store.damage().await)?;
-    report.damage.extend(found);
-    let wrong_tally =
-        |id| format!("participant {id}: the tally does not follow from what is stored");
-    let wrong = report.read("the tallies", store.wrong_tallies().await)?;
-    report.damage.extend(wrong.into_iter().map(wrong_tally));
+    let damage = damage_of_database(store).await?;
+    let mut report = Report { damage, ..Report::default() };
     for slug in report.read("the studies", store.slugs().await)? {
         report.studies += 1;
         let whole = format!("study {slug}");
@@ -104,6 +99,22 @@ pub async fn report(store: &Store) -> Result<Report, StoreError> {
         }
     }
     Ok(report)
+}
+
+/// What is wrong with a database apart from its trials: damaged pages, references to rows that do not exist, and tallies that
+/// do not follow from the trials.
+///
+/// # Errors
+/// [`StoreError`] if the database cannot be read.
+pub async fn damage_of_database(store: &Store) -> Result<Vec<String>, StoreError> {
+    let mut report = Report::default();
+    let mut damage = report.read("the file", store.damage().await)?;
+    let wrong = report.read("the tallies", store.wrong_tallies().await)?;
+    let wrong_tally =
+        |id| format!("participant {id}: the tally does not follow from what is stored");
+    damage.extend(wrong.into_iter().map(wrong_tally));
+    damage.append(&mut report.damage);
+    Ok(damage)
 }
 
 /// A trial that was read and replayed. There is a state before each of its steps and after the last, and a time of
@@ -175,6 +186,13 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
             "expected {} inputs and one state more, found {inputs} and {states}",
             parameters.steps
         ));
+    }
+    // The robot drives straight to the goal.
+    let Scene { human, robot, goal } = trial.scene;
+    let expected = Scene::new(parameters, human, robot).goal;
+    let is_there = |i: usize| (goal[i] - expected[i]).abs() <= 1e-6;
+    if !(is_there(0) && is_there(1)) {
+        return Some(format!("goal: expected {expected:?}, found {goal:?}"));
     }
     let stored = &trial.head.flags;
     if trial.content_hash != trial.recipe.hash(&trial.content) {

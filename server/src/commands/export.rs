@@ -108,15 +108,22 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
         eprintln!("{}: study {} has no trials yet", path.display(), args.study);
     }
     let files = &manifest.files;
-    let Damage { count, first } = &manifest.damage;
-    for damaged in first {
-        eprintln!("sidestep: {damaged}");
-    }
+    let Damage { count, first, database } = &manifest.damage;
+    first.iter().for_each(|damaged| eprintln!("sidestep: {damaged}"));
+    database.iter().for_each(|damaged| eprintln!("sidestep: {damaged}"));
     let printed = print_json(&serde_json::json!({
-        "file": path, "bytes": bytes, "files": files, "damaged_trials": count,
+        "file": path, "bytes": bytes, "files": files, "damaged_trials": count, "database_damage": database.len(),
     }));
-    if *count == 0 || args.allow_damaged {
+    if (*count == 0 && database.is_empty()) || args.allow_damaged {
         return printed;
+    }
+    if *count == 0 {
+        let why = format!(
+            "{}: the database is damaged; rows may be missing, or be another participant's: restore a backup, or salvage \
+             the database and export that, or add --allow-damaged if you can do without",
+            args.out.display()
+        );
+        return failed(printed, why);
     }
     let trials = if *count == 1 { "1 trial is".to_owned() } else { format!("{count} trials are") };
     let why = format!(

@@ -2,7 +2,7 @@
 
 use super::error::StoreError;
 use super::misfit::Misfit;
-use super::sql::{self, Connection};
+use super::sql::{self, Connection, params};
 use sha2::{Digest, Sha256, Sha384};
 use sqlx::migrate::{Migrate, MigrateError, Migration, MigrationType, Migrator};
 use sqlx::{
@@ -174,20 +174,33 @@ pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     )?
 }
 
-/// Makes the tables of a damaged file of SQLite anew that say which database it is and of which version, if they cannot be
-/// read: the number of the last migration is that of this version if there is a mark, which came with it.
-pub(super) fn renew(db: &Connection) -> Result<(), Failure> {
+/// Makes anew what every database of this version has, where it cannot be read in a damaged file of SQLite: the words of
+/// its tables, and the tables that say which database it is and of which version. A file with a mark, which came last, is of
+/// this version. `like` is a connection to an empty
+/// file, and `db` one that may write the schema.
+pub(super) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
     const MARK: &str = "mark";
+    apply(like)?;
+    let [found, known] = [schema(db)?, schema(like)?];
+    if found.iter().all(|(_, [_, name, ..])| name != MARK) {
+        return Ok(db.batch("PRAGMA writable_schema = RESET")?);
+    }
+    for (rowid, words) in renewed(&found, &known) {
+        let [kind, name, table, sql] = words;
+        db.execute(
+            "UPDATE sqlite_schema SET type = $2, name = $3, tbl_name = $4, sql = NULLIF($5, '') WHERE rowid = $1",
+            params![rowid, kind, name, table, sql],
+        )?;
+    }
+    db.batch("PRAGMA writable_schema = RESET")?;
     let is_lost = |table: &str| {
         let mut read = db.prepare_cached(&format!("SELECT * FROM {table}"))?;
         let rows =
             read.query_map([], |_| Ok(())).and_then(Iterator::collect::<sql::Result<Vec<_>>>);
         Ok::<_, sql::Error>(rows.is_err_and(|error| matches!(error.into(), StoreError::Corrupt(_))))
     };
-    if !has(db, MARK)? {
-        return Ok(());
-    }
-    let lost = [is_lost(MARK)?, is_lost(TABLE)?];
+    let is_other = matches!(check(db), Err(Failure::Misfit(Misfit::Other(_))));
+    let lost = [is_lost(MARK)?, is_lost(TABLE)? || is_other];
     for (table, is_lost) in [MARK, TABLE].into_iter().zip(lost) {
         if is_lost {
             db.batch(&format!(
@@ -209,6 +222,44 @@ pub(super) fn renew(db: &Connection) -> Result<(), Failure> {
         )??;
     }
     Ok(())
+}
+
+/// A row of a schema: its number, and type, name, table and text of something.
+type Words = (i64, [String; 4]);
+
+fn schema(db: &Connection) -> sql::Result<Vec<Words>> {
+    let text = |column: &str| format!("CAST(coalesce({column}, '') AS TEXT)");
+    let columns = ["type", "name", "tbl_name", "sql"].map(text).join(", ");
+    let mut statement =
+        db.prepare_cached(&format!("SELECT rowid, {columns} FROM sqlite_schema"))?;
+    let row =
+        |row: &sql::Row| Ok((row.get(0)?, [row.get(1)?, row.get(2)?, row.get(3)?, row.get(4)?]));
+    statement.query_map([], row)?.collect()
+}
+
+/// The rows of a schema that are not those of another one, each with what it was: the one with the same name, or the same
+/// text, or else the only one that is missing.
+fn renewed(found: &[Words], known: &[Words]) -> Vec<Words> {
+    let is_known = |words: &[String; 4]| known.iter().any(|(_, known)| known == words);
+    let is_missing = |known: &[String; 4]| found.iter().all(|(_, words)| words != known);
+    let missing: Vec<_> =
+        known.iter().map(|(_, words)| words).filter(|it| is_missing(it)).collect();
+    // Earlier versions made the table of the migrations with other words.
+    let columns =
+        ["version", "description", "installed_on", "success", "checksum", "execution_time"];
+    let is_older = |[_, name, _, text]: &[String; 4]| {
+        name == TABLE && columns.iter().all(|column| text.contains(column))
+    };
+    let odd = found.iter().filter(|(_, words)| !is_known(words) && !is_older(words));
+    let odd: Vec<_> = odd.collect();
+    let was = |[kind, name, _, text]: &[String; 4]| {
+        let same_name = missing.iter().find(|it| it[1] == *name);
+        let same_text = || missing.iter().find(|it| !text.is_empty() && it[3] == *text);
+        let only = || missing.iter().find(|it| it[0] == *kind).filter(|_| odd.len() == 1);
+        let any = || missing.first().filter(|_| odd.len() == 1 && missing.len() == 1);
+        same_name.or_else(same_text).or_else(only).or_else(any).map(|it| (*it).clone())
+    };
+    odd.iter().filter_map(|(rowid, words)| Some((*rowid, was(words)?))).collect()
 }
 
 fn files(db: &Connection) -> Files {

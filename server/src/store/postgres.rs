@@ -202,7 +202,14 @@ impl Postgres {
                            current_setting('transaction_read_only') = 'on'";
                 match db.query_row(refuses, [], |row| row.get(0))? {
                     true => Err(StoreError::Unavailable("it takes no writes now".to_owned())),
-                    false => check_rights(db),
+                    false => {
+                        check_rights(db)?;
+                        // As whoever stores a trial does: somebody may hold a lock.
+                        Ok(db.batch(
+                            "SET LOCAL lock_timeout = '1s'; \
+                             LOCK TABLE participant, scene, trial, tally IN ROW EXCLUSIVE MODE",
+                        )?)
+                    }
                 }
             });
         if let Ok(answer) = tokio::time::timeout(PATIENCE, asked).await {

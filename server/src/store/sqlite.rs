@@ -126,11 +126,25 @@ impl Sqlite {
             }
             Ok(state)
         });
+        // A copy that was made while a server wrote is of two states, and so is what becomes of it with a log.
+        let is_left = checked.is_ok()
+            && purpose != Purpose::Read
+            && named.has_log()
+            && matches!(named.lock(), Ok(Some(_)));
+        let torn = match is_left {
+            true => connection::first_damage(&untouching).map_err(refused)?,
+            false => None,
+        };
         drop(untouching);
         if checked.is_err() {
             connection::leave_no_log(&named);
         }
         let state = checked.map_err(misfit)?;
+        if let Some(found) = torn {
+            return Err(sqlite(StoreError::Corrupt(format!(
+                "the file and its write-ahead log are not whole together ({found}), and nothing was changed; keep both"
+            ))));
+        }
         let is_current = state == State::Current;
         let lock = match (is_alone, purpose, is_current) {
             // A server of an older version may use the file, which could not go on with a migrated one.
@@ -254,8 +268,7 @@ impl Sqlite {
 
     /// Why nothing is stored any more, if what was stored could not be rescued either.
     pub(super) fn unrescued(&self) -> Option<StoreError> {
-        let is_lost = self.original.rescued().is_none() && self.original.has_log();
-        self.original.check().err().filter(|_| is_lost)
+        self.original.check().err().filter(|_| self.original.lacks_rescue())
     }
 
     pub(super) fn observed(&self) -> &Commits {

@@ -452,7 +452,7 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     let ready = server.get("/readyz").await.body.to_string();
-    assert!(ready.contains("overwritten in part"), "{ready}");
+    assert!(ready.contains("damaged"), "{ready}");
     assert_eq!(driver.send(&server, &second.0, &driven(&second.1)).await.status, 503);
     server.stop().await;
     // What was stored last is in the log, which stays.

@@ -40,6 +40,10 @@ pub struct Damage {
     /// The first of it.
     #[serde(rename = "damage", skip_serializing_if = "Vec::is_empty")]
     pub first: Vec<Damaged>,
+    /// What the database itself finds wrong with its file, and tallies that do not follow from the trials: rows may be
+    /// missing, or be another participant's.
+    #[serde(rename = "database_damage", skip_serializing_if = "Vec::is_empty")]
+    pub database: Vec<String>,
 }
 
 impl Damage {

@@ -15,6 +15,7 @@ use crate::formats::atomic_file;
 use crate::formats::atomic_folder::Draft;
 use crate::formats::tables::participants::Participants;
 use crate::private;
+use crate::soundness;
 use crate::store::Store;
 use serde::Deserialize;
 use std::fs::{self, File};
@@ -58,6 +59,8 @@ pub async fn write(
         obsolete.extend(files.into_iter().map(|file| file.name).filter(|name| !name.contains('/')));
     }
     let draft = Draft::begin_private(folder)?;
+    // Replaying trials does not tell whose they are.
+    let database = soundness::damage_of_database(store).await?;
     let people = dataset.driven(store, Arc::default());
     let (path, asked) = (draft.path().to_owned(), cancel.clone());
     // Tasks read; a thread prints.
@@ -67,6 +70,7 @@ pub async fn write(
         Ok::<_, ExportError>((dataset, files, damage))
     });
     let (dataset, files, damage) = writing.await??;
+    let damage = Damage { database, ..damage };
     match fs::remove_file(folder.join(MANIFEST)) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error.into()),
         _ => {}

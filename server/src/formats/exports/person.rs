@@ -47,11 +47,12 @@ impl Person {
         self.trials.truncate(count);
     }
 
-    /// Their trials that can be read, numbered from 0 over all trials and phases, so that (participant, trial)
-    /// identifies a trial.
+    /// Their trials that can be read, numbered by their place in the plan, of which the first ones are driven, so that
+    /// (participant, trial) identifies a trial, also where others are left out.
     pub(super) fn driven(&self) -> impl Iterator<Item = Driven<'_>> {
-        self.trials.iter().enumerate().filter_map(|(number, examined)| {
+        self.trials.iter().filter_map(|examined| {
             let Examined { trial, config, fault } = examined.as_ref().ok()?;
+            let number = usize::try_from(trial.head.ordinal).ok()?;
             Some(Driven { number, trial, parameters: &config.parameters, damage: fault.as_deref() })
         })
     }

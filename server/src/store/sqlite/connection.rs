@@ -85,6 +85,12 @@ pub(super) fn migrating(path: &Path) -> Result<Connection> {
     open(&of_writer(path)?.foreign_keys(false))
 }
 
+/// A connection to a damaged file of which nobody else knows, even if SQLite cannot parse what its tables are.
+pub(super) fn mending(path: &Path) -> Result<Connection> {
+    let options = options(path, WRITE_PATIENCE).foreign_keys(false);
+    open(&options.pragma("writable_schema", "ON"))
+}
+
 fn of_writer(path: &Path) -> Result<SqliteConnectOptions> {
     if path.exists() && access(path, Access::WRITE_OK).is_err() {
         // SQLite opens such a file, and refuses the first write.
@@ -150,6 +156,16 @@ pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
     match busy.map_err(StoreError::from) {
         Err(StoreError::Locked) => Ok(false),
         busy => Ok(!busy?),
+    }
+}
+
+/// The first damage that SQLite finds in the pages of the file, without comparing rows and indices.
+pub(super) fn first_damage(db: &Connection) -> Result<Option<String>> {
+    let found = db.query_row("PRAGMA quick_check(1)", [], |row| row.get::<_, String>(0));
+    match found.map_err(StoreError::from) {
+        Ok(found) => Ok(Some(found).filter(|found| found != "ok")),
+        Err(StoreError::Corrupt(found)) => Ok(Some(found)),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -1,14 +1,14 @@
 //! A copy of a damaged file in which SQLite reads all that is left.
 
 use super::connection;
-use super::file::{DatabaseFile, MAGIC};
+use super::file::DatabaseFile;
 use super::log::{self, Index, PAGE};
 use super::mark::{self, Misplaced};
 use super::trees;
 use crate::private;
 use crate::store::migrations;
 use std::fs::{File, TryLockError};
-use std::io::{self, Read, Seek};
+use std::io::{self, Seek};
 use std::path::Path;
 
 /// Copies a file that no server uses, with what its log has. Trees of the copy are built anew over the rows that are left, where
@@ -28,7 +28,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<u64> {
     let (source, copy) = (DatabaseFile::at(from), DatabaseFile::at(to));
     let mut out = private::new_file(to)?;
     io::copy(&mut file, &mut out)?;
-    let page = page_length(&file).unwrap_or(PAGE);
+    let page = mark::page_length(&file).unwrap_or(PAGE);
     let mut lost = 0;
     if source.has_log() {
         if mark::of_file(&copy).is_err() {
@@ -58,21 +58,14 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<u64> {
     trees::mend(&copy, page)?;
     // What cannot be made anew here is left to whoever reads the file.
     if !copy.is_empty()
-        && let Ok(db) = connection::migrating(to)
+        && let Ok(db) = connection::mending(to)
     {
-        let _ = migrations::renew(&db);
+        let like = to.with_extension("like");
+        private::new_file(&like)?;
+        if let Ok(like) = connection::migrating(&like) {
+            let _ = migrations::renew(&db, &like);
+        }
         let _ = connection::renew_indices(&db);
     }
     Ok(lost)
-}
-
-/// The length of a page, as a file's first page tells it.
-fn page_length(mut file: &File) -> Option<usize> {
-    let mut head = [0; 18];
-    file.rewind().and_then(|()| file.read_exact(&mut head)).ok()?;
-    let length = match u16::from_be_bytes([head[16], head[17]]) {
-        1 => 65_536,
-        length => usize::from(length),
-    };
-    (head.starts_with(MAGIC) && length >= 512 && length.is_power_of_two()).then_some(length)
 }

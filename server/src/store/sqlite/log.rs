@@ -227,7 +227,7 @@ pub(super) fn apply(
 }
 
 /// Whether a whole buffer could be read.
-fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
+pub(super) fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
     match from.read_exact(buffer) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
         read => read.map(|()| true),

@@ -4,11 +4,12 @@
 //! of it is no database of anybody, and looks sound. So whoever opens a file compares the marks first.
 
 use super::connection;
-use super::file::DatabaseFile;
-use super::log::{Frames, Index};
+use super::file::{DatabaseFile, MAGIC};
+use super::log::{Frames, Index, PAGE, read_whole};
 use crate::store::sql::{OptionalExtension, Result};
 use memchr::memmem;
-use std::io;
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
 
 /// What every mark begins with.
@@ -65,6 +66,42 @@ pub(super) struct Place {
 
 /// The mark in a file, without what its log says, and where it is; none in one of an older version.
 pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
+    match by_sqlite(file) {
+        // While the log is written back, and after a crash meanwhile, SQLite reads the file with its log alone.
+        Err(error) => Ok(Some(by_bytes(file).ok().flatten().ok_or(error)?)),
+        found => found,
+    }
+}
+
+/// The mark on the only page of a file that has a mark and nothing else.
+fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>> {
+    let mut bytes = BufReader::with_capacity(1 << 20, File::open(file.path())?);
+    let length = page_length(bytes.get_ref()).unwrap_or(PAGE);
+    bytes.rewind()?;
+    let (mut page, mut offset, mut found) = (vec![0; length], 0, None);
+    while read_whole(&mut bytes, &mut page)? {
+        if let Some(mark) = alone_on(&page)
+            && found.replace((mark, Place { offset, length })).is_some()
+        {
+            return Ok(None);
+        }
+        offset += length as u64;
+    }
+    Ok(found)
+}
+
+/// The mark on a page of a table's tree whose only row has no other value: what people enter is in rows with more.
+fn alone_on(page: &[u8]) -> Option<Mark> {
+    // A leaf with one row; where that begins.
+    let &[13, _, _, 0, 1, _, _, _, high, low, ..] = page else { return None };
+    let row = page.get(usize::from(u16::from_be_bytes([high, low]))..)?;
+    // Its length and its number, which is 1; then the length of the header, and a text of 101 bytes.
+    let &[104, 1, 3, 0x81, 0x57, ref text @ ..] = row else { return None };
+    Mark::find(text.get(..101)?)
+}
+
+/// The same, as SQLite reads it.
+pub(super) fn by_sqlite(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     let db = connection::without_log(file)?;
     let page = "SELECT rootpage, (SELECT page_size FROM pragma_page_size) FROM sqlite_schema WHERE name = 'mark'";
     let page = db.query_row(page, [], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
@@ -74,6 +111,17 @@ pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     let mark = text.and_then(|text| Mark::find(text.as_bytes()));
     let place = Place { offset: (page - 1) * size, length: size as usize };
     Ok(mark.map(|mark| (mark, place)))
+}
+
+/// The length of a page, as a file's first page tells it.
+pub(super) fn page_length(mut file: &File) -> Option<usize> {
+    let mut head = [0; 18];
+    file.rewind().and_then(|()| file.read_exact(&mut head)).ok()?;
+    let length = match u16::from_be_bytes([head[16], head[17]]) {
+        1 => 65_536,
+        length => usize::from(length),
+    };
+    (head.starts_with(MAGIC) && length >= 512 && length.is_power_of_two()).then_some(length)
 }
 
 /// What a write-ahead log says.

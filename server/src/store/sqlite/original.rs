@@ -9,8 +9,9 @@ use super::log::Index;
 use super::mark::{self, Log, Mark, Misplaced, Place};
 use crate::store::error::StoreError;
 use std::fs::File;
+use std::io::Write;
 use std::os::unix::fs::FileExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -99,7 +100,8 @@ impl Original {
             length: AtomicU64::new(length),
             changed: OnceLock::new(),
             written: Mutex::default(),
-            is_suspected: AtomicBool::new(false),
+            // It may have been damaged before.
+            is_suspected: AtomicBool::new(true),
             companions: Mutex::default(),
             log: Mutex::default(),
             has_log: AtomicBool::new(true),
@@ -113,7 +115,7 @@ impl Original {
     pub(super) fn check(&self) -> Result<(), StoreError> {
         let what = match self.changed.get() {
             Some(what) => what,
-            None if self.file.identity() != Ok(self.identity) => "deleted, moved or replaced",
+            None if !self.is_in_place() => "deleted, moved or replaced",
             None => match self.found() {
                 None => return Ok(()),
                 Some(_) if self.is_found_again() => return Ok(()),
@@ -125,6 +127,9 @@ impl Original {
 
     fn gone(&self, what: &str) -> StoreError {
         StoreError::Gone(match self.rescued() {
+            Some(rescued) if is_log(&rescued) => {
+                format!("{what}; what was stored last is in {}", rescued.display())
+            }
             Some(rescued) => format!("{what}; what it had is in {}", rescued.display()),
             None => what.to_owned(),
         })
@@ -307,7 +312,7 @@ impl Original {
         was_odd && !looked.is_odd
     }
 
-    /// Looks for damage, if somebody has written to the file in place.
+    /// Has SQLite look for damage, at first and if somebody has written to the file in place.
     fn check_in_place(&self) {
         let is_over = self.written.try_lock().is_ok_and(|mut looked| self.look(&mut looked));
         if !self.is_suspected.swap(false, Ordering::Relaxed) && !is_over {
@@ -315,11 +320,14 @@ impl Original {
         }
         let db = connection::reading(&self.file, true).map_err(StoreError::from);
         match db.and_then(|db| connection::damage(&db)) {
-            Ok(found) if found.is_empty() => tracing::warn!(
+            Ok(found) if found.is_empty() && is_over => tracing::warn!(
                 "somebody has written to the database file; SQLite finds no damage, and 'sidestep check' replays every trial"
             ),
+            Ok(found) if found.is_empty() => {}
             Ok(_) | Err(StoreError::Corrupt(_)) => {
-                self.changed.get_or_init(|| "overwritten in part");
+                self.changed.get_or_init(
+                    || "damaged; stop the server: 'sidestep check' says where, and what to do",
+                );
             }
             Err(_) => self.is_suspected.store(true, Ordering::Relaxed),
         }
@@ -357,13 +365,17 @@ impl Original {
         }
     }
 
-    /// Whether the mark is there after all: while SQLite writes the page, it may be seen half, and VACUUM moves it.
+    /// Whether the mark is there after all: while SQLite writes the page, it may be seen half.
     fn is_found_again(&self) -> bool {
-        std::thread::sleep(Duration::from_millis(5));
-        if self.found().is_none() {
-            return true;
-        }
-        let Ok(Some((found, place))) = mark::of_file(&self.file) else { return false };
+        (1..=4).any(|attempt| {
+            std::thread::sleep(Duration::from_millis(5 * attempt));
+            self.found().is_none() || self.is_elsewhere()
+        })
+    }
+
+    /// Whether VACUUM has moved the mark.
+    fn is_elsewhere(&self) -> bool {
+        let Ok(Some((found, place))) = mark::by_sqlite(&self.file) else { return false };
         if let Some((identity, known)) =
             &mut *self.mark.lock().unwrap_or_else(PoisonError::into_inner)
             && *identity == found.identity
@@ -398,6 +410,35 @@ impl Original {
         self.has_log.load(Ordering::Relaxed)
     }
 
+    /// Whether the file is where it was.
+    pub(super) fn is_in_place(&self) -> bool {
+        self.file.identity() == Ok(self.identity)
+    }
+
+    /// Whether somebody has done something to the file, and what it had is in no other one. A log that was rescued is not
+    /// enough once the file itself is gone.
+    pub(super) fn lacks_rescue(&self) -> bool {
+        let log =
+            || self.has_log() && (self.is_whole() || self.is_own_log() && self.file.has_log());
+        match self.rescued() {
+            None => !self.is_in_place() || log(),
+            Some(rescued) => is_log(&rescued) && !self.is_in_place(),
+        }
+    }
+
+    /// Writes what the file has, whatever became of its name, into another one.
+    pub(super) fn copy_to(&self, mut out: &File) -> std::io::Result<()> {
+        let (mut piece, mut at) = (vec![0; 1 << 20], 0);
+        loop {
+            let length = self.handle.read_at(&mut piece, at)?;
+            if length == 0 {
+                return out.sync_all();
+            }
+            out.write_all(&piece[..length])?;
+            at += length as u64;
+        }
+    }
+
     /// Whether the log that lies beside the file is the one that the writer has open.
     pub(super) fn is_own_log(&self) -> bool {
         let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
@@ -414,6 +455,11 @@ impl Original {
         let folders = std::iter::once(self.file.folder().to_owned()).chain(elsewhere);
         folders.map(move |folder| folder.join(&name))
     }
+}
+
+/// Whether a rescued file is a log alone.
+fn is_log(rescued: &Path) -> bool {
+    rescued.extension().is_some_and(|end| end == "rescued-wal")
 }
 
 /// Looks at a file all the time.
@@ -446,7 +492,7 @@ impl Watch {
                         (asked, ()) = (Instant::now(), noticed());
                     }
                     // The disk may have been full.
-                    Err(_) if original.rescued().is_none() && asked.elapsed() > AGAIN => {
+                    Err(_) if original.lacks_rescue() && asked.elapsed() > AGAIN => {
                         (asked, ()) = (Instant::now(), noticed());
                     }
                     Ok(()) if !was_well => {

@@ -408,23 +408,27 @@ impl Thread {
         Ok(has_changed)
     }
 
-    /// Writes what the database had into another file: all of it, if only its name was changed, else its log, which
-    /// has what was stored last.
+    /// Writes what the database had into another file: all of it, if only its name was changed; else what is not beside
+    /// its name any more.
     fn rescue(&mut self) {
-        if self.original.rescued().is_some() || !self.original.has_log() {
+        if !self.original.lacks_rescue() {
             return;
         }
         let reader = if self.db.is_none() { self.readers.take_idle() } else { None };
-        let open = self.db.as_ref().or(reader.as_ref()).filter(|_| self.original.is_whole());
+        let is_whole = self.original.is_whole() && self.original.has_log();
+        let open = self.db.as_ref().or(reader.as_ref()).filter(|_| is_whole);
+        let is_in_place = self.original.is_in_place();
         let (what, end) = match open {
+            None if is_in_place => ("the log of the database, with what was stored last,", "-wal"),
+            None => ("the file that the server has open, as it is, and its log", ".db"),
             Some(_) => ("what the database had", ".db"),
-            None => ("the log of the database, with what was stored last,", "-wal"),
         };
         for name in self.original.rescue_names() {
             let (unfinished, name) = (ended(&name, ".part"), ended(&name, end));
             let written = match open {
                 Some(open) => rescue_all(open, &unfinished),
-                None => self.rescue_log(&unfinished),
+                None if is_in_place => self.rescue_log(&unfinished),
+                None => self.rescue_file(&unfinished, &name),
             };
             match written.and_then(|()| std::fs::rename(&unfinished, &name).map_err(refused)) {
                 Ok(()) => {
@@ -444,16 +448,21 @@ impl Thread {
     }
 
     fn rescue_log(&self, to: &Path) -> Result<(), StoreError> {
-        if !self.original.is_own_log() {
-            return Err(StoreError::Unavailable(
-                "the log beside the file is not the one that the server wrote".to_owned(),
-            ));
-        }
         let copied = private::new_file(to).and_then(|mut to| {
             std::io::copy(&mut std::fs::File::open(self.file.log())?, &mut to)?;
             to.sync_all()
         });
         copied.map_err(refused)
+    }
+
+    /// Writes the file `to`, and its log where it belongs to the file's later name.
+    fn rescue_file(&self, to: &Path, name: &Path) -> Result<(), StoreError> {
+        let copied = private::new_file(to).and_then(|to| self.original.copy_to(&to));
+        copied.map_err(refused)?;
+        match self.original.is_own_log() && self.file.has_log() {
+            true => self.rescue_log(&ended(name, "-wal")),
+            false => Ok(()),
+        }
     }
 
     fn empty_log(&mut self) {
