@@ -68,7 +68,7 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         CommandError::Input(format!("--from {named}: cannot read: {error}"))
     };
     let copy = folder.join("damaged.db");
-    let pages = copy_damaged(&args.from, &copy).map_err(|error| unreadable(&error))?;
+    let parts = copy_damaged(&args.from, &copy).map_err(|error| unreadable(&error))?;
     let from = Store::open(&format!("sqlite:{}", copy.display()), Purpose::Change).await;
     let from = from.map_err(|error| match error.named(named.clone()) {
         OpenError::Absent(_) => unreadable(&"it is empty"),
@@ -83,9 +83,8 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
         lost += 1;
         eprintln!("sidestep: {row}");
     };
-    if pages > 0 {
-        let why = "damaged: what was stored last may be missing, without its name";
-        lose(Lost::new("write-ahead log", format!("({pages} pages)"), why));
+    for (part, why) in parts {
+        lose(Lost::new("write-ahead log", part, why));
     }
     let saved = salvage::salvage(&from, &to, lose);
     let saved = match saved.await {

@@ -11,13 +11,14 @@ use std::fs::{File, TryLockError};
 use std::io::{self, Seek};
 use std::path::Path;
 
-/// Copies a file that no server uses, with what its log has. Trees of the copy are built anew over the rows that are left, where
-/// a page of them is lost, and so are indices of tables that can be read: a damaged one may miss rows. A log that is not the
-/// file's own is copied for whoever opens the copy to refuse. Returns how many pages of the log are lost.
+/// Copies a file that no server uses, with what its log has, also if that continues a later state of the file. Trees of the
+/// copy are built anew over the rows that are left, where a page of them is lost, and so are indices of tables that can be
+/// read: a damaged one may miss rows. A log that is not the file's own is copied for whoever opens the copy to refuse. Returns
+/// which parts of the log are lost, and why.
 ///
 /// # Errors
 /// What stands in the way.
-pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<u64> {
+pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static str)>> {
     if !std::fs::metadata(from)?.is_file() {
         return Err(io::Error::other("it is a directory or a pipe"));
     }
@@ -29,7 +30,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<u64> {
     let mut out = private::new_file(to)?;
     io::copy(&mut file, &mut out)?;
     let page = mark::page_length(&file).unwrap_or(PAGE);
-    let mut lost = 0;
+    let mut lost = Vec::new();
     if source.has_log() {
         if mark::of_file(&copy).is_err() {
             // So that the mark can be read, by which the log is known to be the file's own.
@@ -40,14 +41,22 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<u64> {
         let is_damaged = match mark::misplaced(&copy, index)? {
             None => false,
             Some(Misplaced::Damaged) => true,
-            Some(_) => return Ok(0),
+            Some(Misplaced::Later) => {
+                let why = "it continues a later state than the file has; what was stored between them is missing, without its name";
+                lost.push(("(before its beginning)".to_owned(), why));
+                false
+            }
+            Some(_) => return Ok(lost),
         };
         out.set_len(0)?;
         file.rewind()?;
         out.rewind()?;
         io::copy(&mut file, &mut out)?;
         let applied = log::apply(copy.log(), Some(page), is_damaged, index().as_ref(), &out)?;
-        lost = applied.lost;
+        if applied.lost > 0 {
+            let why = "damaged; what was stored last may be missing, without its name";
+            lost.push((format!("({} pages)", applied.lost), why));
+        }
         if let Some(length) = applied.length {
             out.set_len(length)?;
         }
