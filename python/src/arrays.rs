@@ -101,7 +101,7 @@ fn has_boolean(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<bool> {
 }
 
 /// Warns of the first heading that may be in degrees: more than a full turn. They are every `width`-th number.
-fn warn_of_degrees(
+pub(crate) fn warn_of_degrees(
     py: Python<'_>,
     field: &str,
     Numbers { shape, values }: &Numbers,

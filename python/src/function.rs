@@ -16,7 +16,7 @@ use sidestep::reachability::{
 use sidestep::safety;
 use sidestep::scene::{self, Evader};
 
-use crate::arrays::{Array, points};
+use crate::arrays::{Array, Numbers, points, warn_of_degrees};
 use crate::error::Error;
 use crate::files::{read, write};
 use crate::interrupt::Watch;
@@ -134,6 +134,7 @@ impl ValueFunction {
         #[pyo3(from_py_with = real)] flatness_m: f64,
         #[pyo3(from_py_with = real)] spacing_m: f64,
     ) -> Result<Vec<Bound<'py, PyArray2<f64>>>, Error> {
+        warn_of_degrees(py, "psi", &Numbers { shape: Vec::new(), values: vec![psi] }, 1)?;
         let radius_m = self.0.game().radius_m;
         for (name, fine, least) in
             [("flatness_m", flatness_m, 1e-6 * radius_m), ("spacing_m", spacing_m, 1e-3 * radius_m)]

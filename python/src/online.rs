@@ -10,7 +10,7 @@ use sidestep::planner::{self, ClearanceSettings, Clearances, Continuity, NextSte
 use sidestep::scene::{self, JointState};
 use sidestep::shfrs;
 
-use crate::arrays::{Array, Numbers, joint_states, numbers, states_array, wrong_shape};
+use crate::arrays::{Array, joint_states, numbers, states_array, warn_of_degrees, wrong_shape};
 use crate::bounds::stacked;
 use crate::error::Error;
 use crate::function::{SafetyLevels, levels};
@@ -103,10 +103,11 @@ impl OnlinePredictor {
     ///     Whether it follows from the state before as the human's vehicle drives. If not, `departure` says why; if the human
     ///     moved or turned more than twice as much as the vehicle can in a step, the states before are forgotten, too.
     fn push(&self, state: &Bound<'_, PyAny>) -> Result<bool, Error> {
-        let Numbers { shape, values } = numbers("state", "(2, 3)", state)?;
-        let (&[human, robot], [2, 3]) = (values.as_chunks::<3>().0, &shape[..]) else {
-            return Err(wrong_shape("state", "(2, 3)", &shape));
+        let found = numbers("state", "(2, 3)", state)?;
+        let (&[human, robot], [2, 3]) = (found.values.as_chunks::<3>().0, &found.shape[..]) else {
+            return Err(wrong_shape("state", "(2, 3)", &found.shape));
         };
+        warn_of_degrees(state.py(), "state", &found, 3)?;
         let pushed = JointState { human: human.into(), robot: robot.into() };
         let continuity = state.py().detach(|| self.lock().push(pushed))?;
         Ok(continuity == Continuity::Continues)
