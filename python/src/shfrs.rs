@@ -13,6 +13,7 @@ use sidestep::reach::ReachableSet as Reachable;
 use sidestep::scene::JointState;
 use sidestep::shfrs;
 use sidestep::shfrs::baselines::worst_case_area_m2;
+use sidestep::shfrs::widened::tube_area_m2;
 
 use crate::arrays::{Array, joint_states, numbers, points, states_array, wrong_shape};
 use crate::bounds::stacked;
@@ -89,8 +90,9 @@ impl Shfrs {
         self.found.sets.iter().map(|set| set.area_m2).collect::<Vec<_>>().into_pyarray(py)
     }
 
-    /// The same areas as shares of the worst case's, of everything that the human's vehicle can reach meanwhile, shape
-    /// (m,): near 1, a set says no more than the vehicle does.
+    /// The areas of the sets as shares of the worst case's, of everything that the human's vehicle can reach meanwhile, shape
+    /// (m,), at most 1: near 1, a set says no more than the vehicle does. `areas_m2` are those of the polygons, which differ
+    /// from the sets by their accuracy.
     #[getter]
     fn shares_of_worst_case<'py>(
         &self,
@@ -98,9 +100,12 @@ impl Shfrs {
     ) -> Result<Bound<'py, PyArray1<f64>>, Error> {
         let Source { human, settings, .. } = &*self.source;
         let worst = worst_case_area_m2(&human.parameters, settings.bounds.steps())?;
-        // Nothing is reached that the vehicle cannot reach; both areas are known to their polygons' accuracy alone.
-        let shares = self.found.sets.iter().map(|set| (set.area_m2 / worst).min(1.0));
-        Ok(shares.collect::<Vec<_>>().into_pyarray(py))
+        // By one rule for both; where it is that of a polygon, smaller bounds may give a larger area by its accuracy.
+        let share = |set: &shfrs::NestedSet| {
+            Ok((tube_area_m2(&set.bounds, &human.parameters)? / worst).min(1.0))
+        };
+        let shares: Result<Vec<_>, Invalid> = self.found.sets.iter().map(share).collect();
+        Ok(shares?.into_pyarray(py))
     }
 
     /// The positions after exactly 1 … T steps, for each set: m lists of T polygons, or of none without `by_step`.

@@ -421,7 +421,8 @@ impl Playback {
     #[must_use]
     pub fn share_of_worst_case(&self, set: &PredictedSet<'_>) -> f64 {
         let worst = worst_case_area_m2(&self.recorded.parameters, self.steps_ahead());
-        worst.map_or(1.0, |worst| set.area_m2 / worst)
+        // A polygon is larger than its set by its accuracy.
+        worst.map_or(1.0, |worst| (set.area_m2 / worst).min(1.0))
     }
 
     /// How far ahead predictions look, s.

@@ -127,6 +127,25 @@ fn it_says_which_values_depend_on_what_is_outside() {
     assert_eq!(solution.earliest_exit_s([3.0]).unwrap(), Some(f64::INFINITY));
 }
 
+/// ẋ = −1: what is above the lower end by the horizon or less depends on what is beyond it, and nothing else does. The
+/// marks go by speeds, which have no direction: they have all of these nodes, and as many at the upper end.
+#[test]
+fn marks_leave_no_node_out_and_are_the_same_at_both_ends() {
+    let game = Drift { drift: [-1.0], speed: [0.0] };
+    let target = |[x]: [f64; 1]| x;
+    for boundary in [Boundary::Extrapolate, Boundary::Constant] {
+        let axes = [Axis::bounded(-1.0, 2.0, 61).with_boundary(boundary)];
+        let problem = problem(&game, axes, &target, (Kind::Set, BACKWARD), 0.62);
+        let solution: Solution<f64, 1> = solved(&problem, &settings(Scheme::Weno5));
+        let marked = solution.depends_on_outside(0.62).unwrap().unwrap();
+        for (at, &marked) in marked.iter().enumerate() {
+            let [x] = solution.grid.node([at]);
+            let depends = x - 0.62 < -1.0;
+            assert_eq!(marked, depends || x + 0.62 > 2.0, "{x}");
+        }
+    }
+}
+
 /// What is not marked is the same on a grid that goes on, but for what stencils of a few nodes carry along.
 #[test]
 fn values_that_do_not_depend_on_the_outside_are_those_of_a_larger_grid() {

@@ -632,8 +632,13 @@ fn those_who_tie_turn_no_sentence_round() {
     }
 }
 
+/// How many studies are searched: six, or as many as `SENTENCE_STUDIES` says.
+fn studies() -> u32 {
+    std::env::var("SENTENCE_STUDIES").map_or(6, |number| number.parse().unwrap())
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(6))]
+    #![proptest_config(ProptestConfig::with_cases(studies()))]
 
     #[test]
     fn no_sentence_contradicts_the_numbers(
