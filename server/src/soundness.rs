@@ -263,6 +263,7 @@ mod tests {
             ("trial", "inputs", "x'07'", "found 7"),
             ("trial", "content_version", "9", "unknown content version 9"),
             ("scene", "phase", "'odd'", "unknown word \"odd\""),
+            ("scene", "goal_x", "goal_x + 1", "goal: expected"),
             ("trial", "closest_m", "closest_m + 1", "m, no danger and turns from step 0 to 49"),
         ] {
             let change = format!(

@@ -353,6 +353,69 @@ mod tests {
         assert_eq!(rescued.read(kept).unwrap(), 1);
     }
 
+    /// While the log is written back, and after a crash or in a copy meanwhile, the file is of two states.
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_torn_file_is_read_with_its_own_log_and_changed_with_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
+        let bytes = |path: &Path| std::fs::read(path).unwrap();
+        let grow = async |db: &Sqlite, keys: std::ops::Range<u32>| {
+            for key in keys {
+                let add = "INSERT INTO study_config (hash, json) VALUES ($1, $2)";
+                let json = format!("{{\"text\": \"{}\"}}", "x".repeat(9_000));
+                let add = move |db: &Connection| Ok(db.execute(add, [key.to_string(), json])?);
+                db.write(Lane::Request, add).await.unwrap();
+            }
+        };
+        let db = Sqlite::open(of("study.db"), Purpose::Alone).unwrap();
+        grow(&db, 0..8).await;
+        let [old, log] = [of("study.db").path(), of("study.db").log()].map(bytes);
+        connection::write_back(&connection::writing(of("study.db").path()).unwrap()).unwrap();
+        let new = bytes(of("study.db").path());
+        let [by_sqlite, by_bytes] = [mark::by_sqlite, mark::of_file].map(|of_file| {
+            let (mark, place) = of_file(&of("study.db")).unwrap().unwrap();
+            (mark, place.offset, place.length)
+        });
+        assert_eq!(by_sqlite, by_bytes);
+        grow(&db, 8..16).await;
+        let later = bytes(of("study.db").log());
+        assert!(later[..] != log[..] && new.len() > old.len());
+        let another = Sqlite::open(of("another.db"), Purpose::Alone).unwrap();
+        grow(&another, 0..8).await;
+        let others = bytes(of("another.db").log());
+        // Pages are written in their order: the first half of them.
+        let half = new.len() / 2 / 4096 * 4096;
+        let torn = [&new[..half], old.get(half..).unwrap_or(&[])].concat();
+        let kept = |db: &Connection| {
+            let count = "SELECT count(*) FROM study_config";
+            Ok(db.query_row(count, [], |row| row.get::<_, i64>(0))?)
+        };
+        for (name, log, words) in [
+            ("own.db", &log, None),
+            ("later.db", &later, Some("not whole together")),
+            ("others.db", &others, Some("another database")),
+        ] {
+            let copy = of(name);
+            std::fs::write(copy.path(), &torn).unwrap();
+            std::fs::write(copy.log(), log).unwrap();
+            assert!(mark::by_sqlite(&copy).is_err() && mark::of_file(&copy).is_ok(), "{name}");
+            if words.is_none() {
+                assert_eq!(
+                    Sqlite::open(copy.clone(), Purpose::Read).unwrap().read(kept).unwrap(),
+                    8
+                );
+            }
+            match (Sqlite::open(copy.clone(), Purpose::Alone), words) {
+                (Ok(db), None) => assert_eq!(db.read(kept).unwrap(), 8),
+                (Err(error), Some(words)) => {
+                    assert!(error.to_string().contains(words), "{name}: {error}");
+                    assert!(bytes(copy.path()) == torn && bytes(copy.log()) == *log, "{name}");
+                }
+                (other, _) => panic!("{name}: {:?}", other.err()),
+            }
+        }
+    }
+
     /// A power cut may leave half of the last transaction. Whatever else is not as SQLite wrote it is damage.
     #[tokio::test(flavor = "multi_thread")]
     async fn damage_of_a_log_is_told_from_a_power_cut() {

@@ -446,7 +446,7 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     let is_of_trial = |page: &[u8]| page.windows(10).any(|part| part == b"refresh_hz");
     let page = content.chunks(4096).position(is_of_trial).unwrap() as u64;
     std::os::unix::fs::FileExt::write_all_at(&file, &[7; 4096], page * 4096).unwrap();
-    let due = Instant::now() + Duration::from_secs(5);
+    let due = Instant::now() + Duration::from_secs(30);
     while server.get("/readyz").await.status == 200 {
         assert!(Instant::now() < due, "nobody notices");
         tokio::time::sleep(Duration::from_millis(50)).await;
@@ -454,10 +454,38 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     let ready = server.get("/readyz").await.body.to_string();
     assert!(ready.contains("damaged"), "{ready}");
     assert_eq!(driver.send(&server, &second.0, &driven(&second.1)).await.status, 503);
-    server.stop().await;
-    // What was stored last is in the log, which stays.
-    assert!(std::fs::metadata(folder.path("sidestep.db-wal")).unwrap().len() > 0);
+    // Once the file is gone, too, what the server has open is the only copy.
     let database = folder.database("sidestep.db");
+    let aside = folder.path("aside.db");
+    std::fs::rename(&path, &aside).unwrap();
+    let rescued = loop {
+        let names = folder.names();
+        let is_rescued = |name: &&String| name.ends_with(".rescued.db");
+        if let Some(name) = names.iter().find(is_rescued) {
+            break name.clone();
+        }
+        assert!(Instant::now() < due, "nothing is rescued: {names:?}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    };
+    let ready = server.get("/readyz").await.body.to_string();
+    assert!(ready.contains(&rescued), "{ready}");
+    server.stop().await;
+    let log = format!("{rescued}-wal");
+    for (rescued, original) in [(&*rescued, "aside.db"), (&*log, "sidestep.db-wal")] {
+        let [one, other] =
+            [rescued, original].map(|name| std::fs::read(folder.path(name)).unwrap());
+        assert!(one == other && !one.is_empty(), "{rescued}");
+    }
+    std::fs::rename(&aside, &path).unwrap();
+    // A server does not go on with it.
+    let served =
+        Process::start_on(&folder, &sidestep_tests::Database::file(folder.root(), "sidestep.db"));
+    let server = served.await;
+    while server.get("/readyz").await.status == 200 {
+        assert!(Instant::now() < due, "nobody notices");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    server.stop().await;
     let check = run(&["check", "--database", &database]).await;
     assert!(check.code == Some(1) && check.err.contains("sidestep salvage"), "{}", check.err);
     let salvage = ["salvage", "--from", &folder.name("sidestep.db"), "--database"];
