@@ -69,11 +69,8 @@ const OPEN: Gate = Gate { is_open: true, quota: 0, away_before_ms: 0 };
 /// Somebody with a plan of two tasks, whose trials are called after them.
 pub(crate) async fn someone(store: &Store, name: &str, known: Known) -> Enrolment {
     let enrolled = arrives(store, name, known, OPEN, 1).await;
-    let scene = Scene {
-        human: Pose::from([0.0, 0.0, 0.0]),
-        robot: Pose::from([15.0, 10.0, -2.0]),
-        goal: [5.0, -5.0],
-    };
+    let (human, robot) = (Pose::from([0.0, 0.0, 0.0]), Pose::from([15.0, 10.0, -2.0]));
+    let scene = Scene::new(&StudyConfig::default().parameters, human, robot);
     let planned = |index: usize| PlannedRow {
         trial_id: format!("{name}-{index}"),
         ordinal: index as i64,

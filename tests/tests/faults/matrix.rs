@@ -478,9 +478,8 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     }
     std::fs::rename(&aside, &path).unwrap();
     // A server does not go on with it.
-    let served =
-        Process::start_on(&folder, &sidestep_tests::Database::file(folder.root(), "sidestep.db"));
-    let server = served.await;
+    let damaged = sidestep_tests::Database::file(folder.root(), "sidestep.db");
+    let server = Process::start_on(&folder, &damaged).await;
     while server.get("/readyz").await.status == 200 {
         assert!(Instant::now() < due, "nobody notices");
         tokio::time::sleep(Duration::from_millis(50)).await;

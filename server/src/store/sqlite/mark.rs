@@ -74,7 +74,7 @@ pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
 }
 
 /// The mark on the only page of a file that has a mark and nothing else.
-fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>> {
+pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>> {
     let mut bytes = BufReader::with_capacity(1 << 20, File::open(file.path())?);
     let length = page_length(bytes.get_ref()).unwrap_or(PAGE);
     bytes.rewind()?;

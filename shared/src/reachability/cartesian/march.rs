@@ -122,9 +122,17 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         self.workers.for_chunks(inside, length, |i, near| {
             each_interior(layout, i, |index, offset| {
                 let value = |at: usize| floor[at].to_f64().max(lowest);
+                let place = lead + i * length + offset;
+                let here = value(place);
                 for (d, axis) in self.grid.axes.iter().enumerate() {
                     let (nodes, stride) = (axis.nodes as isize, layout.strides[d]);
-                    let first = lead + i * length + offset - index[d] * stride;
+                    let first = place - index[d] * stride;
+                    // Nearly everywhere there is none, and that is soon seen.
+                    let is_end = index[d] == 0 || index[d] + 1 == axis.nodes;
+                    let is_flat = |at: usize| (value(at) - here).abs() <= share;
+                    if !is_end && is_flat(place - stride) && is_flat(place + stride) {
+                        continue;
+                    }
                     let at = |k: isize| {
                         let k = if axis.is_periodic() { k.rem_euclid(nodes) } else { k };
                         (0..nodes).contains(&k).then(|| value(first + k as usize * stride))
