@@ -159,7 +159,7 @@ impl Told {
     }
 
     /// As an entry of the list below the sentence.
-    fn entry(&self, mean: f64, r: f64) -> String {
+    fn entry(&self, mean: f64, r: f64, [p, holm]: [f64; 2]) -> String {
         let mean = match self.metric.as_str() {
             "accuracy" => signed(mean, 1),
             _ => format!("{} steps ({} s)", signed(mean, 1), signed(0.2 * mean, 2)),
@@ -171,14 +171,22 @@ impl Told {
             true => format!(" {} of {} differ", self.differing, self.people),
             false => String::new(),
         };
-        let (p, r, holm) = (p_is(self.p), signed(r, 2), p_value(self.holm));
+        let (p, r, holm) = (p_is(p), signed(r, 2), p_value(holm));
         format!("{} {mean} {p}, r {r} Holm {holm}{differ}", self.name())
     }
 
-    /// The same, however its numbers of four places are rounded.
+    /// The same, however its numbers of four places, and p-values of seven digits, are rounded.
     fn entries(&self) -> impl Iterator<Item = String> {
         let means = near(self.mean).into_iter();
-        means.flat_map(|mean| near(self.r).map(|r| self.entry(mean, r)))
+        let alike = |p: f64| [p * (1.0 - 6e-7), p, p * (1.0 + 6e-7)].map(|p| p.min(1.0));
+        let p_values = move || {
+            alike(self.p).into_iter().flat_map(move |p| alike(self.holm).map(|holm| [p, holm]))
+        };
+        means.flat_map(move |mean| {
+            near(self.r)
+                .into_iter()
+                .flat_map(move |r| p_values().map(move |p| self.entry(mean, r, p)))
+        })
     }
 }
 
