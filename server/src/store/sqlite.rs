@@ -178,7 +178,8 @@ impl Sqlite {
                 migrations::begin_copy(&db).map_err(sqlite)?;
             }
         }
-        let original = Arc::new(Original::new(file.clone()).map_err(sqlite)?);
+        let original =
+            Arc::new(Original::new(file.clone(), purpose == Purpose::Alone).map_err(sqlite)?);
         let only_reads = purpose == Purpose::Read;
         let readers = Arc::new(Readers::new(file.clone(), Arc::clone(&original), only_reads));
         let writer = match only_reads {

@@ -477,14 +477,20 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
         assert!(one == other && !one.is_empty(), "{rescued}");
     }
     std::fs::rename(&aside, &path).unwrap();
-    // A server does not go on with it.
+    // No server goes on with both, nor with the file alone, which it searches once it runs.
     let damaged = sidestep_tests::Database::file(folder.root(), "sidestep.db");
+    let refused = Process::try_start_on(&folder, &damaged).await.err().unwrap();
+    assert!(refused.contains("not whole together") && refused.contains("salvage"), "{refused}");
+    let log = folder.path("sidestep.db-wal");
+    std::fs::rename(&log, folder.path("kept.log")).unwrap();
     let server = Process::start_on(&folder, &damaged).await;
     while server.get("/readyz").await.status == 200 {
         assert!(Instant::now() < due, "nobody notices");
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
     server.stop().await;
+    std::fs::rename(folder.path("kept.log"), &log).unwrap();
+    let _ = std::fs::remove_file(folder.path("sidestep.db-shm"));
     let check = run(&["check", "--database", &database]).await;
     assert!(check.code == Some(1) && check.err.contains("sidestep salvage"), "{}", check.err);
     let salvage = ["salvage", "--from", &folder.name("sidestep.db"), "--database"];

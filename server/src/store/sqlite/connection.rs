@@ -163,7 +163,8 @@ pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
 pub(super) fn first_damage(db: &Connection) -> Result<Option<String>> {
     let found = db.query_row("PRAGMA quick_check(1)", [], |row| row.get::<_, String>(0));
     match found.map_err(StoreError::from) {
-        Ok(found) => Ok(Some(found).filter(|found| found != "ok")),
+        // The first line is a heading.
+        Ok(found) => Ok(found.lines().last().filter(|found| *found != "ok").map(str::to_owned)),
         Err(StoreError::Corrupt(found)) => Ok(Some(found)),
         Err(error) => Err(error.into()),
     }

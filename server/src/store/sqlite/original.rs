@@ -83,8 +83,8 @@ struct Looked {
 }
 
 impl Original {
-    /// The current file, with all migrations applied.
-    pub(super) fn new(file: DatabaseFile) -> Result<Self, StoreError> {
+    /// The current file, with all migrations applied. One that is served is searched for damage first.
+    pub(super) fn new(file: DatabaseFile, is_served: bool) -> Result<Self, StoreError> {
         let identity = file.identity()?;
         let unreadable = |error: std::io::Error| StoreError::Unavailable(error.to_string());
         let handle = File::open(file.path()).map_err(unreadable)?;
@@ -100,8 +100,7 @@ impl Original {
             length: AtomicU64::new(length),
             changed: OnceLock::new(),
             written: Mutex::default(),
-            // It may have been damaged before.
-            is_suspected: AtomicBool::new(true),
+            is_suspected: AtomicBool::new(is_served),
             companions: Mutex::default(),
             log: Mutex::default(),
             has_log: AtomicBool::new(true),
@@ -324,12 +323,13 @@ impl Original {
                 "somebody has written to the database file; SQLite finds no damage, and 'sidestep check' replays every trial"
             ),
             Ok(found) if found.is_empty() => {}
-            Ok(_) | Err(StoreError::Corrupt(_)) => {
+            // Without its log it is damaged, and with it not.
+            Ok(_) | Err(StoreError::Corrupt(_)) if self.check_with_log().is_ok() => {
                 self.changed.get_or_init(
                     || "damaged; stop the server: 'sidestep check' says where, and what to do",
                 );
             }
-            Err(_) => self.is_suspected.store(true, Ordering::Relaxed),
+            _ => self.is_suspected.store(true, Ordering::Relaxed),
         }
     }
 

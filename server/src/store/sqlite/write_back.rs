@@ -140,7 +140,7 @@ mod tests {
         let db = connection::writing(file.path()).unwrap();
         db.batch("CREATE TABLE page (bytes BLOB NOT NULL) STRICT").unwrap();
         let mut log =
-            WriteBack::start(file.clone(), Arc::new(Original::new(file).unwrap())).unwrap();
+            WriteBack::start(file.clone(), Arc::new(Original::new(file, true).unwrap())).unwrap();
         let mut longest = 0;
         let began_anew = (0..COMMITS).any(|_| {
             db.execute("INSERT INTO page VALUES (zeroblob(100000))", []).unwrap();
