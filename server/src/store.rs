@@ -441,6 +441,14 @@ impl Store {
         self.write_behind([Lock::Studies], migrations::end_copy).await
     }
 
+    /// If somebody changes the file, what it had is written beside it; after this call, where that fails, to the working
+    /// directory or to that for temporary files.
+    pub fn rescue_elsewhere(&self) {
+        if let Database::Sqlite(database) = &self.open.database {
+            database.rescue_elsewhere();
+        }
+    }
+
     /// Why what was stored may be lost, once it is closed: somebody changed the file, and no other could be written.
     #[must_use]
     pub fn unrescued(&self) -> Option<StoreError> {

@@ -178,6 +178,7 @@ pub async fn run(args: ServeArgs) -> Result<(), CommandError> {
     let key = std::env::var("SIDESTEP_ADMIN_KEY").ok();
     let signal = stop_signal()?;
     let running = start(&args, key.as_deref()).await?;
+    running.store.rescue_elsewhere();
     print_line(&running.announcement())?;
     signal.await;
     tracing::info!("stopping");

@@ -267,6 +267,10 @@ impl Sqlite {
         self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
+    pub(super) fn rescue_elsewhere(&self) {
+        self.original.rescue_elsewhere();
+    }
+
     /// Why nothing is stored any more, if what was stored could not be rescued either.
     pub(super) fn unrescued(&self) -> Option<StoreError> {
         self.original.check().err().filter(|_| self.original.lacks_rescue())

@@ -54,6 +54,8 @@ pub(super) struct Original {
     log_read: Mutex<Option<SystemTime>>,
     /// Each index of the log that was open here, locked. None is ever closed: SQLite's locks on it would be given up.
     indices: Mutex<Vec<(Identity, File)>>,
+    /// Whether what is rescued may be written to other folders.
+    goes_elsewhere: AtomicBool,
     /// Where what was stored is safe, while the file is not.
     rescued: Mutex<Option<PathBuf>>,
 }
@@ -106,6 +108,7 @@ impl Original {
             has_log: AtomicBool::new(true),
             log_read: Mutex::default(),
             indices: Mutex::default(),
+            goes_elsewhere: AtomicBool::new(false),
             rescued: Mutex::default(),
         })
     }
@@ -445,13 +448,19 @@ impl Original {
         known.is_none_or(|[log, _]| log == self.file.companions()[0])
     }
 
-    /// New names for what is rescued: beside the file, and where that fails, in the working directory or in that for
-    /// temporary files.
+    /// Allows other folders than the file's for what is rescued.
+    pub(super) fn rescue_elsewhere(&self) {
+        self.goes_elsewhere.store(true, Ordering::Relaxed);
+    }
+
+    /// New names for what is rescued: beside the file, and where that fails and is allowed, in the working directory or in
+    /// that for temporary files.
     pub(super) fn rescue_names(&self) -> impl Iterator<Item = PathBuf> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut name = self.file.path().file_name().unwrap_or_default().to_owned();
         name.push(format!(".{}.rescued", now.as_millis()));
         let elsewhere = std::env::current_dir().into_iter().chain([std::env::temp_dir()]);
+        let elsewhere = elsewhere.filter(|_| self.goes_elsewhere.load(Ordering::Relaxed));
         let folders = std::iter::once(self.file.folder().to_owned()).chain(elsewhere);
         folders.map(move |folder| folder.join(&name))
     }
