@@ -174,10 +174,9 @@ pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     )?
 }
 
-/// Makes anew what every database of this version has, where it cannot be read in a damaged file of SQLite: the words of
-/// its tables, and the tables that say which database it is and of which version. A file with a mark, which came last, is of
-/// this version. `like` is a connection to an empty
-/// file, and `db` one that may write the schema.
+/// Repairs what every database of this version has, in a damaged file of SQLite: the schema's text, the mark, and the table
+/// of the migrations. A file with a mark, which came with the last migration, is of this version. `db` may write the schema;
+/// `like` is a connection to an empty file, for comparison.
 pub(super) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
     const MARK: &str = "mark";
     apply(like)?;
