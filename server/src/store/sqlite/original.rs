@@ -321,13 +321,13 @@ impl Original {
             return;
         }
         let db = connection::reading(&self.file, true).map_err(StoreError::from);
-        match db.and_then(|db| connection::damage(&db)) {
-            Ok(found) if found.is_empty() && is_over => tracing::warn!(
+        match db.and_then(|db| Ok(connection::first_damage(&db)?)) {
+            Ok(None) if is_over => tracing::warn!(
                 "somebody has written to the database file; SQLite finds no damage, and 'sidestep check' replays every trial"
             ),
-            Ok(found) if found.is_empty() => {}
+            Ok(None) => {}
             // Without its log it is damaged, and with it not.
-            Ok(_) | Err(StoreError::Corrupt(_)) if self.check_with_log().is_ok() => {
+            Ok(Some(_)) | Err(StoreError::Corrupt(_)) if self.check_with_log().is_ok() => {
                 self.changed.get_or_init(
                     || "damaged; stop the server: 'sidestep check' says where, and what to do",
                 );
