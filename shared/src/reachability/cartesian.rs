@@ -13,6 +13,7 @@ mod kernel;
 mod solution;
 mod mirror;
 mod speeds;
+mod limits;
 mod march;
 
 use super::game::Game;

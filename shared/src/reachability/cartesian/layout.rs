@@ -195,8 +195,22 @@ pub(super) fn each_interior<const D: usize>(
     slice: usize,
     mut f: impl FnMut([usize; D], usize),
 ) {
+    each_line(layout, slice, |mut index, start| {
+        for last in 0..layout.nodes[D - 1] {
+            index[D - 1] = last;
+            f(index, start + last);
+        }
+    });
+}
+
+/// Calls `f` with the index and the place of the first node of every line along the last axis.
+pub(super) fn each_line<const D: usize>(
+    layout: &Layout<D>,
+    slice: usize,
+    mut f: impl FnMut([usize; D], usize),
+) {
     let first_axis = usize::from(Layout::<D>::LOOP_AXES > 0);
-    // Divisions for each line of nodes along the last axis, not for each node.
+    // Divisions for each line, not for each node.
     let lines: usize = layout.nodes[first_axis..].iter().product::<usize>() / layout.nodes[D - 1];
     for line in 0..lines {
         let mut index = [slice; D];
@@ -206,9 +220,7 @@ pub(super) fn each_interior<const D: usize>(
             rest /= layout.nodes[d];
             start += (index[d] + layout.reach) * layout.strides[d];
         }
-        for last in 0..layout.nodes[D - 1] {
-            index[D - 1] = last;
-            f(index, start + last * layout.strides[D - 1]);
-        }
+        index[D - 1] = 0;
+        f(index, start);
     }
 }

@@ -4,8 +4,9 @@ use super::super::game::Game;
 use super::super::grid::Grid;
 use super::super::progress::{Progress, SolveError, check_memory};
 use super::super::scheme::{JUMP_REACH, Stencil};
-use super::kernel::{Base, Range, Stage, Tables, Task};
+use super::kernel::{Base, Stage, Tables, Task};
 use super::layout::{BLOCK, Ghosts, Layout, each_interior, fill_ghosts};
+use super::limits::{Limits, Nodes, STEEP, joined, range, steepest};
 use super::mirror::Mirror;
 use super::speeds::Speeds;
 use super::{Direction, Horizon, Kind, Problem, Region, Settings, ShallowObstacle, Solution};
@@ -13,7 +14,7 @@ use crate::invalid::Invalid;
 use crate::parallel::{Lanes, Workers, in_lanes};
 use crate::real::Real;
 use core::ops::ControlFlow;
-use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use core::sync::atomic::{AtomicUsize, Ordering};
 
 struct Marcher<'a, T, const D: usize, G, S> {
     problem: &'a Problem<'a, D, G>,
@@ -50,8 +51,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             tables: &self.tables,
             units: self.units,
             steep: (S::REACH > 1 && limits.floor.is_some())
-                .then(|| self.steep(limits.slope).map(T::from_f64)),
-            near: (S::REACH > 1 && limits.hides_jumps).then_some(&limits.near),
+                .then(|| limits.steep(&self.grid).map(T::from_f64)),
+            near: limits.hidden(),
             jumps: limits.jumps,
             half_mean: T::from_f64(0.5 * sign * self.scale),
             half_difference: T::from_f64(0.5 * self.scale),
@@ -74,11 +75,6 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         fill_ghosts(destination, layout, 0, ghosts[0], limits.jumps);
     }
 
-    /// Differences of neighbours, by axis, that are far steeper than `slope`.
-    fn steep(&self, slope: f64) -> [f64; D] {
-        self.grid.axes.map(|axis| STEEP * slope * axis.spacing())
-    }
-
     /// What the ghosts of each axis are.
     fn ghosts(&self) -> [Ghosts<'_>; D] {
         core::array::from_fn(|d| match &self.mirror {
@@ -89,96 +85,27 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         })
     }
 
+    fn every_node(&self) -> Nodes<'_, D> {
+        let Self { grid, layout, workers, .. } = self;
+        Nodes { grid, layout, ghosts: self.ghosts(), workers }
+    }
+
     /// Brings the limits that move to `time`.
     fn move_limits(&self, limits: &mut Limits<T>, time: f64) -> Result<(), Invalid> {
         if let Some(ceiling) = &mut limits.ceiling
             && self.problem.target.moves()
         {
             self.sample("target", &self.problem.target, 1.0, time, ceiling)?;
-            limits.seen = joined(limits.seen, self.range(ceiling));
+            limits.seen = joined(limits.seen, range(ceiling, &self.layout));
         }
         if let (Some(floor), Some(avoid)) = (&mut limits.floor, &self.problem.avoid)
             && (avoid.region.moves() || self.problem.target.moves())
         {
             self.sample(avoid.name(), &avoid.region, avoid.sign, time, floor)?;
             limits.cap_floor();
-            self.look_for_jumps(limits);
+            limits.look_for_jumps(&self.every_node());
         }
         Ok(())
-    }
-
-    /// Notes whether the obstacle jumps: whether, within the target's values, the difference of two neighbours is more than
-    /// a quarter of the obstacle's range and than four times those beside it that have its sign, as no slope's is. Where it
-    /// is too low there to be far steeper than the target's steepest slope, that slope hides the jumps of V. This matters in
-    /// passages: elsewhere first order would cost more than jumps do.
-    fn look_for_jumps(&self, limits: &mut Limits<T>) {
-        let Some(floor) = &limits.floor else { return };
-        let (layout, lowest) = (&self.layout, limits.seen[0]);
-        let (lead, length) = (layout.lead(), layout.slice_length());
-        let [low, high] = self.range(floor).map(|value| value.max(lowest));
-        let (share, hidden) = (0.25 * (high - low), T::from_f64(NEAR));
-        let (steep, jumps) = (self.steep(limits.slope), AtomicBool::new(limits.jumps));
-        let inside = &mut limits.near[lead..lead + layout.slices() * length];
-        self.workers.for_chunks(inside, length, |i, near| {
-            each_interior(layout, i, |index, offset| {
-                let value = |at: usize| floor[at].to_f64().max(lowest);
-                let place = lead + i * length + offset;
-                let here = value(place);
-                for (d, axis) in self.grid.axes.iter().enumerate() {
-                    let (nodes, stride) = (axis.nodes as isize, layout.strides[d]);
-                    let first = place - index[d] * stride;
-                    // Nearly everywhere there is none, and that is soon seen.
-                    let is_end = index[d] == 0 || index[d] + 1 == axis.nodes;
-                    let is_flat = |at: usize| (value(at) - here).abs() <= share;
-                    if !is_end && is_flat(place - stride) && is_flat(place + stride) {
-                        continue;
-                    }
-                    let at = |k: isize| {
-                        let k = if axis.is_periodic() { k.rem_euclid(nodes) } else { k };
-                        (0..nodes).contains(&k).then(|| value(first + k as usize * stride))
-                    };
-                    // From the k-th node of the axis to the next; 0 beyond an end.
-                    let rise = |k: isize| match (at(k), at(k + 1)) {
-                        (Some(this), Some(next)) => next - this,
-                        _ => 0.0,
-                    };
-                    let is_jump = |k: isize| {
-                        let this = rise(k);
-                        let beside = |k: isize| rise(k) * this.signum();
-                        let size = this.abs();
-                        size > share && size > STEEP * beside(k - 1).max(beside(k + 1))
-                    };
-                    // From the foot of a wall on: whether another one, or the end, is near.
-                    let is_passage = |k: isize| {
-                        let way = -rise(k).signum() as isize;
-                        (1..=PASSAGE).map(|nodes| k + way * nodes).any(|k| {
-                            at(k).is_none()
-                                || at(k + 1).is_none()
-                                || way as f64 * rise(k) > 0.0 && is_jump(k)
-                        })
-                    };
-                    let node = index[d] as isize;
-                    for k in [node - 1, node].into_iter().filter(|k| is_jump(*k)) {
-                        jumps.store(true, Ordering::Relaxed);
-                        let height = at(k).into_iter().chain(at(k + 1)).fold(low, f64::max);
-                        if height <= steep[d] && is_passage(k) {
-                            near[offset] = hidden;
-                        }
-                    }
-                }
-            });
-        });
-        limits.jumps = jumps.into_inner();
-        limits.hides_jumps |= inside.contains(&hidden);
-        if limits.hides_jumps {
-            let near = &mut limits.near[..layout.length - BLOCK];
-            for d in 0..D {
-                spread(near, layout, d, self.grid.axes[d].is_periodic());
-            }
-            for d in (0..D).rev() {
-                fill_ghosts(near, layout, d, self.ghosts()[d], false);
-            }
-        }
     }
 
     /// The values of the whole grid's nodes at `time`, row-major, an obstacle's at its own height.
@@ -199,13 +126,6 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         Ok(self.nodes(scratch))
     }
 
-    /// The least and the largest value at a node.
-    fn range(&self, data: &[T]) -> [f64; 2] {
-        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-        self.each_node(data, |_, value| range = joined(range, [value; 2]));
-        range
-    }
-
     /// Calls `f` with each node and its value.
     fn each_node(&self, data: &[T], mut f: impl FnMut([usize; D], f64)) {
         for slice in 0..self.layout.slices() {
@@ -218,7 +138,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
 
     /// What to tell of an obstacle beside which V is far flatter than the target.
     fn shallow(&self, floor: &[T], limits: &Limits<T>) -> Option<ShallowObstacle> {
-        let (target, lowest) = (limits.seen[0], self.range(floor)[0]);
+        let (target, lowest) = (limits.seen[0], range(floor, &self.layout)[0]);
         if lowest <= target {
             return None;
         }
@@ -358,92 +278,6 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
     }
 }
 
-/// What V may not exceed and what it may not fall below, on the nodes.
-struct Limits<T> {
-    ceiling: Option<Vec<T>>,
-    floor: Option<Vec<T>>,
-    /// Whether the obstacle has been higher somewhere than it is in `floor`.
-    is_capped: bool,
-    /// Whether the obstacle has had jumps, and V may still have them.
-    jumps: bool,
-    /// Whether the target's slope has hidden some.
-    hides_jumps: bool,
-    /// [`NEAR`] at the nodes where it has, and one less for each cell away from there. Empty without an obstacle.
-    near: Vec<T>,
-    /// The target's steepest slope at the beginning.
-    slope: f64,
-    /// The least and the largest value of the target so far.
-    seen: [f64; 2],
-}
-
-impl<T: Real> Limits<T> {
-    /// Lowers an obstacle to M, the largest magnitude of the target. A path's value is
-    /// max(target at its end, highest obstacle on it), and max(l, g) is at most M exactly where max(l, min(g, M)) is, so
-    /// that this changes V to min(V, M) and no sign. Numbers that are far above the target's, as those that stand for
-    /// "never", would round the target's away beside them, and bring their error into V.
-    fn cap_floor(&mut self) {
-        let cap = T::from_f64(self.largest());
-        for floor in self.floor.iter_mut().flatten() {
-            self.is_capped |= *floor > cap;
-            *floor = floor.smaller(cap);
-        }
-    }
-
-    /// The largest magnitude of the target so far; infinite for one that is 0 everywhere.
-    fn largest(&self) -> f64 {
-        let largest = self.seen[0].abs().max(self.seen[1].abs());
-        if largest > 0.0 { largest } else { f64::INFINITY }
-    }
-
-    /// Where the values of a tube are, and where one stage can bring them. Neighbours, ghosts too, differ by at most
-    /// the range R of the data, and second differences by at most 2 R, so that no one-sided derivative exceeds
-    /// (1 + 14/6) R over the spacing: ENO3's and WENO's coefficients. A stage moves V by at most
-    /// Δt Σ speed (|mean of two| + |half of their difference|), and Δt Σ speed/Δx is at most the share `cfl`.
-    fn range(&self, cfl: f64) -> Range<T> {
-        let lowest = self.seen[0];
-        let highest = if self.floor.is_some() { self.largest() } else { self.seen[1] };
-        let most = 2.0 * cfl * (10.0 / 3.0) * (highest - lowest);
-        // Rounding of the sums, in the narrower type.
-        let rounding = 1e-4 * (most + lowest.abs().max(highest.abs()));
-        let possible = [lowest - most - rounding, highest + most + rounding].map(T::from_f64);
-        Range { lowest: T::from_f64(lowest), possible }
-    }
-}
-
-/// Spreads along `axis` how near a jump is.
-fn spread<T: Real, const D: usize>(
-    near: &mut [T],
-    layout: &Layout<D>,
-    axis: usize,
-    is_periodic: bool,
-) {
-    let (reach, nodes, stride) = (layout.reach, layout.nodes[axis], layout.strides[axis]);
-    // Twice around where there is no end.
-    let steps = if is_periodic { 2 * nodes } else { nodes };
-    for line in near.chunks_exact_mut((nodes + 2 * reach) * stride) {
-        let mut pass = |to: usize, from: usize| {
-            for k in 0..stride {
-                let there = line[(reach + from) * stride + k] - T::from_f64(1.0);
-                let here = &mut line[(reach + to) * stride + k];
-                *here = here.larger(there);
-            }
-        };
-        for k in 1..steps {
-            let (this, last) = (k % nodes, (k - 1) % nodes);
-            pass(this, last);
-        }
-        for k in (1..steps).rev() {
-            let (this, last) = (k % nodes, (k - 1) % nodes);
-            pass(last, this);
-        }
-    }
-}
-
-/// The range of both.
-fn joined([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64; 2] {
-    [low.min(other_low), high.max(other_high)]
-}
-
 pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     problem: &Problem<'_, D, G>,
     settings: &Settings,
@@ -464,13 +298,13 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     let reach = if looks { JUMP_REACH } else { S::REACH };
     let stages = settings.scheme.stages();
     // The target's values; the obstacle's, and how near its jumps are.
-    let limits = usize::from(problem.kind == Kind::Tube) + 2 * usize::from(problem.avoid.is_some());
+    let limits = [problem.kind == Kind::Tube, problem.avoid.is_some(), looks].map(usize::from);
     let padded = problem
         .grid
         .axes
         .iter()
         .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * reach)));
-    let arrays = (stages.max(2) + limits).saturating_add(settings.slices);
+    let arrays = (stages.max(2) + limits.iter().sum::<usize>()).saturating_add(settings.slices);
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
     // It looks at every node: after the check that there are not too many.
     let mirror = Mirror::of(problem, reach);
@@ -496,23 +330,17 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     let array = || vec![T::ZERO; layout.length];
     let mut value = array();
     marcher.sample("target", &problem.target, 1.0, 0.0, &mut value)?;
-    let mut limits = Limits {
-        ceiling: (problem.kind == Kind::Tube).then(|| value.clone()),
-        floor: problem.avoid.as_ref().map(|_| array()),
-        is_capped: false,
-        jumps: false,
-        hides_jumps: false,
-        near: if problem.avoid.is_some() { array() } else { Vec::new() },
-        slope: steepest(&value, &layout, &grid),
-        seen: marcher.range(&value),
-    };
+    let ceiling = (problem.kind == Kind::Tube).then(|| value.clone());
+    let floor = problem.avoid.as_ref().map(|_| array());
+    let near = if looks { array() } else { Vec::new() };
+    let mut limits = Limits::new(&value, &layout, &grid, [ceiling, floor], near);
     if let (Some(floor), Some(avoid)) = (&mut limits.floor, &problem.avoid) {
         marcher.sample(avoid.name(), &avoid.region, avoid.sign, 0.0, floor)?;
         marcher.check_room(&value, floor)?;
     }
     let shallow = limits.floor.as_ref().and_then(|floor| marcher.shallow(floor, &limits));
     limits.cap_floor();
-    marcher.look_for_jumps(&mut limits);
+    limits.look_for_jumps(&marcher.every_node());
     for (value, floor) in value.iter_mut().zip(limits.floor.iter().flatten()) {
         *value = value.larger(*floor);
     }
@@ -628,34 +456,10 @@ fn check_times<const D: usize, G>(
 const MOST_STEPS: f64 = 1e8;
 /// Fewer cells than this are not worth more than one thread.
 const SMALL: usize = 50_000;
-/// How many times as steep as others is a jump, where there is an obstacle.
-const STEEP: f64 = 4.0;
-/// At most this many nodes between walls, or a wall and the grid's end, are a passage.
-const PASSAGE: isize = 6;
-/// How many cells away from jumps faces may be of first order although nothing in them jumps.
-const NEAR: f64 = 8.0;
 /// Steps between two looks at the residual.
 const RESIDUAL_EVERY: usize = 8;
 /// Steps between two looks at all values: what is no number spreads.
 const CHECK_EVERY: usize = 16;
-
-/// Largest slope between neighbours along any axis; 1 if there is none.
-fn steepest<T: Real, const D: usize>(value: &[T], layout: &Layout<D>, grid: &Grid<D>) -> f64 {
-    let mut steepest = 0.0_f64;
-    for slice in 0..layout.slices() {
-        let start = layout.lead() + slice * layout.slice_length();
-        each_interior(layout, slice, |index, offset| {
-            for d in 0..D {
-                if index[d] + 1 < layout.nodes[d] {
-                    let at = start + offset;
-                    let rise = value[at + layout.strides[d]].to_f64() - value[at].to_f64();
-                    steepest = steepest.max(rise.abs() / grid.axes[d].spacing());
-                }
-            }
-        });
-    }
-    if steepest > 0.0 && steepest.is_finite() { steepest } else { 1.0 }
-}
 
 fn largest_change<T: Real, const D: usize>(from: &[T], to: &[T], layout: &Layout<D>) -> f64 {
     let mut largest = 0.0_f64;
