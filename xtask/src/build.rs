@@ -14,7 +14,7 @@ use crate::workspace::{Runs, Workspace, stage};
 pub(crate) struct Options {
     /// Leave the server as it is: enough after a change to the client or to `static/`.
     #[arg(long)]
-    client_only: bool,
+    pub(crate) client_only: bool,
 }
 
 /// Builds, then prints what a page costs to load and how long each stage took.

@@ -1,12 +1,17 @@
 //! `cargo xtask test`: every test there is, with all that they need.
 
-use std::ffi::OsString;
+mod lanes;
+mod programs;
+
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use std::{env, fs};
+use std::{env, fs, thread};
 
 use anyhow::{Context, Result, bail};
 
+use self::lanes::Part;
+use self::programs::Program;
 use crate::build;
 use crate::python::{PYTHON, environment};
 use crate::site::bundle;
@@ -22,6 +27,9 @@ pub(crate) struct Options {
     /// Only test the Python package.
     #[arg(long, conflicts_with_all = ["postgres", "arguments"])]
     python: bool,
+    /// Do what `cargo xtask check` does too, while tests wait.
+    #[arg(long, conflicts_with_all = ["python", "arguments"])]
+    check: bool,
     /// Passed on to `cargo test`, as in `-- --test browser`.
     #[arg(last = true)]
     arguments: Vec<OsString>,
@@ -69,50 +77,95 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         install(&SURROUNDINGS, how_to_install_surroundings)?;
     }
     let readers = readers(workspace)?;
-    build::run(workspace, &build::Options::default())?;
-    let mut pages = Vec::new();
+    let is_whole = options.arguments.is_empty();
+    // The server's program is compiled with the tests then.
+    build::run(workspace, &build::Options { client_only: is_whole })?;
+    let mut needs: Vec<(&str, PathBuf)> = Vec::new();
     for (variable, example) in PAGES {
-        pages.push((*variable, example_page(workspace, example)?));
+        needs.push((*variable, example_page(workspace, example)?));
     }
-
-    let cluster = workspace.example(CLUSTER);
+    needs.push((VARIABLE, chromium));
+    needs.push((READERS, readers));
+    needs.push(("SIDESTEP_BIN", workspace.server()));
+    let programs = if is_whole { programs::compile(workspace)? } else { Vec::new() };
     stage("cluster", workspace.compile("build").args(["--example", CLUSTER]))?;
-    let tests = |on_postgres: bool, arguments: &[OsString]| {
-        let mut tests = workspace.compile("test");
-        tests.args(arguments);
-        if on_postgres {
-            tests = within(&cluster, &tests);
-        }
-        tests.env(VARIABLE, &chromium).env("SIDESTEP_BIN", workspace.server());
-        tests.env(READERS, &readers);
-        answer_of(tests.envs(pages.clone()))
-    };
+    let cluster = workspace.example(CLUSTER);
+    if is_whole {
+        return whole(workspace, options, &programs, &cluster, &needs);
+    }
     eprintln!("==> tests");
-    if !options.arguments.is_empty() {
-        return tests(options.postgres, &options.arguments);
+    let mut tests = workspace.compile("test");
+    tests.args(&options.arguments).envs(needs);
+    if options.postgres {
+        tests = within(&[cluster.as_os_str()], &tests);
     }
-    // Without a selection cargo would also compile every example, and with `--bins` programs that have no tests.
-    let all: (bool, &[&str]) = (options.postgres, &["--tests", "--no-fail-fast"]);
-    // What servers do with their database is tested on the other kind too.
-    let [studies, scenes] = ON_BOTH.map(|file| format!("{file}::"));
-    let api = [&["--test", "api", "--"][..], &WITHOUT_DATABASE.map(|of| ["--skip", of]).concat()];
-    let other: [(bool, &[&str]); 3] = [
-        (!options.postgres, &["--lib", "--", "store::"]),
-        (!options.postgres, &api.concat()),
-        (!options.postgres, &["--test", "browser", "--", &studies, &scenes]),
-    ];
-    // On files, the tests that need PostgreSQL are ignored.
-    let only: (bool, &[&str]) = (true, &["--test", "api", "--", "--ignored"]);
-    let doc: (bool, &[&str]) = (false, &["--doc"]);
-    for (on_postgres, arguments) in [all, other[0], other[1], other[2], only, doc] {
-        let arguments: Vec<OsString> = arguments.iter().map(OsString::from).collect();
-        let code = tests(on_postgres, &arguments)?;
-        if code != ExitCode::SUCCESS {
-            return Ok(code);
-        }
-    }
-    python_package(workspace)
+    answer_of(&mut tests)
 }
+
+/// Runs everything: what starts servers and browsers, which wait for each other most of the time, in one lane,
+/// and what computes in the other.
+fn whole(
+    workspace: &Workspace,
+    options: &Options,
+    programs: &[Program],
+    cluster: &Path,
+    needs: &[(&str, PathBuf)],
+) -> Result<ExitCode> {
+    let call = |program: &Program, arguments: &[&str], on_postgres: bool| {
+        let mut call = program.call();
+        call.args(arguments).envs(needs.iter().map(|(name, value)| (name, value)));
+        let name = format!("{}/{}", program.package(), program.name);
+        match on_postgres {
+            true => Part::new(name + " on PostgreSQL", within(&[cluster.as_os_str()], &call)),
+            false => Part::new(name, call),
+        }
+    };
+    let named = |package: &str, name: &str| {
+        let found = programs.iter().find(|it| it.package() == package && it.name == name);
+        found.with_context(|| format!("cargo compiled no tests {name} of {package}"))
+    };
+    let (browser, api) = (named("tests", "browser")?, named("tests", "api")?);
+    let threads = thread::available_parallelism().map_or(1, usize::from).max(AT_ONCE).to_string();
+    let threads = ["--test-threads", &threads];
+    // What servers do with their database is tested on the other kind too. On files, the tests that need
+    // PostgreSQL are ignored.
+    let [studies, scenes] = ON_BOTH.map(|file| format!("{file}::"));
+    let skipped = WITHOUT_DATABASE.map(|of| ["--skip", of]).concat();
+    let on_both = [&threads[..], &[&studies, &scenes]].concat();
+    let on_postgres = [&threads[..], &["--include-ignored"], &skipped].concat();
+    let all: &[&str] =
+        if options.postgres { &[&threads[..], &["--include-ignored"]].concat() } else { &threads };
+    let mut waiting =
+        vec![call(browser, &threads, options.postgres), call(api, all, options.postgres)];
+    if !options.postgres {
+        waiting.push(call(browser, &on_both, true));
+        waiting.push(call(api, &on_postgres, true));
+        waiting.push(call(named("server", "sidestep_server")?, &["store::"], true));
+    }
+    let mut computing = Vec::new();
+    for program in programs.iter().filter(|it| !["browser", "api"].contains(&&it.name[..])) {
+        let lane = if program.package() == "tests" { &mut waiting } else { &mut computing };
+        lane.push(call(program, &[], options.postgres));
+    }
+    let own = env::current_exe().context("this program")?;
+    let command = |argument: &[&str]| {
+        let mut command = Command::new(&own);
+        command.args(argument);
+        command
+    };
+    computing.push(Part::new("tests of the Python package", command(&["test", "--python"])));
+    let mut doc = workspace.compile("test");
+    doc.arg("--doc");
+    computing.push(Part::new("examples in the documentation", doc));
+    if options.check {
+        computing.push(Part::new("check", command(&["check"])));
+    }
+    lanes::run(waiting, computing, &workspace.output("tests"))
+}
+
+/// How many tests with servers and browsers run at once, even on few processors: they wait for the time of
+/// a scene, for each other and for disks.
+const AT_ONCE: usize = 4;
 
 /// Installs the Python package in an environment and runs its tests, which also call the server's program.
 fn python_package(workspace: &Workspace) -> Result<ExitCode> {
@@ -131,13 +184,14 @@ fn python_package(workspace: &Workspace) -> Result<ExitCode> {
 /// The example that runs a command with a PostgreSQL cluster of its own.
 const CLUSTER: &str = "with_postgres";
 
-/// The command as `program` runs it.
-fn within(program: &Path, command: &Command) -> Command {
-    let mut outer = Command::new(program);
-    outer.arg(command.get_program()).args(command.get_args());
+/// The command as another one runs it whose words are these.
+fn within(words: &[&OsStr], command: &Command) -> Command {
+    let mut outer = Command::new(words[0]);
+    outer.args(&words[1..]).arg(command.get_program()).args(command.get_args());
     if let Some(folder) = command.get_current_dir() {
         outer.current_dir(folder);
     }
+    outer.envs(command.get_envs().filter_map(|(name, value)| Some((name, value?))));
     outer
 }
 

@@ -177,6 +177,14 @@ fn without_paths(root: &Path) -> String {
 fn cargo_in(folder: &Path) -> Command {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(folder);
+    // What that cargo says of the package `xtask`. There are build scripts that look at it: they and all that
+    // needs them would be compiled again whenever somebody calls cargo directly, and then again here.
+    for (name, _) in env::vars_os() {
+        let text = name.to_string_lossy();
+        if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
+            command.env_remove(name);
+        }
+    }
     command
 }
 
