@@ -9,6 +9,8 @@
 
 pub mod metrics;
 pub mod split;
+pub mod sets;
+pub mod models;
 pub mod cell;
 pub mod fit;
 mod settings;

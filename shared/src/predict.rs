@@ -2,21 +2,38 @@
 //! what a feature or a class means. A kind of model has its own file with its file form;
 //! `predict/file.rs` puts them together as predictor.json.
 
+mod kind;
 pub mod scale;
 pub mod logistic;
 pub mod tree;
 pub mod boosting;
 pub mod svm;
+mod constant;
 mod file;
 
 use crate::features::FeatureSet;
 use crate::invalid::{Invalid, all_moderate, length};
-use boosting::Boosted;
-pub use file::{ModelFile, PredictorFile};
-use logistic::Logistic;
+use boosting::{Boosted, BoostedFields};
+use constant::Constant;
+pub use file::PredictorFile;
+use kind::{Kind, kinds};
+use logistic::{Logistic, LogisticFile};
 use scale::Scale;
-use svm::Svm;
-use tree::Tree;
+use svm::{Svm, SvmFile};
+use tree::{Tree, TreeFields};
+
+kinds! {
+    /// `"kind": "boosted"`: gradient-boosted trees.
+    Boosted: Boosted = BoostedFields,
+    /// `"kind": "logistic"`: logistic regression.
+    Logistic: (Scale, Logistic) = LogisticFile,
+    /// `"kind": "svm"`: support vector machines, one for each pair of classes.
+    Svm: (Scale, Svm) = SvmFile,
+    /// `"kind": "tree"`: a decision tree.
+    Tree: Tree = TreeFields,
+    /// `"kind": "constant"`: the same probabilities for all features.
+    Constant: Constant = Constant,
+}
 
 /// A trained model with the features that it needs.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,57 +44,9 @@ pub struct Predictor {
     model: Model,
 }
 
-/// The kinds of predictor.
-#[derive(Clone, Debug, PartialEq)]
-enum Model {
-    Boosted(Boosted),
-    Logistic(Scale, Logistic),
-    Svm(Scale, Svm),
-    Tree(Tree),
-    Constant(Vec<f64>),
-}
-
 impl Predictor {
-    /// A multinomial logistic regression on standardised features.
-    #[must_use]
-    pub fn logistic(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Logistic) -> Self {
-        Self { features, classes, actions: None, model: Model::Logistic(scale, model) }
-    }
-
-    /// Support vector machines on standardised features.
-    #[must_use]
-    pub fn svm(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Svm) -> Self {
-        Self { features, classes, actions: None, model: Model::Svm(scale, model) }
-    }
-
-    /// Boosted trees on features as they are ([`Boosted::unscaled`]).
-    #[must_use]
-    pub fn boosted(features: FeatureSet, classes: Vec<i8>, model: Boosted) -> Self {
-        Self { features, classes, actions: None, model: Model::Boosted(model) }
-    }
-
-    /// A decision tree on features as they are ([`Tree::unscaled`]).
-    #[must_use]
-    pub fn tree(features: FeatureSet, classes: Vec<i8>, model: Tree) -> Self {
-        Self { features, classes, actions: None, model: Model::Tree(model) }
-    }
-
-    /// The same probabilities for all features, of which there may be none.
-    ///
-    /// # Errors
-    /// [`Invalid`] if there is not one probability ≥ 0 a class, summing to 1.
-    pub fn constant(
-        features: FeatureSet,
-        classes: Vec<i8>,
-        probabilities: Vec<f64>,
-    ) -> Result<Self, Invalid> {
-        length("probabilities", classes.len(), probabilities.len())?;
-        let total: f64 = probabilities.iter().sum();
-        if probabilities.iter().any(|p| !(0.0..=1.0).contains(p)) || (total - 1.0).abs() > 1e-9 {
-            let expected = "numbers from 0 to 1 that sum to 1";
-            return Err(Invalid::new("probabilities", expected, format!("{probabilities:?}")));
-        }
-        Ok(Self { features, classes, actions: None, model: Model::Constant(probabilities) })
+    fn new(features: FeatureSet, classes: Vec<i8>, model: Model) -> Self {
+        Self { features, classes, actions: None, model }
     }
 
     /// The same predictor with the turn rate of each class, rad/s. Without them the
@@ -117,24 +86,13 @@ impl Predictor {
     /// tie; for an SVM the class with the most votes.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> i8 {
-        if let Model::Svm(scale, model) = &self.model {
-            return self.classes[model.class(scale, row)];
-        }
-        let mut p = vec![0.0; self.classes.len()];
-        self.probabilities_into(row, &mut p);
-        let likelier = |best: usize, k: usize| if p[k] > p[best] { k } else { best };
-        (0..p.len()).reduce(likelier).map_or(0, |k| self.classes[k])
+        let class = self.model.class(row, self.classes.len());
+        self.classes.get(class).copied().unwrap_or(0)
     }
 
     /// Writes the probability of each class to `out`, given a row of raw features.
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
-        match &self.model {
-            Model::Boosted(model) => model.probabilities_into(row, out),
-            Model::Logistic(scale, model) => model.probabilities_into(scale, row, out),
-            Model::Svm(scale, model) => model.probabilities_into(scale, row, out),
-            Model::Tree(model) => model.probabilities_into(row, out),
-            Model::Constant(probabilities) => out.copy_from_slice(probabilities),
-        }
+        self.model.probabilities_into(row, out);
     }
 }
 

@@ -18,7 +18,7 @@ use axum::http::StatusCode;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::{LearnedSets, PredictorPage, TrainedPredictor};
-use sidestep::comparison::cell::ModelName;
+use sidestep::comparison::models::ModelName;
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::playback::source;

@@ -4,7 +4,7 @@ use crate::report;
 use crate::store::predictors::{NewPredictor, UsedTask};
 use serde::{Deserialize, Serialize};
 use sidestep::comparison::Analysis;
-use sidestep::comparison::cell::ModelName;
+use sidestep::comparison::models::ModelName;
 use sidestep::recording::Recording;
 use std::collections::HashMap;
 

@@ -2,6 +2,7 @@
 
 use crate::store::studies::StoredStudy;
 use crate::store::{Store, StoreError};
+use sidestep::comparison::models::Grids;
 use sidestep::comparison::{Cost, Request};
 use sidestep::invalid::Invalid;
 use sidestep::trial::Phase;
@@ -17,28 +18,23 @@ pub struct Limits {
     pub threads: usize,
 }
 
-/// Makes a request ask for less.
-type Lighten = fn(&mut Request, protocol: &Request);
-
-/// How an analysis can be made cheaper: the field, how, and what that is called.
-const WAYS: &[(&str, Lighten, &str)] = &[
-    ("sets", |r, _| r.sets.clear(), "without them"),
-    ("grids.rbf_c", |r, p| r.grids.rbf_c.clone_from(&p.grids.rbf_c), PROTOCOLS),
-    ("grids.rbf_gamma", |r, p| r.grids.rbf_gamma.clone_from(&p.grids.rbf_gamma), PROTOCOLS),
-    ("grids.linear_c", |r, p| r.grids.linear_c.clone_from(&p.grids.linear_c), PROTOCOLS),
-    ("grids.tree_depth", |r, p| r.grids.tree_depth.clone_from(&p.grids.tree_depth), PROTOCOLS),
-    ("grids.tree_leaf", |r, p| r.grids.tree_leaf.clone_from(&p.grids.tree_leaf), PROTOCOLS),
-    ("grids.logistic_c", |r, p| r.grids.logistic_c.clone_from(&p.grids.logistic_c), PROTOCOLS),
-    (
-        "grids.boosted_depth",
-        |r, p| r.grids.boosted_depth.clone_from(&p.grids.boosted_depth),
-        PROTOCOLS,
-    ),
-    ("leakage", |r, _| r.leakage = false, "without it"),
-    ("paper_only", |r, _| r.paper_only = true, "with it"),
-];
-
-const PROTOCOLS: &str = "with the protocol's values";
+/// How an analysis can be made cheaper: the field, the lighter request, and what that is called.
+fn lighter(request: &Request) -> Vec<(String, Request, &'static str)> {
+    let with = |field: &str, change: fn(&mut Request), how| {
+        let mut lighter = request.clone();
+        change(&mut lighter);
+        (field.to_owned(), lighter, how)
+    };
+    let grid = |name| {
+        let lighter = Request { grids: request.grids.with_protocols(name), ..request.clone() };
+        (format!("grids.{name}"), lighter, "with the protocol's values")
+    };
+    let mut ways = vec![with("sets", |request| request.sets.clear(), "without them")];
+    ways.extend(Grids::names().map(grid));
+    ways.push(with("leakage", |request| request.leakage = false, "without it"));
+    ways.push(with("paper_only", |request| request.paper_only = true, "with it"));
+    ways
+}
 
 impl Limits {
     /// Estimates what an analysis of the study as it is now will cost.
@@ -79,11 +75,8 @@ impl Limits {
         if excess(&cost) <= 1.0 {
             return Ok(cost);
         }
-        let protocol = Request::default();
-        let mut best: Option<(&str, &str, Cost)> = None;
-        for (field, lighten, how) in WAYS {
-            let mut lighter = request.clone();
-            lighten(&mut lighter, &protocol);
+        let mut best: Option<(String, &str, Cost)> = None;
+        for (field, lighter, how) in lighter(request) {
             let lighter = of(&lighter)?;
             let least = best.as_ref().map_or(&cost, |(.., least)| least);
             if excess(&lighter) < excess(least) {
@@ -97,7 +90,10 @@ impl Limits {
         );
         let (field, advice) = match best {
             Some((field, how, lighter)) => (field, format!("{how}, {}", said(&lighter))),
-            None => ("paper_only", "ask for it with the command `sidestep analyze`".to_owned()),
+            None => (
+                "paper_only".to_owned(),
+                "ask for it with the command `sidestep analyze`".to_owned(),
+            ),
         };
         let found = format!("one that is estimated to take {}; {advice}", said(&cost));
         Err(Invalid::new(field, expected, found))

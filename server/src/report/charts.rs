@@ -5,15 +5,16 @@ mod generalisation;
 mod people;
 mod rollouts;
 
-use super::text::{fixed, model as name_of};
+use super::text::fixed;
 use serde_json::{Value, json};
 use sidestep::chart::{
     Align, Axis, Chart, Colour, ColourStyle, Datum, Drawing, Group, LegendItem, Mark, Pen, Series,
     Swarm, Table, colours,
 };
 use sidestep::comparison::Analysis;
-use sidestep::comparison::cell::{Experiment, ModelName};
+use sidestep::comparison::cell::Experiment;
 use sidestep::comparison::gains::Gain;
+use sidestep::comparison::models::ModelName;
 use sidestep::comparison::tables::Metric;
 
 /// Every chart is drawn for a telephone's width, px, and several stand side by side on a wider
@@ -130,12 +131,8 @@ fn opacity(tone: usize) -> f64 {
 
 /// A model's colour and mark.
 fn look(model: ModelName) -> (Colour, Mark) {
-    let [svm, trees, regression, ..] = colours::SERIES;
-    match model {
-        ModelName::Svm | ModelName::SvmRbf | ModelName::SvmLinear => (svm, Mark::Circle),
-        ModelName::Dt | ModelName::Boosted => (trees, Mark::Square),
-        ModelName::Lr => (regression, Mark::Triangle),
-    }
+    let row = model.row();
+    (colours::SERIES[row.colour], row.mark)
 }
 
 /// What is predicted.
@@ -179,7 +176,8 @@ fn gains(analysis: &Analysis) -> Figure {
     let each = all.iter().flat_map(|(.., gains)| gains).flat_map(|gain| &gain.paired.gains);
     let range = range(each.copied());
     let chart = |(heading, pair, gains): &(&str, String, Vec<&Gain>)| {
-        let name = |gain: &&Gain| format!("{} {}", name_of(gain.model), gain.experiment.numeral());
+        let name =
+            |gain: &&Gain| format!("{} {}", gain.model.row().short, gain.experiment.numeral());
         let mean = |gain: &&Gain| format!("{}: mean {:+.1}", name(gain), gain.paired.mean);
         let means = gains.iter().map(mean).collect::<Vec<_>>().join("; ");
         let x = Axis::round(pair, "points of accuracy", range, 6);
@@ -228,7 +226,7 @@ fn accuracies(analysis: &Analysis) -> Figure {
             };
             charts.push(PeopleChart {
                 model,
-                heading: format!("{} {}", name_of(model), question(experiment)),
+                heading: format!("{} {}", model.row().short, question(experiment)),
                 columns: sets.iter().zip(means).map(column).collect(),
                 baseline: Some(analysis.baseline_accuracy(experiment)),
             });
@@ -250,7 +248,7 @@ fn distances(analysis: &Analysis) -> Figure {
             };
             charts.push(PeopleChart {
                 model,
-                heading: format!("{}: {word} step of avoidance", name_of(model)),
+                heading: format!("{}: {word} step of avoidance", model.row().short),
                 columns: sets.iter().map(column).collect(),
                 baseline: None,
             });
@@ -328,7 +326,7 @@ fn calibration_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
             Datum { at: [p, right], radius: 2.2 + 7.0 * (n / total).sqrt(), says }
         });
         let (colour, mark) = look(model);
-        let mut series = Series::line(name_of(model), [], colour, 2.0).marked(mark);
+        let mut series = Series::line(model.row().short, [], colour, 2.0).marked(mark);
         series.points = datum.collect();
         let points = series.points.iter().map(|of| format!("{:.2} {:.2}", of.at[0], of.at[1]));
         described.push(format!("{}: {}", series.name, points.collect::<Vec<_>>().join(", ")));

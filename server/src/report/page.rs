@@ -16,12 +16,14 @@ use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, Error, Output, State, UndefinedBehavior};
 use serde_json::json;
 use sidestep::comparison::Analysis;
-use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
-use sidestep::comparison::fit::Grids;
+use sidestep::comparison::cell::Experiment;
 use sidestep::comparison::gains::Power;
-use sidestep::comparison::rollout::DOUBT;
+use sidestep::comparison::models::{BEYOND, Grids, ModelName};
+use sidestep::comparison::rollout::{DOUBT, Simple};
+use sidestep::comparison::sets::{BODY_FRAME_SETS, PAPERS_SETS};
 use sidestep::comparison::tables::{Metric, are_best};
 use sidestep::scene::Evader;
+use std::collections::BTreeMap;
 
 const TEMPLATES: [(&str, &str); 7] = [
     ("report.html", include_str!("templates/report.html")),
@@ -84,7 +86,8 @@ fn rendered(name: &str, numbers: serde_json::Value) -> Result<String, Error> {
     environment.add_filter("tex", text::tex);
     environment.add_filter("without_tags", without_tags);
     environment.add_filter("set", |name: &str| safe(text::set(name)));
-    environment.add_filter("model", |Serde(name): Serde<ModelName>| text::model(name));
+    environment.add_filter("model", |Serde(model): Serde<ModelName>| model.row().short);
+    environment.add_filter("full_name", |Serde(model): Serde<ModelName>| model.row().full);
     environment.add_filter("numeral", |Serde(of): Serde<Experiment>| of.numeral());
     environment
         .add_filter("best", |numbers: Vec<Option<f64>>, less: bool| are_best(&numbers, less));
@@ -111,6 +114,38 @@ fn write(out: &mut Output<'_>, state: &mut State<'_, '_>, value: &Value) -> Resu
     };
     let is_plain = value.is_safe() || *state.auto_escape() == AutoEscape::None;
     Ok(out.write_str(&if is_plain { text } else { text::html(&text) })?)
+}
+
+/// The models' hyper-parameters in words: of each model pieces of text, all but the last followed by the name of a
+/// hyper-parameter.
+fn hyperparameters() -> Vec<Vec<(&'static str, Option<&'static str>)>> {
+    let trained =
+        ModelName::EVERY.map(|model| model.row().grid).into_iter().filter(|of| !of.is_empty());
+    let pieces = |grid: &'static str| {
+        let mut pieces = Vec::new();
+        let mut rest = grid;
+        while let Some((text, (name, after))) =
+            rest.split_once('{').and_then(|(text, after)| Some((text, after.split_once('}')?)))
+        {
+            pieces.push((text, Some(name)));
+            rest = after;
+        }
+        pieces.push((rest, None));
+        pieces
+    };
+    trained.map(pieces).collect()
+}
+
+/// What roll-outs call each driver, by its name and feature set.
+fn drivers() -> BTreeMap<String, &'static str> {
+    let papers = ModelName::PAPERS.map(|model| (model.word(), "hrd", model.row().short));
+    let beyond = BEYOND.map(|of| (of.model.word(), of.features, of.words));
+    let simple = [
+        (Simple::Held.word(), "", "holding the last input"),
+        (Simple::Straight.word(), "", "driving straight on"),
+    ];
+    let all = papers.into_iter().chain(beyond).chain(simple);
+    all.map(|(driver, features, words)| (format!("{driver} {features}"), words)).collect()
 }
 
 /// What the templates print.
@@ -157,6 +192,8 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
         "papers_sets": PAPERS_SETS,
         "grids": settings.grids,
         "protocol": Grids::default(),
+        "hyperparameters": hyperparameters(),
+        "drivers": drivers(),
         "findings": findings,
         "behaviour": analysis.behaviour,
         "learning": analysis.learning,

@@ -6,9 +6,11 @@ use csv::Writer;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::comparison::Analysis;
-use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
+use sidestep::comparison::cell::Experiment;
 use sidestep::comparison::gains::{Gain, Paired};
+use sidestep::comparison::models::ModelName;
 use sidestep::comparison::rollout::Simple;
+use sidestep::comparison::sets::PAPERS_SETS;
 use std::io::{self, Write};
 
 /// Writes a table.

@@ -1,8 +1,8 @@
 //! Words and numbers as text, HTML and LaTeX: the filters of the templates.
 
 use sidestep::chart;
-use sidestep::comparison::cell::{BODY_FRAME_SETS, ModelName, PAPERS_SETS};
 use sidestep::comparison::gains::LEVEL;
+use sidestep::comparison::sets::{BODY_FRAME_SETS, PAPERS_SETS};
 use sidestep::features::HISTORY_SET;
 
 /// A text with everything escaped that means something in HTML and XML, attributes included.
@@ -110,18 +110,6 @@ pub(super) fn grouped(number: usize) -> String {
 /// "1 person", "2 people".
 pub(super) fn count(number: usize, one: &str, many: &str) -> String {
     format!("{} {}", grouped(number), if number == 1 { one } else { many })
-}
-
-/// A model as the paper writes it.
-pub(super) fn model(model: ModelName) -> &'static str {
-    match model {
-        ModelName::Svm => "SVM",
-        ModelName::SvmRbf => "SVM (RBF)",
-        ModelName::SvmLinear => "SVM (linear)",
-        ModelName::Dt => "DT",
-        ModelName::Lr => "LR",
-        ModelName::Boosted => "boosted trees",
-    }
 }
 
 /// A feature set as HTML: B with its letters, or the name that somebody gave it.

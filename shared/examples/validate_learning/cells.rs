@@ -5,8 +5,10 @@ use std::error::Error;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use sidestep::comparison::ParticipantData;
-use sidestep::comparison::cell::{Cell, Experiment, ModelName, NamedSet};
-use sidestep::comparison::fit::{Grids, ModelFamily, fit};
+use sidestep::comparison::cell::{Cell, Experiment};
+use sidestep::comparison::fit::fit;
+use sidestep::comparison::models::{Grids, ModelName};
+use sidestep::comparison::sets::NamedSet;
 use sidestep::comparison::split::Split;
 use sidestep::comparison::tables::Comparison;
 
@@ -123,29 +125,22 @@ fn under(setting: &Value, cell: &Cell, person: &ParticipantData) -> Result<Cell,
     let number = |name: &str| setting[name].as_f64().ok_or_else(|| format!("{setting}: no {name}"));
     let whole = |name: &str| setting[name].as_u64().map(|n| n as usize);
     let mut grids = Grids::default();
-    let family = match cell.model {
+    match cell.model {
         ModelName::SvmRbf => {
             (grids.rbf_c, grids.rbf_gamma) = (vec![number("C")?], vec![number("gamma")?]);
-            ModelFamily::Rbf
         }
-        ModelName::SvmLinear => {
-            grids.linear_c = vec![number("C")?];
-            ModelFamily::Linear
-        }
+        ModelName::SvmLinear => grids.linear_c = vec![number("C")?],
         ModelName::Dt => {
             grids.tree_depth = vec![whole("max_depth")];
             grids.tree_leaf = vec![whole("min_samples_leaf").ok_or("a tree without leaves")?];
-            ModelFamily::Tree
         }
-        _ => {
-            grids.logistic_c = vec![number("C")?];
-            ModelFamily::Logistic
-        }
-    };
+        _ => grids.logistic_c = vec![number("C")?],
+    }
     let sets = NamedSet::papers()?;
     let set = sets.iter().find(|set| set.name == cell.features).ok_or("no such set")?;
     let data = person.data.select(&set.features)?;
-    let cells = fit(family, &data, &Split::grouped(&data), &grids, &set.name, cell.participant)?;
+    let cells =
+        fit(cell.model, &data, &Split::grouped(&data), &grids, &set.name, cell.participant)?;
     let place = Experiment::ALL.iter().position(|one| *one == cell.experiment);
     Ok(cells[place.ok_or("no such experiment")?].clone())
 }

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::ops::ControlFlow;
 
-use sidestep::comparison::cell::NamedSet;
+use sidestep::comparison::sets::NamedSet;
 use sidestep::comparison::tables::Comparison;
 use sidestep::comparison::{ParticipantData, Settings, run};
 use sidestep::dataset::Dataset;

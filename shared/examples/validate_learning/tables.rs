@@ -4,7 +4,9 @@ use std::error::Error;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
+use sidestep::comparison::cell::Experiment;
+use sidestep::comparison::models::ModelName;
+use sidestep::comparison::sets::PAPERS_SETS;
 use sidestep::comparison::tables::Comparison;
 
 use crate::learning::apart::furthest;

@@ -1,7 +1,7 @@
 //! An analysis: a comparison with everything that is computed from it. Reports, tables and pages
 //! only print what is here.
 
-use super::cell::{Baseline, Experiment, ModelName};
+use super::cell::{Baseline, Experiment};
 use super::copies::{CopiedTrials, copied_trials, same_trials};
 use super::decision_map::{DecisionMap, decision_maps};
 use super::findings::Findings;
@@ -9,6 +9,7 @@ use super::gains::{Ablation, Gain, GainFamily, Test, ablation, papers_tests};
 use super::generalisation::{LearningPoint, Unseen};
 use super::importance::Importance;
 use super::metrics::Predictions;
+use super::models::ModelName;
 use super::plan::{ParticipantData, order, somebody_left};
 use super::run::{AnalysisError, Cache, Leakage, Progress, Results, RolloutsOf, run};
 use super::settings::Settings;

@@ -1,9 +1,9 @@
 //! The results of the comparison: a cell for each model, experiment, feature set and participant.
 
 use super::metrics::Predictions;
+use super::models::ModelName;
 use super::split::Split;
 use crate::dataset::Dataset;
-use crate::features::{FeatureSet, HISTORY_SET};
 use crate::invalid::Invalid;
 use crate::predict::PredictorFile;
 use crate::vehicle::TurnInput;
@@ -75,97 +75,6 @@ impl TryFrom<u8> for Experiment {
             2 => Ok(Self::Avoidance),
             _ => Err(Invalid::new("experiment", "1 or 2", number)),
         }
-    }
-}
-
-/// What predicts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum ModelName {
-    /// Of the two below the one that did better in cross-validation; on a tie the first.
-    Svm,
-    /// Support vector machine with radial basis functions.
-    SvmRbf,
-    /// Support vector machine with the linear kernel.
-    SvmLinear,
-    /// Decision tree.
-    Dt,
-    /// Multinomial logistic regression.
-    Lr,
-    /// Gradient-boosted trees: beyond the paper, and judged by roll-outs only.
-    Boosted,
-}
-
-impl ModelName {
-    /// Those of the comparison, in the order of tables.
-    pub const ALL: [Self; 5] = [Self::Svm, Self::SvmRbf, Self::SvmLinear, Self::Dt, Self::Lr];
-
-    /// The three of the paper's tables.
-    pub const PAPERS: [Self; 3] = [Self::Svm, Self::Dt, Self::Lr];
-
-    /// Its name in files.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Svm => "svm",
-            Self::SvmRbf => "svm_rbf",
-            Self::SvmLinear => "svm_linear",
-            Self::Dt => "dt",
-            Self::Lr => "lr",
-            Self::Boosted => "boosted",
-        }
-    }
-}
-
-/// A choice of features with its name.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct NamedSet {
-    /// Its name in tables.
-    pub name: String,
-    /// What is in it.
-    pub features: FeatureSet,
-}
-
-/// Letters of the paper's seven sets, in the order of its tables.
-pub const PAPERS_SETS: [&str; 7] = ["hrd", "hr", "hd", "rd", "h", "r", "d"];
-
-/// Sets that show what the robot's position in the human's body frame explains: it tells the side,
-/// which absolute differences in the world frame do not.
-pub const BODY_FRAME_SETS: [(&str, &str); 2] = [("hrd_body", "hrd"), ("d_body", "d")];
-
-impl NamedSet {
-    /// The paper's seven.
-    ///
-    /// # Errors
-    /// Never: the names are those of the table.
-    pub fn papers() -> Result<Vec<Self>, Invalid> {
-        let set =
-            |name: &str| Ok(Self { name: name.to_owned(), features: FeatureSet::subset(name)? });
-        PAPERS_SETS.into_iter().map(set).collect()
-    }
-
-    /// Two of them with the robot's position in the human's body frame.
-    ///
-    /// # Errors
-    /// Never: the names are those of the table.
-    pub fn with_body_frame() -> Result<Vec<Self>, Invalid> {
-        let set = |(name, papers): (&str, _)| {
-            let mut names: Vec<String> = FeatureSet::subset(papers)?.into();
-            names.extend(["robot_ahead", "robot_left"].map(str::to_owned));
-            Ok(Self { name: name.to_owned(), features: FeatureSet::of(&names)? })
-        };
-        BODY_FRAME_SETS.into_iter().map(set).collect()
-    }
-}
-
-impl NamedSet {
-    /// [`HISTORY_SET`].
-    ///
-    /// # Errors
-    /// Never: the names are those of the table.
-    pub fn with_history() -> Result<Self, Invalid> {
-        Ok(Self { name: HISTORY_SET.to_owned(), features: FeatureSet::with_history()? })
     }
 }
 

@@ -3,11 +3,10 @@
 //! The coefficients were fitted to measurements of this code with the paper's features, on one thread of a
 //! server's processor, with 400 to 4000 training rows a person. It is meant to tell minutes from days.
 
-use super::fit::{Grids, ModelFamily};
-use super::plan::{COMPARED_SETS, CURVE_FAMILIES, FIRST_TASKS, MOST_GROUPS, UNSEEN_FAMILIES};
+use super::models::{CURVE_MODELS, Grids, ModelName, UNSEEN_MODELS};
+use super::plan::{COMPARED_SETS, FIRST_TASKS, MOST_GROUPS};
 use super::settings::Settings;
 use super::split::{LEAST_TASKS, first_test_task};
-use crate::math::{log2, pow};
 
 /// What a comparison is estimated to take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,9 +47,9 @@ impl Cost {
         let all_rows: f64 = people.iter().map(|&tasks| rows(tasks)).sum();
         let groups = if people.len() > 1 { people.len().min(MOST_GROUPS) as f64 } else { 0.0 };
         // Others' rows train; all of them, since they are about as many.
-        let shared: f64 = UNSEEN_FAMILIES
+        let shared: f64 = UNSEEN_MODELS
             .iter()
-            .map(|family| fit_s(*family, &settings.grids, all_rows, USUAL_WIDTH))
+            .map(|model| fit_s(*model, &settings.grids, all_rows, USUAL_WIDTH))
             .sum();
         let unseen = groups * compared as f64 * shared;
         let most_rows = people.iter().map(|&tasks| rows(tasks)).fold(0.0, f64::max);
@@ -77,46 +76,29 @@ fn own_s(settings: &Settings, tasks: usize, compared: usize, rows: impl Fn(usize
     let grids = &settings.grids;
     let training = first_test_task(tasks);
     let papers = |width| -> f64 {
-        let fits = ModelFamily::PAPERS.iter();
-        fits.map(|family| fit_s(*family, grids, rows(training), width)).sum()
+        let fits = ModelName::TRAINED.iter();
+        fits.map(|model| fit_s(*model, grids, rows(training), width)).sum()
     };
     let tables: f64 = settings.sets.iter().map(|set| papers(set.features.len())).sum();
     let beyond: f64 = settings
         .beyond()
-        .map(|(set, family)| fit_s(family, grids, rows(training), set.features.len()))
+        .map(|(set, model)| fit_s(model, grids, rows(training), set.features.len()))
         .sum();
     let leakage = if settings.leakage { papers(settings.sets[0].features.len()) } else { 0.0 };
     let fewer = FIRST_TASKS.into_iter().filter(|first| *first < training);
     let curve = |first| -> f64 {
-        let fits = CURVE_FAMILIES.iter();
-        fits.map(|family| fit_s(*family, grids, rows(first), USUAL_WIDTH)).sum()
+        let fits = CURVE_MODELS.iter();
+        fits.map(|model| fit_s(*model, grids, rows(first), USUAL_WIDTH)).sum()
     };
     let finish = FINISH_S * settings.sets.len() as f64;
     tables + beyond + leakage + compared as f64 * fewer.map(curve).sum::<f64>() + finish
 }
 
-/// The time of one family's fit of both experiments: cross-validation over all grids, and the model.
-fn fit_s(family: ModelFamily, grids: &Grids, rows: f64, width: usize) -> f64 {
-    let thousands = rows / 1000.0;
+/// The time of one model's fit in both experiments: cross-validation over all grids, and the model.
+fn fit_s(model: ModelName, grids: &Grids, rows: f64, width: usize) -> f64 {
     // Half of the work is done column by column.
     let wide = 0.5 + 0.5 * width as f64 / USUAL_WIDTH as f64;
-    // Sorting.
-    let sorted = thousands * (1.0 + 0.4 * log2(thousands)).max(0.5);
-    wide * match family {
-        ModelFamily::Rbf => {
-            // The larger γ, the more rows are support vectors.
-            let slower = |gamma: &f64| pow(gamma / 0.3, 0.57).clamp(1.0, 7.5);
-            let gammas: f64 = grids.rbf_gamma.iter().map(slower).sum();
-            (0.014 + 0.0016 * grids.rbf_c.len() as f64) * gammas * pow(thousands, 2.1)
-        }
-        ModelFamily::Linear => 0.0037 * grids.linear_c.len() as f64 * thousands,
-        ModelFamily::Tree => {
-            let (leaves, depths) = (grids.tree_leaf.len() as f64, grids.tree_depth.len() as f64);
-            (0.0042 + 0.0003 * leaves + 0.00008 * depths) * sorted
-        }
-        ModelFamily::Logistic => (0.003 + 0.00075 * grids.logistic_c.len() as f64) * thousands,
-        ModelFamily::Boosted => 0.02 * grids.boosted_depth.len() as f64 * pow(thousands, 1.2),
-    }
+    model.training().map_or(0.0, |training| wide * training.cost_s(grids, rows / 1000.0))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Maps of the probability of a turn for each position of the robot.
 
-use super::cell::{Cell, Experiment, ModelName};
+use super::cell::{Cell, Experiment};
+use super::models::ModelName;
 use super::tables::Comparison;
 use crate::invalid::Invalid;
 use crate::math::{PI, sin_cos};

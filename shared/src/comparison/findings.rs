@@ -1,13 +1,12 @@
 //! What was found: the facts that a report puts into words.
 
-use super::cell::{Cell, Experiment, ModelName};
-use super::fit::Grids;
+use super::cell::{Cell, Experiment};
 use super::gains::{Gain, GainFamily, Power, Test};
 use super::metrics::Calibration;
+use super::models::{BEYOND, Grids, ModelName};
 use super::rollout::{Horizon, Simple};
 use super::run::RolloutsOf;
 use super::tables::{Comparison, Metric, Pooled};
-use crate::features::HISTORY_SET;
 use crate::stats::rank::is_shown;
 use serde::Serialize;
 
@@ -130,7 +129,7 @@ pub struct RolloutFacts {
     pub papers: Vec<Furthest>,
     /// How they do against the simple drivers.
     pub papers_beaten: Beaten,
-    /// The models of `BEYOND` that there are.
+    /// The models of [`BEYOND`] that were trained.
     pub beyond: Vec<Furthest>,
     /// How they do against the simple drivers.
     pub beyond_beaten: Beaten,
@@ -139,10 +138,6 @@ pub struct RolloutFacts {
     /// Driving straight on.
     pub straight: Furthest,
 }
-
-/// Models that know more than the paper's: driver and feature set.
-const BEYOND: [(&str, &str); 4] =
-    [("svm", "hrd_body"), ("boosted", "hrd_body"), ("lr", HISTORY_SET), ("boosted", HISTORY_SET)];
 
 /// How well the probabilities on B_hrd are calibrated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -270,7 +265,8 @@ fn rollout_facts(all: &[RolloutsOf]) -> Option<RolloutFacts> {
     let simple = |driver: Simple| furthest((driver.word(), ""));
     let papers = ModelName::PAPERS.map(|model| furthest((model.word(), "hrd")));
     let papers: Vec<Furthest> = papers.into_iter().flatten().collect();
-    let beyond: Vec<Furthest> = BEYOND.into_iter().filter_map(furthest).collect();
+    let beyond: Vec<Furthest> =
+        BEYOND.iter().map(|of| (of.model.word(), of.features)).filter_map(furthest).collect();
     let (held, straight) = (simple(Simple::Held)?, simple(Simple::Straight)?);
     let of_held = horizons(held.driver, held.features)?;
     (!papers.is_empty()).then(|| RolloutFacts {
@@ -300,12 +296,9 @@ fn calibration_facts(pooled: &[Pooled]) -> Option<CalibrationFacts> {
 }
 
 fn grid_edges(comparison: &Comparison, grids: &Grids) -> Vec<GridEdge> {
-    let grids = [
-        (ModelName::SvmRbf, &grids.rbf_c),
-        (ModelName::SvmLinear, &grids.linear_c),
-        (ModelName::Lr, &grids.logistic_c),
-    ];
-    let edges = grids.into_iter().filter_map(|(model, grid)| {
+    let strengths = |model: ModelName| Some((model, model.training()?.strengths(grids)?));
+    let grids = ModelName::TRAINED.into_iter().filter_map(strengths);
+    let edges = grids.filter_map(|(model, grid)| {
         let greatest = grid.iter().copied().reduce(f64::max).filter(|_| grid.len() > 1)?;
         let chosen = |cell: &&Cell| {
             let settings = serde_json::from_str::<serde_json::Value>(&cell.hyperparameters);

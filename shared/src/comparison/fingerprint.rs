@@ -1,7 +1,8 @@
 //! Whether two machines learn and predict alike, bit for bit.
 
-use super::cell::NamedSet;
-use super::fit::{Grids, ModelFamily, fit};
+use super::fit::fit;
+use super::models::{Grids, ModelName};
+use super::sets::NamedSet;
 use super::split::Split;
 use crate::dataset::Dataset;
 use crate::features::FeatureSet;
@@ -47,16 +48,16 @@ pub fn learning_fingerprints() -> Result<Vec<(String, String)>, SolveError> {
         let papers = NamedSet { name: "hrd".to_owned(), features: FeatureSet::subset("hrd")? };
         for set in [papers, NamedSet::with_history()?] {
             let (data, others) = (all.select(&set.features)?, others.select(&set.features)?);
-            for family in ModelFamily::PAPERS.into_iter().chain([ModelFamily::Boosted]) {
+            for model in ModelName::EVERY.into_iter().filter(|model| model.training().is_some()) {
                 let split = Split::grouped(&data);
-                let cells = fit(family, &data, &split, &small_grids(), &set.name, 0)?;
+                let cells = fit(model, &data, &split, &small_grids(), &set.name, 0)?;
                 let (mut trained, mut predicted) = (Sha256::new(), Sha256::new());
                 for cell in &cells {
                     // Every number of the text is the shortest that reads back as the same bits.
                     trained.update(text(cell));
                     predict(&cell.predictor, &others, &mut predicted)?;
                 }
-                let name = format!("{}, {}", set.name, family.model().word());
+                let name = format!("{}, {}", set.name, model.word());
                 add(format!("{name}, training"), trained);
                 add(format!("{name}, inference"), predicted);
             }

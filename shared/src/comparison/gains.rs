@@ -1,7 +1,9 @@
 //! How much better one of two feature sets is, participant by participant, and how sure that is: the
 //! paper's tests, the families of tests beside them, and the ablation.
 
-use super::cell::{Experiment, ModelName, PAPERS_SETS};
+use super::cell::Experiment;
+use super::models::ModelName;
+use super::sets::PAPERS_SETS;
 use super::tables::{Comparison, Metric, Pooled, mean};
 use crate::invalid::{Invalid, length};
 use crate::stats::rank::{SignedRank, TIE, holm, is_shown, mann_whitney};

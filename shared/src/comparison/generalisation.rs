@@ -1,15 +1,13 @@
 //! How models do with fewer tasks to learn from, and with people whom they have not seen.
 
-use super::cell::{Cell, Experiment, ModelName};
+use super::cell::{Cell, Experiment};
 use super::gains::{Gain, Paired, corrected};
-use super::plan::{COMPARED_SETS, FIRST_TASKS, UNSEEN_FAMILIES};
+use super::models::{CURVE_MODELS, ModelName, UNSEEN_MODELS};
+use super::plan::{COMPARED_SETS, FIRST_TASKS};
 use super::run::FewTasks;
 use super::tables::{Comparison, Metric, mean};
 use crate::invalid::Invalid;
 use serde::Serialize;
-
-/// Models that learn from fewer tasks, in the order of tables.
-const CURVE_MODELS: [ModelName; 3] = [ModelName::SvmRbf, ModelName::Dt, ModelName::Lr];
 
 /// A point of a learning curve.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -98,7 +96,7 @@ impl Unseen {
     /// [`Invalid`] if there is no participant.
     pub(super) fn all(comparison: &Comparison, unseen: &[Cell]) -> Result<Vec<Self>, Invalid> {
         let (mut found, mut pairs) = (Vec::new(), Vec::new());
-        for model in UNSEEN_FAMILIES.map(super::fit::ModelFamily::model) {
+        for model in UNSEEN_MODELS {
             for experiment in Experiment::ALL {
                 for features in COMPARED_SETS {
                     let is = |cell: &&Cell| {

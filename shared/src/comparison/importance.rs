@@ -1,7 +1,8 @@
 //! What a model loses if one of its features says nothing (permutation importance: Breiman, Machine
 //! Learning 45, 2001; the form for any model: Fisher, Rudin and Dominici, JMLR 20, 2019).
 
-use super::cell::{Cell, Experiment, ModelName};
+use super::cell::{Cell, Experiment};
+use super::models::ModelName;
 use super::plan::ParticipantData;
 use super::split::Split;
 use super::tables::{Comparison, mean};

@@ -1,7 +1,7 @@
-//! Which models a comparison fits: one fit for each participant, feature set and family of models.
+//! Which models a comparison fits: one fit for each participant, feature set and model.
 
-use super::cell::NamedSet;
-use super::fit::{Grids, ModelFamily};
+use super::models::{CURVE_MODELS, Grids, ModelName, UNSEEN_MODELS};
+use super::sets::NamedSet;
 use super::settings::Settings;
 use super::split::{FOLDS, LEAST_TASKS, Split, first_test_task, fold_of};
 use super::tables::ComparedParticipant;
@@ -141,12 +141,12 @@ pub(super) struct Planned<'a> {
     leaking: Split,
 }
 
-/// One family of models to be fitted for one participant on one feature set.
+/// One model to be fitted for one participant on one feature set.
 pub(super) struct Fit<'a> {
     /// The participant's place in the plan.
     pub(super) participant: usize,
     pub(super) set: &'a NamedSet,
-    pub(super) family: ModelFamily,
+    pub(super) model: ModelName,
     pub(super) purpose: Purpose,
 }
 
@@ -171,13 +171,6 @@ pub(super) const FIRST_TASKS: [usize; 3] = [5, 10, 20];
 
 /// Sets of models that learn from fewer tasks, or from other people.
 pub(super) const COMPARED_SETS: [&str; 3] = ["hrd", "d", "hrd_body"];
-
-/// Models that learn from fewer tasks.
-pub(super) const CURVE_FAMILIES: [ModelFamily; 3] =
-    [ModelFamily::Rbf, ModelFamily::Tree, ModelFamily::Logistic];
-
-/// Models that learn from other people. The time to train an SVM grows with the square of the rows.
-pub(super) const UNSEEN_FAMILIES: [ModelFamily; 2] = [ModelFamily::Tree, ModelFamily::Logistic];
 
 /// Most groups of people: with more people than that, a group has several.
 pub(super) const MOST_GROUPS: usize = 20;
@@ -260,8 +253,8 @@ impl<'a> Plan<'a> {
         // These take longest.
         for participant in 0..plan.everybody.as_ref().map_or(0, Everybody::groups) {
             for set in compared() {
-                let fit = |family| Fit { participant, set, family, purpose: Purpose::Unseen };
-                plan.fits.extend(UNSEEN_FAMILIES.map(fit));
+                let fit = |model| Fit { participant, set, model, purpose: Purpose::Unseen };
+                plan.fits.extend(UNSEEN_MODELS.map(fit));
             }
         }
         for participant in 0..plan.participants.len() {
@@ -275,8 +268,8 @@ impl<'a> Plan<'a> {
                 }
                 for set in compared() {
                     let purpose = Purpose::Learning(tasks);
-                    let fit = |family| Fit { participant, set, family, purpose };
-                    plan.fits.extend(CURVE_FAMILIES.map(fit));
+                    let fit = |model| Fit { participant, set, model, purpose };
+                    plan.fits.extend(CURVE_MODELS.map(fit));
                 }
             }
         }
@@ -286,17 +279,17 @@ impl<'a> Plan<'a> {
     /// Plans the fits of the tables, roll-outs and leakage of one participant.
     fn add(&mut self, participant: usize, settings: &'a Settings) {
         let mut fit =
-            |purpose, set, family| self.fits.push(Fit { participant, set, family, purpose });
+            |purpose, set, model| self.fits.push(Fit { participant, set, model, purpose });
         for set in &settings.sets {
-            for family in ModelFamily::PAPERS {
-                fit(Purpose::Tables, set, family);
+            for model in ModelName::TRAINED {
+                fit(Purpose::Tables, set, model);
             }
         }
-        for (set, family) in settings.beyond() {
-            fit(Purpose::Rollouts, set, family);
+        for (set, model) in settings.beyond() {
+            fit(Purpose::Rollouts, set, model);
         }
-        for family in ModelFamily::PAPERS.into_iter().filter(|_| settings.leakage) {
-            fit(Purpose::Leakage, &settings.sets[0], family);
+        for model in ModelName::TRAINED.into_iter().filter(|_| settings.leakage) {
+            fit(Purpose::Leakage, &settings.sets[0], model);
         }
     }
 
@@ -319,10 +312,12 @@ impl<'a> Plan<'a> {
 const METHOD: &str = "sidestep-comparison/3";
 
 /// A hash of everything that the cells of a fit depend on.
-pub(super) fn key(family: ModelFamily, data: &Dataset, split: &Split, grids: &Grids) -> String {
+pub(super) fn key(model: ModelName, data: &Dataset, split: &Split, grids: &Grids) -> String {
     let mut hash = Sha256::new();
     hash.update(METHOD);
-    hash.update(family.grid(grids));
+    if let Some(training) = model.training() {
+        hash.update(format!("{} {}", model.word(), training.grid(grids)));
+    }
     for name in Vec::<String>::from(data.features.clone()) {
         hash.update(name);
         hash.update([0]);

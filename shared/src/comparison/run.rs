@@ -1,8 +1,9 @@
 //! The whole comparison: [`Plan`] what to fit, execute it on all threads, assemble the results.
 
-use super::cell::{Baseline, Cell, Experiment, ModelName};
+use super::cell::{Baseline, Cell, Experiment};
 use super::fit::fit;
 use super::importance::{Importance, importance};
+use super::models::ModelName;
 use super::plan::{DataError, Fit, ParticipantData, Plan, Purpose, key, order, somebody_left};
 use super::rollout::{Horizon, Simple, rollouts, together};
 use super::settings::Settings;
@@ -160,10 +161,10 @@ fn fitted(
     settings: &Settings,
     cache: Option<&dyn Cache>,
 ) -> Fitted {
-    let Fit { participant, set, family, .. } = *planned;
+    let Fit { participant, set, model, .. } = *planned;
     let (data, split) = plan.rows(planned);
     let data = data.select(&set.features)?;
-    let key = key(family, &data, &split, &settings.grids);
+    let key = key(model, &data, &split, &settings.grids);
     if let Some(mut cells) = cache.and_then(|cache| cache.get(&key)) {
         // Names and places are no part of what was computed.
         for cell in &mut cells {
@@ -172,7 +173,7 @@ fn fitted(
         }
         return Ok(cells);
     }
-    let cells = fit(family, &data, &split, &settings.grids, &set.name, participant)?;
+    let cells = fit(model, &data, &split, &settings.grids, &set.name, participant)?;
     if let Some(cache) = cache {
         cache.put(&key, &cells);
     }
@@ -267,7 +268,7 @@ fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
     let own = |(fit, _): &(&Fit<'_>, &Fitted)| fit.purpose != Purpose::Unseen;
     for (fit, found) in plan.fits.iter().zip(found).filter(own) {
         if let Err(error) = found {
-            let (model, set) = (fit.family.model().word(), &fit.set.name);
+            let (model, set) = (fit.model.word(), &fit.set.name);
             failed[fit.participant].get_or_insert_with(|| format!("{model} on {set}: {error}"));
         }
     }
@@ -335,9 +336,9 @@ fn all_rollouts(
             learned.push(comparison.of(model, Experiment::TurnDirection, set).collect());
         }
     }
-    for (set, family) in settings.beyond() {
+    for (set, model) in settings.beyond() {
         let own = |cell: &&Cell| {
-            (cell.model, cell.experiment) == (family.model(), Experiment::TurnDirection)
+            (cell.model, cell.experiment) == (model, Experiment::TurnDirection)
                 && cell.features == set.name
         };
         learned.push(beyond.iter().filter(own).collect());

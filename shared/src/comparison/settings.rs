@@ -1,9 +1,9 @@
 //! What a comparison is asked for: feature sets, grids, and whether leakage is shown.
 
-use super::cell::{BODY_FRAME_SETS, NamedSet};
-use super::fit::{Grids, ModelFamily};
+use super::models::{BEYOND, Beyond, Grids, ModelName};
+use super::sets::NamedSet;
 use crate::features::FeatureSet;
-use crate::invalid::{Invalid, positive};
+use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -44,12 +44,11 @@ impl Settings {
         })
     }
 
-    /// Models beyond the paper: with a memory, or boosted, or both.
-    pub(super) fn beyond(&self) -> impl Iterator<Item = (&NamedSet, ModelFamily)> {
-        let body = self.sets.iter().find(|set| set.name == BODY_FRAME_SETS[0].0);
-        let with_memory =
-            [ModelFamily::Logistic, ModelFamily::Boosted].map(|family| (&self.history, family));
-        body.map(|set| (set, ModelFamily::Boosted)).into_iter().chain(with_memory)
+    /// Models beyond the paper that no table trains.
+    pub(super) fn beyond(&self) -> impl Iterator<Item = (&NamedSet, ModelName)> {
+        let set = |name| self.sets.iter().chain([&self.history]).find(|set| set.name == name);
+        let trained = |of: &Beyond| of.model.training().is_some();
+        BEYOND.into_iter().filter(trained).filter_map(move |of| Some((set(of.features)?, of.model)))
     }
 }
 
@@ -75,9 +74,6 @@ pub struct Request {
 
 /// Most further sets.
 const MOST_SETS: usize = 32;
-
-/// Most values of a hyper-parameter.
-const MOST_VALUES: usize = 64;
 
 impl Request {
     /// The settings that this asks for: the protocol's where it asks for nothing.
@@ -105,60 +101,9 @@ impl Request {
             let features = FeatureSet::of(features).map_err(|e| e.within(&field))?;
             sets.push(NamedSet { name: name.clone(), features });
         }
-        check(&self.grids).map_err(|e| e.within("grids"))?;
+        self.grids.check().map_err(|e| e.within("grids"))?;
         let Self { leakage, paper_only, .. } = *self;
         Ok(Settings { sets, grids: self.grids.clone(), leakage, paper_only, ..protocol })
-    }
-}
-
-fn check(grids: &Grids) -> Result<(), Invalid> {
-    for (name, values) in [
-        ("rbf_c", &grids.rbf_c),
-        ("rbf_gamma", &grids.rbf_gamma),
-        ("linear_c", &grids.linear_c),
-        ("logistic_c", &grids.logistic_c),
-    ] {
-        check_values(name, values)?;
-        for (i, &value) in values.iter().enumerate() {
-            let field = format!("{name}[{i}]");
-            positive(&field, value)?;
-            if !(1e-4..=1e3).contains(&value) {
-                return Err(Invalid::new(field, "a number from 0.0001 to 1000", value));
-            }
-        }
-    }
-    check_values("tree_depth", &grids.tree_depth)?;
-    check_counts("tree_depth", grids.tree_depth.iter().flatten(), 64)?;
-    check_values("tree_leaf", &grids.tree_leaf)?;
-    check_counts("tree_leaf", &grids.tree_leaf, 1_000_000)?;
-    if !grids.tree_leaf.is_sorted() {
-        let found = format!("{:?}", grids.tree_leaf);
-        return Err(Invalid::new("tree_leaf", "whole numbers in rising order", found));
-    }
-    check_values("boosted_depth", &grids.boosted_depth)?;
-    check_counts("boosted_depth", &grids.boosted_depth, 8)
-}
-
-fn check_values<T: PartialEq>(name: &str, values: &[T]) -> Result<(), Invalid> {
-    if !(1..=MOST_VALUES).contains(&values.len()) {
-        let expected = format!("1 to {MOST_VALUES} values");
-        return Err(Invalid::new(name, expected, values.len()));
-    }
-    let twice = (1..values.len()).find(|&i| values[..i].contains(&values[i]));
-    match twice {
-        Some(i) => Err(Invalid::new(format!("{name}[{i}]"), "a further value", "one given before")),
-        None => Ok(()),
-    }
-}
-
-fn check_counts<'a>(
-    name: &str,
-    counts: impl IntoIterator<Item = &'a usize>,
-    most: usize,
-) -> Result<(), Invalid> {
-    match counts.into_iter().find(|count| !(1..=most).contains(*count)) {
-        Some(count) => Err(Invalid::new(name, format!("whole numbers from 1 to {most}"), count)),
-        None => Ok(()),
     }
 }
 

@@ -1,7 +1,8 @@
 //! The paper's tables from cells.
 
-use super::cell::{Cell, Experiment, ModelName};
+use super::cell::{Cell, Experiment};
 use super::metrics::{Avoidance, BINS, Bin, Calibration, Distances, Predictions};
+use super::models::ModelName;
 use serde::Serialize;
 
 /// A participant whose models are compared.

@@ -5,7 +5,7 @@ use super::{Learned, USUAL_STEPS};
 use crate::bounds::{ActionChoice, BoundsSettings, Rollout};
 use crate::features::{FeatureSet, HISTORY_SET};
 use crate::invalid::Invalid;
-use crate::predict::tree::{QuestionsFile, TreeFile};
+use crate::predict::tree::{QuestionsFile, TreeFields, TreeFile};
 use crate::predict::{ModelFile, Predictor, PredictorFile};
 use crate::scene::SceneParameters;
 use crate::shfrs::ShfrsSettings;
@@ -242,7 +242,7 @@ fn held() -> Result<Predictor, Invalid> {
         features: vec!["turned_1".to_owned()],
         classes: vec![-1, 0, 1],
         actions: None,
-        model: ModelFile::Tree { tree },
+        model: ModelFile::Tree(TreeFields { tree }),
     })
 }
 

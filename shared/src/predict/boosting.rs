@@ -1,11 +1,15 @@
 //! Gradient-boosted trees: a score is the sum of the values of many small trees.
 //! [`learn::boosting`](crate::learn::boosting) trains them.
 
+use super::kind::{Kind, field};
 use super::logistic::softmax;
 use super::scale::Scale;
 use super::tree::{Questions, QuestionsFile};
+use super::{Model, Predictor};
+use crate::features::FeatureSet;
 use crate::invalid::{Invalid, all_moderate, length};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// Trees whose leaves hold numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,6 +43,13 @@ pub struct BoostedFile {
     pub intercepts: Vec<f64>,
     /// Round after round, a tree for each intercept.
     pub trees: Vec<SummandFile>,
+}
+
+/// The fields of a predictor.json with boosted trees.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BoostedFields {
+    /// First scores and trees.
+    pub boosted: BoostedFile,
 }
 
 /// The file form of a tree that adds to a score.
@@ -143,6 +154,34 @@ impl Boosted {
             intercepts: self.intercepts.clone(),
             trees: self.trees.iter().map(unscale).collect(),
         }
+    }
+}
+
+impl Predictor {
+    /// Boosted trees on features as they are ([`Boosted::unscaled`]).
+    #[must_use]
+    pub fn boosted(features: FeatureSet, classes: Vec<i8>, model: Boosted) -> Self {
+        Self::new(features, classes, Model::Boosted(model))
+    }
+}
+
+impl Kind for Boosted {
+    type File = BoostedFields;
+
+    fn read(document: &Value) -> Result<BoostedFields, Invalid> {
+        Ok(BoostedFields { boosted: field(document, "boosted")? })
+    }
+
+    fn of_file(file: BoostedFields, width: usize, classes: usize) -> Result<Self, Invalid> {
+        file.boosted.check(width, classes).map_err(|invalid| invalid.within("boosted"))
+    }
+
+    fn to_file(&self) -> BoostedFields {
+        BoostedFields { boosted: self.into() }
+    }
+
+    fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
+        self.probabilities_into(row, out);
     }
 }
 

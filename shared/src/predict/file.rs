@@ -1,14 +1,10 @@
 //! predictor.json.
 
-use super::boosting::BoostedFile;
-use super::logistic::LogisticFile;
-use super::svm::SvmFile;
-use super::tree::TreeFile;
-use super::{Model, Predictor};
+use super::{KindName, ModelFile, Predictor};
 use crate::document::from_value;
 use crate::features::FeatureSet;
 use crate::invalid::Invalid;
-use serde::de::{DeserializeOwned, Error};
+use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
@@ -44,49 +40,12 @@ pub struct PredictorFile {
     pub model: ModelFile,
 }
 
-/// The fields of a predictor.json that depend on its kind.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum ModelFile {
-    /// `"kind": "boosted"`.
-    Boosted {
-        /// First scores and trees.
-        boosted: BoostedFile,
-    },
-    /// `"kind": "logistic"`.
-    Logistic(LogisticFile),
-    /// `"kind": "svm"`.
-    Svm(SvmFile),
-    /// `"kind": "tree"`.
-    Tree {
-        /// The nodes.
-        tree: TreeFile,
-    },
-    /// `"kind": "constant"`.
-    Constant {
-        /// A probability for each class.
-        probabilities: Vec<f64>,
-    },
-}
-
 /// The version of the file form.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 enum Format {
     #[serde(rename = "sidestep-predictor/1")]
     V1,
-}
-
-/// The kinds, as files name them.
-#[derive(Clone, Copy, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-#[serde(rename_all = "lowercase")]
-enum Kind {
-    Boosted,
-    Logistic,
-    Svm,
-    Tree,
-    Constant,
 }
 
 /// The fields of every kind, first in the file.
@@ -97,7 +56,7 @@ struct Head {
     /// The version of the file form.
     format: Format,
     /// The kind of the model.
-    kind: Kind,
+    kind: KindName,
     /// What the classes mean: 1 the direction of a turn, 2 whether the human avoids.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     experiment: Option<u8>,
@@ -108,37 +67,6 @@ struct Head {
     /// The turn rate of each class, rad/s, in rising order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     actions: Option<Vec<f64>>,
-}
-
-impl ModelFile {
-    fn kind(&self) -> Kind {
-        match self {
-            Self::Boosted { .. } => Kind::Boosted,
-            Self::Logistic(_) => Kind::Logistic,
-            Self::Svm(_) => Kind::Svm,
-            Self::Tree { .. } => Kind::Tree,
-            Self::Constant { .. } => Kind::Constant,
-        }
-    }
-
-    /// Reads the fields of `kind`; others are ignored.
-    fn read(kind: Kind, document: &Value) -> Result<Self, Invalid> {
-        Ok(match kind {
-            Kind::Boosted => Self::Boosted { boosted: field(document, "boosted")? },
-            Kind::Logistic => Self::Logistic(from_value(document)?),
-            Kind::Svm => Self::Svm(SvmFile::read(document)?),
-            Kind::Tree => Self::Tree { tree: field(document, "tree")? },
-            Kind::Constant => Self::Constant { probabilities: field(document, "probabilities")? },
-        })
-    }
-}
-
-/// One field of a document.
-fn field<T: DeserializeOwned>(document: &Value, name: &str) -> Result<T, Invalid> {
-    match document.get(name) {
-        None | Some(Value::Null) => Err(Invalid::new(name, "a value", "nothing")),
-        Some(value) => from_value(value).map_err(|invalid| invalid.within(name)),
-    }
 }
 
 impl<'de> Deserialize<'de> for PredictorFile {
@@ -199,17 +127,7 @@ impl From<&Predictor> for PredictorFile {
             features: predictor.features.clone().into(),
             classes: predictor.classes.clone(),
             actions: predictor.actions.clone(),
-            model: match &predictor.model {
-                Model::Boosted(model) => ModelFile::Boosted { boosted: model.into() },
-                Model::Logistic(scale, model) => {
-                    ModelFile::Logistic(LogisticFile::of(scale, model))
-                }
-                Model::Svm(scale, model) => ModelFile::Svm(SvmFile::of(scale, model)),
-                Model::Tree(model) => ModelFile::Tree { tree: model.into() },
-                Model::Constant(probabilities) => {
-                    ModelFile::Constant { probabilities: probabilities.clone() }
-                }
-            },
+            model: predictor.model.to_file(),
         }
     }
 }
@@ -236,37 +154,16 @@ impl TryFrom<PredictorFile> for Predictor {
 
     fn try_from(file: PredictorFile) -> Result<Self, Invalid> {
         let PredictorFile { features, classes, actions, model, .. } = file;
-        let features = match model {
-            // Its probabilities depend on no feature.
-            ModelFile::Constant { .. } if features.is_empty() => FeatureSet::none(),
-            _ => FeatureSet::of(&features)?,
+        let features = match features.is_empty() && !model.needs_features() {
+            true => FeatureSet::none(),
+            false => FeatureSet::of(&features)?,
         };
         if classes.is_empty() || !classes.is_sorted_by(|a, b| a < b) {
             let expected = "at least one class, in rising order";
             return Err(Invalid::new("classes", expected, format!("{classes:?}")));
         }
-        let (width, count) = (features.len(), classes.len());
-        let predictor = match model {
-            ModelFile::Boosted { boosted } => {
-                let model = boosted.check(width, count).map_err(|e| e.within("boosted"))?;
-                Self::boosted(features, classes, model)
-            }
-            ModelFile::Logistic(file) => {
-                let (scale, model) = file.check(width, count)?;
-                Self::logistic(features, classes, scale, model)
-            }
-            ModelFile::Svm(file) => {
-                let (scale, model) = file.check(width, count)?;
-                Self::svm(features, classes, scale, model)
-            }
-            ModelFile::Tree { tree } => {
-                let model = tree.check(width, count).map_err(|e| e.within("tree"))?;
-                Self::tree(features, classes, model)
-            }
-            ModelFile::Constant { probabilities } => {
-                Self::constant(features, classes, probabilities)?
-            }
-        };
+        let model = model.model(features.len(), classes.len())?;
+        let predictor = Self::new(features, classes, model);
         match actions {
             Some(actions) => predictor.with_actions(actions),
             None => Ok(predictor),

@@ -1,10 +1,15 @@
 //! Logistic regression: probabilities in proportion to e to the power of linear scores.
 //! [`learn::logistic`](crate::learn::logistic) trains it.
 
+use super::kind::Kind;
 use super::scale::Scale;
+use super::{Model, Predictor};
+use crate::document::from_value;
+use crate::features::FeatureSet;
 use crate::invalid::{Invalid, all_moderate, length};
 use crate::math::exp;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// A row of weights and an intercept for each class. Of two classes that were trained here,
 /// the first has zeros and the second the weights of its log-odds.
@@ -31,7 +36,7 @@ pub struct LogisticFile {
 
 impl LogisticFile {
     /// The file form of a model and its scale.
-    pub(super) fn of(scale: &Scale, model: &Logistic) -> Self {
+    fn of(scale: &Scale, model: &Logistic) -> Self {
         Self {
             mean: scale.mean().to_vec(),
             scale: scale.scale().to_vec(),
@@ -44,7 +49,7 @@ impl LogisticFile {
     ///
     /// # Errors
     /// [`Invalid`] if a length is wrong or a number is not finite.
-    pub(super) fn check(self, width: usize, classes: usize) -> Result<(Scale, Logistic), Invalid> {
+    fn check(self, width: usize, classes: usize) -> Result<(Scale, Logistic), Invalid> {
         let scale = Scale::new(self.mean, self.scale)?;
         length("mean", width, scale.mean().len())?;
         length("coefficients", classes, self.coefficients.len())?;
@@ -101,5 +106,33 @@ pub(super) fn softmax(scores: &mut [f64]) {
     }
     for score in scores.iter_mut() {
         *score /= total;
+    }
+}
+
+impl Predictor {
+    /// A multinomial logistic regression on standardised features.
+    #[must_use]
+    pub fn logistic(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Logistic) -> Self {
+        Self::new(features, classes, Model::Logistic((scale, model)))
+    }
+}
+
+impl Kind for (Scale, Logistic) {
+    type File = LogisticFile;
+
+    fn read(document: &Value) -> Result<LogisticFile, Invalid> {
+        from_value(document)
+    }
+
+    fn of_file(file: LogisticFile, width: usize, classes: usize) -> Result<Self, Invalid> {
+        file.check(width, classes)
+    }
+
+    fn to_file(&self) -> LogisticFile {
+        LogisticFile::of(&self.0, &self.1)
+    }
+
+    fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
+        self.1.probabilities_into(&self.0, row, out);
     }
 }

@@ -9,9 +9,11 @@ mod coupling;
 pub(crate) mod exponential;
 mod support;
 
-use super::flat;
+use super::kind::Kind;
 use super::scale::Scale;
+use super::{Model, Predictor, flat};
 use crate::document::from_value;
+use crate::features::FeatureSet;
 use crate::invalid::{Invalid, all_moderate, length, positive};
 use crate::math::exp;
 pub use pairs::{pair_count, pairs, vote};
@@ -128,7 +130,7 @@ pub struct RbfSvmFile {
 
 impl SvmFile {
     /// The file form of a model and its scale.
-    pub(super) fn of(scale: &Scale, model: &Svm) -> Self {
+    fn of(scale: &Scale, model: &Svm) -> Self {
         let (mean, scale) = (scale.mean().to_vec(), scale.scale().to_vec());
         let intercepts = model.intercepts.clone();
         let sigmoids = model.sigmoids.iter().map(|sigmoid| [sigmoid.a, sigmoid.b]).collect();
@@ -155,7 +157,7 @@ impl SvmFile {
     }
 
     /// Reads the fields of the kernel that the document names.
-    pub(super) fn read(document: &Value) -> Result<Self, Invalid> {
+    fn read(document: &Value) -> Result<Self, Invalid> {
         #[derive(Deserialize)]
         struct Which {
             kernel: KernelWord,
@@ -294,6 +296,39 @@ impl Svm {
 pub fn couple(sigmoids: &[Sigmoid], decisions: &[f64], out: &mut [f64]) {
     let pairwise = sigmoids.iter().zip(decisions).map(|(sigmoid, &f)| sigmoid.probability(f));
     coupling::couple(&pairwise.collect::<Vec<_>>(), out);
+}
+
+impl Predictor {
+    /// Support vector machines on standardised features.
+    #[must_use]
+    pub fn svm(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Svm) -> Self {
+        Self::new(features, classes, Model::Svm((scale, model)))
+    }
+}
+
+impl Kind for (Scale, Svm) {
+    type File = SvmFile;
+
+    fn read(document: &Value) -> Result<SvmFile, Invalid> {
+        SvmFile::read(document)
+    }
+
+    fn of_file(file: SvmFile, width: usize, classes: usize) -> Result<Self, Invalid> {
+        file.check(width, classes)
+    }
+
+    fn to_file(&self) -> SvmFile {
+        SvmFile::of(&self.0, &self.1)
+    }
+
+    fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
+        self.1.probabilities_into(&self.0, row, out);
+    }
+
+    /// The class with the most votes of the pairs.
+    fn class(&self, row: &[f64], _classes: usize) -> usize {
+        self.1.class(&self.0, row)
+    }
 }
 
 #[cfg(test)]

@@ -1,9 +1,13 @@
 //! Decision trees: a row goes left where a feature is at most a threshold, else right, until
 //! it comes to a leaf. [`learn::tree`](crate::learn::tree) grows them.
 
+use super::kind::{Kind, field};
 use super::scale::Scale;
+use super::{Model, Predictor};
+use crate::features::FeatureSet;
 use crate::invalid::{Invalid, finite, length};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// The deepest tree, which bounds the cost of a prediction.
 pub const DEEPEST: usize = 1000;
@@ -154,6 +158,13 @@ pub struct Tree {
     counts: Vec<u32>,
 }
 
+/// The fields of a predictor.json with a decision tree.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TreeFields {
+    /// The nodes.
+    pub tree: TreeFile,
+}
+
 /// The file form of a [`Tree`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TreeFile {
@@ -282,6 +293,34 @@ impl Tree {
     #[must_use]
     pub fn unscaled(&self, scale: &Scale) -> Self {
         Self { questions: self.questions.unscaled(scale), ..self.clone() }
+    }
+}
+
+impl Predictor {
+    /// A decision tree on features as they are ([`Tree::unscaled`]).
+    #[must_use]
+    pub fn tree(features: FeatureSet, classes: Vec<i8>, model: Tree) -> Self {
+        Self::new(features, classes, Model::Tree(model))
+    }
+}
+
+impl Kind for Tree {
+    type File = TreeFields;
+
+    fn read(document: &Value) -> Result<TreeFields, Invalid> {
+        Ok(TreeFields { tree: field(document, "tree")? })
+    }
+
+    fn of_file(file: TreeFields, width: usize, classes: usize) -> Result<Self, Invalid> {
+        file.tree.check(width, classes).map_err(|invalid| invalid.within("tree"))
+    }
+
+    fn to_file(&self) -> TreeFields {
+        TreeFields { tree: self.into() }
+    }
+
+    fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
+        self.probabilities_into(row, out);
     }
 }
 

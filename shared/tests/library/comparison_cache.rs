@@ -4,7 +4,8 @@
 // Helpers outside `#[test]` functions are tests too.
 #![allow(clippy::unwrap_used)]
 
-use sidestep::comparison::cell::{Cell, NamedSet};
+use sidestep::comparison::cell::Cell;
+use sidestep::comparison::sets::NamedSet;
 use sidestep::comparison::{
     AnalysisError, Cache, ParticipantData, Progress, Results, Settings, run,
 };

@@ -4,8 +4,9 @@
 // Helpers outside `#[test]` functions are tests too.
 #![allow(clippy::unwrap_used)]
 
-use sidestep::comparison::cell::NamedSet;
-use sidestep::comparison::fit::{Grids, ModelFamily, fit};
+use sidestep::comparison::fit::fit;
+use sidestep::comparison::models::{Grids, ModelName};
+use sidestep::comparison::sets::NamedSet;
 use sidestep::comparison::split::Split;
 use sidestep::dataset::Dataset;
 use sidestep::features::FeatureSet;
@@ -68,7 +69,7 @@ fn drives(driver: Driver, tasks: usize, seed: u64, safety: &SafetyLevels) -> Dat
 }
 
 /// Fits `families` on `sets` to every kind of driver, for each of these seeds.
-fn fitted(seeds: impl IntoIterator<Item = u64>, families: &[ModelFamily], sets: &[NamedSet]) {
+fn fitted(seeds: impl IntoIterator<Item = u64>, models: &[ModelName], sets: &[NamedSet]) {
     let parameters = SceneParameters::default();
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
     for seed in seeds {
@@ -86,9 +87,9 @@ fn fitted(seeds: impl IntoIterator<Item = u64>, families: &[ModelFamily], sets: 
             }
             for set in sets {
                 let data = data.select(&set.features).unwrap();
-                for &family in families {
-                    let cells = fit(family, &data, &split, &Grids::default(), &set.name, 0);
-                    let context = || format!("seed {seed}, {driver:?}, {family:?} on {}", set.name);
+                for &model in models {
+                    let cells = fit(model, &data, &split, &Grids::default(), &set.name, 0);
+                    let context = || format!("seed {seed}, {driver:?}, {model:?} on {}", set.name);
                     let cells = cells.unwrap_or_else(|error| panic!("{}: {error}", context()));
                     for cell in cells {
                         let p = &cell.test.probabilities;
@@ -105,8 +106,9 @@ fn every_model_is_fitted_whoever_drives() {
     let all = NamedSet { name: "all".to_owned(), features: FeatureSet::all() };
     let papers = NamedSet::papers().unwrap().swap_remove(0);
     let [body, _] = NamedSet::with_body_frame().unwrap().try_into().unwrap();
-    let families: Vec<_> = ModelFamily::PAPERS.into_iter().chain([ModelFamily::Boosted]).collect();
-    fitted(0..3, &families, &[papers, body, all]);
+    let models: Vec<_> =
+        ModelName::EVERY.into_iter().filter(|model| *model != ModelName::Svm).collect();
+    fitted(0..3, &models, &[papers, body, all]);
 }
 
 /// With each of these seeds linear SVMs whose steps are always corrected in full go in circles.
@@ -115,5 +117,5 @@ fn every_linear_svm_is_fitted_whoever_drives() {
     let mut sets = NamedSet::papers().unwrap();
     sets.extend(NamedSet::with_body_frame().unwrap());
     sets.push(NamedSet::with_history().unwrap());
-    fitted([36, 48, 60, 81, 105, 127, 136, 140, 146, 149, 151], &[ModelFamily::Linear], &sets);
+    fitted([36, 48, 60, 81, 105, 127, 136, 140, 146, 149, 151], &[ModelName::SvmLinear], &sets);
 }

@@ -142,7 +142,7 @@ async fn a_predictor_learns_from_what_came_before() {
     };
     let first = predictor(0).await;
     let constant =
-        |trained: &TrainedPredictor| matches!(trained.predictor.model, ModelFile::Constant { .. });
+        |trained: &TrainedPredictor| matches!(trained.predictor.model, ModelFile::Constant(_));
     assert!(first.trials == 0 && constant(&first));
     assert!(first.fallback.is_some());
     assert!(constant(&predictor(4).await));

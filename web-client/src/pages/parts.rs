@@ -2,6 +2,7 @@
 
 use crate::runtime::Address;
 use crate::view::{Node, el};
+use sidestep::comparison::models::ModelName;
 use sidestep::trial::Flag;
 
 /// While the server is asked.
@@ -94,15 +95,8 @@ pub(super) fn percent(share: f64) -> String {
 
 /// A kind of model in words.
 pub(super) fn model(word: &str) -> &str {
-    match word {
-        "svm" => "SVM, the better of two",
-        "svm_rbf" => "SVM, RBF kernel",
-        "svm_linear" => "SVM, linear",
-        "dt" => "Decision tree",
-        "lr" => "Logistic regression",
-        "boosted" => "Boosted trees",
-        other => other,
-    }
+    // A newer server may know others.
+    ModelName::of_word(word).map_or(word, |model| model.row().label)
 }
 
 /// The flags of a trial in words; empty if it has none.

@@ -1,11 +1,12 @@
 //! Learning curves, models that others trained, and what models lose without a feature.
 
-use super::{Figure, figure, look, name_of, question, range, reference};
+use super::{Figure, figure, look, question, range, reference};
 use sidestep::chart::{Axis, Chart, Group, Mark, Pen, Series, Swarm, colours};
 use sidestep::comparison::Analysis;
-use sidestep::comparison::cell::{Experiment, ModelName};
+use sidestep::comparison::cell::Experiment;
 use sidestep::comparison::generalisation::{LearningPoint, Unseen};
 use sidestep::comparison::importance::Importance;
+use sidestep::comparison::models::{CURVE_MODELS, ModelName};
 
 /// Accuracy against the number of tasks that trained; none where all have too few.
 pub(super) fn learning(analysis: &Analysis) -> Option<Figure> {
@@ -29,7 +30,7 @@ fn learning_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
         let is = |of: &&LearningPoint| of.model == model && of.features == set;
         let points: Vec<&LearningPoint> = of_experiment().filter(is).collect();
         let (colour, mark) = look(model);
-        let name = format!("{} on {set}", name_of(model));
+        let name = format!("{} on {set}", model.row().short);
         let pen = Pen::new(colour, 2.0);
         let pen = if set == "hrd" { pen } else { pen.dashed(5.0, 3.0) };
         let at = points.iter().map(|of| [of.tasks, of.accuracy]);
@@ -44,8 +45,7 @@ fn learning_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
 
 /// The curves that are drawn: solid on hrd, dashed on d.
 fn curves() -> impl Iterator<Item = (ModelName, &'static str)> {
-    let models = [ModelName::SvmRbf, ModelName::Dt, ModelName::Lr];
-    models.into_iter().flat_map(|model| ["hrd", "d"].map(|set| (model, set)))
+    CURVE_MODELS.into_iter().flat_map(|model| ["hrd", "d"].map(|set| (model, set)))
 }
 
 /// How much better a person's own model is than one that others trained.
@@ -55,7 +55,7 @@ pub(super) fn unseen(analysis: &Analysis) -> Option<Figure> {
     gains().next()?;
     let chart = |experiment: Experiment| {
         let of: Vec<&&Unseen> = all.iter().filter(|of| of.own.experiment == experiment).collect();
-        let name = |of: &&&Unseen| format!("{} {}", name_of(of.own.model), of.features);
+        let name = |of: &&&Unseen| format!("{} {}", of.own.model.row().short, of.features);
         let mean = |of: &&&Unseen| format!("{}: {:+.1}", name(of), of.own.paired.mean);
         let means = of.iter().map(mean).collect::<Vec<_>>().join("; ");
         let x = Axis::round("own − others’", "points of accuracy", range(gains()), 6);
@@ -95,7 +95,7 @@ pub(super) fn importance(analysis: &Analysis) -> Option<Figure> {
                     (of.model, of.experiment, &of.features[..]) == (model, experiment, set)
                 };
                 let of: Vec<&Importance> = analysis.importance.iter().filter(is).collect();
-                let heading = format!("{} {} on {set}", name_of(model), experiment.numeral());
+                let heading = format!("{} {} on {set}", model.row().short, experiment.numeral());
                 charts.push(importance_chart(&heading, model, &of, range(losses())));
             }
         }

@@ -1,9 +1,8 @@
 //! How models do when they drive on from a moment.
 
-use super::super::text::model as name_of;
 use super::{Figure, figure, look, range};
 use sidestep::chart::{Axis, Chart, Mark, Pen, Series, colours};
-use sidestep::comparison::cell::ModelName;
+use sidestep::comparison::models::{BEYOND, Beyond, ModelName};
 use sidestep::comparison::rollout::{Horizon, Simple};
 use sidestep::comparison::{Analysis, RolloutsOf};
 use sidestep::features::HISTORY_SET;
@@ -22,7 +21,7 @@ impl Line {
     /// Of a model on a feature set.
     fn of(model: ModelName, features: &'static str) -> Self {
         let (colour, mark) = look(model);
-        let (driver, name, pen) = (model.word(), name_of(model), Pen::new(colour, 2.0));
+        let (driver, name, pen) = (model.word(), model.row().short, Pen::new(colour, 2.0));
         Self { driver, features, name, pen, mark: Some(mark) }
     }
 
@@ -46,17 +45,17 @@ pub(super) fn rollouts(analysis: &Analysis) -> Figure {
 
 /// Roll-outs of models that know more than the paper's; none where there are not two.
 pub(super) fn beyond(analysis: &Analysis) -> Option<Figure> {
-    let lines = [
-        Line::of(ModelName::Svm, "hrd_body"),
-        Line::of(ModelName::Boosted, "hrd_body"),
-        Line { name: "LR with memory", ..Line::of(ModelName::Lr, HISTORY_SET) },
-        Line {
-            name: "boosted trees with memory",
-            pen: Pen::new(colours::SERIES[3], 2.0).dashed(9.0, 4.0),
-            mark: Some(Mark::Diamond),
-            ..Line::of(ModelName::Boosted, HISTORY_SET)
-        },
-    ];
+    let lines = BEYOND.map(|Beyond { model, features, words, look }| {
+        let mut line = Line::of(model, features);
+        if features == HISTORY_SET {
+            line.name = words;
+        }
+        if let Some((colour, mark)) = look {
+            line.pen = Pen::new(colours::SERIES[colour], 2.0).dashed(9.0, 4.0);
+            line.mark = Some(mark);
+        }
+        line
+    });
     let found = lines.iter().filter(|line| line.horizons(&analysis.rollouts).is_some()).count();
     (found > 1).then(|| figure("beyond", &rollout_charts(analysis, &lines), 250.0))
 }

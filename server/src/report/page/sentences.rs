@@ -7,8 +7,9 @@ use crate::report::{Content, each_file};
 use proptest::prelude::*;
 use roxmltree::{Document, Node, ParsingOptions};
 use sidestep::comparison::Analysis;
-use sidestep::comparison::cell::{Cell, ModelName};
+use sidestep::comparison::cell::Cell;
 use sidestep::comparison::gains::Power;
+use sidestep::comparison::models::ModelName;
 use sidestep::math::SeededRng;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,10 +1,12 @@
 //! A small made-up analysis.
 
 use sidestep::behaviour::Behaviour;
-use sidestep::comparison::cell::{Baseline, Cell, Experiment, ModelName, NamedSet};
+use sidestep::comparison::cell::{Baseline, Cell, Experiment};
 use sidestep::comparison::decision_map::DecisionMap;
 use sidestep::comparison::metrics::Predictions;
+use sidestep::comparison::models::ModelName;
 use sidestep::comparison::rollout::Horizon;
+use sidestep::comparison::sets::NamedSet;
 use sidestep::comparison::tables::{ComparedParticipant, Comparison};
 use sidestep::comparison::{Analysis, DataSummary, Leakage, Results, RolloutsOf, Settings};
 use sidestep::predict::{Predictor, PredictorFile};
