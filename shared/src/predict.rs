@@ -1,6 +1,6 @@
-//! Predictors: numbers in, a probability for each class out. Nothing here knows
-//! what a feature or a class means. A kind of model has its own file with its file form;
-//! `predict/file.rs` puts them together as predictor.json.
+//! Predictors: they map numbers to a probability for each class, and know nothing about the meaning
+//! of features or classes. Each kind of model has its own file with its file form;
+//! `predict/file.rs` combines them into predictor.json.
 
 pub mod scale;
 pub mod logistic;
@@ -18,7 +18,7 @@ use scale::Scale;
 use svm::Svm;
 use tree::Tree;
 
-/// A trained model with the features that it needs.
+/// A trained model with its features.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predictor {
     features: FeatureSet,
@@ -44,28 +44,28 @@ impl Predictor {
         Self { features, classes, actions: None, model: Model::Logistic(scale, model) }
     }
 
-    /// Support vector machines on standardised features.
+    /// Support vector machines (one per pair of classes) on standardised features.
     #[must_use]
     pub fn svm(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Svm) -> Self {
         Self { features, classes, actions: None, model: Model::Svm(scale, model) }
     }
 
-    /// Boosted trees on features as they are ([`Boosted::unscaled`]).
+    /// Boosted trees on raw features ([`Boosted::unscaled`]).
     #[must_use]
     pub fn boosted(features: FeatureSet, classes: Vec<i8>, model: Boosted) -> Self {
         Self { features, classes, actions: None, model: Model::Boosted(model) }
     }
 
-    /// A decision tree on features as they are ([`Tree::unscaled`]).
+    /// A decision tree on raw features ([`Tree::unscaled`]).
     #[must_use]
     pub fn tree(features: FeatureSet, classes: Vec<i8>, model: Tree) -> Self {
         Self { features, classes, actions: None, model: Model::Tree(model) }
     }
 
-    /// The same probabilities for all features, of which there may be none.
+    /// The same probabilities whatever the features, which may be empty.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one probability ≥ 0 a class, summing to 1.
+    /// [`Invalid`] if there is not one probability ≥ 0 per class, or they do not sum to 1.
     pub fn constant(
         features: FeatureSet,
         classes: Vec<i8>,
@@ -80,11 +80,11 @@ impl Predictor {
         Ok(Self { features, classes, actions: None, model: Model::Constant(probabilities) })
     }
 
-    /// The same predictor with the turn rate of each class, rad/s. Without them the
-    /// classes are turns: −1 right, 0 straight, 1 left.
+    /// The same predictor with the turn rate of each class, rad/s. Without rates, the classes are
+    /// turns: −1 right, 0 straight, 1 left.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one finite rate a class, in rising order.
+    /// [`Invalid`] if there is not one finite rate per class, in ascending order.
     pub fn with_actions(self, actions: Vec<f64>) -> Result<Self, Invalid> {
         length("actions", self.classes.len(), actions.len())?;
         all_moderate("actions", &actions)?;
@@ -95,26 +95,26 @@ impl Predictor {
         Ok(Self { actions: Some(actions), ..self })
     }
 
-    /// The turn rate of each class, rad/s, if they were given.
+    /// The turn rate of each class, rad/s, if set.
     #[must_use]
     pub fn actions(&self) -> Option<&[f64]> {
         self.actions.as_deref()
     }
 
-    /// The features that it needs.
+    /// The features that the model needs.
     #[must_use]
     pub fn features(&self) -> &FeatureSet {
         &self.features
     }
 
-    /// The classes, in rising order.
+    /// The classes, in ascending order.
     #[must_use]
     pub fn classes(&self) -> &[i8] {
         &self.classes
     }
 
-    /// The class that the model predicts, given a row of raw features: the likeliest, the first on a
-    /// tie; for an SVM the class with the most votes.
+    /// The predicted class for a row of raw features: the likeliest, the first on a tie; for an SVM
+    /// the class with the most votes.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> i8 {
         if let Model::Svm(scale, model) = &self.model {
@@ -138,7 +138,7 @@ impl Predictor {
     }
 }
 
-/// Rows of `width` finite numbers, one behind the other.
+/// Concatenates rows of `width` finite numbers.
 fn flat(field: &str, width: usize, rows: &[Vec<f64>]) -> Result<Vec<f64>, Invalid> {
     for (i, row) in rows.iter().enumerate() {
         length(&format!("{field}[{i}]"), width, row.len())?;
@@ -153,7 +153,7 @@ mod tests {
     use crate::document::from_value;
     use serde_json::{Value, json};
 
-    /// One file of each kind, SVMs of both kernels. Numbers as serde_json writes them.
+    /// One file of each kind, and SVMs with both kernels. Numbers are in serde_json's format.
     fn files() -> [Value; 6] {
         let logistic = r#"{"format":"sidestep-predictor/1","kind":"logistic",
             "features":["distance","v_h"],"classes":[-1,0,1],"actions":[-0.3,0.1,0.6],
@@ -180,7 +180,7 @@ mod tests {
             "classes":[-1,0,1],"probabilities":[0.2,0.5,0.3]}"#;
         let texts = [logistic, linear, rbf, boosted, tree, constant];
         texts.map(|text| {
-            // What is written has the fields in this order, without space.
+            // The serializer writes the fields in this order, without whitespace.
             let text: String = text.split_whitespace().collect();
             let file: PredictorFile = serde_json::from_str(&text).unwrap();
             assert_eq!(serde_json::to_string(&file).unwrap(), text);
@@ -198,7 +198,7 @@ mod tests {
         p
     }
 
-    /// The field that is complained of once `pointer` has another value; nothing removes it.
+    /// The field in the error after `pointer` gets another value; `None` removes it.
     fn field(document: &Value, pointer: &str, value: impl Into<Option<Value>>) -> String {
         let mut document = document.clone();
         match value.into() {

@@ -1,4 +1,4 @@
-//! What an analysis may cost, estimated before it is accepted.
+//! Upper bounds of the cost of an analysis, checked against an estimate before it is accepted.
 
 use crate::store::studies::StoredStudy;
 use crate::store::{Store, StoreError};
@@ -6,7 +6,7 @@ use sidestep::comparison::{Cost, Request};
 use sidestep::invalid::Invalid;
 use sidestep::trial::Phase;
 
-/// What an analysis may cost.
+/// Upper bounds of the cost of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Memory, MiB.
@@ -17,10 +17,10 @@ pub struct Limits {
     pub threads: usize,
 }
 
-/// Makes a request ask for less.
+/// Makes a request cheaper.
 type Lighten = fn(&mut Request, protocol: &Request);
 
-/// How an analysis can be made cheaper: the field, how, and what that is called.
+/// The ways to make a request cheaper: the field, the change, and its description.
 const WAYS: &[(&str, Lighten, &str)] = &[
     ("sets", |r, _| r.sets.clear(), "without them"),
     ("grids.rbf_c", |r, p| r.grids.rbf_c.clone_from(&p.grids.rbf_c), PROTOCOLS),
@@ -41,7 +41,7 @@ const WAYS: &[(&str, Lighten, &str)] = &[
 const PROTOCOLS: &str = "with the protocol's values";
 
 impl Limits {
-    /// Estimates what an analysis of the study as it is now will cost.
+    /// Estimates the cost of an analysis of the study as it is now.
     ///
     /// # Errors
     /// The outer error if the database cannot be read; the inner one, naming the field that costs most, if
@@ -66,7 +66,7 @@ impl Limits {
         Ok(self.compare(request, &tasks, study.config.parameters.steps))
     }
 
-    /// The same, of people with so many tasks each.
+    /// The same, given the number of tasks of each participant.
     fn compare(&self, request: &Request, tasks: &[usize], steps: usize) -> Result<Cost, Invalid> {
         let of = |request: &Request| {
             Ok::<_, Invalid>(Cost::of(&request.settings()?, tasks, steps, self.threads))
@@ -97,7 +97,7 @@ impl Limits {
         );
         let (field, advice) = match best {
             Some((field, how, lighter)) => (field, format!("{how}, {}", said(&lighter))),
-            None => ("paper_only", "ask for it with the command `sidestep analyze`".to_owned()),
+            None => ("paper_only", "run the command `sidestep analyze` instead".to_owned()),
         };
         let found = format!("one that is estimated to take {}; {advice}", said(&cost));
         Err(Invalid::new(field, expected, found))

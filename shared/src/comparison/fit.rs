@@ -20,8 +20,7 @@ use crate::predict::{Predictor, PredictorFile};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-/// The hyper-parameters to try. On a tie the first in their order is taken: C before γ, depth
-/// before leaf.
+/// The hyper-parameters to try. Ties go to the first in order: C before γ, depth before leaf size.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
@@ -32,18 +31,18 @@ pub struct Grids {
     pub rbf_gamma: Vec<f64>,
     /// C of linear SVMs.
     pub linear_c: Vec<f64>,
-    /// Greatest depth of trees; none is no limit.
+    /// Maximum depth of trees; null for no limit.
     pub tree_depth: Vec<Option<usize>>,
-    /// Fewest rows of a leaf.
+    /// Minimum number of rows in a leaf.
     pub tree_leaf: Vec<usize>,
     /// C of logistic regression.
     pub logistic_c: Vec<f64>,
-    /// Depth of boosted trees; their number is found by the log loss of held-out rows.
+    /// Depth of boosted trees; the log loss of held-out rows determines the number of trees.
     pub boosted_depth: Vec<usize>,
 }
 
 impl Default for Grids {
-    /// Those of the protocol.
+    /// The protocol's grids.
     fn default() -> Self {
         Self {
             rbf_c: vec![0.1, 1.0, 10.0, 100.0],
@@ -57,26 +56,26 @@ impl Default for Grids {
     }
 }
 
-/// Models that are trained together, and kept together in a [`super::Cache`].
+/// Models that are trained together and stored together in a [`super::Cache`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModelFamily {
     /// Support vector machines with radial basis functions.
     Rbf,
-    /// Linear ones.
+    /// Linear support vector machines.
     Linear,
     /// Decision trees.
     Tree,
     /// Logistic regressions.
     Logistic,
-    /// Gradient-boosted trees: beyond the paper, of experiment I only.
+    /// Gradient-boosted trees: beyond the paper, in experiment I only.
     Boosted,
 }
 
 impl ModelFamily {
-    /// The paper's.
+    /// The paper's families.
     pub const PAPERS: [Self; 4] = [Self::Rbf, Self::Linear, Self::Tree, Self::Logistic];
 
-    /// What it is called in tables.
+    /// Its model in tables.
     #[must_use]
     pub fn model(self) -> ModelName {
         match self {
@@ -88,7 +87,7 @@ impl ModelFamily {
         }
     }
 
-    /// What of the grids it depends on, and its name.
+    /// The grids that it depends on, with its name.
     pub(super) fn grid(self, grids: &Grids) -> String {
         let own = match self {
             Self::Rbf => json!([grids.rbf_c, grids.rbf_gamma]),
@@ -101,10 +100,10 @@ impl ModelFamily {
     }
 }
 
-/// The cells of both experiments, or of the one that the family has.
+/// The cells of both experiments, or of the only one that the family supports.
 ///
 /// # Errors
-/// [`Invalid`] for grids that are empty or hold what cannot be, or a fit that fails.
+/// [`Invalid`] if a grid is empty or contains an impossible value, or if a fit fails.
 pub fn fit(
     family: ModelFamily,
     data: &Dataset,
@@ -143,18 +142,18 @@ pub fn fit(
     Ok(problems.iter().zip(chosen?).map(cell).collect())
 }
 
-/// The setting that did best, and the model that all training rows give with it.
+/// The best setting, and the model trained with it on all training rows.
 struct Chosen {
     cv_accuracy: f64,
     hyperparameters: String,
     predictor: Predictor,
 }
 
-/// Some rows to train on: gathered, with labels 0, 1, … for the classes that occur.
+/// Training rows, with labels 0, 1, … for the classes that occur.
 struct Rows {
     values: Vec<f64>,
     labels: Vec<usize>,
-    /// The classes that occur, in rising order.
+    /// The classes that occur, in ascending order.
     classes: Vec<i8>,
 }
 
@@ -193,9 +192,9 @@ impl<'a> Problem<'a> {
         found
     }
 
-    /// The share of held-out rows that each of several models gets right, a mean over folds.
-    /// `models` trains the models on the other rows of a fold, and `says` gives the place of the
-    /// class that a model predicts. Where the other rows have one class only, it is predicted.
+    /// The accuracy of several models on held-out rows, a mean over folds. `models` trains the
+    /// models on the other rows of a fold, and `says` returns the index of the class that a model
+    /// predicts. If the other rows have only one class, that class is predicted.
     fn validated<M>(
         &self,
         count: usize,
@@ -236,7 +235,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The place of the best setting of a grid, the first on a tie.
+/// The index of the best setting of a grid; on a tie the first.
 fn best(accuracy: &[f64]) -> Result<usize, Invalid> {
     highest(accuracy).ok_or_else(|| Invalid::new("grid", "at least one setting", "none"))
 }
@@ -289,7 +288,8 @@ impl Problem<'_> {
     }
 
     fn tree(&self, grids: &Grids) -> Result<Chosen, Invalid> {
-        // Depth by depth, and within a depth leaf by leaf; one tree a leaf size serves all depths.
+        // Depth by depth, and within a depth by leaf size; one tree per leaf size serves all
+        // depths.
         let grow = |rows: &Rows, depth, leaves: &[usize]| -> Result<Vec<Tree>, Invalid> {
             let (scale, values) = Scale::standardised(self.width(), &rows.values);
             let samples = Samples::new(self.width(), &values, &rows.labels, rows.classes.len())?;
@@ -326,7 +326,7 @@ impl Problem<'_> {
         let settings = BoostingSettings::default();
         let (model, chosen) =
             boosting::fit_by_folds(&samples, &self.split.folds, depths, &settings)?;
-        // Depth and rounds are chosen by the log loss; the table wants their accuracy.
+        // Depth and rounds are chosen by log loss; the table needs their accuracy.
         let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..settings };
         let again = |rows: &Rows| -> Result<Vec<(Scale, usize, Boosted)>, Invalid> {
             let (scale, values) = Scale::standardised(self.width(), &rows.values);

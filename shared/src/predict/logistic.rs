@@ -1,4 +1,4 @@
-//! Logistic regression: probabilities in proportion to e to the power of linear scores.
+//! Logistic regression: probabilities are proportional to the exponentials of linear scores.
 //! [`learn::logistic`](crate::learn::logistic) trains it.
 
 use super::scale::Scale;
@@ -6,8 +6,8 @@ use crate::invalid::{Invalid, all_moderate, length};
 use crate::math::exp;
 use serde::{Deserialize, Serialize};
 
-/// A row of weights and an intercept for each class. Of two classes that were trained here,
-/// the first has zeros and the second the weights of its log-odds.
+/// A row of weights and an intercept for each class. With two classes, training in this crate sets
+/// the first to zeros and the second to the weights of its log-odds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Logistic {
     width: usize,
@@ -19,13 +19,13 @@ pub struct Logistic {
 /// The file form of a [`Logistic`] on standardised features.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogisticFile {
-    /// What is subtracted from each feature.
+    /// Mean, subtracted from each feature.
     pub mean: Vec<f64>,
-    /// What each feature is then divided by.
+    /// Divisor of each feature, after the subtraction.
     pub scale: Vec<f64>,
     /// Classes × features: weights.
     pub coefficients: Vec<Vec<f64>>,
-    /// An offset for each class.
+    /// An intercept for each class.
     pub intercepts: Vec<f64>,
 }
 
@@ -43,7 +43,7 @@ impl LogisticFile {
     /// The scale and the model, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if a length is wrong or a number is not finite.
+    /// [`Invalid`] if lengths do not match or a number is not finite.
     pub(super) fn check(self, width: usize, classes: usize) -> Result<(Scale, Logistic), Invalid> {
         let scale = Scale::new(self.mean, self.scale)?;
         length("mean", width, scale.mean().len())?;
@@ -53,10 +53,10 @@ impl LogisticFile {
 }
 
 impl Logistic {
-    /// A model from its numbers: one row of `width` weights and one intercept a class.
+    /// A model from its numbers: a row of `width` weights and an intercept for each class.
     ///
     /// # Errors
-    /// [`Invalid`] if a length is wrong or a number is not finite.
+    /// [`Invalid`] if lengths do not match or a number is not finite.
     pub fn new(
         width: usize,
         coefficients: &[Vec<f64>],
@@ -68,13 +68,13 @@ impl Logistic {
         Ok(Self { width, weights, intercepts })
     }
 
-    /// One row of weights a class.
+    /// A row of weights for each class.
     #[must_use]
     pub fn coefficients(&self) -> Vec<Vec<f64>> {
         self.weights.chunks_exact(self.width).map(<[f64]>::to_vec).collect()
     }
 
-    /// One offset a class.
+    /// An intercept for each class.
     #[must_use]
     pub fn intercepts(&self) -> &[f64] {
         &self.intercepts
@@ -91,7 +91,7 @@ impl Logistic {
     }
 }
 
-/// Scores to probabilities.
+/// Converts scores to probabilities.
 pub(super) fn softmax(scores: &mut [f64]) {
     let top = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let mut total = 0.0;
