@@ -1,4 +1,4 @@
-//! Backups: one SQLite file with everything of a database, complete and checked before it gets its name.
+//! Backups: one SQLite file with the whole database, complete and checked before it gets its name.
 
 use crate::clock::date_time;
 use crate::private::Unfinished;
@@ -10,10 +10,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 use tokio_util::sync::CancellationToken;
 
-/// How the names of folders begin in which a backup is written or restored.
+/// Name prefix of the temporary folders in which backups are written or restored.
 pub(crate) const UNFINISHED: &str = ".sidestep-backup-";
 
-/// Why there is no backup.
+/// Why a backup failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BackupError {
     /// The database, or the copy of it, cannot be read.
@@ -22,10 +22,10 @@ pub enum BackupError {
     /// The copy cannot be opened.
     #[error("{0}")]
     Open(#[from] OpenError),
-    /// The copy is not whole.
+    /// The copy is incomplete.
     #[error("{0}")]
     Transfer(#[from] TransferError),
-    /// The disk refuses.
+    /// The file cannot be written.
     #[error("{}: cannot write: {error}", file.display())]
     Unwritable {
         /// The backup.
@@ -33,7 +33,7 @@ pub enum BackupError {
         /// Why.
         error: io::Error,
     },
-    /// There are faults.
+    /// The database has faults.
     #[error("{}: the database is not sound, nothing was written: {first}; see 'sidestep check'", file.display())]
     Unsound {
         /// The backup.
@@ -43,12 +43,13 @@ pub enum BackupError {
     },
 }
 
-/// What becomes of trials that do not follow from their inputs, or from the numbers stored with them.
+/// How a backup treats faulty trials: those that do not replay from their inputs, or do not match
+/// the numbers stored with them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultyTrials {
     /// A backup with a faulty trial is refused.
     Refused,
-    /// Faulty trials are copied as they are, so that the backup has everything else that was collected.
+    /// Faulty trials are copied unchanged, so that the backup still has everything else.
     Kept,
 }
 
@@ -57,16 +58,16 @@ pub enum FaultyTrials {
 pub struct Written {
     /// Its length, bytes.
     pub bytes: u64,
-    /// What is in it.
+    /// The check of its content.
     pub report: Report,
 }
 
-/// Writes a backup to `out`, a new file that only its owner can read. Every trial in it has been replayed.
-/// One in which trials are faulty is written only if that is `accepted`; damage of the file never is.
-/// `progress` hears how many participants of how many are copied, where they are copied one by one.
+/// Writes a backup to `out`, a new file that only its owner can read, after replaying every trial.
+/// Faulty trials are an error unless `accepted`; a damaged database file always is. `progress` gets
+/// the number of copied participants and their total, if they are copied one by one.
 ///
 /// # Errors
-/// [`BackupError`]; there is no file then.
+/// [`BackupError`]; then there is no file.
 pub async fn write(
     store: &Store,
     out: &Path,
@@ -77,7 +78,7 @@ pub async fn write(
     let unwritable = |error| BackupError::Unwritable { file: out.to_owned(), error };
     let parent = out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let parent = parent.unwrap_or(Path::new("."));
-    // Whoever opened the backup would apply the log of another database to it.
+    // SQLite would apply the other database's log to the backup when it is opened.
     if Store::has_log(out) {
         let found =
             "there is the write-ahead log of a database of this name; move it to another folder";
@@ -110,7 +111,7 @@ pub async fn write(
     Ok(Written { bytes, report })
 }
 
-/// Refuses a database with faults, but for those that are accepted.
+/// Refuses a database with faults other than the accepted ones.
 ///
 /// # Errors
 /// [`BackupError::Unsound`] with the first of them.
@@ -122,12 +123,12 @@ pub fn sound(file: &Path, report: &Report, accepted: FaultyTrials) -> Result<(),
     }
 }
 
-/// How the names of a database's backups end, by its [`Store::code`].
+/// Suffix of the names of a database's backups, by its [`Store::code`].
 fn end(code: &str) -> String {
     format!("Z-{code}.db")
 }
 
-/// The name of a backup that is made now, at this time in ms since 1970, of the database with this
+/// Name of a backup written at `now_ms`, in ms since 1970, of the database with this
 /// [`Store::code`]: `sidestep-20261125T043000Z-1f0c9a37.db`.
 #[must_use]
 pub fn name(code: &str, now_ms: i64) -> String {
@@ -135,8 +136,8 @@ pub fn name(code: &str, now_ms: i64) -> String {
     format!("sidestep-{}{}", time.trim_end_matches('Z'), end(code))
 }
 
-/// The backups of a database with such names in a folder, the oldest first. Other files, also backups of other databases,
-/// are none of them.
+/// The backups of a database in a folder, oldest first. Other files, including backups of other
+/// databases, are ignored.
 ///
 /// # Errors
 /// If the folder cannot be read.
@@ -158,7 +159,7 @@ pub fn list(folder: &Path, code: &str) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Deletes the oldest backups of a database in a folder, so that `keep` are left. Returns how many were deleted.
+/// Deletes the oldest backups of a database in a folder and keeps `keep`. Returns the number deleted.
 ///
 /// # Errors
 /// If a file cannot be deleted.

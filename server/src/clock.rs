@@ -9,7 +9,7 @@ pub fn now_ms() -> i64 {
     i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
 }
 
-/// An instant as date and time, UTC: `2026-11-23T04:05:06Z`.
+/// Date and time of an instant, UTC: `2026-11-23T04:05:06Z`.
 #[must_use]
 pub fn date_time(ms: i64) -> String {
     let seconds = ms.div_euclid(1000);

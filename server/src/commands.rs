@@ -1,4 +1,4 @@
-//! What the `sidestep` command does: one module a subcommand.
+//! The `sidestep` command: one module per subcommand.
 
 pub mod check;
 pub mod languages;
@@ -45,8 +45,7 @@ use sidestep::document::did_you_mean;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Why a command did not do what was asked: one line that names the input and
-/// says what to do.
+/// Why a command failed, in one line that names the input and says what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum CommandError {
     /// Usage or bad input: exit code 2.
@@ -55,18 +54,18 @@ pub enum CommandError {
     /// Anything else: exit code 1.
     #[error("{0}")]
     Failure(String),
-    /// Whoever reads the output has read enough, as `head` does: exit code 0, and nothing is said.
+    /// The reader closed the output early, as `head` does: exit code 0, no message.
     #[error("nobody reads the output")]
     Unread,
 }
 
 impl CommandError {
-    /// A failure, whatever went wrong.
+    /// Any error, as a failure.
     pub fn failure(error: impl std::fmt::Display) -> Self {
         Self::Failure(error.to_string())
     }
 
-    /// An error of stdout.
+    /// An error of writing to stdout.
     pub fn of_stdout(error: &io::Error) -> Self {
         match error.kind() {
             io::ErrorKind::BrokenPipe => Self::Unread,
@@ -74,7 +73,7 @@ impl CommandError {
         }
     }
 
-    /// 2 for usage and bad input, 0 if nobody reads the output, else 1.
+    /// 2 for usage and bad input, 0 if the reader closed the output, else 1.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
@@ -84,7 +83,7 @@ impl CommandError {
         }
     }
 
-    /// What is said of it on stderr, if anything is.
+    /// The message for stderr, if there is one.
     #[must_use]
     pub fn said(&self) -> Option<&str> {
         match self {
@@ -97,7 +96,7 @@ impl CommandError {
 impl From<OpenError> for CommandError {
     fn from(error: OpenError) -> Self {
         match &error {
-            // A wrong address of PostgreSQL is like a wrong password: whatever keeps us from that database is a failure.
+            // A wrong PostgreSQL address is like a wrong password: whatever keeps us from that database is a failure.
             OpenError::Address { url, .. } if !url.to_lowercase().contains("postgres") => {
                 Self::Input(error.to_string())
             }
@@ -116,8 +115,8 @@ impl From<StoreError> for CommandError {
     fn from(error: StoreError) -> Self {
         match &error {
             StoreError::Corrupt(_) => Self::Failure(format!(
-                "{error}; 'sidestep check' says where, 'sidestep restore' makes a database of a backup, and 'sidestep \
-                 salvage' saves what can still be read"
+                "{error}; 'sidestep check' says where, 'sidestep restore' restores a backup, and 'sidestep salvage' saves \
+                 the readable part"
             )),
             _ => Self::failure(error),
         }
@@ -144,10 +143,10 @@ impl From<BackupError> for CommandError {
     }
 }
 
-/// The values of a flag: their words, what they stand for, and their help.
+/// The values of a flag: word, meaning and help of each.
 type Words<T> = &'static [(&'static str, T, &'static str)];
 
-/// Reads one of these words.
+/// Parses one of these words.
 fn one_of<T: Clone + Send + Sync + 'static>(words: Words<T>) -> impl TypedValueParser<Value = T> {
     let values = words.iter().map(|(word, _, help)| PossibleValue::new(*word).help(*help));
     PossibleValuesParser::new(values).try_map(move |given| {
@@ -159,7 +158,7 @@ fn one_of<T: Clone + Send + Sync + 'static>(words: Words<T>) -> impl TypedValueP
 /// The study that `--study` names.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the studies that there are.
+/// [`CommandError::Input`] naming the existing studies.
 async fn study_named(store: &Store, slug: &str) -> Result<StoredStudy, CommandError> {
     if let Some(study) = store.study(slug).await? {
         return Ok(study);
@@ -176,12 +175,12 @@ async fn study_named(store: &Store, slug: &str) -> Result<StoredStudy, CommandEr
     )))
 }
 
-/// A file that cannot be written.
+/// The error for a file that cannot be written.
 fn unwritable(path: &Path, error: &dyn std::fmt::Display) -> CommandError {
     CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
 }
 
-/// Ends with a failure that the printed result tells too, also if nobody reads that.
+/// Returns the failure that the printed result reports, even if nobody reads the output.
 fn failed(printed: Result<(), CommandError>, why: String) -> Result<(), CommandError> {
     match printed {
         Err(CommandError::Unread) | Ok(()) => Err(CommandError::Failure(why)),
@@ -189,7 +188,7 @@ fn failed(printed: Result<(), CommandError>, why: String) -> Result<(), CommandE
     }
 }
 
-/// An address of a database that another flag than `--database` gives.
+/// Names this flag instead of `--database` in an error about a database address.
 fn of_flag(flag: &'static str) -> impl Fn(OpenError) -> CommandError {
     move |error| match error.into() {
         CommandError::Input(said) => CommandError::Input(said.replacen("--database", flag, 1)),

@@ -13,7 +13,7 @@ use sidestep::trial::{Flag, PageEvent, Record, RecordedKey, flags, page_flags};
 use sidestep::vehicle::TurnInput;
 use std::io::{self, Write};
 
-/// What the database stores of a trial.
+/// The stored content of a trial.
 #[derive(Clone, Debug)]
 pub struct Content {
     /// When the trial started by the participant's clock, ms since 1970, if known.
@@ -26,26 +26,26 @@ pub struct Content {
     pub sampled_at_ms: Option<Vec<f64>>,
     /// The key events, as JSON.
     pub key_events: String,
-    /// What happened to the page, as JSON, if it was recorded.
+    /// The page's events, as JSON, if recorded.
     pub page_events: Option<String>,
-    /// How often the scene was shown, this time included, if it was recorded.
+    /// How often the scene was shown, including this time, if recorded.
     pub exposures: Option<u32>,
     /// The record of the display, as JSON.
     pub display: String,
 }
 
 impl Content {
-    /// When each input was sampled, ms after the start; empty where it is not known.
+    /// When each input was sampled, ms after the start; empty if unknown.
     #[must_use]
     pub fn sampled_at_ms(&self) -> &[f64] {
         self.sampled_at_ms.as_deref().unwrap_or_default()
     }
 
-    /// The flags of a trial with this content in the assigned `scene`. What happened to the page is
-    /// flagged if it was recorded.
+    /// The flags of a trial with this content in the assigned `scene`. The page's events are
+    /// flagged if they were recorded.
     ///
     /// # Errors
-    /// If the keys, the page's events or the display are not such JSON.
+    /// If the keys, the page's events or the display are not valid JSON.
     pub fn flags(
         &self,
         parameters: &SceneParameters,
@@ -133,8 +133,9 @@ impl Recipe {
     }
 }
 
-/// Recipe 1, and with the page recipe 3. It writes numbers as `serde_json` does: the shortest decimal that reads back as the same
-/// bits, with a point or an exponent. Key events and display are the row's texts.
+/// Recipe 1, and with the page recipe 3. It writes numbers as `serde_json` does: the shortest
+/// decimal that parses to the same bits, with a point or an exponent. Key events and display are
+/// the row's texts.
 fn upload_json(out: &mut impl Write, content: &Content, with_page: bool) -> io::Result<()> {
     out.write_all(b"{\"started_at_ms\":")?;
     number(out, content.started_at_ms.unwrap_or_default())?;
@@ -185,7 +186,7 @@ fn list<W: Write, T>(
     out.write_all(b"]")
 }
 
-/// A hash as a writer.
+/// A hash that can be written to.
 struct Hashed(Sha256);
 
 impl Write for Hashed {

@@ -1,4 +1,4 @@
-//! How the scenes of a study are spread over its participants, before anybody is invited.
+//! How a study's scenes are spread over its participants, as seen before anyone is invited.
 
 pub mod balance;
 
@@ -16,12 +16,12 @@ pub struct PhaseDesign {
     pub phase: PhaseConfig,
     /// Its strata.
     pub strata: Stratification,
-    /// By place of the participant, then in the order of the scenes.
+    /// By place of the participant, then in scene order.
     pub people: Vec<Vec<StratifiedScene>>,
 }
 
-/// As many participants as show how evenly the scenes are spread: one block of the phase with most
-/// scenes; 50 if that is more than 100.
+/// Number of participants that shows how evenly the scenes are spread: one block of the phase with
+/// the most scenes, or 50 if that is more than 100.
 #[must_use]
 pub fn usual_participants(study: &StudyConfig) -> u64 {
     let largest = study.phases.iter().map(|phase| phase.scenes).max().unwrap_or(1);
@@ -50,7 +50,7 @@ pub fn draw(study: &StudyConfig, participants: u64) -> Result<Vec<PhaseDesign>, 
     Ok(designs)
 }
 
-/// The picture of the phase with most scenes; the last one of several, since tasks come last.
+/// Draws the phase with the most scenes; of several, the last, since tasks come last.
 #[must_use]
 pub fn picture(study: &StudyConfig, phases: &[PhaseDesign]) -> Drawing {
     let Some(shown) = phases.iter().max_by_key(|design| design.phase.scenes) else {

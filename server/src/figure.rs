@@ -19,19 +19,19 @@ pub use tube::tube;
 
 use sidestep::chart::{MARGIN, headed};
 
-/// Why there is no figure.
+/// Why a figure cannot be drawn.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot draw: {0}")]
 pub struct DrawError(pub String);
 
-/// What part of the plane panels show, m.
+/// The part of the plane that panels show, m.
 struct Window {
     x: [f64; 2],
     y: [f64; 2],
 }
 
 impl Window {
-    /// The smallest one around points, of which there must be one.
+    /// The smallest window around points, of which there must be at least one.
     fn around(points: impl IntoIterator<Item = [f64; 2]>) -> Self {
         let none = [f64::INFINITY, f64::NEG_INFINITY];
         let widened = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];

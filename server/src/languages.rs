@@ -1,5 +1,5 @@
-//! What participants read, in each language: the sentences of the page from language files, and the
-//! texts of the study.
+//! The texts that participants read, in each language: the sentences of the page from language
+//! files, and the texts of the study.
 
 pub mod sentences;
 pub mod markdown;
@@ -13,7 +13,7 @@ use sidestep::invalid::Invalid;
 use sidestep::study::{Localised, StudyConfig, closest_language};
 use std::path::{Path, PathBuf};
 
-/// The languages of the program by tag, English first. To add one, add its file and a line here.
+/// The built-in languages by tag, English first. To add one, add its file and a line here.
 pub const BUILT_IN: &[(&str, &str)] = &[
     ("en", include_str!("../../static/languages/en.toml")),
     ("de", include_str!("../../static/languages/de.toml")),
@@ -21,7 +21,7 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("zh-CN", include_str!("../../static/languages/zh-CN.toml")),
 ];
 
-/// Every language that the server has.
+/// Every language of the server.
 #[derive(Clone, Debug)]
 pub struct Languages {
     /// By tag; English first.
@@ -29,11 +29,11 @@ pub struct Languages {
 }
 
 impl Languages {
-    /// The languages of the program, changed and extended by the files `TAG.toml` of a folder. A file
-    /// replaces sentences of a known language, or adds a language, and must be complete then.
+    /// The built-in languages, changed and extended by the files `TAG.toml` of a folder. A file
+    /// replaces sentences of a known language, or adds a language and must then be complete.
     ///
     /// # Errors
-    /// One line naming the file, the line or sentence, what was expected and found.
+    /// One line naming the file, the line or sentence, the expected and the found value.
     pub fn load(folder: Option<&Path>) -> Result<Self, String> {
         let mut all = Vec::new();
         for (tag, text) in BUILT_IN {
@@ -52,7 +52,7 @@ impl Languages {
         Ok(languages)
     }
 
-    /// Lays the sentences of a file over those of its language.
+    /// Overrides the sentences of a language with those of a file.
     fn add(&mut self, tag: &str, file: &Path) -> Result<(), String> {
         let name = file.display();
         let text = std::fs::read_to_string(file)
@@ -70,7 +70,7 @@ impl Languages {
         Ok(())
     }
 
-    /// The English sentences, which say what every language must have.
+    /// The English sentences, which define what every language must have.
     fn english(&self) -> &Sentences {
         &self.all[0].1
     }
@@ -111,11 +111,11 @@ impl Languages {
         Ok(())
     }
 
-    /// Reads a study file for these languages: the one check of every command that takes a study file.
-    /// What is forgotten, and missing translations, are said on standard error.
+    /// Reads a study file for these languages: the one check for every command that takes a study
+    /// file. Prints warnings about forgotten fields and missing translations to stderr.
     ///
     /// # Errors
-    /// One line naming the file, the line, the field, what was expected and found.
+    /// One line naming the file, the line, the field, the expected and the found value.
     pub fn read_study(&self, path: &Path) -> Result<StudyFile, String> {
         let file = StudyFile::read(path)?;
         if let Some(remark) = file.encoding_remark() {
@@ -128,11 +128,10 @@ impl Languages {
         Ok(file)
     }
 
-    /// The same for a text that somebody is writing, with the lines of what is forgotten and of missing
-    /// translations.
+    /// The same for a text that a user is editing. Also returns the warnings, with their lines.
     ///
     /// # Errors
-    /// [`Complaint`] naming the line, the field, what was expected and found.
+    /// [`Complaint`] naming the line, the field, the expected and the found value.
     pub fn read_draft(&self, text: &str) -> Result<(StudyFile, Vec<Complaint>), Complaint> {
         let file = StudyFile::of("draft".to_owned(), text.to_owned())?;
         self.check(file.config()).map_err(|invalid| file.located(&invalid))?;
@@ -145,15 +144,15 @@ impl Languages {
         Ok((file, remarks))
     }
 
-    /// What an experimenter should know of a study that is valid: the field, and what follows. What is forgotten
-    /// comes first, because missing translations can be many.
+    /// Warnings about a valid study: the field, and the consequence. Forgotten fields come first,
+    /// because missing translations can be many.
     fn remarks(&self, study: &StudyConfig) -> Vec<(String, String)> {
         let forgotten = study.forgotten().into_iter();
         let forgotten = forgotten.map(|(field, what)| (field.to_owned(), what));
         forgotten.chain(self.untranslated(study)).collect()
     }
 
-    /// The texts of a study that are missing in a language that the study offers: the field, and what
+    /// The texts of a study that are missing in a language that it offers: the field, and what
     /// participants read instead.
     fn untranslated(&self, study: &StudyConfig) -> Vec<(String, String)> {
         let offered = self.offered(study);
@@ -182,8 +181,8 @@ impl Languages {
         found
     }
 
-    /// The languages to choose from in a study: those that it names, else those in which all of its texts
-    /// are written. A study that was stored with languages that are missing now offers the others.
+    /// The languages to choose from in a study: those that it names, else those in which all of its
+    /// texts exist. A stored study whose languages are missing now offers the others.
     #[must_use]
     pub fn offered<'a>(&'a self, study: &'a StudyConfig) -> Vec<&'a str> {
         let wanted = study.languages.iter().map(String::as_str);
@@ -191,8 +190,7 @@ impl Languages {
         if !there.is_empty() {
             return there;
         }
-        // If its texts have no language in common, those of the first one decide: the consent's, if there is
-        // one.
+        // If its texts have no language in common, the first text decides: the consent, if there is one.
         let texts = study.localised();
         let texts: Vec<_> = texts.iter().map(|(_, text)| *text).filter(|t| !t.is_empty()).collect();
         let with_all_of = |texts: &[&Localised]| -> Vec<&'a str> {
@@ -216,7 +214,7 @@ fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     for entry in std::fs::read_dir(folder).map_err(unread)? {
         let file = entry.map_err(unread)?.path();
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        // Editors keep such files beside the one that is edited.
+        // Editors keep such files beside the edited one.
         if name.starts_with(['.', '#']) || name.ends_with(['~', '#']) {
             continue;
         }
@@ -245,7 +243,7 @@ fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     Ok(found)
 }
 
-/// A language tag in the letters that BCP 47 recommends: `zh-CN`, `sr-Latn-RS`.
+/// A language tag with the capitals that BCP 47 recommends: `zh-CN`, `sr-Latn-RS`.
 fn canonical(tag: &str) -> String {
     let part = |(i, part): (usize, &str)| match (i, part.len()) {
         (1.., 2) => part.to_ascii_uppercase(),
@@ -331,13 +329,13 @@ mod tests {
         study.closing.debrief = Localised::of("de-AT", "Danke");
         assert_eq!(languages.offered(&study), ["de"]);
         assert_eq!(languages.untranslated(&study), []);
-        // No language has both: the consent's decide, and what is missing is said.
+        // No language has both: the consent decides, and missing texts are reported.
         study.closing.debrief = Localised::of("es", "Gracias");
         assert_eq!(languages.offered(&study), ["en", "de", "zh-CN"]);
         assert_eq!(languages.untranslated(&study)[0].0, "closing.debrief");
         study.consent.text = Localised::of("fr", "Bonjour");
         assert_eq!(languages.offered(&study), ["en"]);
-        // A study that names its languages has them.
+        // A study that names its languages offers these.
         study.languages = vec!["es".into()];
         assert_eq!(languages.offered(&study), ["es"]);
         assert_eq!(languages.untranslated(&study)[0].0, "consent.text");

@@ -22,7 +22,7 @@ struct Cli {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 failure, 2 usage or bad input. Errors go to \
-                          stderr, results to stdout as JSON. RUST_LOG sets what is logged \
+                          stderr, results to stdout as JSON. RUST_LOG sets the log level \
                           [default: info].";
 
 #[derive(Debug, Subcommand)]
@@ -52,7 +52,7 @@ enum Command {
     Child(child::ChildArgs),
 }
 
-/// The number of the signal of a file that would become too long, on Linux and macOS.
+/// The signal SIGXFSZ on Linux and macOS: a file would exceed the size limit.
 const SIGXFSZ: i32 = 25;
 
 fn main() -> ExitCode {
@@ -74,7 +74,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             if let Some(said) = error.said() {
-                // Nobody may be reading it.
+                // stderr may be closed.
                 let _ = writeln!(std::io::stderr(), "sidestep: {said}");
             }
             ExitCode::from(error.exit_code())
@@ -83,7 +83,8 @@ fn main() -> ExitCode {
 }
 
 async fn call(command: Command) -> Result<(), CommandError> {
-    // Where files may not become longer (ulimit -f), a write fails then, as on a full disk, and does not kill.
+    // Handle SIGXFSZ: a write beyond the file size limit (ulimit -f) then fails, as on a full disk,
+    // instead of killing the process.
     let _too_long = signal(SignalKind::from_raw(SIGXFSZ)).map_err(CommandError::failure)?;
     match command {
         Command::Serve(args) => serve::run(args).await,
@@ -111,8 +112,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
     }
 }
 
-/// A demonstration logs no line for each request: hundreds fill its study, and push the sign-in link off the
-/// screen.
+/// A demonstration logs no requests: hundreds fill its study, and would push the sign-in link off the screen.
 fn log_to_stderr(is_demo: bool, format: LogFormat) {
     use tracing::Level;
     let requests = if is_demo { Level::WARN } else { Level::INFO };

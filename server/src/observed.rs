@@ -1,4 +1,4 @@
-//! What the server counts and measures of itself, as Prometheus reads it.
+//! The server's metrics, for Prometheus.
 
 use crate::store::Store;
 use crate::store::commits::{Commits, SECONDS};
@@ -23,7 +23,7 @@ struct Route {
     route: String,
 }
 
-/// What tells the values of a gauge apart: one label.
+/// The label that distinguishes the values of a gauge.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Lane {
     lane: &'static str,
@@ -43,7 +43,7 @@ enum Word {
     idle,
 }
 
-/// Counts and times of requests, and where to find those of the store.
+/// Counts and durations of requests, and access to those of the store.
 #[derive(Debug)]
 pub struct Observed {
     requests: Family<Status, Counter>,
@@ -52,7 +52,7 @@ pub struct Observed {
 }
 
 impl Observed {
-    /// Nothing was asked yet.
+    /// No requests yet.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         Self {
@@ -62,17 +62,17 @@ impl Observed {
         }
     }
 
-    /// A request was answered.
+    /// Counts an answered request.
     pub fn answered(&self, method: &str, route: &str, status: u16, took: Duration) {
         self.requests.get_or_create(&Status { status }).inc();
         let route = Route { method: method.to_owned(), route: route.to_owned() };
         self.seconds.get_or_create(&route).observe(took.as_secs_f64());
     }
 
-    /// All of it in the text format of OpenMetrics, with these counts of the store and connections.
+    /// All metrics in the text format of OpenMetrics, with these counts of the store and connections.
     ///
     /// # Errors
-    /// None that is known: writing to a string does not fail.
+    /// None known: writing to a string does not fail.
     pub fn text(
         &self,
         store: &Store,
@@ -87,23 +87,23 @@ impl Observed {
         let help = "Time from the head of a request to the head of its answer";
         all.register_with_unit("http_request", help, Unit::Seconds, seconds);
         let [writes, seconds] = self.commits.histograms();
-        all.register("commit_writes", "Trials and other writes that were stored together", writes);
-        let help = "Time that a transaction took, the wait for the disk included";
+        all.register("commit_writes", "Trials and other writes per commit", writes);
+        let help = "Duration of a transaction, including the wait for the disk";
         all.register_with_unit("commit", help, Unit::Seconds, seconds);
         let mut gauge = |name: &str, help: &str, value: i64| {
             all.register(name, help, ConstGauge::new(value));
         };
         gauge("participants", "Participants enrolled or imported", counts.participants);
         gauge("trials_stored", "Trials in the database", counts.trials);
-        let help = "Trials that wait in the browsers of people who take part, as these last said";
+        let help = "Trials waiting in the browsers of participants, as last reported";
         gauge("backlog_trials", help, counts.backlog);
         gauge("connections_open", "Open connections", clamped(connections));
         if let Some(free) = store.free_bytes() {
             let free = i64::try_from(free).unwrap_or(i64::MAX);
-            gauge("free_bytes", "Room on the disk of the database", free);
+            gauge("free_bytes", "Free bytes on the disk of the database", free);
         }
         let faults = i64::try_from(data_check.fault_count).unwrap_or(i64::MAX);
-        gauge("data_faults", "Faults that the last check of the stored data found", faults);
+        gauge("data_faults", "Faults found by the last check of the stored data", faults);
         let mut time = |name: &str, help: &str, at_ms: Option<i64>| {
             if let Some(at_ms) = at_ms {
                 all.register_with_unit(name, help, Unit::Seconds, ConstGauge::new(at_ms / 1000));
@@ -111,7 +111,7 @@ impl Observed {
         };
         let help = "When the last check of the stored data ended, since 1970";
         time("data_check_timestamp", help, data_check.at_ms);
-        // A server that is to write backups and has none yet says 0, so that somebody is told.
+        // A server that should write backups and has none yet reports 0, which triggers alerts.
         let none_yet = writes_backups.then_some(0);
         let backup_at_ms = data_check.backup.as_ref().map(|backup| backup.at_ms).or(none_yet);
         let help =
@@ -121,7 +121,7 @@ impl Observed {
         for (lane, count) in ["trial", "request", "background"].into_iter().zip(store.waiting()) {
             waiting.get_or_create(&Lane { lane }).set(clamped(count));
         }
-        all.register("store_waiting", "Writes that wait for the database", waiting);
+        all.register("store_waiting", "Writes waiting for the database", waiting);
         let by_state = |words: [(Word, i64); 2]| {
             let family = Family::<State, Gauge>::default();
             for (state, count) in words {
@@ -130,7 +130,7 @@ impl Observed {
             family
         };
         let analyses = by_state([(Word::queued, counts.queued), (Word::running, counts.running)]);
-        all.register("analyses", "Analyses that are not over", analyses);
+        all.register("analyses", "Analyses queued or running", analyses);
         if let Some([busy, idle]) = store.sessions() {
             let sessions = by_state([(Word::busy, clamped(busy)), (Word::idle, clamped(idle))]);
             all.register("database_sessions", "Sessions of this server with PostgreSQL", sessions);
@@ -154,8 +154,7 @@ fn clamped(count: usize) -> i64 {
     i64::try_from(count).unwrap_or(i64::MAX)
 }
 
-/// The memory of this process, bytes, and the processor time it has used, s; none where the system has no
-/// `/proc`.
+/// The memory of this process, bytes, and the processor time it has used, s; none on systems without `/proc`.
 fn process_use() -> Option<(i64, f64)> {
     let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: i64 = pages.split(' ').nth(1)?.parse().ok()?;

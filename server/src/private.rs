@@ -6,36 +6,36 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsE
 use std::path::Path;
 use tempfile::TempDir;
 
-/// A new file that is written.
+/// Creates a file for writing.
 ///
 /// # Errors
-/// If it cannot be created, or exists already.
+/// If it cannot be created, or already exists.
 pub(crate) fn new_file(path: &Path) -> io::Result<File> {
     OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)
 }
 
-/// Makes a folder where there is none, with those above it.
+/// Creates a folder and its parents, if they do not exist.
 ///
 /// # Errors
-/// If it cannot be made.
+/// If it cannot be created.
 pub(crate) fn make_folder(path: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(path)
 }
 
-/// A folder for what is not finished. It is deleted when this is dropped; if the program was killed, by the next one
-/// that makes a folder of this kind beside it.
+/// A folder for unfinished work. It is deleted when this is dropped; if the program was killed, the
+/// next program that creates such a folder beside it deletes it.
 #[derive(Debug)]
 pub(crate) struct Unfinished {
     folder: TempDir,
-    /// Locked, as long as this process uses the folder.
+    /// Locked while this process uses the folder.
     _lock: File,
 }
 
 impl Unfinished {
-    /// A folder whose name begins with `prefix`. Deletes those that programs which were killed have left.
+    /// Creates a folder whose name begins with `prefix`. Deletes those that killed programs left behind.
     ///
     /// # Errors
-    /// If it cannot be made.
+    /// If it cannot be created.
     pub(crate) fn within(prefix: &str, parent: &Path) -> io::Result<Self> {
         if !parent.is_dir() {
             // Otherwise the error would name a temporary folder.
@@ -48,7 +48,7 @@ impl Unfinished {
             match File::open(folder.path()).and_then(|open| claim(open, folder.path())) {
                 Ok(Some(lock)) => return Ok(Self { folder, _lock: lock }),
                 Ok(None) => {}
-                // Somebody took it for left behind before it was locked.
+                // Another process took it for left behind before it was locked.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
             }
@@ -60,18 +60,19 @@ impl Unfinished {
     }
 }
 
-/// Locks a file or folder that was just made, so that nobody takes it for left behind; nothing if somebody was faster.
+/// Locks a file or folder that was just created, so that no process takes it for left behind; none
+/// if another process was faster.
 pub(crate) fn claim(open: File, path: &Path) -> io::Result<Option<File>> {
     if let Err(TryLockError::WouldBlock) = open.try_lock() {
         return Ok(None);
     }
-    // On a disk without locks nobody deletes it.
+    // On a disk without locks, nobody deletes it.
     let own = open.metadata()?;
     let is_there = |found: Metadata| (found.dev(), found.ino()) == (own.dev(), own.ino());
     Ok(path.symlink_metadata().is_ok_and(is_there).then_some(open))
 }
 
-/// Deletes the files and folders with such names that no process has locked.
+/// Deletes the files and folders with this prefix that no process has locked.
 pub(crate) fn sweep(prefix: &str, parent: &Path) {
     for entry in std::fs::read_dir(parent).into_iter().flatten().flatten() {
         if !entry.file_name().to_string_lossy().starts_with(prefix) {
@@ -83,7 +84,7 @@ pub(crate) fn sweep(prefix: &str, parent: &Path) {
         if let Some(lock) = lock
             && lock.try_lock().is_ok()
         {
-            // What cannot be deleted is another user's.
+            // Whatever cannot be deleted is another user's.
             let _ = match kind.is_dir() {
                 true => std::fs::remove_dir_all(&path),
                 false => std::fs::remove_file(&path),
@@ -95,7 +96,7 @@ pub(crate) fn sweep(prefix: &str, parent: &Path) {
 /// A folder that is deleted when it is dropped. Its name begins with `prefix`.
 ///
 /// # Errors
-/// If it cannot be made.
+/// If it cannot be created.
 pub(crate) fn temporary_folder(prefix: &str, parent: &Path) -> io::Result<TempDir> {
     let private = std::fs::Permissions::from_mode(0o700);
     tempfile::Builder::new().prefix(prefix).permissions(private).tempdir_in(parent)

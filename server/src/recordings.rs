@@ -10,9 +10,9 @@ use sidestep::synthetic;
 use sidestep::trial::Phase;
 use std::collections::HashMap;
 
-/// The tasks of all participants of a study whose data have not been deleted. Participants who
-/// enrolled under other parameters than the study has now are excluded, as are those whom an
-/// experimenter excluded and those with states that the vehicles cannot have driven.
+/// The tasks of all participants of a study whose data have not been deleted. Excludes participants
+/// who enrolled under parameters other than the study's present ones, who were excluded by an
+/// experimenter, or who have states that the vehicles cannot have driven.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
@@ -33,22 +33,22 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
 pub enum Person {
     /// With their tasks.
     Drove(RecordedParticipant),
-    /// Not to be analysed.
+    /// Excluded from analyses.
     Excluded(Exclusion),
 }
 
-/// Reads the participants of a study one after the other, so that no more than one of them is in memory, and
-/// no read is long: a long one keeps SQLite from writing back its log.
+/// Reads the participants of a study one after another, so that at most one is in memory and no
+/// read is long: a long read keeps SQLite from checkpointing its log.
 pub struct People<'a> {
     store: &'a Store,
     scene: SceneParameters,
     ids: std::vec::IntoIter<String>,
-    /// Whom an experimenter excluded, and why.
+    /// The participants whom an experimenter excluded, with the reasons.
     excluded: HashMap<String, String>,
 }
 
 impl<'a> People<'a> {
-    /// Those of this study.
+    /// The participants of this study.
     ///
     /// # Errors
     /// [`StoreError`] if the database cannot be read.
@@ -95,8 +95,8 @@ pub fn complete(
     recording
 }
 
-/// What the participant of a trial drove before it, one trial of each scene: what the laboratory's usual
-/// predictor learns from.
+/// The trials that a participant drove before this one, one trial of each scene: the training data
+/// of the laboratory's default predictor.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.

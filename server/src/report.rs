@@ -16,11 +16,10 @@ use std::path::Path;
 /// Writes one file.
 pub type Content<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
 
-/// Gives every file of an analysis to `put`: its name, parts of which are joined by `/`, and what
-/// writes it.
+/// Passes every file of an analysis to `put`: its name, whose parts are joined by `/`, and its writer.
 ///
 /// # Errors
-/// The error of `put`, or of a template that asks for what there is not.
+/// The error of `put`, or of a template that uses an undefined value.
 pub fn each_file(
     analysis: &Analysis,
     put: &mut dyn FnMut(&str, Content<'_>) -> io::Result<()>,

@@ -1,4 +1,4 @@
-//! What can still be read of a damaged database, in a new one.
+//! Copies the readable part of a damaged database into a new one.
 
 use crate::soundness::{self, Report, Wrong};
 use crate::store::copying::salvage::{Lost, Salvaged};
@@ -6,11 +6,11 @@ use crate::store::{Store, StoreError};
 use std::collections::HashMap;
 use tokio::sync::mpsc;
 
-/// Fills a new database with all that can be read of `from` and that is sound: every trial is replayed. `lost` hears
-/// of each row that is not. Returns what is in the new database, which has no fault.
+/// Fills a new database with all data of `from` that are readable and sound, after replaying every
+/// trial. `lost` gets each other row. Returns the report on the new database, which has no fault.
 ///
 /// # Errors
-/// [`StoreError`] if `from` cannot be read at all, or `to` refuses.
+/// [`StoreError`] if `from` cannot be read at all, or `to` fails.
 pub async fn salvage(
     from: &Store,
     to: &Store,
@@ -19,7 +19,7 @@ pub async fn salvage(
     let (sender, found) = mpsc::channel(4);
     let reading = from.salvage(sender);
     let writing = async {
-        // Where it ends early, the receiver ends with it, and reading does not wait for ever.
+        // If writing ends early, it drops the receiver, so that reading does not wait forever.
         let mut found = found;
         let mut targets = HashMap::new();
         while let Some(found) = found.recv().await {
@@ -36,7 +36,7 @@ pub async fn salvage(
                 }
                 Salvaged::Participant(study, rows) => match targets.get(&study) {
                     Some(&target) => match to.put_participant_copy(target, rows.clone()).await {
-                        // A value that its column does not take.
+                        // The column does not accept the value.
                         Err(
                             StoreError::Defect(_) | StoreError::Corrupt(_) | StoreError::Locked,
                         ) => {
@@ -62,7 +62,7 @@ pub async fn salvage(
         Ok::<_, StoreError>(())
     };
     let (read, written) = tokio::join!(reading, writing);
-    // If writing failed, reading stopped for that.
+    // If writing failed, that also stopped reading.
     written.and(read)?;
     let found = soundness::report(to).await?;
     for Wrong { trial_id, what } in &found.wrong {
@@ -78,6 +78,6 @@ pub async fn salvage(
     };
     match report.first() {
         None => Ok(report),
-        Some(first) => Err(StoreError::Defect(format!("what was saved is not sound: {first}"))),
+        Some(first) => Err(StoreError::Defect(format!("the saved data are not sound: {first}"))),
     }
 }

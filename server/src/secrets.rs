@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 /// A secret of 256 random bits, in hexadecimal digits.
 ///
 /// # Errors
-/// If the system gives no random numbers.
+/// If the system provides no random numbers.
 pub fn token() -> anyhow::Result<String> {
     random::<32>().map(hex::encode)
 }
@@ -15,7 +15,7 @@ pub fn token() -> anyhow::Result<String> {
 /// A seed of 64 random bits.
 ///
 /// # Errors
-/// If the system gives no random numbers.
+/// If the system provides no random numbers.
 pub fn seed() -> anyhow::Result<u64> {
     random().map(u64::from_le_bytes)
 }
@@ -24,7 +24,7 @@ pub fn seed() -> anyhow::Result<u64> {
 /// characters that look alike.
 ///
 /// # Errors
-/// If the system gives no random numbers.
+/// If the system provides no random numbers.
 pub fn completion_code() -> anyhow::Result<String> {
     const LETTERS: &[u8; 32] = b"ABCDEFGHJKLMNPQRSTUVWXYZ23456789";
     let letter = |byte: u8| char::from(LETTERS[usize::from(byte % 32)]);

@@ -1,4 +1,4 @@
-//! Whether a database is sound: its file, what rows refer to, and every trial, by replaying it.
+//! Checks whether a database is sound: its file, its references, and every trial, by replaying it.
 
 use crate::store::trials::{StoredTrial, Unreadable, flag_words};
 use crate::store::{Store, StoreError};
@@ -17,17 +17,17 @@ pub struct Report {
     pub participants: usize,
     /// Trials replayed.
     pub trials: usize,
-    /// Trials with a flag other than that they were imported; these are not errors of the database.
+    /// Trials with a flag other than `imported`; these are not faults.
     pub flagged: usize,
-    /// Damaged pages, references to rows that do not exist, tallies that do not follow from the trials, and
-    /// studies whose configuration cannot be read.
+    /// Damaged pages, references to rows that do not exist, tallies that do not match the trials,
+    /// and studies whose configuration cannot be read.
     pub damage: Vec<String>,
     /// Trials that cannot be read, or differ from what was stored.
     pub wrong: Vec<Wrong>,
 }
 
 impl Report {
-    /// What was read; nothing, and a line about it, of what is damaged, so that the rest is checked too.
+    /// The value read. If it is damaged, an empty value and a line in the report, so that the check goes on.
     fn read<T: Default>(
         &mut self,
         whose: &str,
@@ -42,7 +42,7 @@ impl Report {
         }
     }
 
-    /// How many faults were found.
+    /// Number of faults.
     #[must_use]
     pub fn faults(&self) -> usize {
         self.damage.len() + self.wrong.len()
@@ -64,7 +64,7 @@ impl Report {
 pub struct Wrong {
     /// The trial.
     pub trial_id: String,
-    /// What is wrong with it.
+    /// The fault.
     pub what: String,
 }
 
@@ -101,8 +101,8 @@ pub async fn report(store: &Store) -> Result<Report, StoreError> {
     Ok(report)
 }
 
-/// What is wrong with a database apart from its trials: damaged pages, references to rows that do not exist, and tallies that
-/// do not follow from the trials.
+/// Faults of a database apart from its trials: damaged pages, references to rows that do not exist,
+/// and tallies that do not match the trials.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
@@ -117,19 +117,19 @@ pub async fn damage_of_database(store: &Store) -> Result<Vec<String>, StoreError
     Ok(damage)
 }
 
-/// A trial that was read and replayed. There is a state before each of its steps and after the last, and a time of
-/// each if times were recorded.
+/// A trial that was read and replayed. It has a state before each step and after the last, and a
+/// time for each step if times were recorded.
 #[derive(Clone, Debug)]
 pub struct Examined {
     /// The trial.
     pub trial: StoredTrial,
     /// The configuration of its participant.
     pub config: Arc<StudyConfig>,
-    /// What is wrong with it, if anything is.
+    /// Its fault, if it has one.
     pub fault: Option<String>,
 }
 
-/// All trials of a participant, in the plan's order, each replayed; those that cannot be read are named.
+/// All trials of a participant, in plan order, each replayed; unreadable trials are named.
 ///
 /// # Errors
 /// [`StoreError`] if not even their ids can be read.
@@ -156,7 +156,7 @@ pub async fn examined(
         let fault = fault(&config.parameters, &trial);
         Ok(Examined { trial, config, fault })
     };
-    // It takes some milliseconds, for which a server's other requests should not wait.
+    // This takes milliseconds, which must not delay the server's other requests.
     let replaying = move || read.into_iter().map(replay).collect();
     let replayed = tokio::task::spawn_blocking(replaying).await;
     replayed.map_err(|error| StoreError::Defect(error.to_string()))
@@ -177,7 +177,7 @@ fn is_whole(trial: &StoredTrial) -> Result<(), Wrong> {
     Err(Wrong { trial_id: trial.head.trial_id.clone(), what })
 }
 
-/// What is wrong with a trial, if anything is.
+/// The fault of a trial, if it has one.
 fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
     let (inputs, states) = (&trial.content.inputs, &trial.content.states);
     if inputs.len() != parameters.steps || states.len() != parameters.steps + 1 {
@@ -202,8 +202,8 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
         Ok(found) => found,
         Err(error) => return Some(format!("page events or display: {error}")),
     };
-    // A file's trial keeps flags for which the evidence is not in the file. One of an earlier version lacks those
-    // that came later.
+    // An imported trial keeps flags whose evidence is not in the file. A trial of an earlier
+    // version lacks flags that were introduced later.
     let expected = |flag: &&Flag| stored.contains(flag) || !Flag::LATER.contains(flag);
     let agree = if stored.contains(&Flag::Imported) {
         found.iter().filter(expected).all(|flag| stored.contains(flag))

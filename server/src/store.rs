@@ -1,12 +1,12 @@
 //! The database as operations: the only code that speaks SQL.
 //!
 //! [`Store`] has one method for each operation; each module has the operations of one aggregate.
-//! Arguments and results are values of the domain, outcomes are enums, and [`StoreError`] describes a
-//! failure in the words of the domain. Every operation can return it; a method documents an error only
-//! if it means something more. No connection, transaction or error code leaves this folder.
+//! Arguments and results are domain types, outcomes are enums, and [`StoreError`] describes a
+//! failure in domain terms. Every operation can return it; a method documents an error only if it
+//! has a special meaning there. Connections, transactions and error codes never leave this folder.
 //!
-//! There are two: SQLite, a file (`sqlite`), and PostgreSQL, a server that several Sidestep servers share
-//! (`postgres`). Their statements are the same (`sql`).
+//! There are two back ends: SQLite, a file (`sqlite`), and PostgreSQL, a server that several
+//! Sidestep servers share (`postgres`). Both run the same statements (`sql`).
 
 mod error;
 mod misfit;
@@ -77,35 +77,35 @@ enum Database {
     Postgres(Postgres),
 }
 
-/// What a database is opened for.
+/// The purpose of opening a database.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// To serve it or to fill it. It is created if there is none. No other server may use this file until it is
-    /// closed: each would wait for the other's writes, and neither would know of them. Commands may read and write
-    /// beside a server. Several servers share a PostgreSQL database.
+    /// To serve or fill it, exclusively; created if missing. Until it is closed, no other server
+    /// may use the file: each would wait for the other's writes and miss its changes. Commands may
+    /// read and write beside a server. Several servers share a PostgreSQL database.
     Alone,
-    /// To copy a database into it, as [`Self::Alone`]. If it was empty, it is refused otherwise until
-    /// [`Store::end_copy`].
+    /// To copy a database into it; exclusive, as [`Self::Alone`]. If it was empty, other purposes
+    /// refuse it until [`Store::end_copy`].
     Copy,
-    /// To add something. It is created if there is none.
+    /// To add data; created if missing.
     Create,
-    /// To change what is there.
+    /// To change existing data.
     Change,
-    /// To read. The database is not changed: of a file of an older version, a copy is migrated and read.
+    /// To read. The database is not changed: if a file is of an older version, a migrated copy of it is read.
     Read,
 }
 
-/// Why a database cannot be used. One line, naming the database.
+/// Why a database cannot be used, in one line that names the database.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// The address is not that of a database that this build supports.
+    /// The address does not name a database that this build supports.
     #[error(
         "--database {url}: expected sqlite:FILE or postgres://USER@HOST/DATABASE, found {found}"
     )]
     Address {
         /// As given.
         url: String,
-        /// What is wrong with it.
+        /// The error in it.
         found: String,
     },
     /// The database cannot be opened or created.
@@ -113,16 +113,16 @@ pub enum OpenError {
     Unusable {
         /// The file, or the address without a password.
         database: String,
-        /// What the system said.
+        /// The error of the system.
         reason: String,
     },
-    /// There is no database, and none was to be created.
+    /// The database is missing, and this purpose does not create it.
     #[error("{0}: cannot open the database: it does not exist, or it is empty")]
     Absent(String),
-    /// There is no database, but the log of one, which would be lost with the first write.
+    /// The database is missing, but its write-ahead log exists and would be lost with the first write.
     #[error(
-        "{database}: cannot open the database: it does not exist, or it is empty, but there is the write-ahead log \
-         of one, {}, maybe with data that only it has; put its database back beside it, or move it to another folder",
+        "{database}: cannot open the database: it does not exist, or it is empty, but its write-ahead log {} exists \
+         and may have data that are stored nowhere else; put its database back beside it, or move it to another folder",
         log.display()
     )]
     LogAlone {
@@ -131,11 +131,11 @@ pub enum OpenError {
         /// The log.
         log: PathBuf,
     },
-    /// The write-ahead log beside the file is not its own. SQLite would apply it.
+    /// The write-ahead log beside the file belongs to another database. SQLite would apply it.
     #[error(
         "{database}: cannot open the database: the write-ahead log beside it, {}, is not its own: {why}. Nothing was \
-         changed. The log has what its database stored last: put that database back beside it. Only if that is gone for \
-         good, move the log to another folder, and keep it",
+         changed. The log has the latest data of its database: put that database back beside it. Only if that is \
+         permanently lost, move the log to another folder, and keep it",
         log.display()
     )]
     Misplaced {
@@ -143,14 +143,14 @@ pub enum OpenError {
         database: String,
         /// The log.
         log: PathBuf,
-        /// What is wrong.
+        /// The mismatch.
         why: Misplaced,
     },
-    /// SQLite would drop what the write-ahead log has behind a damaged part.
+    /// The write-ahead log is damaged. SQLite would drop everything after the damaged part.
     #[error(
-        "{database}: cannot open the database: the write-ahead log beside it, {}, is damaged: somebody overwrote a part of \
-         it, and SQLite would drop all that was stored after that. Nothing was changed. Keep both files, and save what can \
-         be read of them with 'sidestep salvage --from {database} --database sqlite:NEW'",
+        "{database}: cannot open the database: the write-ahead log beside it, {}, is damaged: a part of it was overwritten, \
+         and SQLite would drop everything stored after that part. Nothing was changed. Keep both files, and save the \
+         readable data with 'sidestep salvage --from {database} --database sqlite:NEW'",
         log.display()
     )]
     DamagedLog {
@@ -159,12 +159,12 @@ pub enum OpenError {
         /// The log.
         log: PathBuf,
     },
-    /// The database is not of this version and cannot be migrated.
+    /// The database is of another version and cannot be migrated.
     #[error("{database}: cannot use the database: {reason}")]
     Version {
         /// The file, or the address without a password.
         database: String,
-        /// What does not fit.
+        /// The reason.
         reason: Misfit,
     },
     /// Another server uses it.
@@ -176,7 +176,7 @@ pub enum OpenError {
 }
 
 impl OpenError {
-    /// The same of a database that its user knows by another name.
+    /// The same error, with the name by which the user knows the database.
     #[must_use]
     pub fn named(self, name: String) -> Self {
         let log = PathBuf::from(format!("{name}-wal"));
@@ -193,7 +193,7 @@ impl OpenError {
     }
 }
 
-/// What messages say of an address that is none: no password, whatever else it has.
+/// An invalid address as messages show it: never with its password.
 fn harmless(url: &str) -> String {
     match url.split_once(':') {
         Some((kind, _)) if kind.contains('=') || kind.contains('/') => "…".to_owned(),
@@ -203,14 +203,15 @@ fn harmless(url: &str) -> String {
     }
 }
 
-/// Refuses what is no file, a file that this user must not read, and one to write to that has several names, or to read if the
-/// log is that of another name: SQLite only says that it cannot open it, or keeps a log for each name.
+/// Refuses a path that is not a file, and a file that this user must not read. Also refuses a file
+/// with several names (hard links) if it is to be written, or if the log belongs to another of its
+/// names. SQLite would only report that it cannot open the file, or keep one log per name.
 fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
     let refuse =
         |reason: String| Err(OpenError::Unusable { database: file.display().to_string(), reason });
     let Ok(found) = std::fs::metadata(file) else {
         return match file.is_symlink() {
-            true => refuse("it is a link, and what it leads to does not exist".to_owned()),
+            true => refuse("it is a symbolic link to a file that does not exist".to_owned()),
             false => Ok(()),
         };
     };
@@ -221,8 +222,8 @@ fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
         && (purpose != Purpose::Read || DatabaseFile::at(file).has_log_of_other_name())
     {
         return refuse(
-            "it has several names (hard links), and SQLite would keep a log for each; delete the names beside which there is no \
-             -wal"
+            "it has several names (hard links), and SQLite would keep a log for each; delete the names without a -wal beside \
+             them"
                 .to_owned(),
         );
     }
@@ -235,11 +236,11 @@ fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
 }
 
 impl Store {
-    /// Opens the database at `url` (`sqlite:FILE` or `postgres://…`) and applies missing migrations, unless it is
-    /// only to be read.
+    /// Opens the database at `url` (`sqlite:FILE` or `postgres://…`) and applies missing
+    /// migrations, unless it is opened to read.
     ///
     /// # Errors
-    /// [`OpenError`], in one line; the database is unchanged then.
+    /// [`OpenError`], in one line; the database is then unchanged.
     pub async fn open(url: &str, purpose: Purpose) -> Result<Self, OpenError> {
         let url = url.to_owned();
         let opening = tokio::task::spawn_blocking(move || {
@@ -263,7 +264,7 @@ impl Store {
         Ok(Self { open: Arc::new(Open { database, configs: RwLock::default() }) })
     }
 
-    /// The file of a database at `url`; none if that is the address of a server.
+    /// The file of the database at `url`; none if `url` is the address of a server.
     ///
     /// # Errors
     /// [`OpenError::Address`].
@@ -276,19 +277,20 @@ impl Store {
         Ok(Some(file.path().to_owned()))
     }
 
-    /// Whether a server uses a file of SQLite, or did not close it.
+    /// Whether a server uses this SQLite file, or exited without closing it.
     #[must_use]
     pub fn is_in_use(file: &Path) -> bool {
         DatabaseFile::at(file).is_in_use()
     }
 
-    /// Whether a file of SQLite has a log that was not written back: a server uses it, or did not close it.
+    /// Whether a SQLite file has a log that was not written back: a server uses the file, or exited
+    /// without closing it.
     #[must_use]
     pub fn has_log(file: &Path) -> bool {
         DatabaseFile::at(file).has_log()
     }
 
-    /// Whether this is the file at `url`, by whatever name.
+    /// Whether `url` is this file, under any of its names.
     ///
     /// # Errors
     /// [`OpenError::Address`].
@@ -300,10 +302,10 @@ impl Store {
         })
     }
 
-    /// Whether both are one database, by whatever names.
+    /// Whether both are the same database, possibly under different names.
     ///
     /// # Errors
-    /// [`StoreError`] if a database does not say which it is.
+    /// [`StoreError`] if the identity of a database cannot be read.
     pub async fn is_same(&self, other: &Self) -> Result<bool, StoreError> {
         Ok(self.identity().await? == other.identity().await?)
     }
@@ -318,15 +320,15 @@ impl Store {
         }
     }
 
-    /// What tells this database from others as long as it lives, also on another machine, in eight hexadecimal digits. A
-    /// copy is another database.
+    /// A permanent identifier of this database in eight hexadecimal digits. It stays the same if
+    /// the database moves to another machine; a copy gets a new one.
     ///
     /// # Errors
-    /// [`StoreError`] if the database does not say which it is.
+    /// [`StoreError`] if the identity of the database cannot be read.
     pub async fn code(&self) -> Result<String, StoreError> {
         let identity: String = self
             .read_long(|db| {
-                // A mark: the word, the identity, and what changes with every commit.
+                // A mark is a prefix, the identity, and a part that changes with every commit.
                 let file = "SELECT substr(text, 1, length('sidestep mark ') + 32) FROM mark";
                 let server =
                     "SELECT (SELECT system_identifier FROM pg_control_system()) || ' ' || oid \
@@ -337,7 +339,7 @@ impl Store {
         Ok(hex::encode(&Sha256::digest(identity)[..4]))
     }
 
-    /// What messages call the database: its file, or its address without a password.
+    /// The database's name in messages: its file, or its address without a password.
     #[must_use]
     pub fn name(&self) -> String {
         match &self.open.database {
@@ -346,11 +348,10 @@ impl Store {
         }
     }
 
-    /// Writes everything, as it is at one instant, into a new file of SQLite, if this database is one.
-    /// Returns whether it is.
+    /// Writes a snapshot into a new SQLite file, if this database is SQLite. Returns whether it is.
     ///
     /// # Errors
-    /// [`StoreError`] if the file is there already or the disk refuses it.
+    /// [`StoreError`] if the file exists or cannot be written.
     pub async fn write_snapshot(&self, file: &Path) -> Result<bool, StoreError> {
         match &self.open.database {
             Database::Sqlite(database) => database.write_snapshot(file).await.map(|()| true),
@@ -364,7 +365,7 @@ impl Store {
         matches!(self.open.database, Database::Postgres(_))
     }
 
-    /// Its commits.
+    /// Statistics of its commits.
     #[must_use]
     pub fn observed(&self) -> &Commits {
         match &self.open.database {
@@ -373,7 +374,7 @@ impl Store {
         }
     }
 
-    /// How many trials, other requests and jobs wait for a write.
+    /// Number of trials, other requests and jobs that wait for a write.
     #[must_use]
     pub fn waiting(&self) -> [usize; 3] {
         match &self.open.database {
@@ -382,7 +383,7 @@ impl Store {
         }
     }
 
-    /// How many sessions with a database server are busy and idle, if there is such a server.
+    /// Number of busy and idle sessions with the database server, if there is one.
     #[must_use]
     pub fn sessions(&self) -> Option<[usize; 2]> {
         match &self.open.database {
@@ -391,7 +392,7 @@ impl Store {
         }
     }
 
-    /// The room on the disk of the database, bytes, where that is known.
+    /// Free space on the disk of the database, bytes, if known.
     #[must_use]
     pub fn free_bytes(&self) -> Option<u64> {
         match &self.open.database {
@@ -400,11 +401,11 @@ impl Store {
         }
     }
 
-    /// Whether a write could be made now: one is begun and committed. SQLite's file must be the one that
-    /// was opened, with [`LEAST_FREE_BYTES`] of room.
+    /// Whether the database accepts writes now: begins and commits one. A SQLite file must still be
+    /// the one that was opened, with [`LEAST_FREE_BYTES`] of free space.
     ///
     /// # Errors
-    /// What stands in the way.
+    /// The reason if it does not.
     pub async fn ready(&self) -> Result<(), StoreError> {
         match &self.open.database {
             Database::Sqlite(database) => database.ready().await,
@@ -412,11 +413,11 @@ impl Store {
         }
     }
 
-    /// The folder for a temporary file of this length: SQLite's own, if that leaves room for what is to be
-    /// stored, else the system's.
+    /// The folder for a temporary file of this length: that of a SQLite file, if enough space stays
+    /// free for later writes; the system's for PostgreSQL.
     ///
     /// # Errors
-    /// [`StoreError::Full`] if there is not enough room.
+    /// [`StoreError::Full`] if there is not enough space.
     pub fn room(&self, bytes: u64) -> Result<PathBuf, StoreError> {
         match &self.open.database {
             Database::Sqlite(database) => database.room(bytes),
@@ -424,7 +425,7 @@ impl Store {
         }
     }
 
-    /// Changes whenever something was stored, by this server or another one.
+    /// Changes with every commit, by this server or another one.
     #[must_use]
     pub fn commits(&self) -> watch::Receiver<u64> {
         match &self.open.database {
@@ -433,23 +434,24 @@ impl Store {
         }
     }
 
-    /// Notes that what was copied into an empty database is whole.
+    /// Records that the copy into an empty database is complete.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk or the server refuses.
+    /// [`StoreError`] if this cannot be stored.
     pub async fn end_copy(&self) -> Result<(), StoreError> {
         self.write_behind([Lock::Studies], migrations::end_copy).await
     }
 
-    /// If somebody changes the file, what it had is written beside it; after this call, where that fails, to the working
-    /// directory or to that for temporary files.
+    /// If another process changes the file, its content is rescued into a file beside it. After
+    /// this call, the working directory and the temporary directory are tried if that fails.
     pub fn rescue_elsewhere(&self) {
         if let Database::Sqlite(database) = &self.open.database {
             database.rescue_elsewhere();
         }
     }
 
-    /// Why what was stored may be lost, once it is closed: somebody changed the file, and no other could be written.
+    /// Why stored data may be lost when the database is closed: another process changed the file,
+    /// and the rescue failed.
     #[must_use]
     pub fn unrescued(&self) -> Option<StoreError> {
         match &self.open.database {
@@ -458,7 +460,7 @@ impl Store {
         }
     }
 
-    /// Waits for what is under way and closes; SQLite writes its log back.
+    /// Waits for operations in progress, then closes; SQLite writes its log back.
     pub async fn close(&self) {
         match &self.open.database {
             Database::Sqlite(_) => {
@@ -476,15 +478,15 @@ impl Store {
         }
     }
 
-    /// Has SQLite overwrite what was deleted in its log too. PostgreSQL overwrites deleted rows when it
-    /// vacuums.
+    /// Makes SQLite overwrite deleted data in its log as well. PostgreSQL overwrites deleted rows
+    /// when it vacuums.
     fn forget_deleted(&self) {
         if let Database::Sqlite(database) = &self.open.database {
             database.forget_deleted();
         }
     }
 
-    /// A few rows, at once.
+    /// Reads a few rows, for SQLite on the calling thread.
     async fn read<T: Send + 'static>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
@@ -495,7 +497,7 @@ impl Store {
         }
     }
 
-    /// Any number of rows, as they are at one instant.
+    /// Reads any number of rows, from one snapshot.
     async fn read_long<T: Send + 'static>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
@@ -506,7 +508,7 @@ impl Store {
         }
     }
 
-    /// As [`Self::write`], ahead of all others: for trials.
+    /// As [`Self::write`], before all other writes: for trials.
     async fn write_first<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
@@ -521,7 +523,7 @@ impl Store {
         }
     }
 
-    /// An operation that a request waits for: its result is returned after the commit.
+    /// Runs an operation for a waiting request, and returns its result after the commit.
     async fn write<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
@@ -530,7 +532,7 @@ impl Store {
         self.write_in(Lane::Request, locks.into(), work).await
     }
 
-    /// As [`Self::write`], for an enrolment. While participants drive, PostgreSQL makes one enrolment at a time.
+    /// As [`Self::write`], for an enrolment. While participants drive, PostgreSQL runs one enrolment at a time.
     async fn write_enrolment<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
@@ -539,7 +541,7 @@ impl Store {
         self.write_in(Lane::Enrolment, locks.into(), work).await
     }
 
-    /// An operation that no request waits for, and that no request may have to wait for long.
+    /// Runs an operation that no request waits for, and that must not delay requests.
     async fn write_behind<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],

@@ -1,4 +1,4 @@
-//! Long computations on threads of their own.
+//! Long computations on their own threads.
 
 use tokio::sync::oneshot;
 
@@ -14,10 +14,10 @@ pub enum ThreadError {
 }
 
 /// Runs `work` on a thread called `name` and waits for its result. Parallel loops in `work` use
-/// `threads` threads, or one for each processor if `threads` is none.
+/// `threads` threads, or one per processor if `threads` is none.
 ///
-/// This is not a blocking task of the runtime, because a runtime waits for those when it ends. Work
-/// for which its caller no longer waits must not keep a command from ending.
+/// This is not a blocking task of the runtime, because a runtime waits for those when it shuts
+/// down, and abandoned work must not keep a command from ending.
 ///
 /// # Errors
 /// [`ThreadError`] if no thread can be started, or `work` panicked.
@@ -35,8 +35,8 @@ pub async fn run<T: Send + 'static>(
     .await
 }
 
-/// Runs `work` on a thread called `name` that gives way to every other thread, where the system knows
-/// priorities of threads, and waits for its result.
+/// Runs `work` on a thread called `name` that yields to every other thread, if the system has
+/// thread priorities, and waits for its result.
 ///
 /// # Errors
 /// [`ThreadError`] if no thread can be started, or `work` panicked.
@@ -45,7 +45,7 @@ pub async fn run_in_spare_time<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, ThreadError> {
     on_a_thread(name, move || {
-        // Elsewhere this would be the priority of the whole process.
+        // On other systems this would change the priority of the whole process.
         #[cfg(target_os = "linux")]
         let _ = rustix::process::setpriority_process(None, LOW_PRIORITY);
         work()
@@ -53,7 +53,7 @@ pub async fn run_in_spare_time<T: Send + 'static>(
     .await
 }
 
-/// As for the command nice: about a tenth of the time that another thread gets, if both want it.
+/// Nice value: about a tenth of another thread's share, if both want the processor.
 #[cfg(target_os = "linux")]
 const LOW_PRIORITY: i32 = 10;
 
@@ -64,7 +64,7 @@ async fn on_a_thread<T: Send + 'static>(
     let (answer, answered) = oneshot::channel();
     std::thread::Builder::new()
         .name(name.to_owned())
-        // The receiver is gone only if the caller has stopped waiting.
+        // The receiver is dropped only if the caller has stopped waiting.
         .spawn(move || drop(answer.send(work())))
         .map_err(|error| ThreadError::Start(error.to_string()))?;
     answered.await.map_err(|_| ThreadError::Panicked)

@@ -1,12 +1,12 @@
-//! The client's side of TLS: to a database, and to the servers that commands ask.
+//! The client side of TLS, for databases and for servers that commands call.
 
 use rustls::{ClientConfig, RootCertStore};
 use std::sync::Arc;
 
-/// Trusts what these authorities have signed.
+/// Trusts certificates that these authorities have signed.
 ///
 /// # Errors
-/// None that is known: this build has the protocol versions that it asks for.
+/// None known: this build has the protocol versions that it requests.
 pub fn config(roots: RootCertStore) -> Result<ClientConfig, rustls::Error> {
     let provider = Arc::new(rustls::crypto::ring::default_provider());
     let config = ClientConfig::builder_with_provider(provider);
@@ -14,8 +14,8 @@ pub fn config(roots: RootCertStore) -> Result<ClientConfig, rustls::Error> {
     Ok(config.with_root_certificates(roots).with_no_client_auth())
 }
 
-/// The authorities of this system, or those in the file that SSL_CERT_FILE names. Without any, a connection
-/// is refused with its own message.
+/// The certificate authorities of this system, or of the file in SSL_CERT_FILE. Without any,
+/// connecting fails with its own error.
 #[must_use]
 pub fn system_roots() -> RootCertStore {
     let mut roots = RootCertStore::empty();

@@ -6,14 +6,14 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use tokio_util::sync::CancellationToken;
 
-/// What was copied, and compared afterwards.
+/// The counts of a copy, which was compared afterwards.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Copied {
     /// Studies.
     pub studies: usize,
-    /// Participants, pilots too.
+    /// Participants, including pilots.
     pub participants: usize,
-    /// Those of them who were there already, unchanged.
+    /// Participants who were present already, unchanged.
     pub present: usize,
     /// Trials.
     pub trials: usize,
@@ -23,7 +23,7 @@ pub struct Copied {
     pub sha256: String,
 }
 
-/// Why a copy is not whole. What was copied stays, and the same copy goes on where it was.
+/// Why a copy is incomplete. Data already copied stay, and copying again resumes there.
 #[derive(Debug, thiserror::Error)]
 pub enum TransferError {
     /// There is another study of this name.
@@ -43,10 +43,10 @@ pub enum TransferError {
         /// The participant.
         id: String,
     },
-    /// The destination has more of a participant.
+    /// The destination has more data of a participant.
     #[error(
-        "study {slug}: participant {id} did more, or was deleted, in the destination since they were copied; \
-         they stay as they are there: copy to another database"
+        "study {slug}: participant {id} has new data, or was deleted, in the destination since they were copied; \
+         the destination is left unchanged: copy to another database"
     )]
     Ahead {
         /// The study.
@@ -54,15 +54,15 @@ pub enum TransferError {
         /// The participant.
         id: String,
     },
-    /// Somebody stopped it.
+    /// Cancelled.
     #[error("stopped")]
     Stopped,
-    /// A database refuses.
+    /// A database fails.
     #[error("{0}")]
     Store(#[from] StoreError),
 }
 
-/// Copies studies, one after the other. `progress` hears how many participants of how many are done.
+/// Copies studies, one after another. `progress` gets the number of participants copied, and their total.
 ///
 /// # Errors
 /// [`TransferError`].

@@ -1,5 +1,6 @@
-//! Import and export take no more memory for a longer study. It counts what the whole process allocates (all
-//! but SQLite, whose cache has a limit), so it runs without the test harness and its threads.
+//! Import and export need no more memory for a longer study. The test counts allocations of the
+//! whole process (except SQLite, whose cache is limited), so it runs without the test harness and
+//! its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use peak_alloc::PeakAlloc;
@@ -16,8 +17,8 @@ static MEMORY: PeakAlloc = PeakAlloc;
 
 const MB: f64 = 1e6;
 
-/// An import has up to four batches of 256 trials between its threads, of about 1 MB each, fewer or more as the
-/// threads happen to run. A hundred people more, held whole, would take 14 MB.
+/// An import buffers up to four batches of 256 trials between its threads, about 1 MB each; their
+/// number depends on timing. A hundred more people in memory would take 14 MB.
 const QUEUES_MB: f64 = 5.0;
 
 #[tokio::main]
@@ -34,7 +35,7 @@ async fn main() {
     }
 }
 
-/// The most memory, MB, of an import and of an export in each format, as a folder and as an archive.
+/// Peak memory, MB, of an import and of an export in each format, as a folder and as an archive.
 async fn peaks(people: u64) -> Vec<(String, f64)> {
     let folder = tempfile::tempdir().unwrap();
     let trials = folder.path().join("trials.csv");
@@ -76,7 +77,7 @@ async fn peak(work: impl Future<Output = ()>) -> f64 {
     (MEMORY.peak_usage() - before) as f64 / MB
 }
 
-/// Forty trials of each of these people.
+/// Forty trials of each of this number of people.
 fn file(people: u64) -> String {
     let mut text = "participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega,synthetic\n".to_owned();
     for number in 0..people {

@@ -1,7 +1,7 @@
 //! Features of a million steps: 20,000 trials of 50 steps. `cargo xtask bench features`.
 //!
-//! The baseline computes them state by state on one thread. All of them together may take 1 s
-//! on two threads, and so may the paper's on one.
+//! The baseline computes them state by state on one thread. The budget is 1 s: for all features on
+//! two threads, and for the paper's on one.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -32,7 +32,7 @@ const RATIOS: &[(&str, &str)] = &[
     ("features/sampled, 2 threads", "features/sampled, 1 thread"),
 ];
 
-/// Of one step, s.
+/// Per step, s.
 const BUDGETS: &[(&str, f64)] = &[
     ("features/paper's, 1 thread", 1e-6),
     ("features/all, 2 threads", 1e-6),
@@ -77,7 +77,7 @@ fn main() {
     fastest.print_ratios(RATIOS, BUDGETS);
 }
 
-/// Trials with inputs at random, from within 20 m of each other.
+/// Trials with random inputs; the vehicles start within 20 m of each other.
 fn trials(parameters: &SceneParameters) -> Vec<Trial> {
     let mut rng = SeededRng::new(7);
     let mut trial = || {
@@ -94,7 +94,7 @@ fn trials(parameters: &SceneParameters) -> Vec<Trial> {
     (0..TRIALS).map(|_| trial()).collect()
 }
 
-/// The same game as the closed form's, on the nodes of the polar method.
+/// The game of the closed form, sampled on the nodes of the polar method.
 fn sampled(parameters: &SceneParameters) -> SafetyLevels {
     let options = Options::default().with_method(Method::Polar);
     let game = parameters.game(Evader::Human);

@@ -1,8 +1,8 @@
 //! Training and inference at the size of the study's comparison: eight people, five folds of
 //! forty trials, seven feature sets, two experiments.
 //!
-//! What the whole comparison may take on one thread: logistic regression 1.5 s, trees 1.5 s;
-//! a prediction of either 1 µs. Boosting eight people on one feature set: 10 s.
+//! Budgets on one thread: the whole comparison 1.5 s with logistic regression and 1.5 s with trees;
+//! a prediction by either 1 µs; boosting for eight people on one feature set 10 s.
 
 mod people;
 
@@ -25,7 +25,7 @@ struct Part {
 }
 
 impl Part {
-    /// The columns `set` of all trials but those of `fold`.
+    /// The columns `set` of all trials except those of `fold`.
     fn new(person: &Person, set: &[usize], fold: Option<usize>) -> Self {
         let kept = |i: &usize| fold.is_none_or(|fold| person.folds[*i] != fold);
         let rows: Vec<usize> = (0..person.folds.len()).filter(kept).collect();

@@ -1,7 +1,7 @@
 //! Training and inference of support vector machines at the size of the study's comparison:
 //! eight people, seven feature sets, two experiments, five folds, 16 radial and 4 linear settings.
 //!
-//! What the whole comparison may take on one thread: 28 s; a prediction 20 µs.
+//! Budgets on one thread: 28 s for the whole comparison, 20 µs for a prediction.
 
 mod people;
 

@@ -1,5 +1,5 @@
-//! A robot's round at 10 Hz: the new state, the prediction of five sets over ten steps, and the
-//! clearance of a plan. `cargo xtask bench planner`.
+//! One cycle of a robot at 10 Hz: push the new state, predict five sets over ten steps, and compute
+//! the clearance of a plan. `cargo xtask bench planner`.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -25,7 +25,7 @@ const RATIOS: &[(&str, &str)] = &[
     ("planner/round, near", "planner/round, far"),
 ];
 
-/// Of one round, s.
+/// Per round, s.
 const BUDGETS: &[(&str, f64)] = &[("planner/round, far", 1e-3), ("planner/round, near", 1e-3)];
 
 fn main() {
@@ -36,7 +36,8 @@ fn main() {
     let footprint = Footprint::disc(0.3).and_then(|disc| disc.grown(0.3)).expect("a footprint");
     let mut group = criterion.benchmark_group("planner");
     let far = rounds(&parameters, Pose::new(9.0, 1.0, 3.1), 9.0);
-    // The robot crosses in front of the human and behind, at about a metre from where it may be.
+    // The robot crosses in front of and behind the human, about a metre from the human's reachable
+    // set.
     let near = rounds(&parameters, Pose::new(2.0, 3.5, -1.5), 2.5);
     let mut measure = |name, rounds: &[(JointState, Plan)], plans: bool| {
         fastest.measure(&mut group, name, rounds.len(), || {
@@ -69,8 +70,8 @@ fn online(parameters: &SceneParameters) -> OnlinePredictor {
         .expect("a predictor")
 }
 
-/// 60 states of a human who turns now and then, each with a plan of a robot that is somewhere about
-/// `robot`, seen from the human, and turns.
+/// 60 states of a human who turns occasionally, each with a plan of a turning robot. In the human's
+/// frame, the robot starts up to `spread` m beyond `robot`, on either side.
 fn rounds(parameters: &SceneParameters, robot: Pose, spread: f64) -> Vec<(JointState, Plan)> {
     let limits = PlanLimits::new(3.0, 2.0);
     let mut human = Pose::new(0.0, 0.0, 0.4);
@@ -92,7 +93,7 @@ fn rounds(parameters: &SceneParameters, robot: Pose, spread: f64) -> Vec<(JointS
     rounds
 }
 
-/// Prints the slowest round of many, and how many of them were near.
+/// Prints the slowest of many rounds, and how many were near.
 #[allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 fn slowest(online: &mut OnlinePredictor, rounds: &[(JointState, Plan)], footprint: &Footprint) {
     let mut took: Vec<f64> = Vec::new();

@@ -1,9 +1,9 @@
-//! The slowest sets that are accepted, with the default settings: polygons and membership under random bounds of
-//! six classes, up to half a turn a step and 100 steps, half of them from uncertain starts. `cargo xtask bench reach`.
+//! Worst-case times of polygons and membership with the default settings, under random bounds of six classes: up to
+//! half a turn per step and 100 steps, half of them from uncertain starts. `cargo xtask bench reach`.
 //!
-//! What takes longer than anything before is timed twice more, and the fastest counts: other work on the machine
-//! disturbs that least. `-- --sets 1000 --seed 7` draws others; `-- --sets 1` with the seed that is printed draws the
-//! slowest one again.
+//! A new maximum is timed twice more and the fastest time counts, because other load on the machine disturbs that
+//! least. `-- --sets 1000 --seed 7` draws other sets; `-- --sets 1` with the printed seed draws the slowest one
+//! again.
 
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
@@ -23,9 +23,9 @@ use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartS
 use sidestep::vehicle::{Pose, dubins};
 use starts::pose_at;
 
-/// What anything may take, ms.
+/// Upper bound of every time, ms.
 const BUDGET_MS: f64 = 100.0;
-/// What is timed.
+/// The timed operations.
 const WORK: [&str; 7] = [
     "step polygon",
     "tube polygon",
@@ -54,7 +54,7 @@ fn main() {
     );
 }
 
-/// The longest that one kind of work took, and the seed of the set.
+/// The longest time of one operation, and the seed of its set.
 #[derive(Clone, Copy, Default)]
 struct Slowest {
     ms: f64,
@@ -62,7 +62,7 @@ struct Slowest {
 }
 
 impl Slowest {
-    /// Raises it to what `work` takes on the set of that seed.
+    /// Raises the maximum to the time of `work` on the set of this seed, if that is longer.
     fn time<T>(&mut self, seed: u64, mut work: impl FnMut() -> T) {
         let mut fastest_ms = f64::INFINITY;
         for _ in 0..3 {
@@ -77,12 +77,12 @@ impl Slowest {
     }
 }
 
-/// The number after an option of that name.
+/// The number after the option `name`.
 fn option(name: &str) -> Option<u64> {
     std::env::args().skip_while(|word| word != name).nth(1)?.parse().ok()
 }
 
-/// The longest that each kind of work took, on sets of this seed and those after it.
+/// The longest time of each operation, on the sets of `seed` and the seeds after it.
 fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
     let mut workspace = Workspace::default();
     let mut slowest = [Slowest::default(); 7];
@@ -93,7 +93,7 @@ fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
         let set = ReachableSet::new(start, &bounds, class.speed_mps, class.step_s);
         let set = set.expect("a start, bounds and a vehicle that are accepted");
         let steps = set.steps();
-        // Most questions are asked at one accuracy; some at any from 1 mm to 5 cm.
+        // Most sets use one accuracy; a third use a random one from 1 mm to 5 cm.
         let accuracy_m = 1e-3 * if rng.below(3) == 0 { exp(rng.uniform(0.0, 4.0)) } else { 5.0 };
         let settings = PolygonSettings::new(accuracy_m, 2).expect("an accuracy");
         let shares = [0; 3].map(|_| rng.uniform(-1.0, 1.0));
@@ -116,7 +116,7 @@ fn slowest_of(class: &Class, sets: u64, seed: u64) -> [Slowest; 7] {
     slowest
 }
 
-/// A pose; every other time, one whose position and heading are uncertain.
+/// A pose; half of the time, one whose position and heading are uncertain.
 fn start(rng: &mut SeededRng) -> StartSet {
     let pose = Pose::new(1.0, -2.0, rng.uniform(-PI, PI));
     let position = match rng.below(4) {
@@ -128,8 +128,8 @@ fn start(rng: &mut SeededRng) -> StartSet {
     StartSet::new(pose, position, heading_rad).expect("a start")
 }
 
-/// The poses after each step of a drive whose rates are at or between the bounds, or a little beyond one of them, so that
-/// membership has something to prove.
+/// The poses after each step of a drive whose rates are at or between the bounds, or slightly beyond one of them, so
+/// that membership has hard cases.
 fn drive(class: &Class, bounds: &InputBounds, from: Pose, rng: &mut SeededRng) -> Vec<Pose> {
     let beyond = [0.0, 0.02][rng.below(2)];
     let mut pose = from;

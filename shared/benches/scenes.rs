@@ -1,7 +1,6 @@
 //! Drawing the scenes of one participant of the paper's study. `cargo xtask bench scenes`.
 //!
-//! The baseline draws the same scenes by the plain rules, which drive every escape step by
-//! step.
+//! The baseline draws the same scenes by the plain rules, which simulate every escape step by step.
 
 use std::hint::black_box;
 
@@ -20,11 +19,11 @@ const RATIOS: &[(&str, &str)] = &[
     ("scenes/counterbalanced", "scenes/of a participant"),
 ];
 
-/// Of one participant, s.
+/// Per participant, s.
 const BUDGETS: &[(&str, f64)] =
     &[("scenes/of a participant", 5e-3), ("scenes/counterbalanced", 2e-3)];
 
-/// Participants whose scenes are drawn in one call: some have far more rejected draws than others.
+/// Participants per call: some have far more rejected draws than others.
 const PARTICIPANTS: u64 = 20;
 
 fn main() {

@@ -5,9 +5,9 @@
 //! air3d 51x40x50 weno5 THREADS RUNS [PEER.npy]
 //! ```
 //!
-//! The environment variable `LANES` names the widest that may be used: `128-bit`, `avx2` or `avx512`.
-//! The fastest of RUNS solves counts. PEER.npy (`<f4`, C order) has another solver's
-//! values on the same nodes, which are then measured in the same way.
+//! The environment variable `LANES` limits the SIMD width: `128-bit`, `avx2` or `avx512`. The fastest
+//! of RUNS solves counts. PEER.npy (`<f4`, C order) has another solver's values on the same nodes;
+//! they are measured in the same way.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
@@ -26,20 +26,20 @@ use measure::{Accuracy, HORIZON_S, MITCHELL, solve_over};
 const CFL: f64 = 0.75;
 const USAGE: &str = "expected: air3d 51x40x50 weno5 THREADS RUNS [PEER.npy]";
 
-/// What is printed.
+/// The printed report.
 #[derive(Serialize)]
 struct Report {
     /// The fastest solve, s.
     wall_s: f64,
     steps: usize,
-    /// The lanes in which it was solved.
+    /// The SIMD lanes that the solver used.
     lanes: &'static str,
     /// First node, last node and their number, by axis.
     axes: [(f64, f64, usize); 3],
     accuracy: Accuracy,
-    /// Of the other solver's values.
+    /// Accuracy of the other solver's values.
     peer: Option<Accuracy>,
-    /// Largest difference of the two, m.
+    /// Largest difference between the two, m.
     apart_m: Option<f64>,
 }
 
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let settings = Settings::new(scheme).with_threads(threads).with_lanes(lanes).with_cfl(CFL);
     let exact = MITCHELL.exact()?;
 
-    // Once for the memory and the caches, as the peer has compiled beforehand.
+    // Warm-up: allocates memory and fills caches, as the peer compiles before it is timed.
     solve_over(&grid, &settings, 1e-3)?;
     let mut wall_s = f64::INFINITY;
     let mut last = None;
@@ -94,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The grid whose numbers of nodes are given as in `51x40x50`.
+/// The grid with the numbers of nodes in `nodes`, such as `51x40x50`.
 fn grid_of(nodes: &str) -> Result<Grid<3>, Box<dyn Error>> {
     let nodes = nodes.split('x').map(str::parse).collect::<Result<Vec<usize>, _>>()?;
     Ok(measure::air3d_grid(nodes.try_into().map_err(|_| USAGE)?))

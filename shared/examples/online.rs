@@ -1,4 +1,4 @@
-//! Where can a person be within two seconds? Sets for each state as it comes, with a model of one's own.
+//! Where can a person be within two seconds? Predicts sets online, state by state, with a custom model.
 //! `cargo run --release -p sidestep --example online`.
 #![allow(clippy::print_stdout, reason = "it shows the sets")]
 
@@ -8,7 +8,7 @@ use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::{ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::{Pose, dubins};
 
-/// Turns away from the side on which the robot is.
+/// Turns away from the robot's side.
 struct Shy;
 
 impl ActionModel for Shy {

@@ -1,4 +1,4 @@
-//! A game of one's own, from f and G: from where can a car be kept off a wall, whatever the wind does?
+//! A custom game from f and G: from which states can a car avoid a wall, whatever the wind does?
 //! `cargo run --release -p sidestep --example own_game`.
 #![allow(clippy::print_stdout, reason = "it shows values")]
 

@@ -1,5 +1,5 @@
-//! A robot that replans ten times a second beside a person: it takes its fastest plan that is clear of every
-//! set, and else brakes. `cargo run --release -p sidestep --example plan`.
+//! A robot replans ten times a second near a person: it takes the fastest plan that is clear of every set,
+//! and brakes if there is none. `cargo run --release -p sidestep --example plan`.
 #![allow(clippy::print_stdout, reason = "it shows what the robot does")]
 
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     // Right, straight or left with these probabilities; `train` makes a better model of a person.
     let model = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.2, 0.6, 0.2])?;
-    let choice = ActionChoice::TopK(vec![1; 10]); // the likeliest input of each step, and ε more, rad/s
+    let choice = ActionChoice::TopK(vec![1; 10]); // the likeliest input of each step, widened by ε, rad/s
     let settings = BoundsSettings::new(vec![0.0, 0.25, 1.0], choice, Rollout::Base, 3)?;
     let mut online = OnlinePredictor::new(model, safety, parameters, settings)?;
     let body = Footprint::disc(0.4)?.grown(0.3)?; // the robot's radius and the person's, m

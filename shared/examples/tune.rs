@@ -1,5 +1,5 @@
-//! The smallest set that contains the next drive with probability ≥ 0.9, with a guarantee; then online.
-//! `cargo run --release -p sidestep --example tune`.
+//! Tune the smallest set that contains the next drive with probability ≥ 0.9, with a guarantee; then
+//! predict online. `cargo run --release -p sidestep --example tune`.
 #![allow(clippy::print_stdout, reason = "it shows what was tuned")]
 
 use sidestep::features::FeatureSet;

@@ -45,23 +45,22 @@ pub use upload::{KeyEvent, TrialStored, TrialUpload};
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
-/// Version of everything in this module; a client that was built for another version
-/// must be reloaded.
+/// Version of everything in this module; a client built for another version must reload.
 pub const SCHEMA_VERSION: u32 = 2;
 
 /// Largest request body, bytes. A trial is about 10,000.
 pub const MAX_BODY_BYTES: usize = 262_144;
 
-/// Most key events of a trial: ten seconds of the fastest hammering, many times over.
+/// Most key events of a trial: far more than the fastest typing in ten seconds.
 pub const MAX_KEY_EVENTS: usize = 2_000;
 
-/// Shortest name of an enrolment's request, bytes.
+/// Shortest request id of an enrolment, bytes.
 pub const MIN_REQUEST_ID_BYTES: usize = 16;
 
-/// Longest name of a key, external id or locale, characters.
+/// Longest keyboard key name, external id or locale, characters.
 pub const MAX_NAME_CHARS: usize = 128;
 
-/// Most parameters of the address that an enrolment brings.
+/// Most URL parameters of an enrolment.
 pub const MAX_PARAMETERS: usize = 20;
 
 /// Most page events of a trial.
@@ -70,18 +69,18 @@ pub const MAX_PAGE_EVENTS: usize = 1_000;
 /// Largest free-form object (screen, display) as JSON, bytes.
 pub const MAX_OBJECT_BYTES: usize = 8_192;
 
-/// Body of every error answer.
+/// Body of every error response.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Problem {
-    /// A stable word for programs.
+    /// A stable code for programs.
     pub code: String,
     /// A sentence for people.
     pub message: String,
-    /// The field that the complaint is about.
+    /// The field that caused the error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
-    /// Where a participant whose participation has ended goes back to.
+    /// Return URL for a participant whose participation has ended.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
 }

@@ -1,5 +1,5 @@
-//! What participants did: how often they came into the danger zone, how close, when they began to
-//! steer, and to which side.
+//! Participants' behaviour: how often they entered the danger zone, how close they came, when they
+//! began to steer, and to which side.
 
 use crate::recording::{RecordedParticipant, RecordedTrial};
 use crate::scene::SceneParameters;
@@ -9,13 +9,13 @@ use crate::vehicle::TurnInput;
 use crate::vehicle::dubins::relative_state;
 use serde::Serialize;
 
-/// Into how many parts the tasks of a participant are divided to show how behaviour changes.
+/// Number of parts of a participant's tasks, to show how behaviour changes.
 pub const PARTS: usize = 5;
 
-/// Confidence of intervals.
+/// Confidence level of intervals.
 const CONFIDENCE: f64 = 0.95;
 
-/// What a participant did in one task.
+/// A participant's behaviour in one task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TaskBehaviour {
     /// The trial's number in the data.
@@ -24,15 +24,15 @@ pub struct TaskBehaviour {
     pub in_danger: bool,
     /// Smallest distance between the vehicles, m.
     pub closest_m: f64,
-    /// Whether the robot was to the left of the human at the closest of the recorded states.
+    /// Whether the robot was to the left of the human in the closest recorded state.
     pub robot_on_left: bool,
     /// The first turn; none if the human drove straight on.
     pub onset: Option<Onset>,
-    /// Share of the steps in which the human turned, from 0 to 1.
+    /// Share of steps in which the human turned, from 0 to 1.
     pub turning: f64,
 }
 
-/// When and how a participant begins to steer.
+/// When and how a participant starts to steer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Onset {
     /// Time after the start of the scene, s.
@@ -44,7 +44,7 @@ pub struct Onset {
 }
 
 impl TaskBehaviour {
-    /// Of a recorded trial.
+    /// The behaviour in a recorded trial.
     #[must_use]
     pub fn of(parameters: &SceneParameters, trial: &RecordedTrial) -> Self {
         let outcome = outcome(parameters, &trial.inputs, &trial.states);
@@ -68,33 +68,33 @@ impl TaskBehaviour {
     }
 }
 
-/// What a participant did in some tasks.
+/// A participant's behaviour in some tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BehaviourSummary {
-    /// The tasks.
+    /// Number of tasks.
     pub tasks: usize,
-    /// Tasks in which the human was in the danger zone.
+    /// Number of tasks in which the human was in the danger zone.
     pub in_danger: usize,
     /// Mean of the smallest distance, m.
     pub closest_m: f64,
-    /// The smallest of all, m.
+    /// Smallest distance of all, m.
     pub least_m: f64,
-    /// Tasks in which the human turned at all.
+    /// Number of tasks in which the human turned at all.
     pub steered: usize,
-    /// Of these, tasks in which the first turn was to the left.
+    /// Of these, the number in which the first turn was to the left.
     pub to_left: usize,
-    /// Tasks in which the robot was to the left of the human when it was closest.
+    /// Number of tasks in which the robot was to the left of the human when closest.
     pub robot_on_left: usize,
-    /// Mean time of the first turn, s, over the tasks with one.
+    /// Mean time of the first turn, s, over the tasks that have one.
     pub onset_s: Option<f64>,
     /// Mean distance between the vehicles at the first turn, m.
     pub onset_distance_m: Option<f64>,
-    /// Mean share of the steps in which the human turned, from 0 to 1.
+    /// Mean share of steps in which the human turned, from 0 to 1.
     pub turning: f64,
 }
 
 impl BehaviourSummary {
-    /// Of these tasks; none of no task.
+    /// Summarises these tasks; none without tasks.
     #[must_use]
     pub fn of(tasks: &[TaskBehaviour]) -> Option<Self> {
         let count = |is: &dyn Fn(&TaskBehaviour) -> bool| tasks.iter().filter(|of| is(of)).count();
@@ -122,36 +122,36 @@ impl BehaviourSummary {
     }
 }
 
-/// What one participant did.
+/// One participant's behaviour.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PersonBehaviour {
     /// The participant's name or number in the data.
     pub name: String,
     /// Each task, in order.
     pub tasks: Vec<TaskBehaviour>,
-    /// All of them.
+    /// Summary of all tasks.
     pub all: BehaviourSummary,
-    /// Each of [`PARTS`] equal parts of the tasks, in order; none for a part without a task.
+    /// Summary of each of [`PARTS`] equal parts of the tasks, in order; none for an empty part.
     pub parts: Vec<Option<BehaviourSummary>>,
 }
 
-/// What the participants did.
+/// All participants' behaviour.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Behaviour {
-    /// Each participant with a task.
+    /// Each participant with at least one task.
     pub people: Vec<PersonBehaviour>,
-    /// All tasks of all of them together; none if there is no task.
+    /// Summary of all participants' tasks; none without tasks.
     pub all: Option<BehaviourSummary>,
-    /// Share of all tasks in which the human was in the danger zone, with a 95 % interval for which the
-    /// tasks of one participant count as one observation.
+    /// Share of all tasks in which the human was in the danger zone, with a 95 % interval that
+    /// counts the tasks of one participant as a single observation.
     pub danger: Estimate,
-    /// Mean over participants of their share of tasks in the danger zone, with a 95 % interval for people
-    /// like these.
+    /// Mean over participants of their share of tasks in the danger zone, with a 95 % interval for
+    /// the population.
     pub danger_of_people: Estimate,
 }
 
 impl Behaviour {
-    /// Of the trials of these participants, which are tasks.
+    /// The behaviour in these participants' trials, which are tasks.
     #[must_use]
     pub fn of<'a>(
         parameters: &SceneParameters,
@@ -183,8 +183,8 @@ impl Behaviour {
         Self { danger, danger_of_people, all: BehaviourSummary::of(&tasks), people }
     }
 
-    /// For each of [`PARTS`] parts of the tasks, a number of each participant for whom `value` gives one,
-    /// and the mean of these (0 if there is none).
+    /// For each of [`PARTS`] parts of the tasks, the numbers of the participants for whom `value`
+    /// returns one, and their mean (0 if there are none).
     pub fn by_part(
         &self,
         value: impl Fn(&BehaviourSummary) -> Option<f64>,
@@ -206,7 +206,7 @@ mod tests {
     use crate::trial::{Phase, simulate};
     use crate::vehicle::Pose;
 
-    /// Head-on from 20 m, 1 m to the side: the human turns `inputs`, then drives straight on.
+    /// Head-on from 20 m, offset by 1 m: the human drives `inputs`, then straight on.
     fn driven(number: u64, inputs: &[TurnInput]) -> RecordedTrial {
         let parameters = SceneParameters::default();
         let mut all = vec![TurnInput::Straight; parameters.steps];
@@ -251,7 +251,7 @@ mod tests {
         assert_eq!((of.all.tasks, of.all.in_danger, of.all.steered, of.all.to_left), (2, 1, 1, 0));
         assert_eq!(of.all.onset_s, Some(onset.time_s));
         assert!((of.all.closest_m - 0.5 * (1.0 + right.closest_m)).abs() < 1e-12);
-        // Of two tasks, the first is in the third part and the second in the fifth.
+        // Of two tasks, the first is in the third part and the second is in the fifth.
         let tasks: Vec<usize> =
             of.parts.iter().map(|part| part.as_ref().map_or(0, |of| of.tasks)).collect();
         assert_eq!(tasks, [0, 0, 1, 0, 1]);

@@ -22,7 +22,7 @@ impl Clone for InputBounds {
         Self { lo: self.lo.clone(), hi: self.hi.clone() }
     }
 
-    /// Reuses the memory of `self`.
+    /// Reuses the buffers of `self`.
     fn clone_from(&mut self, other: &Self) {
         self.lo.clone_from(&other.lo);
         self.hi.clone_from(&other.hi);
@@ -33,8 +33,8 @@ impl InputBounds {
     /// Bounds of `lo.len()` ≥ 1 steps within [`turn_rate.0`, `turn_rate.1`] rad/s.
     ///
     /// # Errors
-    /// [`Invalid`] if the lists are empty or differ in length, a bound is not
-    /// finite or outside the turn rate, `lo[i] > hi[i]`, or the turn rate is not a range.
+    /// [`Invalid`] if the lists are empty or differ in length, a bound is not finite or is outside
+    /// the turn rate, `lo[i] > hi[i]`, or the turn rate is not a range.
     pub fn new(lo: Vec<f64>, hi: Vec<f64>, turn_rate: (f64, f64)) -> Result<Self, Invalid> {
         check_range("turn_rate", turn_rate)?;
         if lo.is_empty() {
@@ -85,15 +85,15 @@ fn check_range(field: &str, (low, high): (f64, f64)) -> Result<(), Invalid> {
     Err(Invalid::new(field, expected, format!("[{low}, {high}]")))
 }
 
-/// The learned function G: how likely each action of the human is, given the
-/// joint states so far. The same states always give the same answer.
+/// The learned function G: the probability of each human action, given the joint states so far.
+/// It must be deterministic.
 pub trait ActionModel {
     /// The turn rate of each action, rad/s, in any order; at least one.
     fn actions(&self) -> &[f64];
 
-    /// Writes the probability of each action to `out`. `history` has every joint state
-    /// from the beginning of the trial on, the predicted ones among them, and ends with
-    /// the state in which the action is taken; it is never empty.
+    /// Writes the probability of each action to `out`. `history` has every joint state from the
+    /// beginning of the trial, including predicted ones. It ends with the state in which the action
+    /// is taken and is never empty.
     fn probabilities(&self, history: &[JointState], out: &mut [f64]);
 }
 
@@ -107,8 +107,8 @@ impl<M: ActionModel + ?Sized> ActionModel for &M {
     }
 }
 
-/// The motion of both vehicles in roll-outs. Turn rates are ranges, rad/s, which need not be
-/// symmetric.
+/// Speeds and turn rates of both vehicles in roll-outs. A turn rate is a range, rad/s, that need
+/// not be symmetric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// The human's speed, m/s.
@@ -150,24 +150,23 @@ impl From<&SceneParameters> for Motion {
     }
 }
 
-/// The actions that are likely enough to count.
+/// The rule that selects the likely actions.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ActionChoice {
-    /// The k most likely at each coming step; every action that ties with the
-    /// k-th counts too.
+    /// The k most likely at each coming step, and every action that ties with the k-th.
     TopK(Vec<usize>),
-    /// Those with P(a) ≥ min(τ, max P), for a number of steps.
+    /// Those with P(a) ≥ min(τ, max P).
     Adaptive {
-        /// Probability that makes an action count, in (0, 1].
+        /// The probability threshold τ, in (0, 1].
         tau: f64,
-        /// Coming steps.
+        /// Number of coming steps.
         steps: usize,
     },
 }
 
 impl ActionChoice {
-    /// Coming steps, T.
+    /// Number of coming steps, T.
     #[must_use]
     pub fn steps(&self) -> usize {
         match self {
@@ -190,19 +189,19 @@ impl fmt::Display for ActionChoice {
     }
 }
 
-/// What the vehicles do in the low and the high roll-out.
+/// The bounds that the human follows in the low and the high roll-out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Rollout {
-    /// The bounds of F_1, widened by ε_1, as the paper prints it.
+    /// The bounds of F_1, widened by ε_1, as printed in the paper.
     Paper,
     /// The bounds before widening: regions are then guaranteed to grow with ε_1.
     Base,
 }
 
 impl Rollout {
-    /// The choice as files and results name it.
+    /// The name of this choice in files and results.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -221,10 +220,10 @@ pub struct BoundsSettings {
     actions: usize,
 }
 
-/// The turn rate of the paper's human, rad/s, to which its ε belong.
+/// The turn rate of the paper's human, rad/s, for which its ε are chosen.
 const PAPERS_TURN_RATE_RADPS: f64 = 0.5;
 
-/// The paper's widenings, rad/s, for a human of this turn rate: as wide in proportion to it. Their last one, twice the
+/// Scales the paper's widenings ε, rad/s, to a human of this turn rate. The last one, twice the
 /// turn rate, admits every turn.
 #[must_use]
 pub fn in_proportion(epsilon: &[f64], turn_rate_radps: f64) -> Vec<f64> {
@@ -252,7 +251,7 @@ impl BoundsSettings {
         for (j, &e) in epsilon.iter().enumerate() {
             let least = if j == 0 { 0.0 } else { epsilon[j - 1] };
             if !e.is_finite() || e < least {
-                let expected = format!("{least} rad/s or more: the sets contain each other");
+                let expected = format!("{least} rad/s or more: the sets are nested");
                 return Err(Invalid::new(format!("epsilon[{j}]"), expected, e));
             }
         }
@@ -284,19 +283,19 @@ impl BoundsSettings {
         self.choice.steps()
     }
 
-    /// By how much each set widens the bounds, rad/s.
+    /// The widening of each set, rad/s.
     #[must_use]
     pub fn epsilon(&self) -> &[f64] {
         &self.epsilon
     }
 
-    /// Which actions count.
+    /// The rule that selects the likely actions.
     #[must_use]
     pub fn choice(&self) -> &ActionChoice {
         &self.choice
     }
 
-    /// What the vehicles do in the roll-outs.
+    /// The bounds that the human follows in the roll-outs.
     #[must_use]
     pub fn rollout(&self) -> Rollout {
         self.rollout

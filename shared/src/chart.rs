@@ -1,10 +1,9 @@
-//! Charts as data, drawn by one writer for pages, reports and files.
+//! Charts as data, with one renderer for pages, reports and files.
 //!
-//! A [`Chart`] has two axes and layers, all in the units of its axes. [`Chart::draw`] turns it
-//! into a [`Drawing`]: lines, areas and words in pixels. [`Drawing::svg`] writes that as a file
-//! of its own; [`Drawing::element`] gives it as a tree of SVG elements, which a page can turn into
-//! nodes of its own. [`Chart::table`] is the same numbers as a table, and [`Chart::legend`] what
-//! the signs mean.
+//! A [`Chart`] has two axes and layers, all in the units of its axes. [`Chart::draw`] turns it into
+//! a [`Drawing`]: lines, areas and words in pixels. [`Drawing::svg`] writes it as a standalone
+//! file; [`Drawing::element`] returns a tree of SVG elements, which a page can turn into DOM nodes.
+//! [`Chart::table`] has the same numbers as a table, and [`Chart::legend`] explains the signs.
 //!
 //! ```
 //! use sidestep::chart::{Axis, Chart, Mark, Series, colours};
@@ -19,9 +18,8 @@
 //! assert_eq!(chart.table().rows[1], ["4", "3.1"]);
 //! ```
 //!
-//! A page that stretches a plot and sets the words beside it itself takes the ticks from
-//! [`Axis::ticks`] (each with its share of the axis), and draws [`Chart::layers`] alone with
-//! [`Chart::draw_layers`].
+//! A page that scales a plot and sets its labels itself takes the ticks from [`Axis::ticks`] (each
+//! with its fraction of the axis) and draws only [`Chart::layers`] with [`Chart::draw_layers`].
 
 pub mod colours;
 mod drawing;

@@ -1,11 +1,10 @@
 //! The paper's comparison: do safety levels help to predict people?
 //!
-//! For every participant, feature set, model and experiment a model is trained, with
-//! hyper-parameters chosen by cross-validation over whole trials, and tested on the participant's
-//! last tasks ([`run()`]). From these cells [`analyse`] computes the paper's tables, the tests of
-//! differences, the ablation, calibration, roll-outs and the facts that were found: every number
-//! that a report prints. All of it is the same to the last bit whatever the order of rows and
-//! participants and the number of threads.
+//! For every participant, feature set, model and experiment, [`run()`] trains a model, with
+//! hyper-parameters chosen by cross-validation over whole trials, and tests it on the participant's
+//! last tasks. From these cells [`analyse`] computes every number that a report prints: the paper's
+//! tables, the tests of differences, the ablation, calibration, roll-outs and findings. All of it
+//! is bit-for-bit independent of the order of rows and participants and of the number of threads.
 
 pub mod metrics;
 pub mod split;

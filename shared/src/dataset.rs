@@ -1,4 +1,4 @@
-//! Datasets: trials turned into labelled rows.
+//! Datasets: labelled rows from trials.
 
 use crate::features::{FEATURES, FeatureSet};
 use crate::invalid::Invalid;
@@ -9,19 +9,19 @@ use crate::scene::JointState;
 use crate::vehicle::TurnInput;
 use std::collections::HashMap;
 
-/// The largest feature, in its unit, so that sums of many squares stay far from overflow.
+/// Upper bound on features, each in its unit, so that sums of many squares cannot overflow.
 const LARGEST_FEATURE: f64 = 1e9;
 
 fn is_usable(feature: f64) -> bool {
     (-LARGEST_FEATURE..=LARGEST_FEATURE).contains(&feature)
 }
 
-/// A row for each step: the features of the state before the step, and the input held in it.
+/// One row per step: the features of the state before the step, and the input held in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
     /// The columns.
     pub features: FeatureSet,
-    /// Row after row, each as long as `features`.
+    /// The rows, each as long as `features`.
     pub values: Vec<f64>,
     /// The label of each row.
     pub labels: Vec<TurnInput>,
@@ -31,10 +31,10 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// The rows of a participant's trials, with every feature.
+    /// The rows of a participant's trials, with all features.
     ///
     /// # Errors
-    /// [`Fault`] for a trial with a feature above 10⁹, which no drive has.
+    /// [`Fault`] for a trial with a feature above 10⁹, which is impossible in a real drive.
     pub fn of(participant: &RecordedParticipant, safety: &SafetyLevels) -> Result<Self, Fault> {
         let trials = participant.trials.iter().map(|trial| (&trial.inputs[..], &trial.states[..]));
         let data = Self::from_trials(&FeatureSet::all(), safety, trials);
@@ -82,7 +82,7 @@ impl Dataset {
     /// The same rows with only these features.
     ///
     /// # Errors
-    /// [`Invalid`] for a feature that is not a column.
+    /// [`Invalid`] for a feature without a column.
     pub fn select(&self, features: &FeatureSet) -> Result<Self, Invalid> {
         let names: Vec<&str> = self.features.features().map(|feature| feature.name).collect();
         let place = |name: &str| {
@@ -113,7 +113,7 @@ impl Dataset {
         self.labels.is_empty()
     }
 
-    /// How often each of [`TurnInput::ALL`] is the label.
+    /// The number of rows with each label of [`TurnInput::ALL`].
     #[must_use]
     pub fn class_counts(&self) -> [usize; 3] {
         TurnInput::ALL.map(|class| self.labels.iter().filter(|&&label| label == class).count())
@@ -128,29 +128,29 @@ pub type StepKey = (String, u64, u64);
 pub struct GivenRow {
     /// The row's line in its file.
     pub line: u64,
-    /// The label that the row has.
+    /// The row's label.
     pub turn: TurnInput,
-    /// A value for each of the features.
+    /// The values of the features.
     pub values: Vec<f64>,
 }
 
-/// Features that were computed elsewhere, which replace computed ones.
+/// Externally computed features that replace computed ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GivenFeatures {
-    /// The features that each row has.
+    /// The features of each row.
     pub features: FeatureSet,
     /// The row of each step.
     pub rows: HashMap<StepKey, GivenRow>,
-    /// The first wrong row of each participant who has one.
+    /// The first invalid row of each participant who has one.
     pub faults: HashMap<String, Fault>,
 }
 
 impl GivenFeatures {
-    /// Writes these features over those of `data`, the rows of `participant`.
+    /// Overwrites these features in `data`, the rows of `participant`.
     ///
     /// # Errors
-    /// [`Fault`] for the participant's first wrong row, a step without a row, or a row with
-    /// another label than the step.
+    /// [`Fault`] for the participant's first invalid row, a step without a row, or a row whose
+    /// label differs from the step's input.
     pub fn replace(
         &self,
         participant: &RecordedParticipant,

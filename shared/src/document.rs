@@ -1,6 +1,6 @@
-//! Documents (JSON, TOML, queries) as typed values. A document that does not fit is an [`Invalid`] as
-//! everywhere: field, expected, found. It is built from the parts that serde reports, so that no code
-//! parses the English sentences of a parser. The one exception is a number that is too large.
+//! Deserializes documents (JSON, TOML, queries) into typed values. A document that does not fit
+//! yields an [`Invalid`]: field, expected, found. It is built from the parts of serde's errors, so no
+//! code parses a parser's messages, except for numbers that are too large.
 
 mod nearest;
 
@@ -15,33 +15,33 @@ use serde::de::{
 use serde::forward_to_deserialize_any;
 use serde_json::Value;
 
-/// Why a text was not read.
+/// Why a text could not be parsed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unread {
-    /// It is not JSON: what the parser says, with line and column.
+    /// It is not JSON: the parser's message, with line and column.
     #[error("{0}")]
     NotJson(String),
-    /// It is JSON, but not of the wanted shape.
+    /// It is JSON, but does not match the type.
     #[error(transparent)]
     Invalid(#[from] Invalid),
 }
 
-/// Deepest nesting of lists and objects that is read. Documents are a handful deep; a hundred
-/// thousand brackets are an attempt on the stack.
+/// Deepest accepted nesting of lists and objects. Documents are a few levels deep; a hundred
+/// thousand nested brackets would overflow the stack.
 const DEEPEST: usize = 64;
 
-/// Whether lists and objects of a text lie more than 64 deep in each other: no reader needs that, and one
-/// that calls itself for each of them runs out of stack.
+/// Whether the lists and objects of a text are nested more than 64 deep, which no document needs and
+/// which could overflow the stack of a recursive parser.
 #[must_use]
 pub fn is_too_deep(text: &str) -> bool {
     nesting(text) > DEEPEST
 }
 
-/// One JSON value of type `T`, and nothing after it.
+/// Parses one JSON value of type `T`, with nothing after it.
 ///
 /// # Errors
-/// [`Unread`]; it depends on the whole text whether it is JSON, so that the complaint about a
-/// broken text does not depend on what comes first in it.
+/// [`Unread`]; the whole text is checked for JSON syntax first, so the error for a malformed text
+/// does not depend on the order of its faults.
 pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     if is_too_deep(text) {
         return Err(Unread::NotJson(format!("nested more than {DEEPEST} deep")));
@@ -52,8 +52,8 @@ pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     };
     serde_json::from_str::<IgnoredAny>(text).map_err(|e| Unread::NotJson(e.to_string()))?;
     let mut reader = serde_json::Deserializer::from_str(text);
-    // JSON's grammar has numbers that no double can hold, and half characters ("\ud800") that no
-    // text can. Only the parser's sentence tells them apart.
+    // JSON's grammar allows numbers that a double cannot hold and lone surrogates ("\ud800") that a
+    // string cannot. Only the parser's message distinguishes them.
     let value: Value = serde_path_to_error::deserialize(&mut reader).map_err(|e| {
         if !e.inner().to_string().starts_with("number out of range") {
             return Unread::NotJson(e.inner().to_string());
@@ -63,16 +63,16 @@ pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     })?;
     match from_value::<T>(&value) {
         Err(invalid) => Err(invalid.into()),
-        // A value has each field once, and a text may have it twice.
+        // The text has a duplicate field, which the parsed value cannot show.
         Ok(_) => Err(Invalid::new("", "each field once", error).into()),
     }
 }
 
-/// One JSON object as a `T`, and nothing after it. (serde would take a list for an object's fields
-/// in their order.)
+/// Parses one JSON object as a `T`, with nothing after it. (serde would also accept a list of the
+/// fields in order.)
 ///
 /// # Errors
-/// As for [`from_json`], and [`Invalid`] for another value.
+/// As for [`from_json`], and [`Invalid`] for a value that is not an object.
 pub fn object_from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     if text.trim_start().starts_with('{') {
         return from_json(text);
@@ -81,7 +81,7 @@ pub fn object_from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     Err(Invalid::new("", "an object, {…}", found_value(&value)).into())
 }
 
-/// How deep lists and objects are nested in a JSON text.
+/// The nesting depth of lists and objects in a JSON text.
 fn nesting(text: &str) -> usize {
     let (mut depth, mut deepest, mut in_string, mut escaped) = (0usize, 0, false, false);
     for byte in text.bytes() {
@@ -98,7 +98,7 @@ fn nesting(text: &str) -> usize {
     deepest
 }
 
-/// A value as a `T`.
+/// Converts a value to a `T`.
 ///
 /// # Errors
 /// [`Invalid`] naming the field within the value; the empty field is the value itself.
@@ -110,7 +110,7 @@ pub fn from_value<T: DeserializeOwned>(value: &Value) -> Result<T, Invalid> {
     })
 }
 
-/// A value of the document that is being read.
+/// A value of the document being deserialized.
 struct Node<'a>(&'a Value);
 
 impl<'de> IntoDeserializer<'de, Misfit> for Node<'de> {
@@ -172,7 +172,7 @@ impl<'de> Deserializer<'de> for Node<'de> {
         visitor.visit_newtype_struct(self)
     }
 
-    /// A word, or an object whose one field is the word.
+    /// A variant's name, or an object whose only field is the name.
     fn deserialize_enum<V: Visitor<'de>>(
         self,
         _: &'static str,
@@ -195,10 +195,10 @@ impl<'de> Deserializer<'de> for Node<'de> {
     }
 }
 
-/// Characters of a name that a complaint repeats.
+/// Most characters of an unknown name that an error shows.
 const MOST_SHOWN: usize = 60;
 
-/// A complaint on its way through serde.
+/// Carries an [`Invalid`] through serde.
 #[derive(Debug)]
 struct Misfit(Invalid);
 
@@ -211,7 +211,7 @@ impl fmt::Display for Misfit {
 impl core::error::Error for Misfit {}
 
 impl serde::de::Error for Misfit {
-    /// [`Invalid`] comes through in its parts.
+    /// Restores the parts of an [`Invalid`].
     fn custom<T: fmt::Display>(message: T) -> Self {
         let text = format!("{message:#}");
         let mut parts = text.splitn(3, SEPARATOR);
@@ -250,7 +250,7 @@ impl serde::de::Error for Misfit {
     }
 }
 
-/// What a visitor expects, in words of the document: serde names Rust's types.
+/// Describes a visitor's expectation in the document's terms; serde names Rust types.
 fn expectation(expected: &dyn Expected) -> String {
     let expected = expected.to_string();
     let entries = ["an array of length ", "a tuple of size "];
@@ -271,13 +271,13 @@ fn expectation(expected: &dyn Expected) -> String {
     .to_owned()
 }
 
-/// What a visitor was shown, as it stands in the document.
+/// Describes an unexpected value as it appears in the document.
 fn finding(found: Unexpected<'_>) -> String {
     match found {
         Unexpected::Bool(flag) => flag.to_string(),
         Unexpected::Unsigned(number) => number.to_string(),
         Unexpected::Signed(number) => number.to_string(),
-        // 3.0 is not a whole number in TOML; as `3` the complaint would contradict itself.
+        // 3.0 is not a whole number in TOML; printed as `3`, the error would contradict itself.
         Unexpected::Float(number) if number.fract() == 0.0 => format!("{number}.0"),
         Unexpected::Float(number) => number.to_string(),
         Unexpected::Str(text) => format!("{text:?}"),
@@ -305,8 +305,8 @@ fn one_of(words: &[&str]) -> String {
     }
 }
 
-/// A decimal number of at most 15 digits, such as `-0.25`: the nearest double. (The standard library reads
-/// every decimal ever written, for which a browser's program would be larger by a tenth.)
+/// Parses a decimal number of at most 15 digits, such as `-0.25`, to the nearest double. (The standard
+/// library's parser handles every decimal, but would make the client a tenth larger.)
 #[must_use]
 pub fn decimal(text: &str) -> Option<f64> {
     let (sign, digits) = match text.trim().strip_prefix(['-', '−']) {

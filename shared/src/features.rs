@@ -12,15 +12,15 @@ use crate::scene::{Evader, JointState, SceneParameters};
 use core::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
 
-/// What the human did before: a model of this set has a memory, so that in a roll-out it can hold a
-/// key and release it.
+/// The human's past turns. A model with them has memory, so in a roll-out it can hold a key and
+/// release it.
 const HISTORY: [&str; 3] = ["turned_1", "turned_2", "turned_5"];
 
-/// The name of the set with everything: both safety levels, distance, the body frame and
-/// what the human did before.
+/// The name of the largest set: both safety levels, distance, the body frame and the human's past
+/// turns.
 pub const HISTORY_SET: &str = "hrd_body_history";
 
-/// An ordered choice of features.
+/// An ordered set of features.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<String>", into = "Vec<String>")]
 pub struct FeatureSet(Vec<usize>);
@@ -30,7 +30,7 @@ impl FeatureSet {
     /// `hd`, `rd`, `h`, `r`, `d`), or B alone (the empty word).
     ///
     /// # Errors
-    /// [`Invalid`] for another letter, a letter twice or out of this order.
+    /// [`Invalid`] for another letter, a repeated letter or another order.
     pub fn subset(letters: &str) -> Result<Self, Invalid> {
         let base = ["abs_dx", "abs_dy", "dpsi", "cos_dpsi", "sin_dpsi"];
         let mut names: Vec<&str> = base.to_vec();
@@ -54,7 +54,7 @@ impl FeatureSet {
     /// Features by name, in the order given.
     ///
     /// # Errors
-    /// [`Invalid`] for an empty list, an unknown name or one given twice.
+    /// [`Invalid`] for an empty list, an unknown name or a repeated name.
     pub fn of<S: AsRef<str>>(names: &[S]) -> Result<Self, Invalid> {
         if names.is_empty() {
             return Err(Invalid::new("features", "at least one feature", "none"));
@@ -81,37 +81,38 @@ impl FeatureSet {
     /// [`HISTORY_SET`].
     ///
     /// # Errors
-    /// Never: the names are those of the table.
+    /// Never: the table has these names.
     pub fn with_history() -> Result<Self, Invalid> {
         let mut names: Vec<String> = Self::subset("hrd")?.into();
         names.extend(["robot_ahead", "robot_left"].iter().chain(&HISTORY).map(|&n| n.to_owned()));
         Self::of(&names)
     }
 
-    /// No feature, for a predictor that looks at none.
+    /// No features, for a predictor that uses none.
     #[must_use]
     pub fn none() -> Self {
         Self(Vec::new())
     }
 
-    /// Every feature there is, in the order of the table.
+    /// All features, in table order.
     #[must_use]
     pub fn all() -> Self {
         Self((0..FEATURES.len()).collect())
     }
 
-    /// The chosen entries of the table.
+    /// The entries of the table in this set.
     pub fn features(&self) -> impl ExactSizeIterator<Item = &'static Feature> {
         self.0.iter().map(|&index| &FEATURES[index])
     }
 
-    /// The first feature that depends on the game, if one does.
+    /// The first feature that depends on the game, if any does.
     pub fn of_game(&self) -> Option<&'static Feature> {
         self.features().find(|feature| matches!(feature.compute, Compute::FromGame(_)))
     }
 
-    /// The safety levels that these features need: those of `parameters` if one of them depends on the game.
-    /// Otherwise those of two identical vehicles, which no feature reads, and nothing is solved.
+    /// The safety levels that these features need: those of `parameters` if a feature depends on
+    /// the game. Otherwise those of two identical vehicles, which no feature uses and which need no
+    /// solve.
     ///
     /// # Errors
     /// The errors of [`SafetyLevels::solve`].
@@ -126,16 +127,16 @@ impl FeatureSet {
         SafetyLevels::solve(&SceneParameters { human: parameters.robot, ..*parameters }, progress)
     }
 
-    /// Writes the features to `row`, which is as long as the set. `history` contains the joint states
-    /// from the beginning of the trial to the current one, one for each step; it is never empty.
+    /// Writes the features to `row`, which must have the length of the set. `history` contains the
+    /// joint states from the start of the trial to now, one per step; it must not be empty.
     pub fn compute_into(&self, history: &[JointState], safety: &SafetyLevels, row: &mut [f64]) {
         for (feature, value) in self.features().zip(row) {
             *value = feature.value(history, safety);
         }
     }
 
-    /// The same, given the row of the state before, if there is one: features that look back to the beginning
-    /// of the trial then take no longer than others.
+    /// The same, given the previous state's row if there is one. Features that look back to the
+    /// start of the trial then cost no more than others.
     pub fn compute_after(
         &self,
         before: Option<&[f64]>,
@@ -153,7 +154,7 @@ impl FeatureSet {
         }
     }
 
-    /// Whether one feature is the safety level of `evader` or a component of its gradient.
+    /// Whether a feature is the safety level of `evader` or a component of its gradient.
     #[must_use]
     pub fn has_level(&self, evader: Evader) -> bool {
         let (level, slopes) = match evader {
@@ -163,8 +164,8 @@ impl FeatureSet {
         self.features().any(|of| of.name == level || of.name.starts_with(slopes))
     }
 
-    /// How many states the features need, the current one among them: of a longer history only the
-    /// last ones count. None if one feature looks back to the beginning of the drive.
+    /// The number of states that the features need, including the current one; only the last states
+    /// of a longer history matter. None if a feature looks back to the start of the drive.
     #[must_use]
     pub fn states_needed(&self) -> Option<usize> {
         let needed = |of: &Feature| match of.name {
@@ -183,7 +184,7 @@ impl FeatureSet {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Whether the set is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -258,14 +259,14 @@ mod tests {
     fn levels_are_solved_only_where_a_feature_needs_them() {
         let mut parameters = SceneParameters::default();
         parameters.robot.turn_rate_radps = 0.35;
-        // Only the closed form never asks.
+        // Only the closed form never calls `progress`.
         let stop = &mut |_| ControlFlow::Break(());
         assert!(FeatureSet::of(&["distance"]).unwrap().safety(&parameters, stop).is_ok());
         let solved = FeatureSet::of(&["v_h"]).unwrap().safety(&parameters, stop);
         assert_eq!(solved, Err(SolveError::Cancelled));
     }
 
-    /// Each feature alone: with as many states as it says it has its value, and it looks back so far.
+    /// For each feature alone: [`FeatureSet::states_needed`] states are necessary and sufficient.
     #[test]
     fn features_look_back_as_far_as_they_say() {
         let parameters = SceneParameters::default();
@@ -273,7 +274,7 @@ mod tests {
         let (human, robot) = (Pose::new(0.0, 0.0, 0.4), Pose::new(9.0, 1.0, 3.0));
         let mut history = vec![JointState { human, robot }];
         for step in 0..30 {
-            // Never straight on, so that each step counts.
+            // Never straight, so that each step counts.
             let input = if step % 3 == 0 { TurnInput::Right } else { TurnInput::Left };
             history.push(history[step].advance(&parameters, input, 0.17 + 0.01 * step as f64));
         }

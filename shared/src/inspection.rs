@@ -1,5 +1,4 @@
-//! A value function that is looked at: what a link to it holds, maps of it at one relative heading, and
-//! optimal play from a state.
+//! Views of a value function: their links, maps at one relative heading, and optimal play from a state.
 //!
 //! Maps are in the evader's frame: the evader at the origin heads along +x, the pursuer is at (x, y) m with
 //! the heading ψ relative to the evader's.

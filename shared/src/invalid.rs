@@ -2,22 +2,22 @@
 
 use core::fmt;
 
-/// A value that is not accepted: the field, what was expected and what was found. Every parser of
-/// this crate returns it, so that HTTP, command line and files all name these three.
+/// A rejected value: the field, the expected value and the value found. Every parser of this crate
+/// returns it, so that HTTP, the command line and files report all three.
 ///
 /// The format `{:#}` separates the parts by [`SEPARATOR`], so that a caller can recover them from an
 /// error that contains only text, such as serde's.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct Invalid {
-    /// Path of the field, as its author wrote it: `states[17].human`.
+    /// Path of the field, as in the input: `states[17].human`.
     pub field: String,
-    /// What would have been accepted.
+    /// The accepted values.
     pub expected: String,
-    /// What was there.
+    /// The rejected value.
     pub found: String,
 }
 
-/// The unit separator of ASCII, which occurs in no field's name.
+/// The ASCII unit separator, which no field name contains.
 pub const SEPARATOR: char = '\u{1f}';
 
 impl fmt::Display for Invalid {
@@ -44,7 +44,7 @@ impl Invalid {
         Self { field, expected: expected.into(), found }
     }
 
-    /// The same error, with the field's path as seen from its parent.
+    /// The same error, with `parent` prepended to the field's path.
     #[must_use]
     pub fn within(mut self, parent: &str) -> Self {
         let joint = if self.field.is_empty() || self.field.starts_with('[') { "" } else { "." };
@@ -53,10 +53,10 @@ impl Invalid {
     }
 }
 
-/// The longest name or value that is repeated whole; a file may have one of any length.
+/// Longer names and values are truncated: those in a file may have any length.
 const MOST_SIGNS: usize = 400;
 
-/// The beginning of a long text.
+/// Truncates a long text.
 fn short(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(MOST_SIGNS) {
         text.truncate(end);
@@ -65,11 +65,11 @@ fn short(mut text: String) -> String {
     text
 }
 
-/// The longest number that is told digit by digit: f64 has at most 17 that say something, besides a sign, a point
+/// Longer numbers are shortened. An f64 has at most 17 significant digits, besides a sign, a point
 /// and some zeros.
 const MOST_DIGITS: usize = 24;
 
-/// A number of hundreds of digits as 1e300; anything else as it is.
+/// Writes a number of hundreds of digits as 1e300; returns anything else unchanged.
 fn brief(found: String) -> String {
     if found.len() <= MOST_DIGITS {
         return found;
@@ -109,10 +109,10 @@ pub fn all_finite(field: &str, values: &[f64]) -> Result<(), Invalid> {
     wrong.map_or(Ok(()), |i| finite(&format!("{field}[{i}]"), values[i]).map(|_| ()))
 }
 
-/// The largest number of a model: sums of products of three of them stay finite.
+/// Upper bound of the numbers in a model: sums of products of three of them stay finite.
 const MOST_OF_MODEL: f64 = 1e100;
 
-/// Accepts a number of a model from whose products no infinity or NaN can come.
+/// Accepts a number of a model that is small enough for its products to stay finite.
 ///
 /// # Errors
 /// [`Invalid`] for a number beyond 10¹⁰⁰.
@@ -124,7 +124,7 @@ pub fn moderate(field: &str, value: f64) -> Result<(), Invalid> {
     Err(Invalid::new(field, "a number from -1e100 to 1e100", value))
 }
 
-/// Accepts a list of such numbers.
+/// Accepts a list of numbers that [`moderate`] accepts.
 ///
 /// # Errors
 /// [`Invalid`] naming the first one beyond 10¹⁰⁰.
@@ -135,7 +135,7 @@ pub fn all_moderate(field: &str, values: &[f64]) -> Result<(), Invalid> {
     })
 }
 
-/// Accepts a divisor of a model, from whose quotients no infinity can come.
+/// Accepts a divisor of a model that is large enough for its quotients to stay finite.
 ///
 /// # Errors
 /// [`Invalid`] for a number that is not from 10⁻¹⁰⁰ to 10¹⁰⁰.

@@ -1,6 +1,6 @@
 //! Training of the models of [`crate::predict`].
 //!
-//! Nothing here is random, and all of it runs on one thread.
+//! Training is deterministic and runs on one thread.
 
 pub mod samples;
 pub mod logistic;

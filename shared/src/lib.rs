@@ -1,5 +1,5 @@
-//! The library behind Sidestep. The participant's browser simulates trials with it, the server
-//! replays them with it, and analyses use it afterwards: the same code each time.
+//! The library behind Sidestep. The participant's browser simulates trials, the server replays them
+//! and analyses evaluate them with the same code.
 //!
 //! # Where to begin
 //! | task | type or function | example |
@@ -7,7 +7,7 @@
 //! | how dangerous is a state, and which turn is best? | [`PursuitGame`](reachability::PursuitGame) and [`solve`](reachability::solve()); twins: [`ExactValue`](reachability::ExactValue) | `value` |
 //! | save and load a value function | [`ValueFunction::encode`](reachability::ValueFunction::encode) and `decode`; for NumPy, one way: [`npz`](reachability::npz::npz) | |
 //! | save and load a predictor | [`PredictorFile`](predict::PredictorFile), as JSON | |
-//! | a game of one's own | [`ControlAffine`](reachability::ControlAffine) or [`Game`](reachability::Game), [`cartesian::solve`](reachability::cartesian::solve) | `own_game` |
+//! | a custom game | [`ControlAffine`](reachability::ControlAffine) or [`Game`](reachability::Game), [`cartesian::solve`](reachability::cartesian::solve) | `own_game` |
 //! | learn a person's next input | [`train`](training::train), [`Predictor`](predict::Predictor) | `train` |
 //! | where can a person be? | sets to draw: [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |
 //! | the exact set under bounds, and whether it contains a state | [`ReachableSet`](reach::ReachableSet) | below |
@@ -17,16 +17,16 @@
 //!
 //! Examples: `cargo run --release -p sidestep --example value`.
 //!
-//! # What the human is here
-//! A Dubins car: a point that moves at one constant speed, v, and turns at most at a rate of ω. Reachable sets, SHFRS and
-//! clearances hold for such a human and say nothing of one who stops or walks at another speed. Guarantees are calibrated on
-//! trajectories of such humans; recorded tracks of pedestrians are not, and are refused
+//! # Model of the human
+//! A Dubins car: a point that moves at constant speed v and turns at a rate of at most ω. Reachable sets, SHFRS and
+//! clearances hold only for this model, not for a human who stops or walks at another speed. Guarantees are calibrated
+//! on trajectories of this model; recorded tracks of pedestrians do not follow it and are rejected
 //! ([`Trajectory::check`](shfrs::window::Trajectory::check)).
 //!
 //! # Features
 //! | feature | adds |
 //! |---|---|
-//! | none | what a robot runs: games and their values, predictors, reachable sets, tuning, plans |
+//! | none | everything that runs on a robot: games and their values, predictors, reachable sets, tuning, plans |
 //! | `learn` | trials, recordings of them, and training of predictors |
 //! | `study` (default) | experiments with people: studies, synthetic participants, the paper's comparison, replays, charts and the server's wire types; includes `learn` |
 //! | `openapi` | JSON schemas of the wire types; includes `study` |
@@ -36,7 +36,7 @@
 //! # Conventions
 //! SI units and radians. World frame: x to the right, y up, heading counter-clockwise from +x and
 //! wrapped to (−π, π]. A *relative state* is the pursuer's pose in the evader's frame (x ahead, y to
-//! the left). Time steps are integers; seconds appear only at the edges. A turn to the left is
+//! the left). Time steps are integers; seconds appear only in interfaces. A turn to the left is
 //! positive.
 //!
 //! # Glossary
@@ -74,7 +74,7 @@
 //! | InputBounds | lowest and highest turn rate of each coming step (Algorithm 1) |
 //! | extremal | a path whose end is on the boundary of a reachable set (Pontryagin's principle) |
 //! | switching time | when the turn rate of an extremal changes from one bound to the other |
-//! | front, rear | the parts of the boundary at the ends of the paths that get farthest, and of those that get least far |
+//! | front, rear | the parts of the boundary that the paths reach that get farthest, and that get least far |
 //! | ReachableSet | every state that is reachable under input bounds |
 //! | tube | every position that is reachable at any instant of the steps ahead |
 //! | SHFRS | stochastic human forward reachable sets: nested reachable sets with probabilities |
@@ -125,8 +125,8 @@
 //! ```
 //!
 //! # Purity and module order
-//! No module knows of clocks, files, sockets or browsers, and no module uses a module that is
-//! declared below it.
+//! No module uses clocks, files, sockets or browsers, and no module depends on a module declared
+//! below it.
 
 #![cfg_attr(docsrs, feature(doc_cfg))]
 

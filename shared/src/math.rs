@@ -1,8 +1,7 @@
 //! Deterministic elementary functions, angles, and the seeded generator.
 //!
 //! All transcendental functions come from `libm`, which returns the same bits natively and in
-//! WebAssembly. The platforms' own functions differ in the last place for a few per cent of
-//! arguments.
+//! WebAssembly. The platforms' own functions differ in the last bit for a few per cent of arguments.
 
 pub use core::f64::consts::{PI, TAU};
 pub use libm::{acos, asin, atan2, cbrt, cos, exp, hypot, log as ln, log2, pow, sin};

@@ -1,9 +1,9 @@
-//! Whether the vehicles of a scene can have driven the states that were recorded, and whether the
-//! recorded inputs are those that turned the human.
+//! Checks whether the vehicles of a scene can have driven the recorded states, and whether the
+//! recorded inputs explain the human's turns.
 //!
-//! Files of other programs need not replay bit for bit: keys may be read more often than once in a
-//! step, and numbers may be rounded. So the conditions here are necessary for every drive at constant
-//! speed and at most the vehicle's turn rate, and for every number that has at least three decimals.
+//! Files from other programs need not replay bit for bit: keys may be sampled more than once per
+//! step, and numbers may be rounded. The conditions here are therefore only necessary ones: every
+//! drive at constant speed within the vehicle's turn rate meets them, even rounded to three decimals.
 
 #[cfg(feature = "study")]
 mod recorded;
@@ -16,18 +16,18 @@ use crate::math::{PI, asin, atan2, hypot, sinc, wrap_angle};
 use crate::scene::{JointState, SceneParameters};
 use crate::vehicle::{Pose, VehicleModel};
 
-/// Most that rounding to three decimals changes a number, m or rad, and what simple precision adds.
+/// Largest error of a number through rounding to three decimals and single precision, m or rad.
 const ROUNDING: f64 = 5e-4 + 1e-6;
 
-/// Most that rounding of both ends changes the distance between two positions, m.
+/// Largest error of the distance between two rounded positions, m.
 const DISTANCE_ROUNDING: f64 = 2.0 * core::f64::consts::SQRT_2 * ROUNDING;
 
-/// Checks that the human of a drive moved as the human's vehicle of `parameters` can, and turned in step i by
-/// `turn_rates[i]`, rad/s. `states` are one more than turn rates. The robot may have driven in any way.
+/// Checks that the human's vehicle of `parameters` can have driven `states`, and that it turned at
+/// `turn_rates[i]`, rad/s, in step i. There is one more state than turn rates. The robot's motion is not
+/// checked.
 ///
 /// # Errors
-/// [`Invalid`] for the first step that the human cannot have driven, or whose turn rate is not that of the
-/// headings.
+/// [`Invalid`] for the first step that the human cannot have driven, or whose turn rate does not match the headings.
 pub fn check_drive(
     parameters: &SceneParameters,
     states: &[JointState],
@@ -48,7 +48,7 @@ pub fn check_drive(
             let expected = format!("{rate:.4} rad/s, by which the human turns in this step");
             return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
         }
-        // Turn rates of more than half a turn in a step do not show in the headings.
+        // Headings do not show turns of more than half a turn per step.
         if held.abs() > most * (1.0 + 1e-9) + 2.0 * ROUNDING / parameters.step_s {
             let expected = format!("a turn rate of at most {most} rad/s to either side");
             return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
@@ -57,41 +57,41 @@ pub fn check_drive(
     Ok(())
 }
 
-/// Checks that the human moved as the human's vehicle of `parameters` can in one step, to a millimetre and a milliradian, as
-/// [`check_drive`] does.
+/// Checks that the human's vehicle of `parameters` can have driven one step, to within a millimetre and a milliradian,
+/// as [`check_drive`] does.
 ///
 /// # Errors
-/// [`Invalid`] that names the wrong ones of x, y and psi.
+/// [`Invalid`] that names the wrong fields among x, y and psi.
 pub fn check_step(parameters: &SceneParameters, from: Pose, to: Pose) -> Result<(), Invalid> {
     StepLimits::of(parameters.human, parameters.step_s).check(from, to)
 }
 
-/// How a step of the human is none that the human's vehicle can drive: [`departure`] finds it. As text it says what was
-/// measured, and what the vehicle does.
+/// Why the human's vehicle cannot have driven a step; see [`departure`]. Its `Display` states the measured value and
+/// the vehicle's limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Departure {
-    /// The human moved at another speed: stood still, for instance.
+    /// The human moved at another speed, or stood still.
     Speed {
-        /// The distance between the two positions by the length of the step, m/s.
+        /// The distance between the two positions divided by the step length, m/s.
         measured_mps: f64,
         /// The speed of the vehicle, m/s.
         vehicle_mps: f64,
     },
-    /// The human moved to another side than a heading points to.
+    /// The human did not move in the direction of the headings.
     Heading {
-        /// That heading, rad.
+        /// The heading that does not fit, rad.
         psi_rad: f64,
         /// The direction of the motion, rad.
         direction_rad: f64,
-        /// Whether both headings fit if they are degrees.
+        /// Whether both headings fit if read as degrees.
         in_degrees: bool,
     },
     /// The human turned faster than the vehicle can.
     Turn {
-        /// The turn by the length of the step, rad/s.
+        /// The turn divided by the step length, rad/s.
         measured_radps: f64,
-        /// The greatest turn rate of the vehicle, rad/s.
+        /// The largest turn rate of the vehicle, rad/s.
         vehicle_radps: f64,
     },
 }
@@ -121,8 +121,8 @@ impl core::fmt::Display for Departure {
     }
 }
 
-/// How the human's step is none that the human's vehicle of `parameters` can drive; none if it can, to a millimetre and a
-/// milliradian, as [`check_step`] says. It allocates nothing.
+/// Why the human's vehicle of `parameters` cannot have driven a step; `None` if it can, to within a millimetre and a
+/// milliradian, as for [`check_step`]. Does not allocate.
 #[must_use]
 pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<Departure> {
     let vehicle = parameters.human;
@@ -141,9 +141,9 @@ pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<D
     })
 }
 
-/// What a vehicle can do in one step.
+/// Limits of a vehicle's motion in one step.
 struct StepLimits {
-    /// Its way, m.
+    /// Path length, m.
     way_m: f64,
     /// Its largest turn, rad.
     turn_rad: f64,
@@ -155,7 +155,8 @@ impl StepLimits {
         Self { way_m: vehicle.speed_mps.abs() * step_s, turn_rad }
     }
 
-    /// Accepts the poses before and after a step. A complaint names the wrong ones of x, y and psi.
+    /// Accepts the poses before and after a step. The error names the wrong fields among x, y and
+    /// psi.
     fn check(&self, from: Pose, to: Pose) -> Result<(), Invalid> {
         let Some(fault) = self.fault(from, to) else { return Ok(()) };
         Err(match fault {
@@ -178,17 +179,19 @@ impl StepLimits {
         })
     }
 
-    /// What is wrong with the poses before and after a step.
+    /// The fault in the poses before and after a step, if any.
     fn fault(&self, from: Pose, to: Pose) -> Option<Fault> {
         let half = 0.5 * self.turn_rad;
         let moved = hypot(to.x - from.x, to.y - from.y);
-        // The circle has the shortest chord of all ways of this length, up to a whole turn.
+        // Among all paths of this length, the tightest circle has the shortest chord, up to a whole
+        // turn.
         let chord = if half < PI { self.way_m * sinc(half) } else { 0.0 };
         if moved < chord - DISTANCE_ROUNDING || moved > self.way_m + DISTANCE_ROUNDING {
             return Some(Fault::Way { moved });
         }
         let turned = wrap_angle(to.psi - from.psi).abs();
-        // Of all ways, the circle leads farthest aside, if it is at most a sixth of a turn.
+        // Among all paths, the tightest circle deviates most from the headings, up to a sixth of a
+        // turn.
         let most = half + ROUNDING + asin((DISTANCE_ROUNDING / moved).min(1.0));
         let direction = atan2(to.y - from.y, to.x - from.x);
         let leads = |psi: f64| wrap_angle(direction - psi).abs() <= most;
@@ -206,7 +209,7 @@ impl StepLimits {
 enum Fault {
     /// The distance between the positions, m.
     Way { moved: f64 },
-    /// A heading and the direction of the motion, rad; whether both headings fit if they are degrees.
+    /// A heading and the direction of the motion, rad; whether both headings fit if read as degrees.
     Heading { psi: f64, direction: f64, in_degrees: bool },
     /// The change of the heading, rad.
     Turn { turned: f64 },
@@ -217,7 +220,7 @@ mod tests {
     use super::*;
     use crate::math::SeededRng;
 
-    /// A human who turns at these rates, and a robot that jumps about.
+    /// A human who turns at these rates, and a robot that jumps.
     fn driven(parameters: &SceneParameters, rates: &[f64]) -> Vec<JointState> {
         let mut human = Pose::new(1.0, -2.0, 0.7);
         let mut states = vec![JointState { human, robot: Pose::new(9.0, 0.0, 3.0) }];
@@ -246,7 +249,7 @@ mod tests {
         }
     }
 
-    /// Also where the turn rate changes within a step: no drive of the vehicle is called none.
+    /// No drive of the vehicle is rejected, even if the turn rate changes within a step.
     #[test]
     fn a_drive_that_steers_at_any_time_never_departs() {
         let mut rng = SeededRng::new(17);
@@ -275,7 +278,7 @@ mod tests {
         }
     }
 
-    /// A departure says what was measured; it is one exactly where a check complains.
+    /// A departure exists exactly where the check fails, and states the measured value.
     #[test]
     fn a_departure_is_what_the_check_refuses() {
         let (parameters, mut rng) = (SceneParameters::default(), SeededRng::new(5));
@@ -292,7 +295,7 @@ mod tests {
         assert!(found[0] > 100 && found[1] > 100, "{found:?}");
         let said = |to: Pose| departure(&parameters, from, to).unwrap().to_string();
         assert_eq!(said(from), "the human moved at 0.00 m/s, the vehicle at 2 m/s");
-        // 15 % slower and faster, as people who walk are.
+        // 15 % slower and faster, like pedestrians.
         assert_eq!(
             said(Pose::new(0.34, 0.0, 0.0)),
             "the human moved at 1.70 m/s, the vehicle at 2 m/s"

@@ -1,7 +1,7 @@
-//! Threads and lanes: the two ways in which a kernel uses the machine.
+//! Parallelism: threads and SIMD lanes.
 //!
 //! Neither changes a bit of any result: each cell is computed independently of the others, from
-//! arrays that do not change meanwhile, by IEEE operations in one order.
+//! arrays that are read-only meanwhile, by IEEE operations in a fixed order.
 
 use crate::invalid::Invalid;
 
@@ -21,8 +21,7 @@ pub(super) struct Workers {
 }
 
 impl Workers {
-    /// `threads` workers. One worker is the caller's own thread, as when the system cannot start
-    /// threads.
+    /// `threads` workers. A single worker is the caller's own thread, also if the system cannot start threads.
     pub(super) fn new(threads: usize) -> Self {
         #[cfg(not(target_arch = "wasm32"))]
         {
@@ -57,10 +56,10 @@ impl Workers {
     }
 }
 
-/// `work(item)` for each of `items`, in their order, on all threads there are.
+/// Calls `work(item)` for each of `items` on all available threads; returns the results in order.
 ///
 /// # Errors
-/// The error of the first item, in their order, for which `work` fails.
+/// The error of the first item, in list order, for which `work` fails.
 pub(crate) fn parallel_map<T: Sync, R: Send, E: Send>(
     items: &[T],
     work: impl Fn(&T) -> Result<R, E> + Sync + Send,
@@ -75,8 +74,8 @@ pub(crate) fn parallel_map<T: Sync, R: Send, E: Send>(
     items.iter().map(work).collect()
 }
 
-/// `work(inputs, outputs)` for corresponding parts, of `part` entries, of two lists of one length, on all
-/// threads there are.
+/// Calls `work(inputs, outputs)` for corresponding chunks, of `part` entries, of two lists of one
+/// length, on all available threads.
 pub(crate) fn parallel_parts<A: Sync, B: Send>(
     inputs: &[A],
     outputs: &mut [B],
@@ -95,17 +94,17 @@ pub(crate) fn parallel_parts<A: Sync, B: Send>(
     }
 }
 
-/// Work that is compiled once for every lane width.
+/// Work that is compiled once for each lane width.
 pub(crate) trait Kernel {
     /// Must be `#[inline(always)]`, and so must every function that it calls.
     fn run(self);
 }
 
-/// The width of the lanes in which a solve computes. No bit of a result depends on it.
+/// The width of the SIMD lanes of a solve. No bit of a result depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Lanes {
-    /// 128 bits: what every machine has.
+    /// 128 bits: available on every machine.
     Bits128,
     /// 256 bits: AVX2.
     Bits256,
@@ -129,7 +128,7 @@ impl Lanes {
         Self::Bits128
     }
 
-    /// The name of the instructions: `128-bit`, `avx2` or `avx512`.
+    /// The name of the instruction set: `128-bit`, `avx2` or `avx512`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -139,7 +138,7 @@ impl Lanes {
         }
     }
 
-    /// The lanes of this name.
+    /// The lanes with this name.
     ///
     /// # Errors
     /// [`Invalid`] for any other name.
@@ -158,8 +157,8 @@ pub(crate) fn in_widest_lanes(kernel: impl Kernel) {
 
 /// Runs `kernel` with the widest lanes of this machine that are no wider than `most`.
 pub(crate) fn in_lanes(most: Lanes, kernel: impl Kernel) {
-    // A browser makes a function fast between two calls, never during one. As a part of its caller, which
-    // runs once, the kernel would stay ten times as slow for the whole of a first solve.
+    // A browser replaces a function by optimised code between two calls, never during one. Inlined into its
+    // caller, which runs once, the kernel would stay ten times as slow for the whole first solve.
     #[inline(never)]
     fn called(kernel: impl Kernel) {
         kernel.run();

@@ -1,6 +1,6 @@
-//! Pictures of the world: shapes in metres, and the camera that brings metres to pixels. A browser paints
-//! them on a canvas; [`Picture::drawing`] makes the same picture a drawing for files. Colours and pens are
-//! those of charts.
+//! Pictures of the world: shapes in metres, and the camera that maps metres to pixels. A browser paints
+//! them on a canvas; [`Picture::drawing`] converts them to a drawing for files. Colours and pens are those
+//! of charts.
 
 pub mod stage;
 mod painting;
@@ -14,19 +14,19 @@ use core::fmt::{Display, Write as _};
 use core::ops::Range;
 use std::rc::Rc;
 
-/// Something to draw. Positions are world coordinates, m; widths and dashes of pens are CSS pixels. Corners
-/// and ends of lines are in the picture, which keeps their memory; see [`Picture::points`].
+/// Something to draw. Positions are world coordinates, m; widths and dashes of pens are CSS pixels. The
+/// picture stores corners and ends of lines in a reused buffer; see [`Picture::points`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// A line through points. A point that is not a number lifts the pen.
+    /// A line through points. A NaN point lifts the pen.
     Path {
         /// Its points.
         points: Range<usize>,
         /// Whether the last point is joined to the first one.
         closed: bool,
-        /// What fills it, if something does.
+        /// Fill colour, if any.
         fill: Option<Ink>,
-        /// How it is drawn, if it is.
+        /// Style of the line, if any.
         pen: Option<Pen>,
     },
     /// A disc.
@@ -35,21 +35,21 @@ pub enum Shape {
         centre: [f64; 2],
         /// Its radius, m.
         radius_m: f64,
-        /// What fills it.
+        /// Fill colour.
         fill: Ink,
-        /// How its edge is drawn.
+        /// Style of the edge.
         outline: Pen,
     },
     /// A vehicle: an arrow whose tail marks the exact position.
     Vehicle {
-        /// What marks its exact position, so that vehicles differ by more than their colours.
+        /// Mark at its exact position, so that vehicles differ not only by colour.
         tail: Tail,
         /// Its position and heading.
         pose: Pose,
         /// Its colour.
         colour: Colour,
     },
-    /// Words beside a position.
+    /// Words below a position.
     Label {
         /// The position.
         at: [f64; 2],
@@ -69,7 +69,7 @@ pub enum Shape {
     },
 }
 
-/// What marks the exact position of a vehicle.
+/// The mark at a vehicle's exact position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tail {
     /// A dot: the human.
@@ -91,7 +91,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// The square around the origin that reaches `half_m` each way.
+    /// The square around the origin that extends `half_m` in each direction.
     #[must_use]
     pub fn square(half_m: f64) -> Self {
         Self { low: [-half_m; 2], high: [half_m; 2] }
@@ -107,7 +107,7 @@ impl Window {
     }
 }
 
-/// From metres to CSS pixels: the same scale both ways, y up.
+/// Maps metres to CSS pixels, with the same scale along both axes, y up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Pixels per metre.
@@ -118,7 +118,7 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The camera that shows all of `window`, centred, as large as it can.
+    /// The camera that shows all of `window`, centred, at the largest scale.
     #[must_use]
     pub fn showing(window: Window, size_px: [f64; 2]) -> Self {
         let extent = [window.high[0] - window.low[0], window.high[1] - window.low[1]];
@@ -130,35 +130,35 @@ impl Camera {
         Self { scale, origin_px, size_px }
     }
 
-    /// The place on the canvas, px, of a point of the world, m.
+    /// Converts a point of the world, m, to a position on the canvas, px.
     #[must_use]
     pub fn to_px(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.origin_px[0] + self.scale * x, self.origin_px[1] - self.scale * y]
     }
 
-    /// The point of the world, m, at a place on the canvas, px.
+    /// Converts a position on the canvas, px, to a point of the world, m.
     #[must_use]
     pub fn to_world(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [(x - self.origin_px[0]) / self.scale, (self.origin_px[1] - y) / self.scale]
     }
 }
 
-/// A canvas and what is on it. One picture serves every frame, and keeps its memory.
+/// A canvas and its shapes. One picture serves all frames and reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
     /// The canvas element's id.
     pub canvas: &'static str,
-    /// What must be visible.
+    /// The part of the world that must be visible.
     pub window: Window,
     /// In order of painting.
     shapes: Vec<Shape>,
-    /// The points of all shapes, one after the other.
+    /// The points of all shapes, concatenated.
     points: Vec<[f64; 2]>,
-    /// Attributes of the canvas element that tell programs what is shown.
+    /// Attributes of the canvas element that describe the picture to programs.
     pub attributes: Vec<(&'static str, String)>,
 }
 
-/// Points are compared by their bits: one that lifts the pen is not a number, yet equal to another one.
+/// Compares points by their bits, so that the NaN points that lift the pen are equal.
 impl PartialEq for Picture {
     fn eq(&self, other: &Self) -> bool {
         let same_points = self.points.len() == other.points.len()
@@ -176,8 +176,8 @@ impl PartialEq for Picture {
 }
 
 impl Picture {
-    /// Begins anew: nothing is on this canvas, which shows at least `window`. The attributes of
-    /// the same canvas stay.
+    /// Clears the picture for a canvas that shows at least `window`. Attributes remain if the
+    /// canvas is the same.
     pub fn begin(&mut self, canvas: &'static str, window: Window) {
         if self.canvas != canvas {
             self.attributes.clear();
@@ -188,29 +188,29 @@ impl Picture {
         self.points.clear();
     }
 
-    /// What is drawn, in order of painting.
+    /// The shapes, in order of painting.
     #[must_use]
     pub fn shapes(&self) -> &[Shape] {
         &self.shapes
     }
 
-    /// The corners or ends of one of its shapes, m.
+    /// The points of one of its shapes, m.
     #[must_use]
     pub fn points(&self, of: &Range<usize>) -> &[[f64; 2]] {
         self.points.get(of.clone()).unwrap_or_default()
     }
 
-    /// Paints something over the rest.
+    /// Adds a shape on top.
     pub fn push(&mut self, shape: Shape) {
         self.shapes.push(shape);
     }
 
-    /// Paints several things over the rest.
+    /// Adds several shapes on top.
     pub fn extend(&mut self, shapes: impl IntoIterator<Item = Shape>) {
         self.shapes.extend(shapes);
     }
 
-    /// Paints a closed polygon.
+    /// Adds a closed polygon.
     pub fn polygon(
         &mut self,
         corners: impl IntoIterator<Item = [f64; 2]>,
@@ -220,12 +220,12 @@ impl Picture {
         self.path(corners, true, fill, pen);
     }
 
-    /// Paints an open line.
+    /// Adds an open line.
     pub fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
         self.path(points, false, None, Some(pen));
     }
 
-    /// Paints lines that are not joined.
+    /// Adds separate line segments.
     pub fn segments(&mut self, segments: impl IntoIterator<Item = [[f64; 2]; 2]>, pen: Pen) {
         let lifted = segments.into_iter().flat_map(|[from, to]| [from, to, [f64::NAN; 2]]);
         self.path(lifted, false, None, Some(pen));
@@ -244,7 +244,7 @@ impl Picture {
         self.shapes.push(Shape::Path { points, closed, fill, pen });
     }
 
-    /// Becomes a copy of another picture, in the memory that it has.
+    /// Copies another picture into the existing buffers.
     pub fn copy(&mut self, other: &Self) {
         self.begin(other.canvas, other.window);
         self.shapes.clone_from(&other.shapes);
@@ -254,7 +254,7 @@ impl Picture {
         }
     }
 
-    /// Tells programs something: sets an attribute of the canvas element.
+    /// Sets an attribute of the canvas element, for programs.
     pub fn tell(&mut self, name: &'static str, value: impl Display) {
         let known = self.attributes.iter().position(|(known, _)| *known == name);
         let place = known.unwrap_or_else(|| {

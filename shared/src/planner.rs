@@ -1,18 +1,17 @@
-//! The planner's question: is a planned trajectory of the robot clear of where the human may be, and
-//! with which probability?
+//! Is a planned trajectory of the robot clear of where the human may be, and with which probability?
 //!
 //! * [`Plan`]: the robot's poses step by step, with any speeds and turn rates; [`Footprint`]: a disc or
 //!   a convex polygon, with a margin.
-//! * [`ClearanceFinder`]: the distance between footprint and human at every instant, for each of the
-//!   nested sets and each step. It is a guaranteed lower bound, whatever the turn rates: it needs no
-//!   polygons of sets, and does not inherit what these may miss.
-//! * [`Clearances`]: the largest set of which the plan is clear; [`CoverageBounds`]: what that says about
-//!   the probability of a collision, after a calibration.
-//! * [`OnlinePredictor`]: all this in a robot's loop, without lifetimes and without allocation.
+//! * [`ClearanceFinder`]: the distance between footprint and human at every instant, for each
+//!   nested set and each step. It is a guaranteed lower bound for all turn rates: it uses no
+//!   polygons of sets, so it does not inherit their errors.
+//! * [`Clearances`]: the largest set of which the plan is clear; [`CoverageBounds`]: the resulting
+//!   bound on the probability of a collision, after a calibration.
+//! * [`OnlinePredictor`]: all this in a robot's loop, without lifetime parameters and without allocation.
 //!
 //! # Example
-//! A robot crosses the way of a human who has driven straight on so far. Each new state is pushed; then
-//! plans are compared.
+//! A robot crosses the path of a human who has driven straight on so far. Each new state is pushed;
+//! then plans are compared.
 //! ```
 //! use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 //! use sidestep::features::FeatureSet;

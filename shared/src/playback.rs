@@ -1,5 +1,5 @@
-//! A trial that is looked at: where the vehicles are at any time of it, what is predicted then, and a
-//! picture of all that. Pages, files and commands show the same picture.
+//! Playback of a trial: the vehicles' positions and the predictions at any time of it, and a picture
+//! of both. Pages, files and commands show the same picture.
 
 pub mod style;
 mod curves;
@@ -39,7 +39,7 @@ use crate::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use crate::vehicle::TurnInput;
 use std::rc::Rc;
 
-/// What is known of a trial.
+/// A recorded trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
     /// Vehicles, steps and danger radius.
@@ -53,7 +53,8 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// What the trial and its goal need, with room for the human to go so far from each position, m.
+    /// The window that shows the trial and its goal, extended by the distance `reach_m` around each
+    /// position of the human, m.
     fn window(&self, reach_m: f64) -> Window {
         let goal = self.scene.goal;
         let begin = Window { low: goal, high: goal }.including(goal, MARGIN_M);
@@ -65,19 +66,19 @@ impl Recorded {
     }
 }
 
-/// A learned function G, and how sets are predicted with it.
+/// A learned function G and the settings for predicting sets with it.
 #[derive(Clone, Debug)]
 pub struct Learned {
     /// The function.
     pub predictor: Predictor,
-    /// How sets are predicted.
+    /// Settings for predicting sets.
     pub settings: ShfrsSettings,
 }
 
 /// The probability of each input.
 pub type Probabilities = [(TurnInput, f64); 3];
 
-/// A trial that is looked at. It keeps its memory from frame to frame.
+/// Playback of a trial. It reuses its buffers from frame to frame.
 pub struct Playback {
     recorded: Recorded,
     window: Window,
@@ -85,18 +86,18 @@ pub struct Playback {
     /// V_HR and V_RH of each state, m.
     levels: Vec<[f64; 2]>,
     method: Option<Method>,
-    /// The probabilities at the beginning of each step, once they are known, if the method has some.
+    /// The probabilities at the start of each step, once computed, if the method has any.
     forecast: Vec<Probabilities>,
     now: Now,
     /// The states up to now.
     history: Vec<JointState>,
     predictor: ShfrsPredictor,
-    /// The probabilities now, once they are known; then the sets are the predictor's.
+    /// The current probabilities, once computed; then the predictor's sets are current, too.
     probabilities: Option<Probabilities>,
     curves: Curves,
-    /// What is written at the bar of the scale.
+    /// Label of the scale bar.
     scale: Rc<str>,
-    /// Where lines cross the edges of what is hatched.
+    /// Buffer for the crossings of hatching lines and polygon edges.
     crossings: Vec<Crossing>,
 }
 
@@ -105,20 +106,20 @@ pub struct Playback {
 pub struct Now {
     /// Time into the trial, s.
     pub time_s: f64,
-    /// The present step; the number of steps at the end.
+    /// The current step; the number of steps at the end.
     pub step: usize,
-    /// Where the vehicles are.
+    /// The poses of both vehicles.
     pub state: JointState,
 }
 
-/// Room around everything that a trial shows, m.
+/// Margin around everything in a trial, m.
 const MARGIN_M: f64 = 3.5;
 
 impl Playback {
     /// A trial at its start.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one state more than inputs.
+    /// [`Invalid`] unless there is one state more than inputs.
     pub fn new(recorded: Recorded) -> Result<Self, Invalid> {
         let Recorded { inputs, states, .. } = &recorded;
         one_more(inputs, states)?;
@@ -147,28 +148,29 @@ impl Playback {
         &self.recorded
     }
 
-    /// Everything that the trial and its goal need to be visible.
+    /// The visible part of the world, which includes the trial and its goal.
     #[must_use]
     pub fn window(&self) -> Window {
         self.window
     }
 
-    /// Shows this part of the world from now on.
+    /// Sets the visible part of the world.
     pub fn show_window(&mut self, window: Window) {
         self.window = window;
     }
 
-    /// Makes the window large enough for the trial, its goal, and sets that reach `steps` steps ahead of the human.
+    /// Enlarges the window to fit the trial, its goal, and sets that extend `steps` steps ahead of the human.
     pub fn make_room(&mut self, steps: usize) {
         let SceneParameters { human, step_s, .. } = self.recorded.parameters;
         self.window = self.recorded.window(human.speed_mps * step_s * steps as f64);
     }
 
-    /// Takes over what was driven so far of a trial that is under way. The last step may differ from what
-    /// was recorded of it before.
+    /// Updates a trial that is under way to the inputs and states driven so far. The last recorded step
+    /// may have changed.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one state more than inputs; else as of [`Self::use_learned`].
+    /// [`Invalid`] unless there is one state more than inputs; otherwise as for
+    /// [`Self::use_learned`].
     pub fn record(&mut self, inputs: &[TurnInput], states: &[JointState]) -> Result<(), Invalid> {
         one_more(inputs, states)?;
         let recorded = &mut self.recorded;
@@ -184,13 +186,13 @@ impl Playback {
         self.foresee()
     }
 
-    /// The safety levels, once they are known.
+    /// The safety levels, once set.
     #[must_use]
     pub fn safety(&self) -> Option<&SafetyLevels> {
         self.safety.as_ref()
     }
 
-    /// V_HR and V_RH of each state, m; nothing until they are known.
+    /// V_HR and V_RH of each state, m; empty until the safety levels are set.
     #[must_use]
     pub fn levels(&self) -> &[[f64; 2]] {
         &self.levels
@@ -205,7 +207,7 @@ impl Playback {
         }
     }
 
-    /// The sets that were learned instead of a function, if those predict.
+    /// The empirical sets, if they are the method.
     #[must_use]
     pub fn empirical(&self) -> Option<&EmpiricalSets> {
         match &self.method {
@@ -214,26 +216,25 @@ impl Playback {
         }
     }
 
-    /// The predicted probabilities at the beginning of each step; nothing until they are known, or if what
-    /// predicts has none.
+    /// The predicted probabilities at the start of each step; empty until computed, or if the method has none.
     #[must_use]
     pub fn forecast(&self) -> &[Probabilities] {
         &self.forecast
     }
 
-    /// The moment that is looked at.
+    /// The current moment.
     #[must_use]
     pub fn now(&self) -> Now {
         self.now
     }
 
-    /// The predicted probabilities at this moment, once they are known, if what predicts has some.
+    /// The predicted probabilities at this moment, once computed, if the method has any.
     #[must_use]
     pub fn probabilities(&self) -> Option<&Probabilities> {
         self.probabilities.as_ref()
     }
 
-    /// The predicted sets at this moment, from the smallest to the largest; none until they are known.
+    /// The predicted sets at this moment, from the smallest to the largest; empty until predicted.
     pub fn sets<'a>(&'a self) -> impl DoubleEndedIterator<Item = PredictedSet<'a>> {
         let learned = self.probabilities.iter().flat_map(move |_| &self.predictor.shfrs().sets);
         let placed = |it: &'a EmpiricalSets| {
@@ -243,7 +244,7 @@ impl Playback {
         learned.map(PredictedSet::from).chain(empirical)
     }
 
-    /// How many sets are predicted at this moment; none until they are known.
+    /// The number of predicted sets at this moment; 0 until predicted.
     #[must_use]
     pub fn set_count(&self) -> usize {
         match self.empirical() {
@@ -258,17 +259,16 @@ impl Playback {
         self.recorded.inputs.len() as f64 * self.recorded.parameters.step_s
     }
 
-    /// Whether the solve of this vehicle's safety level had not settled when it ended, so that the level
-    /// proves nothing.
+    /// Whether the solve of this vehicle's safety level ended before it converged, so that the level proves nothing.
     #[must_use]
     pub fn is_doubtful(&self, evader: Evader) -> bool {
         self.safety.as_ref().is_some_and(|safety| safety.of(evader).unsettled_m().is_some())
     }
 
-    /// Uses these safety levels from now on.
+    /// Sets the safety levels.
     ///
     /// # Errors
-    /// As of [`Self::use_learned`].
+    /// As for [`Self::use_learned`].
     pub fn use_safety(&mut self, safety: SafetyLevels) -> Result<(), Invalid> {
         self.safety = Some(safety);
         self.curves = Curves::default();
@@ -278,18 +278,18 @@ impl Playback {
         self.foresee()
     }
 
-    /// Predicts with this function from now on, or not at all.
+    /// Sets the function that predicts; `None` turns prediction off.
     ///
     /// # Errors
-    /// As of [`Self::use_method`].
+    /// As for [`Self::use_method`].
     pub fn use_learned(&mut self, learned: Option<Learned>) -> Result<(), Invalid> {
         self.use_method(learned.map(Method::Learned))
     }
 
-    /// Predicts in this way from now on, or not at all.
+    /// Sets the prediction method; `None` turns prediction off.
     ///
     /// # Errors
-    /// [`Invalid`] if a function does not say how likely each input is; then nothing predicts.
+    /// [`Invalid`] if a function gives no probability for each input; then prediction is off.
     pub fn use_method(&mut self, method: Option<Method>) -> Result<(), Invalid> {
         self.forecast.clear();
         self.probabilities = None;
@@ -297,22 +297,21 @@ impl Playback {
         self.foresee()
     }
 
-    /// Predicts sets in this way from now on, if there is a function.
+    /// Sets the settings for predicting sets, if the method is a function.
     pub fn use_settings(&mut self, settings: ShfrsSettings) {
         if let Some(Method::Learned(learned)) = &mut self.method {
             learned.settings = settings;
         }
     }
 
-    /// Works out the safety levels of the states whose levels are not known.
+    /// Computes the missing safety levels of states.
     fn measure(&mut self) {
         let Some(safety) = &self.safety else { return };
         let level = |s: &JointState| [safety.human_level(s), safety.robot_level(s)];
         self.levels.extend(self.recorded.states[self.levels.len()..].iter().map(level));
     }
 
-    /// Works out the probabilities of the steps whose probabilities are not known. If that fails, nothing
-    /// predicts.
+    /// Computes the missing probabilities of steps. If that fails, prediction is turned off.
     fn foresee(&mut self) -> Result<(), Invalid> {
         let foreseen = self.forecast_on();
         foreseen.inspect_err(|_| self.method = None)
@@ -335,14 +334,14 @@ impl Playback {
         Ok(())
     }
 
-    /// Goes to the time of the view, and predicts what it shows.
+    /// Goes to the view's time and computes the predictions that it shows.
     ///
     /// # Errors
     /// The errors of [`ShfrsPredictor::predict`]; then nothing is predicted.
     pub fn go(&mut self, view: &View) -> Result<(), Invalid> {
         let Recorded { parameters, inputs, states, .. } = &self.recorded;
         let time_s = view.time_s.clamp(0.0, self.duration_s());
-        // The tolerance keeps a time that is a whole number of steps in its own step.
+        // The tolerance assigns a time at a whole number of steps to that step despite rounding.
         const ROUNDING: f64 = 1e-9;
         let step = ((time_s / parameters.step_s + ROUNDING) as usize).min(inputs.len());
         let within_s = (time_s - step as f64 * parameters.step_s).max(0.0);
@@ -374,12 +373,13 @@ impl Playback {
         Ok(())
     }
 
-    /// Predicts no sets at this moment, as long as the settings of the prediction are not valid.
+    /// Discards the predicted sets of this moment, for example while the prediction's settings are
+    /// invalid.
     pub fn hide_sets(&mut self) {
         self.probabilities = None;
     }
 
-    /// Paints what the view shows of the moment that was gone to.
+    /// Paints the layers of the view at the current moment.
     pub fn paint(&mut self, view: &View, picture: &mut Picture) {
         grid::paint(picture, self.window, &self.scale);
         for (layer, shown) in LAYERS.iter().zip(view.shown) {
@@ -390,7 +390,7 @@ impl Playback {
         picture.extend(stage::vehicles_and_goal(&self.recorded.scene, self.now.state));
     }
 
-    /// What the signs of the picture mean.
+    /// The legend of the picture.
     #[must_use]
     pub fn legend(&self, view: &View) -> Vec<LegendItem> {
         let vehicle = |text, colour| LegendItem::sign(text, &Sign::Arrow(0.0, 22.0), colour);
@@ -406,7 +406,7 @@ impl Playback {
         items
     }
 
-    /// Steps of the predictions; the paper's number without any.
+    /// Steps ahead of the predictions; the paper's number if there are none.
     #[must_use]
     pub fn steps_ahead(&self) -> usize {
         match &self.method {
@@ -416,16 +416,16 @@ impl Playback {
         }
     }
 
-    /// The area of a set's tube as a share of the worst case's: of everything that the human's vehicle can
-    /// reach meanwhile.
+    /// The area of a set's tube as a share of the worst case: the area that the human's vehicle can reach
+    /// in the same time.
     #[must_use]
     pub fn share_of_worst_case(&self, set: &PredictedSet<'_>) -> f64 {
         let worst = worst_case_area_m2(&self.recorded.parameters, self.steps_ahead());
-        // A polygon is larger than its set by its accuracy.
+        // A polygon can exceed its set by its accuracy.
         worst.map_or(1.0, |worst| (set.area_m2 / worst).min(1.0))
     }
 
-    /// How far ahead predictions look, s.
+    /// Horizon of the predictions, s.
     #[must_use]
     pub fn seconds_ahead(&self) -> f64 {
         self.steps_ahead() as f64 * self.recorded.parameters.step_s
@@ -440,7 +440,7 @@ fn one_more(inputs: &[TurnInput], states: &[JointState]) -> Result<(), Invalid> 
     Err(Invalid::new("states", expected, states.len()))
 }
 
-/// How likely each input is after these states.
+/// The probability of each input after these states.
 fn probabilities(
     human: &PredictedHuman<'_>,
     learned: &Learned,
@@ -457,10 +457,10 @@ fn probabilities(
     [TurnInput::Left, TurnInput::Straight, TurnInput::Right].map(of)
 }
 
-/// How many steps ahead the paper predicts.
+/// Steps ahead in the paper.
 const USUAL_STEPS: usize = 10;
 
-/// A predictor of turns has a class for each.
+/// A predictor of turns has a class per direction.
 const MOST_CLASSES: usize = 3;
 
 #[cfg(test)]

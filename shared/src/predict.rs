@@ -1,6 +1,6 @@
-//! Predictors: numbers in, a probability for each class out. Nothing here knows
-//! what a feature or a class means. A kind of model has its own file with its file form;
-//! `predict/file.rs` puts them together as predictor.json.
+//! Predictors: they map numbers to a probability for each class, and know nothing about the meaning
+//! of features or classes. Each kind of model has its own file with its file form;
+//! the table below combines them into predictor.json (`predict/file.rs`).
 
 mod kind;
 pub mod scale;
@@ -35,7 +35,7 @@ kinds! {
     Constant: Constant = Constant,
 }
 
-/// A trained model with the features that it needs.
+/// A trained model with its features.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predictor {
     features: FeatureSet,
@@ -49,11 +49,11 @@ impl Predictor {
         Self { features, classes, actions: None, model }
     }
 
-    /// The same predictor with the turn rate of each class, rad/s. Without them the
-    /// classes are turns: −1 right, 0 straight, 1 left.
+    /// The same predictor with the turn rate of each class, rad/s. Without rates, the classes are
+    /// turns: −1 right, 0 straight, 1 left.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one finite rate a class, in rising order.
+    /// [`Invalid`] if there is not one finite rate per class, in ascending order.
     pub fn with_actions(self, actions: Vec<f64>) -> Result<Self, Invalid> {
         length("actions", self.classes.len(), actions.len())?;
         all_moderate("actions", &actions)?;
@@ -64,26 +64,26 @@ impl Predictor {
         Ok(Self { actions: Some(actions), ..self })
     }
 
-    /// The turn rate of each class, rad/s, if they were given.
+    /// The turn rate of each class, rad/s, if set.
     #[must_use]
     pub fn actions(&self) -> Option<&[f64]> {
         self.actions.as_deref()
     }
 
-    /// The features that it needs.
+    /// The features that the model needs.
     #[must_use]
     pub fn features(&self) -> &FeatureSet {
         &self.features
     }
 
-    /// The classes, in rising order.
+    /// The classes, in ascending order.
     #[must_use]
     pub fn classes(&self) -> &[i8] {
         &self.classes
     }
 
-    /// The class that the model predicts, given a row of raw features: the likeliest, the first on a
-    /// tie; for an SVM the class with the most votes.
+    /// The predicted class for a row of raw features: the likeliest, the first on a tie; for an SVM
+    /// the class with the most votes.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> i8 {
         let class = self.model.class(row, self.classes.len());
@@ -96,7 +96,7 @@ impl Predictor {
     }
 }
 
-/// Rows of `width` finite numbers, one behind the other.
+/// Concatenates rows of `width` finite numbers.
 fn flat(field: &str, width: usize, rows: &[Vec<f64>]) -> Result<Vec<f64>, Invalid> {
     for (i, row) in rows.iter().enumerate() {
         length(&format!("{field}[{i}]"), width, row.len())?;
@@ -111,7 +111,7 @@ mod tests {
     use crate::document::from_value;
     use serde_json::{Value, json};
 
-    /// One file of each kind, SVMs of both kernels. Numbers as serde_json writes them.
+    /// One file of each kind, and SVMs with both kernels. Numbers are in serde_json's format.
     fn files() -> [Value; 6] {
         let logistic = r#"{"format":"sidestep-predictor/1","kind":"logistic",
             "features":["distance","v_h"],"classes":[-1,0,1],"actions":[-0.3,0.1,0.6],
@@ -138,7 +138,7 @@ mod tests {
             "classes":[-1,0,1],"probabilities":[0.2,0.5,0.3]}"#;
         let texts = [logistic, linear, rbf, boosted, tree, constant];
         texts.map(|text| {
-            // What is written has the fields in this order, without space.
+            // The serializer writes the fields in this order, without whitespace.
             let text: String = text.split_whitespace().collect();
             let file: PredictorFile = serde_json::from_str(&text).unwrap();
             assert_eq!(serde_json::to_string(&file).unwrap(), text);
@@ -156,7 +156,7 @@ mod tests {
         p
     }
 
-    /// The field that is complained of once `pointer` has another value; nothing removes it.
+    /// The field in the error after `pointer` gets another value; `None` removes it.
     fn field(document: &Value, pointer: &str, value: impl Into<Option<Value>>) -> String {
         let mut document = document.clone();
         match value.into() {

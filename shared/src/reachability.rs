@@ -1,4 +1,4 @@
-//! From a pursuit game to its value function: from which states the pursuer can force a collision.
+//! Value functions of pursuit games: from which states can the pursuer force a collision?
 
 mod progress;
 mod exact;

@@ -30,13 +30,13 @@ pub trait Real:
     /// |self|.
     #[must_use]
     fn abs(self) -> Self;
-    /// The largest power of two that is at most `self`, which is not negative, and its reciprocal: products with
-    /// them round nothing. Below the smallest normal number the power is 0; where the reciprocal would be below it, that is
-    /// 0.
+    /// The largest power of two that is at most `self`, which is not negative, and its reciprocal:
+    /// products with them do not round. Below the smallest normal number the power is 0; a
+    /// reciprocal that would be below it is 0.
     #[must_use]
     fn power_of_two(self) -> [Self; 2];
-    /// The larger of the two. A plain comparison, which is one instruction in any lane width; unlike
-    /// `f64::max`, it does not avoid NaN.
+    /// The larger of the two. A plain comparison, which is one instruction in any lane width;
+    /// unlike `f64::max`, it returns `other` if either is NaN.
     #[must_use]
     #[inline(always)]
     fn larger(self, other: Self) -> Self {

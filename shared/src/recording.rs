@@ -1,5 +1,5 @@
-//! Recordings: the trials of participants. A file, a study in the database and the simulator give a
-//! [`Recording`]; training and analysis take one.
+//! Recordings of participants' trials. Files, studies in the database and the simulator produce a
+//! [`Recording`]; training and analysis consume one.
 
 use crate::invalid::Invalid;
 use crate::scene::{JointState, SceneParameters};
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 /// The trials of some participants who drove under the same parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// Where the trials come from.
+    /// Origin of the trials.
     pub provenance: Provenance,
     /// The vehicles, steps and danger radius of all trials.
     pub scene: SceneParameters,
@@ -22,23 +22,23 @@ pub struct Recording {
     pub exclusions: Vec<Exclusion>,
 }
 
-/// Where trials come from.
+/// Origin of trials, and whether they are synthetic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Provenance {
-    /// What they were read from.
+    /// The file or study.
     pub origin: Origin,
-    /// Why the trials are known to be synthetic, some of them at least; none for trials of people.
+    /// Why the trials, or some of them, are known to be synthetic; `None` for trials of people.
     pub synthetic: Option<String>,
-    /// Whether others are not known to be.
+    /// Whether only some of them are known to be synthetic.
     pub is_mixed: bool,
 }
 
-/// What the trials of a recording were read from.
+/// The file or study from which a recording was read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// A file of trials, by its name.
     File(String),
-    /// A study, by its name in addresses.
+    /// A study, by its name in URLs.
     Study(String),
 }
 
@@ -69,7 +69,7 @@ pub struct RecordedParticipant {
 pub struct RecordedTrial {
     /// The line of its first row, in a file.
     pub line: Option<u64>,
-    /// The trial's number, which no other trial of the participant has.
+    /// The trial's number, unique within the participant.
     pub number: u64,
     /// The phase of the study that it belongs to.
     pub phase: Phase,
@@ -95,8 +95,7 @@ impl RecordedParticipant {
         self.trials.retain(|trial| trial.phase == Phase::Task);
     }
 
-    /// Keeps one trial of each scene that was driven again: the first that was not interrupted, else the
-    /// first.
+    /// Keeps one trial of each scene that was driven again: the first uninterrupted one, otherwise the first.
     pub fn keep_one_attempt(&mut self) {
         let again: Vec<usize> =
             (0..self.trials.len()).filter(|&i| self.trials[i].attempt > 1).collect();
@@ -119,8 +118,7 @@ impl RecordedParticipant {
     }
 }
 
-/// Flags of the trials of these participants, with how many have each. That a trial was imported casts no
-/// doubt on it.
+/// Counts the trials with each flag. Omits the flag for imported trials, which casts no doubt.
 #[must_use]
 pub fn flagged<'a>(
     participants: impl IntoIterator<Item = &'a RecordedParticipant>,
@@ -133,10 +131,10 @@ pub fn flagged<'a>(
     flagged
 }
 
-/// Something wrong with a participant's data.
+/// A fault in a participant's data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// The line that is wrong, in a file.
+    /// The wrong line, in a file.
     pub line: Option<u64>,
     /// Field, expected and found.
     pub what: Invalid,
@@ -156,7 +154,7 @@ pub struct Exclusion {
     pub participant: String,
     /// Why they are excluded.
     pub reason: String,
-    /// The line of the file that is wrong, if a single line is.
+    /// The wrong line of the file, if it is a single one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u64>,
     /// The line of their first row, if all rows together are the reason. It depends on the order of
@@ -166,25 +164,25 @@ pub struct Exclusion {
 }
 
 impl Exclusion {
-    /// For a reason that no single line shows.
+    /// An exclusion without a wrong line.
     #[must_use]
     pub fn new(participant: &str, reason: String) -> Self {
         Self { participant: participant.to_owned(), reason, line: None, first_line: None }
     }
 
-    /// For a participant whom an experimenter excluded.
+    /// An exclusion by an experimenter.
     #[must_use]
     pub fn by_experimenter(participant: &str, reason: &str) -> Self {
         Self::new(participant, format!("excluded by an experimenter: {reason}"))
     }
 
-    /// For a fault in the participant's rows.
+    /// An exclusion for a fault in the participant's rows.
     #[must_use]
     pub fn of_fault(participant: &str, fault: &Fault) -> Self {
         Self { line: fault.line, ..Self::new(participant, fault.what.to_string()) }
     }
 
-    /// The reason, with the line that is wrong.
+    /// The reason, with the wrong line.
     #[must_use]
     pub fn why(&self) -> String {
         match self.line {
@@ -196,7 +194,7 @@ impl Exclusion {
 
 impl fmt::Display for Exclusion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Names may contain control sequences of a terminal.
+        // Escaped, because names may contain terminal control sequences.
         write!(f, "participant {}: {}", self.participant.escape_debug(), self.why())?;
         self.first_line.map_or(Ok(()), |line| write!(f, " (their rows begin in line {line})"))
     }

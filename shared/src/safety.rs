@@ -1,5 +1,5 @@
-//! Safety levels: how safe the human and the robot are from each other in a joint state. Each level is
-//! the value function of the game in which the one evades and the other pursues, in m; at ≤ 0 m the
+//! Safety levels: how safe the human and the robot are from each other in a joint state. Each level
+//! is the value function, in m, of the game in which one evades and the other pursues; at ≤ 0 m the
 //! other vehicle can force a collision.
 
 mod quality;
@@ -11,7 +11,7 @@ use crate::scene::{Evader, JointState, SceneParameters};
 use core::ops::ControlFlow;
 
 /// The value function of `game`: the closed form if there is one, otherwise a solution with the
-/// settings that server and browser share, so that both obtain the same bytes.
+/// settings shared by server and browser, so that both obtain the same bytes.
 ///
 /// # Errors
 /// [`SolveError`] if the game cannot be solved, or if `progress` cancels the solve.
@@ -25,7 +25,7 @@ pub fn value_function(
     solve(game, &Options::default(), progress).map(|solved| solved.function)
 }
 
-/// The value functions that give the safety levels of both vehicles.
+/// The value functions for the safety levels of both vehicles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SafetyLevels {
     /// V_HR: the human evades; its argument is the robot's pose in the human's frame.
@@ -35,7 +35,7 @@ pub struct SafetyLevels {
 }
 
 impl SafetyLevels {
-    /// Solves both games of these vehicles, or one if it serves both roles.
+    /// Solves both games of these vehicles, or only one if it serves both roles.
     ///
     /// # Errors
     /// The errors of [`value_function`].

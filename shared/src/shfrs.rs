@@ -1,5 +1,5 @@
-//! Stochastic human forward reachable sets: nested regions of the plane, predicted from the states so
-//! far.
+//! Stochastic human forward reachable sets: nested regions of the plane, predicted from the states
+//! so far.
 
 pub mod file;
 pub mod window;
@@ -41,17 +41,17 @@ pub struct PredictedHuman<'a> {
 
 /// The turn rates of a predictor's classes, rad/s.
 enum Actions<'a> {
-    /// The predictor gives them.
+    /// Given by the predictor.
     Given(&'a [f64]),
-    /// So many of these, for classes of turns.
+    /// For classes of turns: the first N of these rates, one per class.
     OfTurns([f64; 3], usize),
 }
 
-/// Most features of a predictor, which uses each at most once.
+/// Maximum number of features of a predictor, which uses each at most once.
 const MOST_FEATURES: usize = FEATURES.len();
 
 impl<'a> PredictedHuman<'a> {
-    /// The human of these `parameters`, as predicted by `predictor`.
+    /// The human of `parameters`, predicted by `predictor`.
     ///
     /// # Errors
     /// The errors of [`Self::within`].
@@ -63,12 +63,12 @@ impl<'a> PredictedHuman<'a> {
         Self::within(predictor, safety, parameters.human.turn_range())
     }
 
-    /// A human with turn rates from `turn_rate.0` to `turn_rate.1`, rad/s, as predicted by
-    /// `predictor`. If the predictor does not give the turn rates of its classes, −1 is the lowest
-    /// rate, 0 is straight and 1 is the highest rate.
+    /// A human with turn rates from `turn_rate.0` to `turn_rate.1`, rad/s, predicted by
+    /// `predictor`. If the predictor has no turn rates for its classes, −1 is the lowest rate, 0 is
+    /// straight and 1 is the highest rate.
     ///
     /// # Errors
-    /// [`Invalid`] if the predictor gives no turn rates and has other classes than these.
+    /// [`Invalid`] if the predictor has no turn rates and its classes are not −1, 0 and 1.
     pub fn within(
         predictor: &'a Predictor,
         safety: &'a SafetyLevels,
@@ -116,7 +116,7 @@ impl ActionModel for PredictedHuman<'_> {
     }
 }
 
-/// How sets are predicted and drawn.
+/// Settings for predicting and drawing sets.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ShfrsSettings {
@@ -124,30 +124,30 @@ pub struct ShfrsSettings {
     pub bounds: BoundsSettings,
     /// Settings of the polygons.
     pub polygon: PolygonSettings,
-    /// Whether to compute polygons of the positions after each step, besides the tube.
+    /// Whether to compute polygons of the positions after each step, in addition to the tube.
     pub by_step: bool,
 }
 
 impl ShfrsSettings {
-    /// Tubes under these bounds, as [`PolygonSettings::default`] draws them.
+    /// Tubes under these bounds, with [`PolygonSettings::default`].
     #[must_use]
     pub fn new(bounds: BoundsSettings) -> Self {
         Self { bounds, polygon: PolygonSettings::default(), by_step: false }
     }
 
-    /// The paper's settings (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and k = 2, 2, 1, 1 …
-    /// over ten steps, with roll-outs that keep regions nested when ε changes, and polygons with an
-    /// accuracy of 1 mm. For a predictor with a single action, k = 1. The ε are for a human of 0.5 rad/s;
-    /// for others [`in_proportion`](crate::bounds::in_proportion) makes them, so that the last one admits
-    /// every turn.
+    /// The paper's settings (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and k = 2, 2, 1, 1
+    /// … over ten steps, with roll-outs that keep regions nested when ε changes, and polygons with
+    /// an accuracy of 1 mm. For a predictor with a single action, k = 1. These ε are for a human of
+    /// 0.5 rad/s; for others, [`in_proportion`](crate::bounds::in_proportion) scales them so that
+    /// the last one admits every turn.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no action.
+    /// [`Invalid`] if there are no actions.
     pub fn paper(actions: usize) -> Result<Self, Invalid> {
         let k = (0..10).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect();
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
-        // Far less than a pixel at any zoom of a scene.
+        // Far below a pixel at any zoom of a scene.
         Ok(Self { polygon: PolygonSettings::new(1e-3, 8)?, ..Self::new(bounds) })
     }
 
@@ -157,13 +157,13 @@ impl ShfrsSettings {
         Self { bounds, ..self }
     }
 
-    /// Sets [`Self::polygon`], how polygons are drawn.
+    /// Sets [`Self::polygon`], the settings of the polygons.
     #[must_use]
     pub fn with_polygon(self, polygon: PolygonSettings) -> Self {
         Self { polygon, ..self }
     }
 
-    /// Sets [`Self::by_step`], whether to compute polygons after each step, besides the tube.
+    /// Sets [`Self::by_step`], whether to compute polygons after each step in addition to the tube.
     #[must_use]
     pub fn with_by_step(self, by_step: bool) -> Self {
         Self { by_step, ..self }
@@ -178,8 +178,8 @@ pub struct NestedSet {
     pub epsilon: f64,
     /// The bounds.
     pub bounds: InputBounds,
-    /// Every position reachable within the steps ahead: a closed counter-clockwise polygon in the world
-    /// frame, m.
+    /// All positions reachable within the steps ahead: a closed counter-clockwise polygon in the
+    /// world frame, m.
     pub tube: Vec<[f64; 2]>,
     /// Whether the tube follows the set or is a convex polygon around it.
     pub tube_outline: Outline,
@@ -188,12 +188,12 @@ pub struct NestedSet {
     /// The positions reachable after exactly 1 … T steps, each as a polygon like the tube; empty
     /// without [`ShfrsSettings::by_step`].
     pub steps: Vec<Vec<[f64; 2]>>,
-    /// The same as `tube_outline` for each polygon of `steps`.
+    /// Like `tube_outline`, for each polygon of `steps`.
     pub step_outlines: Vec<Outline>,
 }
 
 impl NestedSet {
-    /// Memory for a set.
+    /// An empty set, whose buffers are reused.
     fn empty(bounds: InputBounds) -> Self {
         Self {
             epsilon: 0.0,
@@ -206,7 +206,8 @@ impl NestedSet {
         }
     }
 
-    /// Replaces this set by `reachable`, the set of these bounds. Between two polygons it asks whether to go on.
+    /// Replaces this set by `reachable`, the set of these bounds. Calls `goes_on` before each
+    /// polygon.
     fn take(
         &mut self,
         epsilon: f64,
@@ -233,15 +234,15 @@ impl NestedSet {
     }
 }
 
-/// Nested forward reachable sets of the human. Their probabilities come from
-/// trajectories, not from a single prediction.
+/// Nested forward reachable sets of the human. Their probabilities come from trajectories, not from
+/// a single prediction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shfrs {
     /// From the smallest to the largest.
     pub sets: Vec<NestedSet>,
 }
 
-/// Predicts sets frame by frame and reuses the memory of the last frame.
+/// Predicts sets frame by frame and reuses the buffers of the previous frame.
 ///
 /// # Example
 /// ```
@@ -280,7 +281,7 @@ pub struct ShfrsPredictor {
 }
 
 impl ShfrsPredictor {
-    /// The sets of the last predicted frame; none before the first.
+    /// The sets of the latest predicted frame; empty before the first.
     #[must_use]
     pub fn shfrs(&self) -> &Shfrs {
         &self.shfrs
@@ -302,10 +303,10 @@ impl ShfrsPredictor {
         Ok(&self.shfrs)
     }
 
-    /// [`Self::predict`], which asks before each polygon whether to go on; none if it was told not to.
+    /// Like [`Self::predict`], but can be cancelled before each polygon; returns none if cancelled.
     ///
     /// # Errors
-    /// As for [`Self::predict`].
+    /// The errors of [`Self::predict`].
     pub fn predict_while(
         &mut self,
         history: &[JointState],
@@ -395,8 +396,8 @@ mod tests {
         predict(&[now], &parameters, &human, &ShfrsSettings::paper(3).unwrap()).unwrap()
     }
 
-    /// The paper's setting of Figure 3, left, for a predictor that is sure of a turn
-    /// to the right: areas, m², of the reference sketch of the replay page.
+    /// The paper's setting of Figure 3, left, for a predictor that expects a turn to the right:
+    /// areas, m², of the reference sketch of the replay page.
     #[test]
     fn areas_of_a_human_who_turns_right() {
         let areas: Vec<f64> = sets([0.6, 0.3, 0.1]).sets.iter().map(|set| set.area_m2).collect();
@@ -421,7 +422,7 @@ mod tests {
         let now = [JointState { human: Pose::new(1.0, 2.0, 0.5), robot: Pose::new(9.0, 2.0, 3.0) }];
         let settings = ShfrsSettings::paper(3).unwrap().with_by_step(true);
         let whole = predict(&now, &parameters, &human, &settings).unwrap();
-        // Five tubes, and five times ten polygons.
+        // Five tubes and fifty step polygons.
         for (most, ends) in [(0, true), (1, true), (30, true), (54, true), (55, false)] {
             let (mut online, mut asked) = (ShfrsPredictor::default(), 0);
             let goes_on = &mut || {
@@ -435,7 +436,7 @@ mod tests {
         }
     }
 
-    /// One predictor for frames of different settings gives what a fresh one gives.
+    /// A predictor reused for frames with different settings gives the results of a fresh one.
     #[test]
     fn nothing_is_left_from_the_frame_before() {
         let (parameters, safety, predictor) = setup([0.6, 0.3, 0.1]);

@@ -69,13 +69,14 @@ pub fn beta_quantile(probability: f64, a: f64, b: f64) -> f64 {
     probability.inv_inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
 }
 
-/// Algorithm AS 109 computes with absolute errors of 10⁻³⁰: below this probability it loses digits, and at 10⁻²⁰⁰
-/// it does not end.
+/// Algorithm AS 109 has an absolute error of 10⁻³⁰: below this probability it loses digits, and at
+/// 10⁻²⁰⁰ it does not terminate.
 const LEAST_OF_NEWTON: f64 = 1e-18;
 
-/// The largest number in [0, 1] below which a monotone predicate is false.
+/// The largest number in [0, 1] for which a monotone predicate is false.
 fn bisected(holds: impl Fn(f64) -> bool) -> f64 {
-    // Numbers ≥ 0 are in the order of their bits, so halving these keeps the relative error small.
+    // Non-negative numbers are ordered like their bits, so halving the bits keeps the relative
+    // error small.
     let (mut no, mut yes) = (0.0_f64.to_bits(), 1.0_f64.to_bits());
     while yes - no > 1 {
         let middle = u64::midpoint(no, yes);
@@ -94,7 +95,7 @@ pub fn upper_tail(x: f64) -> f64 {
     0.5 * (x * core::f64::consts::FRAC_1_SQRT_2).compl_error()
 }
 
-/// P(X ≥ `hits`) for X binomial: `of` tries that succeed with `probability` each.
+/// P(X ≥ `hits`) for a binomial X with `of` trials and success probability `probability`.
 #[must_use]
 pub fn binomial_at_least(hits: usize, of: usize, probability: f64) -> f64 {
     match hits {
@@ -104,10 +105,10 @@ pub fn binomial_at_least(hits: usize, of: usize, probability: f64) -> f64 {
     }
 }
 
-/// The exact confidence interval of a proportion after `hits` of `of` independent trials (Clopper and
-/// Pearson, Biometrika 1934). It covers the true proportion with at least the given `confidence`, in
-/// (0, 1), and misses it equally often on either side. Counts need not be whole, because effective
-/// sample sizes are not; 0 ≤ `hits` ≤ `of`. Without a trial the interval is [0, 1].
+/// The exact confidence interval of a proportion after `hits` in `of` independent trials (Clopper
+/// and Pearson, Biometrika 1934). It covers the true proportion with at least the given
+/// `confidence`, in (0, 1), with equal error bounds on both sides. Counts may be fractional,
+/// because effective sample sizes are; 0 ≤ `hits` ≤ `of`. Without trials the interval is [0, 1].
 #[must_use]
 pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
     let tail = 0.5 * (1.0 - confidence);
@@ -118,19 +119,20 @@ pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
 }
 
 /// The proportion of windows with some property, given the tally of each trajectory. Its interval
-/// assumes that the *trajectories* are independent and nothing about their windows: it is
+/// assumes that *trajectories* are independent, but nothing about windows within one: it is
 /// [`clopper_pearson`] at the effective sample size n* = (Σw_i)²/Σw_i² of trajectories with w_i
 /// windows (Kish, Survey Sampling, 1965), as if all windows of a trajectory agreed. If all
-/// trajectories have equally many windows, n* is the number of trajectories; if each has one window,
-/// the interval is exact.
+/// trajectories have equally many windows, n* is the number of trajectories; if each has one
+/// window, the interval is exact.
 ///
-/// Korn and Graubard (Survey Methodology 24, 1998) give a narrower interval: they estimate from the
-/// variance between trajectories how much windows agree. If a few trajectories miss in all their
-/// windows and the others hardly ever, samples contain too few of the former: in simulations with 30
-/// trajectories that interval covered .75 instead of .90, with 300 still only .87. The interval here
-/// covered in all simulations, but is wider if windows of a trajectory hardly agree.
+/// Korn and Graubard (Survey Methodology 24, 1998) give a narrower interval: they estimate the
+/// agreement between windows from the variance between trajectories. If a few trajectories miss in
+/// all their windows and the others almost never, samples contain too few of the first kind: in
+/// simulations with 30 trajectories that interval covered 0.75 instead of 0.90, with 300 still only
+/// 0.87. The interval here covered in all simulations, but it is wider than necessary if windows of
+/// a trajectory hardly agree.
 ///
-/// Without a window the proportion is unknown: value 0 in [0, 1].
+/// Without windows the proportion is unknown: value 0 in [0, 1].
 ///
 /// # Errors
 /// [`Invalid`] if `confidence` is not in (0, 1), or there are more hits than windows.
@@ -152,21 +154,22 @@ pub fn share(tallies: &[Tally], confidence: f64) -> Result<Estimate, Invalid> {
     Ok(Estimate { value, low: low.min(value), high: high.max(value) })
 }
 
-/// The mean of the shares of some people, each from 0 to 1, with an interval that takes the people as
-/// drawn from a population and assumes nothing else. It is Student's interval of their mean after half a
-/// person with share 0 and half a person with share 1 were added, within [0, 1].
+/// The mean of people's shares, each from 0 to 1. The interval treats the people as drawn from a
+/// population and assumes nothing else. It is Student's interval of the mean after adding half a
+/// person with share 0 and half a person with share 1, clamped to [0, 1].
 ///
-/// Without the two halves, people who nearly all have the same small share would make the interval too
-/// short: in simulations with 5 to 50 people of 10 or 50 tasks, with mean shares of 0.03 to 0.5 and people who
-/// were alike or not, Student's interval of 95 % covered in 84 to 94 % on average and 50 % at worst, the
-/// bootstrap in 76 to 93 % and 48 %, Korn and Graubard's with their degrees of freedom in 95 to 97 % and
-/// 73 %. This one covered in at least 95 % everywhere there, and is a fifth to half shorter than that of [`share`].
-/// Of people whose shares are 0 or 1 and seldom 1 it covers less: 91 % with a mean of 0.1 and 24 people.
+/// Without the two halves, people who nearly all have the same small share would make the interval
+/// too short. In simulations with 5 to 50 people of 10 or 50 tasks, with mean shares of 0.03 to 0.5
+/// and similar or different people, Student's interval of 95 % covered in 84 to 94 % on average and
+/// in 50 % at worst, the bootstrap in 76 to 93 % and 48 %, Korn and Graubard's with their degrees
+/// of freedom in 95 to 97 % and 73 %. This interval covered in at least 95 % of each case, and is a
+/// fifth to a half shorter than that of [`share`]. If all shares are 0 or 1, and seldom 1, it
+/// covers less: 91 % with a mean of 0.1 and 24 people.
 ///
-/// Without a person the share is unknown: value 0 in [0, 1].
+/// Without people the share is unknown: value 0 in [0, 1].
 ///
 /// # Errors
-/// [`Invalid`] if `confidence` is not in (0, 1), or a share is not from 0 to 1.
+/// [`Invalid`] if `confidence` is not in (0, 1), or a share is not in [0, 1].
 pub fn mean_share(shares: &[f64], confidence: f64) -> Result<Estimate, Invalid> {
     open_probability("confidence", confidence)?;
     if let Some(i) = shares.iter().position(|share| !(0.0..=1.0).contains(share)) {
@@ -197,7 +200,7 @@ mod tests {
     use super::*;
     use crate::math::{SeededRng, exp, ln};
 
-    /// `scipy.stats.t.ppf` 1.17, and the interval computed from it with NumPy.
+    /// Values of `scipy.stats.t.ppf` 1.17, and the interval computed from them with NumPy.
     #[test]
     fn intervals_over_people_have_the_values_of_scipy() {
         let quantiles = [
@@ -218,7 +221,7 @@ mod tests {
         assert_eq!(mean_share(&[0.5], 1.0).unwrap_err().field, "confidence");
     }
 
-    /// A fifth of the people are often in danger, the others seldom: 0.2 · 0.6 + 0.8 · 0.05.
+    /// A fifth of the people are often in danger, the others rarely: 0.2 · 0.6 + 0.8 · 0.05.
     #[test]
     fn the_interval_over_people_covers_where_few_differ_from_all_others() {
         let (mut rng, draws, truth) = (SeededRng::new(11), 2000, 0.16);
@@ -238,7 +241,7 @@ mod tests {
         }
     }
 
-    /// The quantile's x and P(X ≤ x) there, by mpmath with 30 digits.
+    /// Each quantile x and P(X ≤ x), by mpmath with 30 digits.
     #[test]
     fn beta_meets_values_of_thirty_digits() {
         let cases = [
@@ -273,7 +276,7 @@ mod tests {
         assert_eq!((beta_quantile(0.0, 2.0, 3.0), beta_quantile(1.0, 2.0, 3.0)), (0.0, 1.0));
     }
 
-    /// Down to the least probabilities there are, against I(x; a, 1) = xᵃ and I(x; 1, b) ≈ bx.
+    /// Compares with I(x; a, 1) = xᵃ and I(x; 1, b) ≈ bx, down to the smallest probabilities.
     #[test]
     fn quantiles_of_tiny_probabilities_have_their_closed_forms() {
         for exponent in [-307, -299, -200, -100, -40, -19, -18, -17, -9] {
@@ -295,7 +298,7 @@ mod tests {
         assert!(beta_quantile(5e-324, 3.0, 3.0) < 1e-100);
     }
 
-    /// The tail against its sum, and its ends.
+    /// Compares the tail with its sum, and checks its ends.
     #[test]
     fn binomial_tails_are_sums() {
         for (n, p) in [(1, 0.3), (12, 0.75), (40, 0.9), (100, 0.05)] {
@@ -311,8 +314,8 @@ mod tests {
         }
     }
 
-    /// No hit in n: 1 − (α/2)^{1/n}, for small α about 3.7/n (3/n one-sided). 8 of 10 and
-    /// 15 of 20: the intervals every textbook table has.
+    /// No hits in n: 1 − (α/2)^{1/n}, for small α about 3.7/n (3/n one-sided). 8 of 10 and 15 of
+    /// 20: the intervals in every textbook.
     #[test]
     fn clopper_pearson_meets_its_tables() {
         for n in [1.0, 10.0, 100.0, 3000.0] {
@@ -331,8 +334,8 @@ mod tests {
         assert_eq!(clopper_pearson(0.0, 0.0, 0.95), (0.0, 1.0));
     }
 
-    /// How often the interval of [`share`] covers, over seeded draws of `trajectories`. In a
-    /// part `alike` of them all windows have the same answer, in the others each its own.
+    /// The coverage of [`share`]'s interval over seeded draws of `trajectories`. In a proportion
+    /// `alike` of them all windows agree; in the others they are independent.
     fn coverage(draws: usize, trajectories: usize, truth: f64, alike: f64) -> f64 {
         let mut rng = SeededRng::new(5);
         let mut covered = 0;

@@ -19,12 +19,12 @@ use crate::trial::Phase;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The configuration of a study. Study files are TOML; a missing table or field takes the paper's
-/// value.
+/// The configuration of a study. Study files are TOML; missing tables and fields default to the
+/// paper's values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StudyConfig {
-    /// Name in addresses: 1 to 64 lower-case letters, digits and hyphens.
+    /// Name in URLs: 1 to 64 lower-case letters, digits and hyphens.
     pub slug: String,
     /// Name shown to people, 1 to 200 characters.
     pub title: String,
@@ -32,25 +32,25 @@ pub struct StudyConfig {
     pub version: String,
     /// Whether people can take part. Default: open.
     pub status: Status,
-    /// Whether synthetic participants take part, and no people: such a study is marked on every page and
-    /// in every export. Default: false.
+    /// Whether the participants are synthetic: such a study admits no people and is marked on every page
+    /// and in every export. Default: false.
     pub synthetic: bool,
-    /// The languages that participants can choose from; the first is used for people who read none of
-    /// them. Default: every language that the server has and all texts of the study are written in,
-    /// English first.
+    /// The languages that participants can choose from; the first is the fallback. Default: every
+    /// language that the server offers and in which all texts of the study are available, English
+    /// first.
     pub languages: Vec<String>,
     /// Vehicles, danger radius and clock.
     pub parameters: SceneParameters,
-    /// Which encounters scenes are drawn from.
+    /// The encounters from which scenes are drawn.
     pub encounters: EncounterRange,
-    /// Seed of the scenes, 0 to 4 294 967 295: another seed gives the participants of the same study
-    /// other scenes. Default: 0.
+    /// Seed of the scenes, 0 to 4 294 967 295: with another seed, the participants of the same study
+    /// get other scenes. Default: 0.
     pub seed: u32,
     /// The phases that a participant drives, in order.
     pub phases: Vec<PhaseConfig>,
     /// The course of every trial.
     pub trials: TrialSettings,
-    /// Who is responsible, and what participants agree to.
+    /// Responsible people and the consent text.
     pub consent: Consent,
     /// The check that participants have understood the instructions.
     pub comprehension: Comprehension,
@@ -58,9 +58,9 @@ pub struct StudyConfig {
     pub questions: Vec<Question>,
     /// The last page.
     pub closing: Closing,
-    /// How people reach the study and where they go afterwards.
+    /// Recruiting service: links to the study and return URLs.
     pub recruitment: Recruitment,
-    /// Sentences of the participant's page that differ from the language files: by language, then by
+    /// Sentences of the participant's page that override the language files: by language, then by
     /// key, such as `[texts.en] "welcome.lead" = "…"`.
     pub texts: BTreeMap<String, BTreeMap<String, String>>,
 }
@@ -70,12 +70,12 @@ pub struct StudyConfig {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Everybody with the link.
+    /// Everyone with the link can take part.
     #[default]
     Open,
-    /// Nobody new; participants who have begun can finish.
+    /// No new participants; participants who have begun can finish.
     Closed,
-    /// Nobody.
+    /// Nobody can take part.
     Archived,
 }
 
@@ -106,8 +106,7 @@ pub struct PhaseConfig {
     /// Whether the danger zone is drawn around the robot. Default: false.
     #[serde(default)]
     pub show_danger_zone: bool,
-    /// Whether the participant is told after each scene if they kept out of the danger zone. Default:
-    /// false.
+    /// Whether the page tells the participant after each scene if they stayed out of the danger zone. Default: false.
     #[serde(default)]
     pub feedback: bool,
 }
@@ -152,7 +151,7 @@ impl Default for StudyConfig {
 const MAX_SCENES: usize = 1000;
 
 impl StudyConfig {
-    /// Accepts a configuration that is valid.
+    /// Accepts a valid configuration.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -248,7 +247,7 @@ impl StudyConfig {
         Ok(())
     }
 
-    /// Accepts texts whose places the page fills: `{radius}` in the check of understanding.
+    /// Accepts texts whose only placeholder is `{radius}`, in the check of understanding.
     fn check_places(&self) -> Result<(), Invalid> {
         for (field, texts) in self.localised() {
             for (language, text) in &texts.0 {
@@ -266,7 +265,7 @@ impl StudyConfig {
         Ok(())
     }
 
-    /// Every text by language with the path of its field, in the order of the page.
+    /// Every localised text with the path of its field, in the order of the page.
     #[must_use]
     pub fn localised(&self) -> Vec<(String, &Localised)> {
         let mut texts = vec![("consent.text".to_owned(), &self.consent.text)];
@@ -294,14 +293,14 @@ impl StudyConfig {
         texts
     }
 
-    /// Whether somebody new can take part: a synthetic participant, or a person. Data of people and data
-    /// of programs that are marked as such never mix.
+    /// Whether a new participant, synthetic or a person, can take part. Data of people never mix with
+    /// data marked as synthetic.
     #[must_use]
     pub fn admits(&self, synthetic: bool) -> bool {
         self.status == Status::Open && (synthetic || !self.synthetic)
     }
 
-    /// Accepts the configuration that replaces this one in a study in which so many participants took part.
+    /// Accepts a configuration that replaces this one in a study with `participants` participants.
     ///
     /// # Errors
     /// [`Invalid`] if people and synthetic participants would mix.
@@ -317,7 +316,7 @@ impl StudyConfig {
         Err(Invalid::new("synthetic", expected, new.synthetic))
     }
 
-    /// The language for people who read none that the study has.
+    /// The fallback language.
     #[must_use]
     pub fn first_language(&self) -> &str {
         self.languages.first().map_or("en", String::as_str)
@@ -327,7 +326,7 @@ impl StudyConfig {
     /// platform.
     ///
     /// # Errors
-    /// [`Invalid`] if no scene is found with these parameters in which the human can escape.
+    /// [`Invalid`] if these parameters allow no scene in which the human can escape.
     pub fn plan(&self, seed: u64) -> Result<Vec<(PhaseConfig, Vec<Scene>)>, Invalid> {
         self.each_phase(seed, |phase, seed| {
             let scenes = generate(&self.parameters, &self.encounters, phase.scenes, seed)?;
@@ -349,7 +348,7 @@ impl StudyConfig {
         })
     }
 
-    /// The scenes of every phase, each with a seed of its own.
+    /// The scenes of every phase, each with its own seed.
     fn each_phase<S>(
         &self,
         seed: u64,
@@ -433,7 +432,7 @@ mod tests {
             }),
             "comprehension.attempts"
         );
-        // Six standard questions to draw from.
+        // There are six standard questions to draw from.
         let draw = |draw| {
             let mut study = StudyConfig::default();
             study.comprehension.draw = draw;

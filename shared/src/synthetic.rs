@@ -28,11 +28,11 @@ use stream::Stream;
 /// When the vehicle follows the keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keys {
-    /// At once. Keys change within steps, so the states cannot be replayed from one input per
+    /// Immediately. Keys change within steps, so the states cannot be replayed from one input per
     /// step; headings are not wrapped.
     Free,
-    /// At the beginning of each step, as in the study: the states are exactly those that
-    /// [`JointState::advance`] gives.
+    /// At the start of each step, as in the study: the states are exactly those of
+    /// [`JointState::advance`].
     Clock,
 }
 
@@ -41,42 +41,42 @@ pub enum Keys {
 pub struct KeyChange {
     /// Time after the start of the scene, ms.
     pub at_ms: f64,
-    /// The input from then on.
+    /// The input from that time on.
     pub input: TurnInput,
 }
 
-/// A scene as a synthetic participant drove it.
+/// A synthetic participant's drive of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SyntheticDrive {
-    /// The key held at the beginning of each step.
+    /// The key held at the start of each step.
     pub inputs: Vec<TurnInput>,
     /// The states before each step and after the last.
     pub states: Vec<JointState>,
-    /// When each input was sampled: the beginning of its step, ms after the scene's start.
+    /// When each input was sampled: the start of its step, ms after the scene's start.
     pub sampled_at_ms: Vec<f64>,
-    /// Every key change, in order of time; no key is held before the first.
+    /// Every key change, in order of time; no key is held before the first change.
     pub key_changes: Vec<KeyChange>,
 }
 
-/// Interval at which perception and decision are updated, s; it is rounded so that it divides a
-/// step evenly.
+/// Interval between updates of perception and decision, s; rounded so that it divides a step
+/// evenly.
 const TICK_S: f64 = 0.05;
 
 /// Maximum number of ticks in a step; steps longer than 50 s have longer ticks.
 const MAX_TICKS: f64 = 1000.0;
 
-/// One person of the population that a seed defines.
+/// One person of a seed's population.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticParticipant {
     seed: u64,
     number: u64,
-    /// The parameters of this person.
+    /// This person's parameters.
     pub person: Person,
 }
 
 impl SyntheticParticipant {
-    /// Person `number`, from 0, of the population that `seed` defines. A person does not depend
-    /// on the size of the population.
+    /// Person `number`, from 0, of `seed`'s population. A person does not depend on the size of the
+    /// population.
     #[must_use]
     pub fn new(seed: u64, number: u64) -> Self {
         Self { seed, number, person: Person::draw(&mut Stream::of_person(seed, number)) }
@@ -91,13 +91,13 @@ impl SyntheticParticipant {
         (scene, self.drive_on(stream, &parameters, &scene, keys))
     }
 
-    /// The scene of [`Self::own_trial`], and the random numbers of the drive.
+    /// The scene of [`Self::own_trial`], and the random stream of the drive.
     fn own_scene(&self, parameters: &SceneParameters, trial: u64) -> (Scene, Stream) {
         let mut stream = Stream::of_trial(self.seed, self.number, trial);
         (encounter::draw(parameters, &mut stream), stream)
     }
 
-    /// The first `tasks` trials of the paper's study ([`Self::own_trial`]) as a recording has them.
+    /// The first `tasks` trials of the paper's study ([`Self::own_trial`]), as in a recording.
     #[must_use]
     pub fn recorded(&self, tasks: u64, keys: Keys) -> RecordedParticipant {
         let parameters = SceneParameters::default();
@@ -191,7 +191,7 @@ impl SyntheticParticipant {
     }
 }
 
-/// As [`JointState::advance`], but without wrapping the headings, as in the reference.
+/// Like [`JointState::advance`], but without wrapping the headings, as in the reference.
 fn advance_unwrapped(
     parameters: &SceneParameters,
     state: JointState,

@@ -11,7 +11,7 @@ use crate::safety::SafetyLevels;
 use crate::scene::JointState;
 use crate::vehicle::TurnInput;
 
-/// One trial to learn from: the input of each step, and the states before them.
+/// One trial for training: the input of each step, and the states before each.
 pub type Driven = (Vec<TurnInput>, Vec<JointState>);
 
 /// A predictor, and how it was trained.
@@ -19,11 +19,11 @@ pub type Driven = (Vec<TurnInput>, Vec<JointState>);
 pub struct Trained {
     /// The predictor.
     pub predictor: Predictor,
-    /// Why the predictor has only the frequencies of the inputs, if so.
+    /// Why the predictor has only the frequencies of the inputs; none if it is trained.
     pub fallback: Option<String>,
 }
 
-/// With fewer trials, a learned model says more about chance than about the participant.
+/// With fewer trials, a trained model would reflect chance more than the participant.
 const MIN_TRIALS: usize = 5;
 
 /// A logistic regression on `features` that predicts the turn direction (experiment 1), or constant
@@ -57,7 +57,7 @@ const MIN_TRIALS: usize = 5;
 /// ```
 ///
 /// # Errors
-/// [`Invalid`] for features or probabilities that do not fit, which is a defect of this library.
+/// [`Invalid`] for inconsistent features or probabilities, which is a bug in this library.
 pub fn train(
     features: &FeatureSet,
     safety: Option<&SafetyLevels>,
@@ -66,10 +66,10 @@ pub fn train(
     train_early(features, safety, trials, MIN_TRIALS)
 }
 
-/// As [`train`], but `least` trials are enough to learn from: to watch how a model is learned.
+/// Like [`train`], but requires only `least` trials, to show how a model improves with data.
 ///
 /// # Errors
-/// As [`train`].
+/// The errors of [`train`].
 pub fn train_early(
     features: &FeatureSet,
     safety: Option<&SafetyLevels>,
@@ -100,13 +100,13 @@ fn enough(trials: &[Driven], least: usize) -> Result<(), String> {
     let first = inputs.next();
     if inputs.all(|input| Some(input) == first) {
         let word = first.map_or("no", |input| input.word());
-        return Err(format!("the {n} earlier trials hold one kind of input only ({word})"));
+        return Err(format!("the {n} earlier trials contain only one kind of input ({word})"));
     }
     Ok(())
 }
 
-/// Logistic regression (C = 1) on standardised rows. Only inputs that occur are classes: nothing
-/// is known of the others.
+/// Logistic regression (C = 1) on standardised rows. Only inputs that occur are classes: there are
+/// no data about the others.
 ///
 /// # Errors
 /// [`Invalid`] if there is no row, or a number is not finite.
@@ -126,11 +126,11 @@ pub fn logistic(data: &Dataset) -> Result<Predictor, Invalid> {
     Ok(Predictor::logistic(data.features.clone(), classes, scale, model))
 }
 
-/// Inputs counted before any is seen: right, straight, left. Nothing is impossible
-/// because it was not seen, and people drive straight for three steps in five.
+/// Prior counts of right, straight and left. An unseen input is not impossible, and people drive
+/// straight in three of five steps.
 const PRIOR: [f64; 3] = [1.0, 3.0, 1.0];
 
-/// The frequencies of the inputs so far, with the prior's.
+/// The frequencies of the inputs so far, including the prior counts.
 fn frequencies(features: &FeatureSet, trials: &[Driven]) -> Result<Predictor, Invalid> {
     let inputs = || trials.iter().flat_map(|(inputs, _)| inputs);
     let total = inputs().count() as f64 + PRIOR.iter().sum::<f64>();
@@ -205,7 +205,7 @@ mod tests {
         let trials = driven_with(&parameters, 5, TurnInput::Left);
         let trained = train(&hrd(), Some(&solved(&parameters)), &trials).unwrap();
         assert_eq!((trained.fallback, trained.predictor.features().len()), (None, 8));
-        // Before they are solved, the fallback gives the reason.
+        // Without safety levels, the fallback has the reason.
         let trained = train(&hrd(), None, &trials).unwrap();
         assert!(trained.fallback.unwrap().contains("not solved"));
     }

@@ -23,7 +23,7 @@ pub enum Phase {
     Familiarisation,
     /// Scenes like the tasks, not analysed.
     Practice,
-    /// The scenes that count.
+    /// The analysed scenes.
     Task,
 }
 
@@ -31,7 +31,7 @@ impl Phase {
     /// Every phase, in the order of a study.
     pub const ALL: [Self; 3] = [Self::Familiarisation, Self::Practice, Self::Task];
 
-    /// The word used in files, rows and on the wire.
+    /// The word in files, rows and on the wire.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -48,7 +48,7 @@ impl Phase {
     }
 }
 
-/// The states before each step and after the last, from `start` under `inputs`: one more than inputs.
+/// Simulates `inputs` from `start`: the states before each step and after the last, one more than inputs.
 #[must_use]
 pub fn simulate(
     parameters: &SceneParameters,
@@ -65,7 +65,7 @@ pub fn simulate(
     states
 }
 
-/// A comparison of recorded states with those that follow from the inputs.
+/// A comparison of recorded states with those replayed from the inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Replay {
@@ -75,7 +75,7 @@ pub struct Replay {
     pub first_difference: Option<usize>,
     /// Largest distance between a recorded and a replayed position, m.
     pub max_position_error_m: f64,
-    /// Largest difference of a recorded and a replayed heading, rad.
+    /// Largest difference between a recorded and a replayed heading, rad.
     pub max_heading_error_rad: f64,
 }
 
@@ -113,13 +113,13 @@ pub fn verify(
 pub struct Outcome {
     /// Smallest distance between the vehicles, m.
     pub closest_m: f64,
-    /// First step during which the human was in the danger zone, if there was one.
+    /// First step in which the human was in the danger zone, if any.
     pub first_step_in_danger: Option<usize>,
-    /// First and last step in which the human turned, if there was one.
+    /// First and last step in which the human turned, if any.
     pub avoidance: Option<(usize, usize)>,
 }
 
-/// More than the rounding of a distance between coordinates of at most
+/// Upper bound of the rounding error of a distance between coordinates of at most
 /// [`Pose::MOST`](crate::vehicle::Pose::MOST), m.
 const ROUNDING_M: f64 = 1e-6;
 
@@ -131,11 +131,12 @@ pub fn outcome(
     states: &[JointState],
 ) -> Outcome {
     let start_m = states.first().map_or(f64::INFINITY, JointState::distance_m);
-    // No later state is nearer than `least_m`, and the vehicles come nearer in a step by at most
-    // `nearer_m`. Steps that begin farther away than both together change nothing: most of a trial.
+    // The smallest distance at a state is `least_m`, and a step can reduce the distance by at most
+    // `nearer_m`. Steps that begin farther away than the sum, which are most of a trial, cannot
+    // contain the minimum.
     let within = || states.iter().zip(inputs);
     let far_m = if cfg!(target_arch = "wasm32") {
-        // A page computes few outcomes, and every byte of it is downloaded.
+        // The client computes few outcomes, and code size matters more there.
         f64::INFINITY
     } else {
         let least_m = within().map(|(state, _)| state.distance_m()).fold(start_m, f64::min);
@@ -159,47 +160,46 @@ pub fn outcome(
     Outcome { closest_m, first_step_in_danger, avoidance }
 }
 
-/// An input that was sampled later than this, ms, interrupts a trial.
+/// An input sampled later than this, ms, marks a trial as interrupted.
 pub const INTERRUPTED_MS: f64 = 100.0;
 
 /// A median frame rate below this is flagged, Hz.
 pub const LOW_FRAME_RATE_HZ: f64 = 30.0;
 
-/// What happened to the page while a scene was driven.
+/// An event of the page during a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PageEventKind {
-    /// The window lost the keyboard.
+    /// The window lost the keyboard focus.
     FocusLost,
-    /// The window has the keyboard again.
+    /// The window regained the keyboard focus.
     FocusGained,
     /// The tab was hidden.
     Hidden,
-    /// The tab is shown again.
+    /// The tab became visible again.
     Shown,
-    /// The window has another size, or the page another zoom.
+    /// The window's size or the page's zoom changed.
     Resized,
-    /// The page left the full screen.
+    /// The page left full-screen mode.
     FullscreenLeft,
-    /// The page fills the screen.
+    /// The page entered full-screen mode.
     FullscreenEntered,
 }
 
-/// Something that happened to the page while a scene was driven.
+/// An event of the page during a scene, with its time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PageEvent {
     /// Time after the scene's start, ms.
     pub t_ms: f64,
-    /// What happened.
+    /// Type of the event.
     pub kind: PageEventKind,
 }
 
-/// The flags of what the page recorded about the driving of a trial. `exposures` counts how often the
-/// scene was shown, this time included; `frame_gap_median_ms` is the median time between frames, if
-/// it is known.
+/// The flags from the page's record of a trial. `exposures` counts how often the scene was shown,
+/// including this time; `frame_gap_median_ms` is the median time between frames, if known.
 #[must_use]
 pub fn page_flags(
     parameters: &SceneParameters,
@@ -234,11 +234,11 @@ pub fn page_flags(
     .collect()
 }
 
-/// Largest difference, ms, between when an input was sampled and when it was due that is not flagged. Both
-/// are counted from the scene's start if the page recorded it, else from the first sample.
+/// Largest unflagged difference between the time at which an input was sampled and its due time, ms. Both
+/// are relative to the scene's start if the page recorded it, otherwise to the first sample.
 pub const LATE_SAMPLE_MS: f64 = 50.0;
 
-/// The flags of a trial that was driven in the assigned `scene`.
+/// The flags of a trial in the assigned `scene`.
 #[must_use]
 pub fn flags(
     parameters: &SceneParameters,
@@ -298,7 +298,7 @@ mod tests {
         };
         check(&due, 1, &[], Some(16.7), &[]);
         check(&stalled, 1, &[], None, &[Flag::LateSample, Flag::Interrupted]);
-        // Both are late, although not by much more than the first.
+        // Late relative to the scene's start, though by little more than the first sample.
         let mut late = due.clone();
         late[0] += 30.0;
         late[20] += 60.0;
@@ -354,7 +354,7 @@ mod tests {
         assert_eq!(serde_json::from_str::<Vec<JointState>>(&text).unwrap(), states);
     }
 
-    /// The plain twin: every step is sampled.
+    /// The reference implementation: samples every step.
     fn plain_outcome(
         parameters: &SceneParameters,
         inputs: &[TurnInput],

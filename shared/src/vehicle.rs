@@ -27,16 +27,16 @@ impl Pose {
         Self { x, y, psi: wrap_angle(psi) }
     }
 
-    /// The position alone, m.
+    /// The position, m.
     #[must_use]
     pub fn position(&self) -> [f64; 2] {
         [self.x, self.y]
     }
 
-    /// The largest coordinate that is accepted, m or rad. Far beyond it, distances overflow.
+    /// The largest accepted coordinate, m or rad. Far beyond it, distances overflow.
     pub const MOST: f64 = 1e6;
 
-    /// Accepts a pose whose three numbers are at most [`Self::MOST`] from 0.
+    /// Accepts a pose whose three coordinates are at most [`Self::MOST`] in magnitude.
     ///
     /// # Errors
     /// [`Invalid`] naming the coordinate.
@@ -61,7 +61,7 @@ impl Pose {
 }
 
 impl From<[f64; 3]> for Pose {
-    /// Keeps the numbers as they are: a stored state must survive a round trip bit for bit.
+    /// Does not wrap the heading: a stored state must survive a round trip bit for bit.
     fn from([x, y, psi]: [f64; 3]) -> Self {
         Self { x, y, psi }
     }
@@ -101,7 +101,7 @@ impl schemars::JsonSchema for TurnInput {
 }
 
 impl TurnInput {
-    /// Every input, in rising order of turn rate.
+    /// Every input, in ascending order of turn rate.
     pub const ALL: [Self; 3] = [Self::Right, Self::Straight, Self::Left];
 
     /// −1, 0 or 1.

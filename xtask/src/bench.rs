@@ -17,40 +17,40 @@ use crate::workspace::{Workspace, answer_of, stage};
 /// Run the benchmarks; each prints a ratio against its baseline in the same run.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only the one of this name, or else those whose name contains it.
+    /// Name of the benchmark, or a part of the names of several.
     name: Option<String>,
-    /// Sooner done, but less exact or less complete.
+    /// Faster, but less exact or less complete.
     #[arg(long)]
     quick: bool,
-    /// Passed on to the benchmark, as in `load -- --people 10000`; `load -- --help` lists them.
+    /// Arguments for the benchmark, as in `load -- --people 10000`; `load -- --help` lists them.
     #[arg(last = true)]
     arguments: Vec<OsString>,
 }
 
-/// Every benchmark: its name, and what is compared with what.
+/// Every benchmark, with its name and description.
 const BENCHES: &[(&str, &str)] = &[
     ("reachability", "batch against one state at a time, two threads against one"),
-    ("reach", "the slowest polygons and questions of membership, in six classes of hard bounds"),
+    ("reach", "worst-case times of polygons and membership, in six classes of hard bounds"),
     ("scenes", "drawing a participant's scenes, against the plain rules"),
     ("shfrs", "predicted sets as WebAssembly in Chromium and on this machine, against targets"),
     ("playback", "frames of a replay as WebAssembly in Chromium and on this machine, by layers"),
     ("learning", "the paper's comparison against scikit-learn (Python, installed on first use)"),
     ("files", "import and export of a million steps, against sqlite3 with one table"),
     ("features", "features of a million steps, two threads against one and state by state"),
-    ("planner", "a robot's round at 10 Hz: five sets over ten steps and a plan's clearance"),
+    ("planner", "a robot's cycle at 10 Hz: five sets over ten steps and a plan's clearance"),
     ("learn", "training and inference of each model on real rows"),
     ("learn_svm", "support vector machines: grids, fits, inference"),
-    ("load", "thousands who take part at once, against SQLite alone and oTree (Python, from PyPI)"),
-    ("capacity", "servers of other sizes, simulated from what `load` has measured on one machine"),
-    ("faults", "a server that is killed and loses power, again and again: nothing is lost"),
+    ("load", "thousands of participants, against SQLite alone and oTree (Python, from PyPI)"),
+    ("capacity", "servers of other sizes, simulated from measurements of `load` on one machine"),
+    ("faults", "repeated kills and power failures of a server: no data may be lost"),
     ("peers", "our solver against hj_reachability (Python, installed on first use)"),
     ("wasm", "the solver as WebAssembly in Chromium against the same on this machine"),
 ];
 
-/// Runs the chosen benchmarks one after the other; stops at the first that fails.
+/// Runs the chosen benchmarks in sequence; stops at the first that fails.
 ///
 /// # Errors
-/// When cargo cannot be started, or figures of our own cannot be had.
+/// When cargo cannot be started or our own side fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let chosen = choose(options.name.as_deref());
     if chosen.is_empty() {
@@ -63,7 +63,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
             "peers" => peers::run(workspace, options.quick, &options.arguments)?,
             "learning" => learning::run(workspace)?,
             "files" => files::run(workspace, options.quick)?,
-            // Quick as they are.
+            // These have no quick mode.
             "shfrs" => wasm::run(workspace, &[wasm::SHFRS, wasm::EVALUATION])?,
             "playback" => wasm::run(workspace, &[wasm::PLAYBACK])?,
             "wasm" => wasm::run(workspace, &[wasm::SOLVE, wasm::VALUE])?,
@@ -76,7 +76,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs the `[[bench]]` target of that name.
+/// Runs the `[[bench]]` target `name`.
 fn run_target(workspace: &Workspace, name: &'static str, options: &Options) -> Result<ExitCode> {
     if ["load", "faults"].contains(&name) {
         stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
@@ -92,9 +92,10 @@ fn run_target(workspace: &Workspace, name: &'static str, options: &Options) -> R
     answer_of(cargo.env("SIDESTEP_BIN", workspace.server()))
 }
 
-/// What cargo is called with for the target `name`.
+/// The arguments of `cargo` for the target `name`.
 fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
-    // Criterion's switches. What an earlier run took says little: baselines are in each run.
+    // Criterion's options. Comparisons with earlier runs mean little: each run has its own
+    // baselines.
     let mut arguments = vec!["--bench", name, "--", "--discard-baseline"];
     if quick {
         arguments.push("--quick");
@@ -102,7 +103,7 @@ fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
     arguments
 }
 
-/// The benchmark called `name`, or else those whose name contains it; all without one.
+/// The benchmark called `name`, otherwise those whose names contain it; all if there is no name.
 fn choose(name: Option<&str>) -> Vec<(&'static str, &'static str)> {
     let wanted = name.unwrap_or_default();
     let of = |fits: fn(&str, &str) -> bool| -> Vec<_> {
@@ -112,7 +113,7 @@ fn choose(name: Option<&str>) -> Vec<(&'static str, &'static str)> {
     if exact.is_empty() { of(|name, wanted| name.contains(wanted)) } else { exact }
 }
 
-/// Says why no benchmark runs, and which there are.
+/// The message that no benchmark matches, with a list of all.
 fn nothing_to_run(name: Option<&str>) -> String {
     let mut message = format!(
         "expected the name of a benchmark, found \"{}\"; there are:",

@@ -9,19 +9,18 @@ use crate::workspace::{Runs, Workspace, stage};
 
 /// Build client and server (release), ready to run from any working directory.
 ///
-/// Leaves `target/release/sidestep` and the client in `target/release/site/`.
+/// Writes the server to `target/release/sidestep` and the client to `target/release/site/`.
 #[derive(Default, clap::Args)]
 pub(crate) struct Options {
-    /// Leave the server as it is: enough after a change to the client or to `static/`.
+    /// Build only the client: enough after a change to it or to `static/`.
     #[arg(long)]
     pub(crate) client_only: bool,
 }
 
-/// Builds, then prints what a page costs to load and how long each stage took.
+/// Builds, then prints the download size of each page and the time of each stage.
 ///
 /// # Errors
-/// When a compiler refuses, `static/` does not fit the client, or participants would load more than they
-/// are promised.
+/// When compiling fails, `static/` does not fit the client, or a page exceeds its size budget.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     workspace.ensure_wasm_target()?;
 
@@ -60,10 +59,10 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     }
 }
 
-/// Builds the server alone.
+/// Builds only the server.
 ///
 /// # Errors
-/// When the compiler refuses.
+/// When compiling fails.
 pub(crate) fn server(workspace: &Workspace) -> Result<Duration> {
     stage("server", workspace.compile("build").args(["--bin", "sidestep"]))
 }
@@ -88,7 +87,7 @@ fn report(pages: &[PageSize], times: &[(&str, Duration)]) {
     }
 }
 
-/// Bytes in thousands.
+/// Bytes as kilobytes.
 fn kilobytes(bytes: usize) -> f64 {
     bytes as f64 / 1000.0
 }

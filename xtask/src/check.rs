@@ -1,4 +1,4 @@
-//! `cargo xtask check`: checks the code, and what it is built from, without running it.
+//! `cargo xtask check`: checks the code and its dependencies without running it.
 
 mod dependencies;
 mod library;
@@ -8,7 +8,7 @@ use anyhow::Result;
 use crate::site::ENTRIES;
 use crate::workspace::{Runs, Workspace, stage};
 
-/// Runs the stages, quickest first, and stops at the first that fails.
+/// Runs the stages, fastest first, and stops at the first that fails.
 ///
 /// # Errors
 /// Naming the stage that failed.
@@ -26,8 +26,8 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
 
     library::run(workspace)?;
 
-    // Two calls, because the server's program and the library are both called
-    // `sidestep`: cargo cannot place both, and the library's pages are to remain.
+    // Two calls, because the server's program and the library are both called `sidestep`: cargo
+    // cannot write both, and the library's pages must remain.
     for (name, kind) in [("docs of programs", "--bins"), ("docs of libraries", "--lib")] {
         let mut docs = workspace.compile("doc");
         docs.args([kind, "--no-deps", "--document-private-items"]);

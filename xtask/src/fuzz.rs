@@ -1,7 +1,7 @@
-//! `cargo xtask fuzz`: feeds generated inputs to everything that reads what comes from outside.
+//! `cargo xtask fuzz`: feeds generated inputs to every parser of external data.
 //!
 //! The parsers are in `tests/src/parsers.rs`. libFuzzer, which finds inputs that reach new code, is compiled from the
-//! package `libfuzzer-sys`; the flags below are those of stable rustc that mark the branches for it.
+//! package `libfuzzer-sys`; the flags below make stable rustc instrument the branches for it.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -16,39 +16,39 @@ use zip::{ZipArchive, ZipWriter};
 
 use crate::workspace::{Workspace, output_of, stage};
 
-/// Feed generated inputs to every parser until one panics or hangs, or the time is over.
+/// Feed generated inputs to every parser until one panics or hangs, or the time is up.
 ///
-/// It begins with the kept inputs, tests/data/parsers/NAME.zip. With --keep, it adds those that reach new code, and
-/// what a parser failed on: a test runs all of them.
+/// Starts with the corpus in tests/data/parsers/NAME.zip. With --keep, adds inputs that reach new code or make a
+/// parser fail; a test runs the whole corpus.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only this parser [default: all, one after the other].
+    /// Only this parser [default: all, in sequence].
     parser: Option<String>,
-    /// How long to search, for each parser.
+    /// Time limit for each parser.
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
-    /// Keep what was found.
+    /// Add the inputs found to the corpus.
     #[arg(long)]
     keep: bool,
 }
 
-/// What rustc is told, so that libFuzzer sees which branches and comparisons an input reaches.
+/// Compiler flags that let libFuzzer see which branches and comparisons an input reaches.
 const FLAGS: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
                      -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
                      -Cllvm-args=-sanitizer-coverage-pc-table \
                      -Cllvm-args=-sanitizer-coverage-trace-compares \
                      -Ccodegen-units=1 -Cdebug-assertions -Coverflow-checks";
 
-/// The longest input, bytes.
+/// Maximum length of an input, bytes.
 const LONGEST: usize = 16_384;
 
-/// The longest time that an input may take, s.
+/// Timeout for one input, s.
 const PATIENCE_S: u32 = 20;
 
-/// Searches. The exit code is 1 if a parser failed, and 2 if there is no such parser.
+/// Runs the search. The exit code is 1 if a parser failed, and 2 if there is no such parser.
 ///
 /// # Errors
-/// When the parsers cannot be built, or kept inputs cannot be read or written.
+/// When the parsers cannot be built, or the corpus cannot be read or written.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let program = build(workspace)?;
     let names = output_of("the list of parsers", Command::new(&program).env("LIST_PARSERS", "1"))?;
@@ -73,13 +73,13 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     Ok(code)
 }
 
-/// Builds the parsers with marked branches, in a folder of their own.
+/// Builds the instrumented parsers in a separate folder.
 fn build(workspace: &Workspace) -> Result<std::path::PathBuf> {
     let version = output_of("rustc", Command::new("rustc").args(["--version", "--verbose"]))?;
     let host = version.lines().find_map(|line| line.strip_prefix("host: "));
     let host = host.context("rustc names no host")?;
     let target = workspace.output("fuzz");
-    // With a target named, the flags do not reach what runs while it is built.
+    // With an explicit target, the flags do not apply to build scripts and procedural macros.
     let mut cargo = workspace.compile("build");
     cargo.args(["--features", "sidestep-tests/fuzz", "--example", "fuzz", "--target", host]);
     cargo.env("CARGO_TARGET_DIR", &target).env("RUSTFLAGS", FLAGS);
@@ -109,7 +109,7 @@ fn search(
     for (hash, bytes) in &kept {
         fs::write(corpus.join(hash), bytes)?;
     }
-    // What an earlier search has found is tried again: it may be mended.
+    // Retry the failures of an earlier search, which may be fixed by now.
     for (hash, bytes) in read_folder(&found)? {
         fs::write(corpus.join(hash), bytes)?;
     }
@@ -136,7 +136,7 @@ fn search(
     let tried = tried.unwrap_or("?").trim().to_owned();
     let failures = read_folder(&found)?;
     if !whole && failures.is_empty() {
-        bail!("{name}: the search ended badly; see {}", log.display());
+        bail!("{name}: the search failed; see {}", log.display());
     }
     let mut all = kept;
     if options.keep {
@@ -171,7 +171,7 @@ fn read(archive: &Path) -> Result<BTreeMap<String, Vec<u8>>> {
     Ok(all)
 }
 
-/// The same inputs are the same file.
+/// Writes a deterministic archive: the same inputs give the same bytes.
 fn write(archive: &Path, all: &BTreeMap<String, Vec<u8>>) -> Result<()> {
     let mut archive = ZipWriter::new(File::create(archive)?);
     for (hash, bytes) in all {

@@ -1,11 +1,11 @@
-//! `cargo xtask`: one command for each thing one does with this workspace.
+//! `cargo xtask`: one command for each task in this workspace.
 //!
-//! Each command is a file of that name, which reads from top to bottom. They share [`workspace`] (where
-//! files are, running cargo) and [`site`] (from `static/` and the compiled client to the folder that is
-//! served).
+//! Each command is in a file of its name, which reads from top to bottom. They share [`workspace`]
+//! (paths, and running cargo) and [`site`] (from `static/` and the compiled client to the served
+//! folder).
 //!
-//! Progress goes to stderr, results to stdout. The exit code is 0, 1 for a
-//! failure, 2 for a wrong command line; `test` and `bench` pass on the runner's.
+//! Progress goes to stderr, results to stdout. The exit code is 0, 1 for a failure, 2 for a wrong
+//! command line; `test` and `bench` return the runner's.
 
 #![allow(clippy::print_stdout, reason = "a command-line tool answers on standard output")]
 
@@ -29,22 +29,22 @@ use clap::{Parser, Subcommand};
 
 use crate::workspace::Workspace;
 
-/// Builds, starts, checks and tests Sidestep.
+/// Build, start, check and test Sidestep.
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask")]
 struct Cli {
-    /// What to do.
+    /// The command.
     #[command(subcommand)]
     task: Task,
 }
 
-/// The commands, in the order in which a newcomer meets them.
+/// The commands, in the order in which a newcomer needs them.
 #[derive(Subcommand)]
 enum Task {
     Serve(serve::Options),
     Build(build::Options),
     Test(test::Options),
-    /// Build the Python package as a wheel, and print where it is.
+    /// Build the Python package as a wheel and print its path.
     Wheel,
     /// Check formatting, dependencies, lints (native and browser) and documentation, without running anything.
     Check,
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Finds the workspace and performs `task` in it.
+/// Finds the workspace and runs `task` in it.
 fn run(task: Task) -> anyhow::Result<ExitCode> {
     let workspace = Workspace::locate()?;
     match task {

@@ -1,4 +1,4 @@
-//! Environments of Python with packages, for tests and comparisons.
+//! Python environments with packages, for tests and comparisons.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -8,11 +8,11 @@ use anyhow::{Context, Result};
 
 use crate::workspace::{Workspace, stage};
 
-/// Names the Python to make environments with.
+/// Environment variable with the path of the Python that creates environments.
 pub(crate) const PYTHON: &str = "SIDESTEP_PYTHON";
 
-/// The interpreter of an environment, called `name`, with the packages of requirements in it: made once, and again when
-/// the requirements (a file of `tests/peers`) have changed.
+/// The interpreter of the environment `name` with the packages in `requirements` (a file in `tests/peers`). The
+/// environment is created once, and again when the requirements change.
 pub(crate) fn environment(
     workspace: &Workspace,
     requirements: &str,
@@ -27,7 +27,7 @@ pub(crate) fn environment(
 fn prepared(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
     let requirements = workspace.path("tests/peers").join(requirements);
     let folder = workspace.output("peers").join(name);
-    // Copied when all is installed, so that half an environment is not taken for a whole.
+    // Copied after the installation, so that an incomplete environment is never used.
     let installed = folder.join("requirements.txt");
     let program = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
     let interpreter = folder.join(program);
@@ -40,7 +40,7 @@ fn prepared(workspace: &Workspace, requirements: &str, name: &str) -> Result<Pat
     let python = env::var_os(PYTHON).unwrap_or_else(|| "python3".into());
     let mut create = Command::new(python);
     stage("Python environment", create.args(["-m", "venv", "--clear"]).arg(&folder))
-        .with_context(|| format!("set {PYTHON} to another Python if this one does not do"))?;
+        .with_context(|| format!("set {PYTHON} to another Python if this one does not work"))?;
     let mut install = Command::new(&interpreter);
     install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
     stage("pip install", install.arg("--requirement").arg(&requirements))?;

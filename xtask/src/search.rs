@@ -1,7 +1,7 @@
 //! `cargo xtask search`: runs the property tests with random seeds.
 //!
-//! The suite draws the same cases in every run (`.cargo/config.toml`), so that it fails only if the
-//! code has changed. This command draws other cases.
+//! The test suite draws the same cases in every run (`.cargo/config.toml`), so that it fails only
+//! if the code has changed. This command draws new cases.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,20 +14,21 @@ use anyhow::{Context, Result};
 
 use crate::workspace::{Workspace, answer_of, stage};
 
-/// Run property tests with random seeds until one fails or the time is over.
+/// Run property tests with random seeds until one fails or the time is up.
 ///
 /// The command prints the seed and the smallest failing case. Proptest also writes the case to a
-/// `.proptest-regressions` file: commit that file, or write the case as a test of its own.
+/// `.proptest-regressions` file: commit that file, or write the case as a separate test.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Only property tests whose name contains this.
     name: Option<String>,
-    /// How long to search.
+    /// Time limit.
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
 }
 
-/// Searches. The exit code is 1 for a failing case, and 2 if no property test has such a name.
+/// Runs the search. The exit code is 1 for a failing case, and 2 if no property test matches the
+/// name.
 ///
 /// # Errors
 /// When the sources cannot be read or the tests cannot be built.
@@ -74,7 +75,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 #[derive(Debug, PartialEq)]
 struct Property {
     name: String,
-    /// What selects its executable in a call of `cargo test`.
+    /// The arguments of `cargo test` that select its executable.
     target: Vec<String>,
 }
 
@@ -95,7 +96,7 @@ fn collect(folder: &Path, found: &mut Vec<Property>) -> Result<()> {
     Ok(())
 }
 
-/// The library's own tests, or those of a file or folder of `tests/`.
+/// The target of a source file: the library, or a file or folder of `tests/`.
 fn target_of(path: &Path) -> Vec<String> {
     let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
     match parts.iter().rposition(|part| part == "tests") {
@@ -106,7 +107,7 @@ fn target_of(path: &Path) -> Vec<String> {
     }
 }
 
-/// The functions of `proptest!` blocks, which end a file or a module of it.
+/// The functions in `proptest!` blocks. Such a block must be the last item of its module.
 fn names(text: &str) -> impl Iterator<Item = String> + '_ {
     let blocks = text.split("proptest! {").skip(1);
     let functions = blocks.flat_map(|block| block.split("#[test]").skip(1));

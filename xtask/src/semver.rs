@@ -1,4 +1,4 @@
-//! `cargo xtask semver`: whether changes of the library's public interface fit its version.
+//! `cargo xtask semver`: checks whether changes of the library's public interface fit its version.
 
 use std::process::{Command, ExitCode, Stdio};
 
@@ -8,15 +8,15 @@ use crate::workspace::{Workspace, answer_of, output_of};
 
 /// Compare the library's public interface with that of an earlier revision, by cargo-semver-checks.
 ///
-/// It says which changes need a new major or minor version.
+/// Reports the changes that need a new major or minor version.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The revision to compare with; without it, the last tag.
+    /// The revision to compare with [default: the last tag].
     #[arg(long, value_name = "REVISION")]
     since: Option<String>,
 }
 
-/// Compares. The exit code is that of cargo-semver-checks.
+/// Runs the comparison. The exit code is that of cargo-semver-checks.
 ///
 /// # Errors
 /// When cargo-semver-checks is missing, or there is neither a revision nor a tag.

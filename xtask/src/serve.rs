@@ -1,4 +1,4 @@
-//! `cargo xtask serve`: build, then become the server.
+//! `cargo xtask serve`: builds, then becomes the server.
 
 use std::ffi::OsString;
 use std::process::{Command, ExitCode};
@@ -11,13 +11,13 @@ use crate::workspace::{Workspace, cannot_start};
 /// Build client and server (release), then start `sidestep serve`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Passed on to `sidestep serve`, as in `-- --listen 127.0.0.1:9000`.
+    /// Arguments for `sidestep serve`, as in `-- --listen 127.0.0.1:9000`.
     #[arg(last = true)]
     arguments: Vec<OsString>,
 }
 
-/// Builds and serves; returns only when the server could not be started, or,
-/// where a process cannot be replaced, when it has ended.
+/// Builds and serves. Returns only if the server cannot be started or, on systems where a process
+/// cannot be replaced, when the server has ended.
 ///
 /// # Errors
 /// When the build fails or the server cannot be started.
@@ -28,7 +28,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     become_process(&mut server)
 }
 
-/// Replaces this process, so that signals and the exit code are the server's own.
+/// Replaces this process, so that the server receives signals and returns the exit code itself.
 #[cfg(unix)]
 fn become_process(command: &mut Command) -> Result<ExitCode> {
     use std::os::unix::process::CommandExt;
@@ -36,7 +36,7 @@ fn become_process(command: &mut Command) -> Result<ExitCode> {
     Err(anyhow::Error::new(error).context(cannot_start(command)))
 }
 
-/// Runs the server to its end, where a process cannot be replaced.
+/// Runs the server to its end, on systems where a process cannot be replaced.
 #[cfg(not(unix))]
 fn become_process(command: &mut Command) -> Result<ExitCode> {
     crate::workspace::answer_of(command)

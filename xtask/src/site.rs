@@ -6,9 +6,9 @@
 //! bundle ──────┴→ compose → publish → page_sizes
 //! ```
 //!
-//! Pages (`static/*.html`) keep their names and are always asked for anew. All
-//! else carries a hash of its content in its name, so that browsers may keep it
-//! for ever. A page names an asset as `{{style.css}}` or `{{participant.js}}`.
+//! Pages (`static/*.html`) keep their names, and browsers always revalidate them. The name of every
+//! other file contains a hash of its content, so that browsers can cache it forever. A page refers
+//! to an asset as `{{style.css}}` or `{{participant.js}}`.
 
 mod bundle;
 mod hashed;
@@ -44,34 +44,34 @@ pub(crate) const PAGE_ENTRIES: [&str; 5] = [PARTICIPANT, "lab", "viewer", "reach
 /// The entry that every participant downloads.
 const PARTICIPANT: &str = "participant";
 
-/// The entry that a page names, but starts (in a worker) only when it needs it.
+/// The entry that a page references, but starts (in a worker) only when it needs it.
 pub(crate) const SOLVER: &str = "solver";
 
-/// The entry that a page names, but starts (in a worker) only to count and tune predicted sets.
+/// The entry that a page references, but starts (in a worker) only to evaluate and tune predicted
+/// sets.
 pub(crate) const EVALUATOR: &str = "evaluator";
 
-/// The entry that a page names, but starts only for a simulated participant.
+/// The entry that a page references, but starts only for a simulated participant.
 const SIMULATOR: &str = "simulator";
 
-/// Most bytes that a participant's page may cost to load: html, css, js and
-/// wasm, compressed with brotli.
+/// Size budget of a participant's page, bytes: html, css, js and wasm, compressed with brotli.
 const PARTICIPANT_BUDGET: usize = 80_000;
 
-/// Most bytes that any other page may cost to load, counted likewise.
+/// Size budget of any other page, likewise.
 const PAGE_BUDGET: usize = 400_000;
 
-/// Files by their path below the folder, with `/` between its parts.
+/// Files by relative path, with `/` as separator.
 pub(crate) type Files = BTreeMap<String, Vec<u8>>;
 
 /// All files of the site, and what its pages load.
 pub(crate) struct Site {
-    /// What is served, before compression.
+    /// The served files, before compression.
     pub(crate) files: Files,
     /// The html files, and the programs that pages start on demand.
     pages: Vec<Page>,
 }
 
-/// A page and what it refers to.
+/// A page and its references.
 struct Page {
     /// Its file.
     name: String,
@@ -81,7 +81,7 @@ struct Page {
     assets: BTreeSet<String>,
 }
 
-/// Reads `static/` with its sub-folders; hidden files are left out.
+/// Reads `static/` with its sub-folders, without hidden files.
 ///
 /// # Errors
 /// When the folder or a file in it cannot be read.
@@ -114,13 +114,13 @@ fn collect(folder: &Path, prefix: &str, files: &mut Files) -> Result<()> {
     Ok(())
 }
 
-/// Names every asset after its content and puts these names into the pages.
+/// Names every asset after its content and inserts these names into the pages.
 ///
 /// # Errors
-/// For a page or style sheet that is not UTF-8 or names an asset that is not there.
+/// For a page or style sheet that is not UTF-8 or refers to a missing asset.
 pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     let mut files = Files::new();
-    // What a placeholder says → the path of the asset.
+    // Placeholder name → path of the asset.
     let mut assets = BTreeMap::new();
     let (html, others): (Files, Files) =
         sources.into_iter().partition(|(name, _)| name.ends_with(".html"));
@@ -151,7 +151,7 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
         files.insert(name.clone(), filled.text.into_bytes());
         pages.push(page(name, &filled.used, &assets));
     }
-    // Listed like pages, since they are loaded by themselves.
+    // Listed like pages, because they are loaded separately.
     for entry in [SOLVER, EVALUATOR, SIMULATOR] {
         let files = [format!("{entry}.js"), format!("{entry}.wasm")];
         let files = files.iter().filter_map(|name| assets.get(name).cloned()).collect();
@@ -160,7 +160,7 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     Ok(Site { files, pages })
 }
 
-/// Files `content` under a name with its hash.
+/// Adds `content` under a name with its hash.
 fn add_asset(
     files: &mut Files,
     assets: &mut BTreeMap<String, String>,
@@ -172,8 +172,8 @@ fn add_asset(
     assets.insert(name, path);
 }
 
-/// What a page loads: what it names, and the wasm of each program it starts. Programs
-/// that it starts on demand are named only.
+/// A page loads the assets that it references and the wasm of each program that it starts, but not
+/// that of programs started on demand.
 fn page(name: String, used: &BTreeSet<String>, assets: &BTreeMap<String, String>) -> Page {
     let entries: Vec<&str> =
         PAGE_ENTRIES.into_iter().filter(|entry| used.contains(&format!("{entry}.js"))).collect();
@@ -191,7 +191,7 @@ fn utf8(name: &str, content: Vec<u8>) -> Result<String> {
         .with_context(|| format!("static/{name}: expected UTF-8: save it in that encoding"))
 }
 
-/// What loading a page costs, in bytes after brotli.
+/// Download size of a page, bytes after brotli.
 pub(crate) struct PageSize {
     /// The page's file.
     pub(crate) name: String,
@@ -203,23 +203,23 @@ pub(crate) struct PageSize {
     pub(crate) js: usize,
     /// Its programs.
     pub(crate) wasm: usize,
-    /// Most bytes that it may cost; programs that pages start on demand have no limit of their own.
+    /// Its size budget; programs that pages start on demand have none.
     pub(crate) budget: Option<usize>,
 }
 
 impl PageSize {
-    /// All of it.
+    /// Total size.
     pub(crate) fn total(&self) -> usize {
         self.html + self.css + self.js + self.wasm
     }
 
-    /// Whether people wait longer for it than they were promised.
+    /// Whether it exceeds its size budget.
     pub(crate) fn is_over_budget(&self) -> bool {
         self.budget.is_some_and(|budget| self.total() > budget)
     }
 }
 
-/// The cost of each page, given the sizes of all files after brotli.
+/// The download size of each page, given the sizes of all files after brotli.
 pub(crate) fn page_sizes(site: &Site, sizes: &BTreeMap<String, usize>) -> Vec<PageSize> {
     let brotli = |path: &str| sizes.get(path).copied().unwrap_or(0);
     let size = |page: &Page| {
@@ -246,7 +246,7 @@ pub(crate) fn page_sizes(site: &Site, sizes: &BTreeMap<String, usize>) -> Vec<Pa
 mod tests {
     use super::*;
 
-    /// The site of these sources and of a tiny client.
+    /// The site of these sources and a tiny client.
     fn composed(sources: &[(&str, &str)]) -> Result<Site> {
         let sources = sources
             .iter()
@@ -260,7 +260,7 @@ mod tests {
         compose(sources, bundles.into())
     }
 
-    /// The path of the one asset that starts and ends like this.
+    /// The path of the only asset with this start and end.
     fn asset<'a>(site: &'a Site, start: &str, end: &str) -> &'a str {
         let start = format!("assets/{start}-");
         let mut found =

@@ -1,4 +1,4 @@
-//! `cargo xtask test`: every test there is, with all that they need.
+//! `cargo xtask test`: all tests and their prerequisites.
 
 mod lanes;
 mod programs;
@@ -18,28 +18,28 @@ use crate::site::bundle;
 use crate::wheel;
 use crate::workspace::{Runs, Workspace, answer_of, stage};
 
-/// Run every test, after installing what they need where that is possible.
+/// Run all tests, after installing their prerequisites where possible.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Give servers databases in a PostgreSQL cluster made for the tests, instead of files.
+    /// Use a temporary PostgreSQL cluster for the servers' databases, instead of files.
     #[arg(long)]
     postgres: bool,
-    /// Only test the Python package.
+    /// Test only the Python package.
     #[arg(long, conflicts_with_all = ["postgres", "arguments"])]
     python: bool,
-    /// Do what `cargo xtask check` does too, while tests wait.
+    /// Also run `cargo xtask check`, in parallel with tests that wait.
     #[arg(long, conflicts_with_all = ["python", "arguments"])]
     check: bool,
-    /// Passed on to `cargo test`, as in `-- --test browser`.
+    /// Arguments for `cargo test`, as in `-- --test browser`.
     #[arg(last = true)]
     arguments: Vec<OsString>,
 }
 
-/// The files of browser tests that run on both kinds of database: in them, pages write every kind of row
-/// and show the changes of others. The other files' subject is the browser.
+/// Browser test files that run on both kinds of database: their pages write every kind of row and show
+/// other clients' changes. The other files test only the browser.
 const ON_BOTH: [&str; 2] = ["studies", "scenes"];
 
-/// API tests of commands that open no database: once is enough for them.
+/// API tests of commands without a database, which need to run only once.
 const WITHOUT_DATABASE: [&str; 8] = [
     "analyze::the_comparison_is_that_of_scikit_learn",
     "analyze_input::",
@@ -51,19 +51,20 @@ const WITHOUT_DATABASE: [&str; 8] = [
     "solving::",
 ];
 
-/// Tells the tests where Chromium is; when the user has set it, it is used as it is.
+/// Environment variable with Chromium's path, for the tests; if the user has set it, its value is
+/// used unchanged.
 pub(crate) const VARIABLE: &str = "SIDESTEP_CHROMIUM";
 
-/// What Chromium is called, the best first.
+/// Commands that start Chromium, best first.
 const COMMANDS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 /// Debian's packages for it.
 const PACKAGES: [&str; 2] = ["chromium", "fonts-dejavu-core"];
 
-/// Prepares, builds and tests. The runner's output is the last, its exit code the answer.
+/// Prepares, builds and tests. Ends with the runner's output and returns its exit code.
 ///
 /// # Errors
-/// When something is missing that cannot be installed, or the build fails.
+/// When a prerequisite is missing and cannot be installed, or the build fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     if options.python {
         build::server(workspace)?;
@@ -78,7 +79,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     }
     let readers = readers(workspace)?;
     let is_whole = options.arguments.is_empty();
-    // The server's program is compiled with the tests then.
+    // In that case the server is compiled with the tests.
     build::run(workspace, &build::Options { client_only: is_whole })?;
     let mut needs: Vec<(&str, PathBuf)> = Vec::new();
     for (variable, example) in PAGES {
@@ -102,8 +103,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     answer_of(&mut tests)
 }
 
-/// Runs everything: what starts servers and browsers, which wait for each other most of the time, in one lane,
-/// and what computes in the other.
+/// Runs everything in two lanes: tests with servers and browsers, which mostly wait for each other, and computations.
 fn whole(
     workspace: &Workspace,
     options: &Options,
@@ -127,8 +127,7 @@ fn whole(
     let (browser, api) = (named("tests", "browser")?, named("tests", "api")?);
     let threads = thread::available_parallelism().map_or(1, usize::from).max(AT_ONCE).to_string();
     let threads = ["--test-threads", &threads];
-    // What servers do with their database is tested on the other kind too. On files, the tests that need
-    // PostgreSQL are ignored.
+    // The servers' use of their database is tested on both kinds. On files, tests that need PostgreSQL are ignored.
     let [studies, scenes] = ON_BOTH.map(|file| format!("{file}::"));
     let skipped = WITHOUT_DATABASE.map(|of| ["--skip", of]).concat();
     let on_both = [&threads[..], &[&studies, &scenes]].concat();
@@ -163,11 +162,11 @@ fn whole(
     lanes::run(waiting, computing, &workspace.output("tests"))
 }
 
-/// How many tests with servers and browsers run at once, even on few processors: they wait for the time of
-/// a scene, for each other and for disks.
+/// Number of tests with servers and browsers that run at once, even on few processors, because they wait
+/// for scenes, for each other and for disks.
 const AT_ONCE: usize = 4;
 
-/// Installs the Python package in an environment and runs its tests, which also call the server's program.
+/// Installs the Python package in an environment and runs its tests, which also run the server.
 fn python_package(workspace: &Workspace) -> Result<ExitCode> {
     let python = tested_python(workspace)?;
     let wheel = wheel::build(workspace)?;
@@ -181,10 +180,10 @@ fn python_package(workspace: &Workspace) -> Result<ExitCode> {
     answer_of(tests.arg("-o").arg(format!("cache_dir={}", workspace.output("pytest").display())))
 }
 
-/// The example that runs a command with a PostgreSQL cluster of its own.
+/// The example that runs a command with its own PostgreSQL cluster.
 const CLUSTER: &str = "with_postgres";
 
-/// The command as another one runs it whose words are these.
+/// Wraps `command` in the outer command with these words.
 fn within(words: &[&OsStr], command: &Command) -> Command {
     let mut outer = Command::new(words[0]);
     outer.args(&words[1..]).arg(command.get_program()).args(command.get_args());
@@ -195,12 +194,12 @@ fn within(words: &[&OsStr], command: &Command) -> Command {
     outer
 }
 
-/// Examples of the client that tests open as pages, each with the variable that tells where its
-/// page is: what WebAssembly computes, and every kind of field.
+/// Examples of the client that tests open as pages (computations in WebAssembly, and every kind of
+/// form field), each with the environment variable for its page's path.
 const PAGES: &[(&str, &str)] =
     &[("SIDESTEP_FINGERPRINT_PAGE", "fingerprint"), ("SIDESTEP_FORMS_PAGE", "forms")];
 
-/// Builds a page with an example in it.
+/// Builds a page that contains an example.
 fn example_page(workspace: &Workspace, example: &'static str) -> Result<PathBuf> {
     let mut build = workspace.compile_for_browsers("build", Runs::InPage);
     stage(example, build.args(["--example", example]))?;
@@ -214,15 +213,15 @@ fn example_page(workspace: &Workspace, example: &'static str) -> Result<PathBuf>
     Ok(path)
 }
 
-/// Chromium, where it is installed already.
+/// The path of an installed Chromium.
 ///
 /// # Errors
-/// Saying how to install it, or what is wrong with where it was said to be.
+/// With instructions for installing it, or if the environment variable is wrong.
 pub(crate) fn chromium() -> Result<PathBuf> {
     find_chromium()?.with_context(how_to_install)
 }
 
-/// Where Chromium is; `None` when it has to be installed.
+/// The path of Chromium; `None` if it must be installed.
 fn find_chromium() -> Result<Option<PathBuf>> {
     let Some(path) = env::var_os(VARIABLE).map(PathBuf::from) else {
         return Ok(on_path(&COMMANDS));
@@ -236,7 +235,7 @@ fn find_chromium() -> Result<Option<PathBuf>> {
     Ok(Some(path))
 }
 
-/// Installs with apt, where that can work without asking anybody.
+/// Installs packages with apt, where that works without a prompt.
 fn install(packages: &[&str], otherwise: fn() -> String) -> Result<()> {
     if on_path(&["apt-get"]).is_none() || !is_root() {
         bail!(otherwise());
@@ -252,13 +251,13 @@ fn install(packages: &[&str], otherwise: fn() -> String) -> Result<()> {
     Ok(())
 }
 
-/// Debian's packages for what surrounds a server in the tests: PostgreSQL, of which they start servers of
-/// their own, a clock that jumps, and the proxies of `docs/deploy`.
+/// Debian's packages for the environment of servers in tests: PostgreSQL, of which tests start their own
+/// servers, a fake clock, and the proxies of `docs/deploy`.
 const SURROUNDINGS: [&str; 4] = ["postgresql", "libfaketime", "nginx", "haproxy"];
 
-/// Whether everything that surrounds a server is installed.
+/// Whether all of these are installed.
 fn has_surroundings() -> bool {
-    // Debian keeps servers where only root looks for programs.
+    // Debian installs servers in /usr/sbin, which is only on root's PATH.
     let has = |program: &str| {
         on_path(&[program]).is_some() || Path::new("/usr/sbin").join(program).is_file()
     };
@@ -268,8 +267,8 @@ fn has_surroundings() -> bool {
         && has("haproxy")
 }
 
-/// Whether one of the folders in `folder` has a file: Debian keeps PostgreSQL by version, and libraries
-/// by architecture.
+/// Whether a sub-folder of `folder` contains `file`: Debian has one sub-folder per version of
+/// PostgreSQL, and one per architecture for libraries.
 fn has_in(folder: &str, file: &str) -> bool {
     let inside = fs::read_dir(folder).into_iter().flatten().flatten();
     inside.map(|entry| entry.path().join(file)).any(|path| is_program(&path))
@@ -282,30 +281,30 @@ fn how_to_install_surroundings() -> String {
     )
 }
 
-/// Tells the tests which Python has the packages that researchers read exports with.
+/// Environment variable with the path of a Python that has the packages for reading exports.
 const READERS: &str = "SIDESTEP_READERS";
 
 /// Debian's packages for Python with environments.
 const PYTHON_PACKAGES: [&str; 2] = ["python3", "python3-venv"];
 
-/// That Python, with pandas, polars and pyarrow from PyPI in an environment of its own.
+/// That Python: an environment with pandas, polars and pyarrow from PyPI.
 fn readers(workspace: &Workspace) -> Result<PathBuf> {
     installed(workspace, "readers-requirements.txt", "readers")
 }
 
-/// A Python with everything that the tests of the Python package need, but for the package itself.
+/// A Python with everything that the tests of the Python package need, except the package itself.
 fn tested_python(workspace: &Workspace) -> Result<PathBuf> {
     installed(workspace, "python-requirements.txt", "python")
 }
 
-/// An environment, for which Python is installed if need be.
+/// An environment; installs Python if necessary.
 fn installed(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
     let made = || environment(workspace, requirements, name);
     let found = env::var_os(PYTHON).is_some() || on_path(&["python3"]).is_some();
     if let Some(Ok(python)) = found.then(made) {
         return Ok(python);
     }
-    // There is none, or one that makes no environments, as Debian's without its package for them.
+    // Python is missing or cannot create environments, like Debian's without python3-venv.
     install(&PYTHON_PACKAGES, how_to_install_python)?;
     made()
 }
@@ -318,7 +317,7 @@ fn how_to_install_python() -> String {
     )
 }
 
-/// What somebody has to do whose packages we may not install.
+/// Instructions for users for whom this command cannot install packages.
 fn how_to_install() -> String {
     format!(
         "Chromium is needed: install it (Debian, Ubuntu: apt-get install {}) or set {VARIABLE} to \
@@ -327,13 +326,13 @@ fn how_to_install() -> String {
     )
 }
 
-/// The first of these commands that `PATH` holds.
+/// The first of these commands found on `PATH`.
 fn on_path(commands: &[&str]) -> Option<PathBuf> {
     let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
     first_in(&folders, commands)
 }
 
-/// The first of these commands that one of `folders` holds.
+/// The first of these commands found in `folders`.
 fn first_in(folders: &[PathBuf], commands: &[&str]) -> Option<PathBuf> {
     let candidates = commands.iter().flat_map(|command| {
         let file = format!("{command}{}", env::consts::EXE_SUFFIX);
@@ -372,7 +371,7 @@ mod tests {
         );
     }
 
-    /// A filter that matches nothing would pass.
+    /// A filter without matches would pass.
     #[test]
     fn the_browser_tests_of_both_databases_are_there() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/tests/browser");

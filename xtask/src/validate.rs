@@ -1,7 +1,7 @@
-//! `cargo xtask validate`: measures what the library computes and writes the pages about it.
+//! `cargo xtask validate`: measures the library's accuracy and writes the pages about it.
 //!
-//! For each page, an example of the library, or of the tests with their browser, measures, draws the
-//! pictures and prints its numbers as JSON. This command stores them in `docs/validation/measured` and fills a template of
+//! For each page, an example of the library, or of the browser tests, measures, draws the pictures and prints its
+//! numbers as JSON. This command stores them in `docs/validation/measured` and fills a template of
 //! `docs/validation/templates` with them.
 
 mod figure3;
@@ -27,11 +27,10 @@ pub(crate) struct Options {
     /// The page to write [default: all pages].
     #[arg(value_enum)]
     page: Option<Page>,
-    /// Also measure the other programs that solve games again. This takes minutes and needs a quiet
-    /// machine.
+    /// Also measure other solvers again. This takes minutes and needs an idle machine.
     #[arg(long)]
     peers: bool,
-    /// Measure nothing and write the pages from the stored numbers, after a change of wording.
+    /// Measure nothing: write the pages from the stored numbers, after a change of wording.
     #[arg(long, conflicts_with = "peers")]
     kept: bool,
 }
@@ -44,12 +43,12 @@ enum Page {
     Shfrs,
     /// Models, the comparison and its tests: learning.md.
     Learning,
-    /// The participant's page in a browser: ../timing.md. This takes ten minutes and needs a quiet
+    /// The participant's page in a browser: ../timing.md. This takes ten minutes and needs an idle
     /// machine.
     Timing,
 }
 
-/// Measures and writes.
+/// Measures and writes the pages.
 ///
 /// # Errors
 /// When the library or the program cannot be built, a measurement fails, a file cannot be written,
@@ -87,13 +86,13 @@ impl Page {
         docs.join(format!("measured/{self:?}.json").to_lowercase())
     }
 
-    /// The numbers that were measured last.
+    /// The last measured numbers.
     fn kept(self, docs: &Path) -> Result<Value> {
         let path = self.measured(docs);
         serde_json::from_str(&read(&path)?).with_context(|| path.display().to_string())
     }
 
-    /// Measures, and keeps the numbers and the pictures.
+    /// Measures, and stores the numbers and the pictures.
     fn measure(self, workspace: &Workspace, docs: &Path, peers: bool) -> Result<()> {
         let example = match self {
             Self::Reachability => "validate",
@@ -112,7 +111,7 @@ impl Page {
         match self {
             Self::Reachability => {
                 for (file, svg) in found["figures"].take().as_object().into_iter().flatten() {
-                    write(&docs.join(file), svg.as_str().context("a picture is no text")?)?;
+                    write(&docs.join(file), svg.as_str().context("a picture is not text")?)?;
                 }
                 found["peers"] = match peers {
                     true => peers::measured(workspace)?,
@@ -125,7 +124,7 @@ impl Page {
         write(&self.measured(docs), &format!("{found:#}\n"))
     }
 
-    /// The page, from the kept numbers.
+    /// The page, from the stored numbers.
     fn text(self, docs: &Path) -> Result<String> {
         let template = self.template(docs);
         template::filled(&read(&template)?, self.kept(docs)?)
@@ -133,10 +132,10 @@ impl Page {
     }
 }
 
-/// The JSON that a program prints; `what` names it.
+/// The JSON output of a program; `what` is its name in errors.
 fn answer(what: &str, program: &mut Command) -> Result<Value> {
     let text = output_of(what, program)?;
-    serde_json::from_str(&text).with_context(|| format!("{what} printed something else than JSON"))
+    serde_json::from_str(&text).with_context(|| format!("{what} printed invalid JSON"))
 }
 
 fn read(path: &Path) -> Result<String> {

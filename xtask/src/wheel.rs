@@ -8,23 +8,23 @@ use anyhow::{Context, Result, bail};
 use crate::python::environment;
 use crate::workspace::{Workspace, stage};
 
-/// Builds the wheel and prints where it is.
+/// Builds the wheel and prints its path.
 ///
 /// # Errors
-/// When there is no Python, or the build fails.
+/// When Python is missing or the build fails.
 pub(crate) fn run(workspace: &Workspace) -> Result<()> {
     println!("{}", build(workspace)?.display());
     Ok(())
 }
 
-/// The wheel of the Python package, for every Python from the oldest on that it is for.
+/// Builds the wheel of the Python package, for all supported versions of Python.
 ///
 /// # Errors
 /// As for [`run`].
 pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf> {
     let python = environment(workspace, "wheel-requirements.txt", "wheel")?;
     let folder = workspace.output("wheels");
-    // Those of other versions would be taken for it.
+    // Remove wheels of other versions, so that exactly one is found.
     if folder.exists() {
         fs::remove_dir_all(&folder)
             .with_context(|| format!("cannot remove {}", folder.display()))?;

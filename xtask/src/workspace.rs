@@ -1,4 +1,4 @@
-//! Where the workspace and its build output are, and how commands are run in it.
+//! Paths of the workspace and its build output, and commands that run in it.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -7,28 +7,28 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 
-/// The target triple that browsers run.
+/// The target triple for browsers.
 pub(crate) const WASM_TARGET: &str = "wasm32-unknown-unknown";
 
 /// Where a program of the web client runs, which decides how it is compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Runs {
-    /// In a page, which is shown once it is loaded: small.
+    /// In a page, which appears once the program is loaded: optimized for size.
     InPage,
-    /// In a worker beside a page, which computes: fast.
+    /// In a worker that computes for a page: optimized for speed.
     InWorker,
 }
 
-/// The folders that every command works in.
+/// The folders used by every command.
 pub(crate) struct Workspace {
     /// The folder of the top `Cargo.toml`.
     root: PathBuf,
-    /// Cargo's output folder, wherever the environment or a configuration put it.
+    /// Cargo's output folder, as set by environment or configuration.
     target: PathBuf,
 }
 
 impl Workspace {
-    /// Asks cargo, from whichever folder the command was called in.
+    /// Locates the workspace by asking cargo; works from any folder.
     ///
     /// # Errors
     /// When cargo cannot read the workspace, or `Cargo.lock` is out of date.
@@ -37,7 +37,7 @@ impl Workspace {
             .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
         let root = own_folder
             .parent()
-            .context("xtask must lie in a folder of the workspace: start it as `cargo xtask`")?
+            .context("xtask must be in a folder of the workspace: start it as `cargo xtask`")?
             .to_path_buf();
 
         let mut metadata = cargo_in(&root);
@@ -52,7 +52,7 @@ impl Workspace {
             );
         }
         let metadata: serde_json::Value = serde_json::from_slice(&output.stdout)
-            .context("`cargo metadata` did not answer with JSON: check which cargo is on PATH")?;
+            .context("`cargo metadata` did not return JSON: check which cargo is on PATH")?;
         let target = metadata["target_directory"]
             .as_str()
             .context("`cargo metadata` names no target_directory: check which cargo is on PATH")?
@@ -65,12 +65,12 @@ impl Workspace {
         self.root.join(relative)
     }
 
-    /// What cargo compiled `entry` of the web client to.
+    /// The wasm that cargo compiled from `entry` of the web client.
     pub(crate) fn compiled_client(&self, entry: &str) -> PathBuf {
         self.target.join(WASM_TARGET).join("release").join(entry).with_extension("wasm")
     }
 
-    /// The folder that the server serves.
+    /// The folder of the served site.
     pub(crate) fn site(&self) -> PathBuf {
         self.target.join("release").join("site")
     }
@@ -86,23 +86,23 @@ impl Workspace {
         self.target.join("release").join("examples").join(file)
     }
 
-    /// A folder in cargo's output folder for what a command of ours needs and leaves behind.
+    /// A folder in cargo's output folder for the files of an xtask command.
     pub(crate) fn output(&self, name: &str) -> PathBuf {
         self.target.join(name)
     }
 
     /// A call of a cargo command that compiles, such as `build` or `test`.
     ///
-    /// Each of them selects all members and the same profile. Cargo then settles on the same
-    /// features of the same dependencies for all of them and compiles no dependency twice.
+    /// Every call selects all members and the same profile, so that cargo resolves the same
+    /// dependency features for all calls and compiles no dependency twice.
     pub(crate) fn compile(&self, command: &str) -> Command {
         let mut cargo = cargo_in(&self.root);
         cargo.args([command, "--locked", "--profile", "release", "--workspace"]);
         cargo
     }
 
-    /// A call of a cargo command that compiles the library alone, with the features that are named
-    /// then and no others.
+    /// A call of a cargo command that compiles only the library, with the features that the caller
+    /// adds.
     pub(crate) fn compile_library(&self, command: &str) -> Command {
         let mut cargo = cargo_in(&self.root);
         cargo.args([command, "--locked", "--profile", "release", "--package", "sidestep", "--lib"]);
@@ -121,14 +121,14 @@ impl Workspace {
         cargo
     }
 
-    /// A program that calls cargo itself: it uses this cargo and the same output folder.
+    /// A program that calls cargo itself, with the same output folder.
     pub(crate) fn beside_cargo(&self, program: &Path) -> Command {
         let mut command = Command::new(program);
         command.current_dir(&self.root).env("CARGO_TARGET_DIR", &self.target);
         command
     }
 
-    /// `cargo metadata` with every package that some build uses.
+    /// `cargo metadata` for the packages of all builds.
     pub(crate) fn metadata(&self) -> Command {
         let mut cargo = cargo_in(&self.root);
         cargo.args(["metadata", "--locked", "--format-version=1"]);
@@ -142,11 +142,11 @@ impl Workspace {
         cargo
     }
 
-    /// Adds the standard library for browsers to the toolchain, if it is missing:
-    /// rustup does not do so by itself in every setting.
+    /// Adds the standard library for browsers to the toolchain, if it is missing: rustup does not
+    /// always do so automatically.
     ///
     /// # Errors
-    /// When it is missing and rustup is too, or cannot add it.
+    /// When it is missing, and rustup is also missing or cannot add it.
     pub(crate) fn ensure_wasm_target(&self) -> Result<()> {
         let mut ask = Command::new(env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
         ask.args(["--print", "target-libdir", "--target", WASM_TARGET]).current_dir(&self.root);
@@ -164,8 +164,8 @@ impl Workspace {
     }
 }
 
-/// Settings by which the client has no path of this machine in its messages: participants download the
-/// same bytes wherever it was compiled, and fewer.
+/// Settings that remove this machine's paths from the client's messages: the client is smaller, and
+/// the same on every build machine.
 fn without_paths(root: &Path) -> String {
     let home = || env::home_dir().unwrap_or_default().join(".cargo");
     let sources = env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from).join("registry/src");
@@ -177,8 +177,8 @@ fn without_paths(root: &Path) -> String {
 fn cargo_in(folder: &Path) -> Command {
     let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(folder);
-    // What that cargo says of the package `xtask`. There are build scripts that look at it: they and all that
-    // needs them would be compiled again whenever somebody calls cargo directly, and then again here.
+    // Remove cargo's variables about the package `xtask`. Some build scripts depend on them, so these scripts
+    // and their dependents would be recompiled after every direct call of cargo, and again here.
     for (name, _) in env::vars_os() {
         let text = name.to_string_lossy();
         if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
@@ -188,7 +188,7 @@ fn cargo_in(folder: &Path) -> Command {
     command
 }
 
-/// Runs one stage of a command, under its name, and says how long it took.
+/// Runs one stage of a command, prints its name, and returns its duration.
 ///
 /// # Errors
 /// When it cannot be started or fails; the message names the stage.
@@ -208,21 +208,21 @@ pub(crate) fn stage(name: &str, command: &mut Command) -> Result<Duration> {
     Ok(took)
 }
 
-/// Runs a command whose own output and exit code are the answer.
+/// Runs a command, passes its output through and returns its exit code.
 ///
 /// # Errors
 /// When it cannot be started.
 pub(crate) fn answer_of(command: &mut Command) -> Result<ExitCode> {
     let status = status(command)?;
-    // A process that was ended by a signal has no code.
+    // A process that was killed by a signal has no code.
     let code = status.code().and_then(|code| u8::try_from(code).ok());
     Ok(code.map_or(ExitCode::FAILURE, ExitCode::from))
 }
 
-/// Runs a command for what it prints; its messages go where ours do.
+/// Runs a command and returns its stdout; stderr is inherited.
 ///
 /// # Errors
-/// When it cannot be started or fails, or prints what is not text; the message names `what`.
+/// When it cannot be started or fails, or its output is not UTF-8; the message names `what`.
 pub(crate) fn output_of(what: &str, command: &mut Command) -> Result<String> {
     command.stdin(Stdio::null()).stderr(Stdio::inherit());
     let output = command.output().with_context(|| cannot_start(command))?;
@@ -232,12 +232,12 @@ pub(crate) fn output_of(what: &str, command: &mut Command) -> Result<String> {
     String::from_utf8(output.stdout).with_context(|| format!("{what} printed no UTF-8"))
 }
 
-/// Runs a command to its end; it reads nothing from the terminal.
+/// Runs a command to its end, without terminal input.
 fn status(command: &mut Command) -> Result<ExitStatus> {
     command.stdin(Stdio::null()).status().with_context(|| cannot_start(command))
 }
 
-/// The message for a program that does not start.
+/// The message for a program that cannot be started.
 pub(crate) fn cannot_start(command: &Command) -> String {
     format!(
         "cannot start `{}`: check that it is installed and on PATH",
@@ -245,7 +245,7 @@ pub(crate) fn cannot_start(command: &Command) -> String {
     )
 }
 
-/// A command as one would type it.
+/// A command as typed in a shell.
 fn shown(command: &Command) -> String {
     let program = Path::new(command.get_program());
     let words = std::iter::once(program.file_stem().unwrap_or(program.as_os_str()))
@@ -261,10 +261,10 @@ mod tests {
 
     use super::*;
 
-    /// What identifies the compiled dependencies of a call of cargo: package, target, features
-    /// and settings, and the same of all that they need in turn.
+    /// Identifies the compiled dependencies of a call of cargo: package, target, features and
+    /// settings, recursively.
     fn dependencies(cargo: &mut Command) -> BTreeSet<String> {
-        // Cargo tells its plan to nightly toolchains alone, or to those that call themselves so.
+        // Cargo prints its build plan only for nightly toolchains, or with this variable.
         cargo.args(["-Zunstable-options", "--unit-graph"]).env("RUSTC_BOOTSTRAP", "1");
         let graph = output_of("cargo", cargo).expect("a plan");
         let graph: serde_json::Value = serde_json::from_str(&graph).expect("JSON");

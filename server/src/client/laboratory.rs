@@ -1,4 +1,4 @@
-//! What experimenters and their programs do.
+//! The client for experimenters and their programs.
 
 use super::{Client, ClientError};
 use reqwest::{Method, RequestBuilder};
@@ -20,13 +20,13 @@ pub struct Laboratory {
     key: String,
 }
 
-/// A route with a query, such as `limit=500&offset=500`. The server's document of its interface has the
-/// parameters of each route.
+/// Appends a query, such as `limit=500&offset=500`, to a route. The server's OpenAPI document has
+/// the parameters of each route.
 fn with(route: &str, query: &str) -> String {
     if query.is_empty() { route.to_owned() } else { format!("{route}?{query}") }
 }
 
-/// A method for each route: its name, what it asks for, and the route.
+/// A method for each route: its name, the requested item, and the route.
 macro_rules! routes {
     ($($(#[$doc:meta])+ $name:ident($($argument:ident: $kind:ty),*) -> $answer:ty = $method:ident $what:literal $route:expr;)+) => {
         $($(#[$doc])+
@@ -45,11 +45,11 @@ impl Laboratory {
     }
 
     routes! {
-        /// Whose key it is, and what it may do.
+        /// The name and the access level of the key.
         session() -> Session = GET "the session" routes::SESSION;
         /// All keys.
         keys() -> Vec<KeySummary> = GET "the keys" routes::ADMIN_KEYS;
-        /// A page of the audit trail; without a query the newest.
+        /// A page of the audit trail; the newest, without a query.
         audit(query: &str) -> AuditPage = GET "the audit trail" with(routes::AUDIT, query);
         /// All studies.
         studies() -> Vec<StudySummary> = GET "the studies" routes::ADMIN_STUDIES;
@@ -57,25 +57,25 @@ impl Laboratory {
         study(slug: &str) -> StudySummary = GET "the study" routes::admin_study(slug);
         /// A study's configuration.
         configuration(slug: &str) -> Configuration = GET "the configuration" routes::admin_configuration(slug);
-        /// A page of a study's participants, chosen and sorted by the query; without one the first.
+        /// A page of a study's participants, filtered and sorted by the query; the first, without a query.
         participants(slug: &str, query: &str) -> ParticipantPage = GET "the participants" with(&routes::admin_participants(slug), query);
-        /// A participant, whole.
+        /// A participant's complete record.
         participant(id: &str) -> ParticipantDetail = GET "the participant" routes::admin_participant(id);
-        /// A page of a study's trials; without a query the newest.
+        /// A page of a study's trials; the newest, without a query.
         trials(slug: &str, query: &str) -> TrialPage = GET "the trials" with(&routes::admin_trials(slug), query);
-        /// A trial, whole.
+        /// A trial with its content.
         trial(id: &str) -> TrialDetail = GET "the trial" routes::admin_trial(id);
         /// The predictor trained on the participant's earlier trials.
         predictor(trial: &str) -> TrainedPredictor = GET "the predictor" routes::admin_predictor(trial);
         /// The fingerprint of the server's simulation.
         self_check() -> SelfCheck = GET "the self-check" routes::SELF_CHECK;
-        /// A page of a study's analyses; without a query the newest.
+        /// A page of a study's analyses; the newest, without a query.
         analyses(slug: &str, query: &str) -> AnalysisPage = GET "the analyses" with(&routes::admin_analyses(slug), query);
         /// An analysis, with the names of its files.
         analysis(id: &str) -> AnalysisDetail = GET "the analysis" routes::admin_analysis(id);
-        /// A page of an analysis's models, chosen by the query, such as `participant=3&experiment=1`.
+        /// A page of an analysis's models, filtered by the query, such as `participant=3&experiment=1`.
         predictors(id: &str, query: &str) -> PredictorPage = GET "the models" with(&routes::analysis_predictors(id), query);
-        /// A model of an analysis, as it is to be used for a trial.
+        /// A model of an analysis, for use on a trial.
         predictor_of(trial: &str, analysis: &str, file: &str) -> TrainedPredictor = GET "the model" format!("{}?analysis={analysis}&file={file}", routes::admin_predictor(trial));
         /// Cancels an analysis.
         cancel_analysis(id: &str) -> AnalysisSummary = POST "the cancellation" routes::cancel_analysis(id);
@@ -83,7 +83,7 @@ impl Laboratory {
         delete_pilots(slug: &str) -> PilotsDeleted = DELETE "the deletion of pilots" routes::admin_pilots(slug);
     }
 
-    /// Makes a further key.
+    /// Creates a further key.
     ///
     /// # Errors
     /// [`ClientError`]; `taken` if another key has the name.
@@ -108,7 +108,7 @@ impl Laboratory {
         self.send("the draft", Method::POST, routes::ADMIN_DRAFTS, draft).await
     }
 
-    /// Checks a study that somebody writes in a form, and writes it as a study file.
+    /// Checks a study that was entered in a form, and writes it as a study file.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -116,10 +116,10 @@ impl Laboratory {
         self.send("the draft", Method::POST, routes::ADMIN_FORM_DRAFTS, draft).await
     }
 
-    /// Makes a study.
+    /// Creates a study.
     ///
     /// # Errors
-    /// [`ClientError`]; `taken` if there is one of this name.
+    /// [`ClientError`]; `taken` if the name is taken.
     pub async fn make_study(&self, draft: &Draft) -> Result<Configuration, ClientError> {
         self.send("the new study", Method::POST, routes::ADMIN_STUDIES, draft).await
     }
@@ -127,7 +127,7 @@ impl Laboratory {
     /// Gives new participants another configuration.
     ///
     /// # Errors
-    /// [`ClientError`]; `changed` if the study has another one than the draft began with.
+    /// [`ClientError`]; `changed` if the study no longer has the configuration that the draft is based on.
     pub async fn change_study(
         &self,
         slug: &str,
@@ -167,7 +167,7 @@ impl Laboratory {
         self.accepted("the deletion of a note", self.request(Method::DELETE, &route)).await
     }
 
-    /// Has analyses leave a participant out, for a reason; or use them again, for none.
+    /// Excludes a participant from analyses for a reason, or includes them again without one.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -197,7 +197,8 @@ impl Laboratory {
     }
 
     /// A study's data: an archive in the format and with the filters of the query, such as
-    /// `format=parquet&phase=task`; without a query the steps as a CSV file. All of it is held in memory.
+    /// `format=parquet&phase=task`; the steps as a CSV file, without a query. It is held in memory
+    /// as a whole.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -206,7 +207,7 @@ impl Laboratory {
         self.client.bytes("the export", request).await
     }
 
-    /// Asks for an analysis.
+    /// Requests an analysis.
     ///
     /// # Errors
     /// [`ClientError`]; `queue_full` if too many wait.

@@ -1,4 +1,4 @@
-//! Taking part.
+//! The client for participants.
 
 use super::{Client, ClientError};
 use reqwest::{Method, RequestBuilder};
@@ -20,19 +20,19 @@ impl Participation {
         Self { client, enrolled }
     }
 
-    /// Who the participant is on the server.
+    /// The participant's id on the server.
     #[must_use]
     pub fn participant_id(&self) -> &str {
         &self.enrolled.participant_id
     }
 
-    /// What to drive.
+    /// The participant's plan.
     #[must_use]
     pub fn plan(&self) -> &Plan {
         &self.enrolled.plan
     }
 
-    /// Where the participant is.
+    /// The participant's progress.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -53,7 +53,7 @@ impl Participation {
         self.client.ask("the check of understanding", put).await
     }
 
-    /// Stores a trial; the same again has the same answer.
+    /// Stores a trial; idempotent.
     ///
     /// # Errors
     /// [`ClientError`]; `different_content` or `out_of_order` if it cannot be stored now.

@@ -4,14 +4,16 @@ use crate::jobs::analysis_limits::Limits;
 use crate::jobs::children::{Children, LOWEST_PRIORITY};
 use std::path::PathBuf;
 
-/// How much of the machine analyses may take.
+/// Resource limits of analyses.
 #[derive(Clone, Debug, clap::Args)]
 pub struct AnalysisArgs {
-    /// Threads for analyses [default: all processors but one, at least one; with --demo all].
+    /// Threads for analyses [default: all processors but one; all with --demo].
     #[arg(long = "analysis-threads", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Most memory of an analysis, MiB. An analysis that is estimated to need more is refused; one that
-    /// needs more nevertheless fails, and the server goes on.
+    /// Memory limit of an analysis, MiB.
+    ///
+    /// The server refuses an analysis that it estimates to need more. One that exceeds the limit
+    /// fails; the server continues.
     #[arg(
         long = "analysis-memory",
         value_name = "MIB",
@@ -19,8 +21,9 @@ pub struct AnalysisArgs {
         value_parser = clap::value_parser!(u64).range(64..=1_048_576)
     )]
     pub memory_mib: u64,
-    /// Most work of an analysis, hours of one processor. An analysis that is estimated to take more is
-    /// refused.
+    /// Work limit of an analysis, processor hours.
+    ///
+    /// The server refuses an analysis that it estimates to need more.
     #[arg(
         long = "analysis-hours",
         value_name = "H",
@@ -28,10 +31,10 @@ pub struct AnalysisArgs {
         value_parser = hours
     )]
     pub hours: f64,
-    /// The program of child processes; none is this one.
+    /// Executable of child processes; none means this one.
     #[arg(skip)]
     pub program: Option<PathBuf>,
-    /// The priority of child processes, as for the command nice.
+    /// Nice value of child processes.
     #[arg(skip = LOWEST_PRIORITY)]
     pub nice: i32,
 }
@@ -42,11 +45,11 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 impl AnalysisArgs {
-    /// How child processes are started. With `all`, they take all processors if nothing else is said.
+    /// How child processes are started. With `all`, their threads default to all processors.
     #[must_use]
     pub fn children(&self, all: bool) -> Children {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
-        // Participants come first.
+        // One processor is left for participants.
         let usual = if all { processors } else { (processors - 1).max(1) };
         Children {
             program: self.program.clone(),
@@ -56,7 +59,7 @@ impl AnalysisArgs {
         }
     }
 
-    /// What an analysis by such a process may cost.
+    /// Resource limits of an analysis in such a process.
     #[must_use]
     pub fn limits(&self, children: &Children) -> Limits {
         Limits { memory_mib: self.memory_mib, hours: self.hours, threads: children.threads }

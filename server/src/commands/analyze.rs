@@ -16,63 +16,68 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The paper's comparison: do safety levels help to predict people?
+/// Run the paper's comparison: do safety levels help to predict people?
 ///
-/// For every participant, feature set (hrd, hr, hd, rd, h, r, d of the paper; hrd_body and d_body with
-/// the robot's position in the human's body frame), experiment (1: right, straight or left; 2:
+/// For every participant, feature set (hrd, hr, hd, rd, h, r, d of the paper; hrd_body and d_body
+/// with the robot's position in the human's body frame), experiment (1: right, straight or left; 2:
 /// avoid or not) and model (svm_rbf, svm_linear, svm: the better of both in cross-validation, dt,
-/// lr), hyper-parameters are chosen by five-fold cross-validation over whole trials of the first
-/// four fifths of the tasks, and the model is tested on the last fifth.
-///
-/// Participants with fewer than five tasks, only one kind of input, or an invalid row (an
-/// impossible value, a step that is missing, repeated or out of order, a step that the vehicles cannot
-/// have driven, features that do not go with the trials) are excluded. They are named with line and reason on stderr, in the printed
-/// line and in the report; all others are compared. The whole file is refused (exit code 2) if a
-/// row cannot be assigned to a participant (a missing column, more or fewer fields than the header,
-/// no participant, text that is not UTF-8), if headings do not point where the vehicles move (such
-/// as headings in degrees), if headings turn as the opposite of omega says or as that of another row
-/// does, or if nobody is left. Trials that do not replay from their inputs are counted as flagged.
+/// lr), five-fold cross-validation over whole trials of the first four fifths of the tasks chooses
+/// the hyper-parameters, and the last fifth tests the model.
+/// Participants are excluded if they have fewer than five tasks, only one kind of input, or an
+/// invalid row: an impossible value, a step that is missing, repeated, out of order or impossible
+/// for the vehicles, or features that do not match the trials. stderr, the printed line and the
+/// report name them with line and reason; all others are compared. The whole file is refused (exit
+/// code 2) if a row cannot be assigned to a participant (a missing column, a wrong number of
+/// fields, no participant, text that is not UTF-8), if headings do not point where the vehicles
+/// move (such as headings in degrees), if headings turn against omega or as the omega of another
+/// row says, or if no participant is left. Trials that do not replay from their inputs are counted
+/// as flagged.
 ///
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
-/// (D_start and D_end, steps) as in the paper, tests.csv, beside.csv, ablation.csv, calibration.csv,
-/// rollouts.csv (predictors fed with their own predictions), predictions.csv, leakage.csv with
-/// --leakage, behaviour.csv and behaviour_trials.csv (what people did), learning.csv (fewer training
-/// tasks), unseen.csv (models that other people trained), importance.csv (what models lose without a
-/// feature), figures/ (every figure of the report as SVG), models/ (a predictor.json for each fit; its former content is deleted),
-/// report.html, tables.tex and numbers.json (every number of the report with all digits). The same input gives the same bytes whatever the number of threads
-/// or the order of participants. Fits are kept in --out/.cache and reused if nothing they depend on
-/// has changed. Prints one line of JSON.
+/// (D_start and D_end, steps) as in the paper, tests.csv, beside.csv, ablation.csv,
+/// calibration.csv, rollouts.csv (predictors fed with their own predictions), predictions.csv,
+/// leakage.csv with --leakage, behaviour.csv and behaviour_trials.csv (what people did),
+/// learning.csv (fewer training tasks), unseen.csv (models trained on other people), importance.csv
+/// (what models lose without a feature), figures/ (every figure of the report as SVG), models/ (a
+/// predictor.json for each fit; earlier files there are deleted), report.html, tables.tex and
+/// numbers.json (every number of the report with all digits). The same input gives the same bytes
+/// for any number of threads and any order of participants. Fits are cached in --out/.cache and
+/// reused if nothing they depend on has changed. Prints one line of JSON.
 #[derive(Clone, Debug, clap::Args)]
 pub struct AnalyzeArgs {
     #[command(flatten)]
     trials: TrialsArgs,
-    /// Threads [default: one a processor].
+    /// Threads [default: one per processor].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// File of `sidestep features`, or one with the columns
-    /// participant,trial,step,apx,apy,dpsi,cosd,sind,vh,vr,d,y1: its features are used instead of
-    /// computed ones, and must have a row for every step.
+    /// Features to use instead of computed ones, with a row for every step.
+    ///
+    /// A file of `sidestep features`, or one with the columns
+    /// participant,trial,step,apx,apy,dpsi,cosd,sind,vh,vr,d,y1.
     #[arg(long, value_name = "FILE.csv")]
     features: Option<PathBuf>,
-    /// Further feature sets, grids and options, as JSON: {"sets": {"NAME": ["v_h", "distance", …], …},
-    /// "grids": {"rbf_c": […], "rbf_gamma": […], "linear_c": […], "tree_depth": [3, null],
-    /// "tree_leaf": […], "logistic_c": […], "boosted_depth": […]}, "leakage": true, "paper_only": true,
-    /// "synthetic": true}. Sets are compared beside the paper's; `sidestep features --help` names
-    /// the features. A set is the whole list: include abs_dx, abs_dy, dpsi, cos_dpsi and sin_dpsi for
-    /// the paper's B. Grids replace the protocol's. Every field may be left out; - reads stdin.
+    /// Further feature sets, grids and options, as JSON; - reads stdin.
+    ///
+    /// {"sets": {"NAME": ["v_h", "distance", …], …}, "grids": {"rbf_c": […], "rbf_gamma": […],
+    /// "linear_c": […], "tree_depth": [3, null], "tree_leaf": […], "logistic_c": […],
+    /// "boosted_depth": […]}, "leakage": true, "paper_only": true, "synthetic": true}. Every field
+    /// is optional. Sets are compared beside the paper's; `sidestep features --help` lists the
+    /// features. A set is the whole list: include abs_dx, abs_dy, dpsi, cos_dpsi and sin_dpsi for
+    /// the paper's B. Grids replace the protocol's.
     #[arg(long, value_name = "FILE.json")]
     settings: Option<PathBuf>,
-    /// Also split by time step, which is wrong, to show how much it overstates (leakage.csv).
+    /// Also split by time step, to show how much this wrong split overstates accuracy (leakage.csv).
     #[arg(long)]
     leakage: bool,
-    /// Leave out what the paper does not have: learning curves, models for unseen people, importance of
-    /// features. Saves about a third of the time.
+    /// Skip what the paper lacks: learning curves, models for unseen people, feature importance.
+    ///
+    /// Saves about a third of the time.
     #[arg(long)]
     paper_only: bool,
-    /// Say in the report that the data are synthetic. Files of `sidestep simulate` say so themselves.
+    /// State in the report that the data are synthetic (automatic for files of `sidestep simulate`).
     #[arg(long)]
     synthetic: bool,
-    /// Folder for the files, made where there is none.
+    /// Folder for the files; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -119,9 +124,9 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     }
     report::write(&analysis, draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
-    // Of a former analysis in this folder, whose other files are replaced.
+    // Delete the leakage.csv of an earlier analysis in this folder; its other files are replaced.
     draft.keep(&["leakage.csv"], &interrupt.token).map_err(kept_or)?;
-    // Only once the folder is complete: a failure before leaves all that was computed.
+    // Only once the folder is complete: after an earlier failure, all computed fits stay cached.
     cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;
     let data = &analysis.data;
     print_json(&serde_json::json!({
@@ -142,7 +147,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
 }
 
 impl AnalyzeArgs {
-    /// What is asked for by the settings file and by flags, checked before anything is computed.
+    /// The request from the settings file and the flags, checked before anything is computed.
     fn request(&self) -> Result<Request, CommandError> {
         let document = Document(self.settings.as_deref().unwrap_or(Path::new("")));
         let said: Request = match self.settings {

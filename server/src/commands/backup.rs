@@ -13,11 +13,11 @@ use std::fs::{self, File};
 use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 
-/// Back a database up into one file, also while a server uses it.
+/// Back up a database into one file, even while a server uses it.
 ///
-/// The file is a SQLite database with everything: `sidestep restore` makes a database of it, of SQLite or
-/// PostgreSQL. It is complete and checked, every trial by replaying it, before it gets its name. It
-/// contains external ids: only its owner can read it.
+/// The file is a SQLite database with everything; `sidestep restore` restores it to SQLite or
+/// PostgreSQL. The backup is complete and checked, with every trial replayed, before it gets its
+/// name. Only its owner can read it, because it contains external ids.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]
@@ -31,24 +31,25 @@ pub struct BackupArgs {
     pub out: PathBuf,
 }
 
-/// Make a database of a backup.
+/// Restore a backup into a new database.
 ///
-/// Checks the backup first, every trial by replaying it, and the new database afterwards. A database that
-/// is there already is refused and not changed.
+/// Checks the backup first, replaying every trial, and the new database afterwards. Refuses an
+/// existing database and leaves it unchanged.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]
 pub struct RestoreArgs {
-    /// The backup.
+    /// Backup to restore.
     #[arg(long, value_name = "FILE")]
     pub from: PathBuf,
 
-    /// Database to make: sqlite:FILE, which must not exist, or postgres://USER@HOST/DATABASE without tables.
+    /// Database to create: sqlite:FILE, which must not exist, or postgres://USER@HOST/DATABASE without tables.
     #[arg(long, value_name = "URL")]
     pub database: String,
 
-    /// Restore a backup in which trials are faulty, too: they stay as they are. A server with --backups writes such a
-    /// backup rather than none.
+    /// Also restore a backup with faulty trials, leaving them as they are.
+    ///
+    /// A server with --backups writes such a backup rather than none.
     #[arg(long)]
     pub with_faulty_trials: bool,
 }
@@ -61,11 +62,11 @@ struct Done<'a> {
     report: Report,
 }
 
-/// Writes a backup, checks it, and prints what is in it.
+/// Writes a backup, checks it, and prints its content.
 ///
 /// # Errors
-/// [`CommandError::Input`] if the file is there already; [`CommandError::Failure`] if the database or the
-/// disk refuse, or the backup is not sound.
+/// [`CommandError::Input`] if the file already exists; [`CommandError::Failure`] if the database or
+/// the disk fails, or the backup is not sound.
 pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
     let out = &args.out;
     if out.exists() {
@@ -83,11 +84,11 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
     print_json(&Done { file: out, bytes, report })
 }
 
-/// Makes a database of a backup, checks it, and prints what is in it.
+/// Restores a backup into a new database, checks it, and prints its content.
 ///
 /// # Errors
-/// [`CommandError::Input`] if there is a database already; [`CommandError::Failure`] if the backup is not
-/// sound or the database refuses.
+/// [`CommandError::Input`] if the database already exists; [`CommandError::Failure`] if the backup
+/// is not sound or the database fails.
 pub async fn restore(args: RestoreArgs) -> Result<(), CommandError> {
     absent(&args.database).await?;
     let found = fs::metadata(&args.from).map_err(|error| unreadable(&args.from, error))?;
@@ -111,7 +112,7 @@ fn unreadable(from: &Path, why: impl std::fmt::Display) -> CommandError {
     CommandError::Input(format!("--from {}: cannot read: {why}", from.display()))
 }
 
-/// Accepts an address at which there is no database.
+/// Accepts an address only if there is no database.
 pub(super) async fn absent(database: &str) -> Result<(), CommandError> {
     match Store::open(database, Purpose::Read).await {
         Err(OpenError::Absent(_)) => Ok(()),
@@ -129,8 +130,8 @@ pub(super) async fn absent(database: &str) -> Result<(), CommandError> {
     }
 }
 
-/// Makes a database at an address at which there is none. `fill` gets a private folder for temporary files, and the
-/// address of the database that it is to fill.
+/// Creates a database at an address that has none. `fill` gets a private folder for temporary
+/// files, and the address of the database to fill.
 pub(super) async fn new_database<T>(
     database: &str,
     fill: impl AsyncFnOnce(&Path, &str) -> Result<T, CommandError>,
@@ -161,8 +162,8 @@ pub(super) async fn new_database<T>(
     Ok(done)
 }
 
-/// Fills a new database with everything in the backup, compares the two, and says what is in them. `folder` is for
-/// a copy of the backup, which stays as it is: an earlier version's is migrated.
+/// Fills a new database from the backup, compares the two, and returns their content. `folder` is
+/// for a copy of the backup: migrating a backup of an earlier version must not change the original.
 async fn fill(
     args: &RestoreArgs,
     folder: &Path,
@@ -208,12 +209,12 @@ async fn fill(
     to.close().await;
     let failure = match report {
         Ok(report) if report == before => return Ok(report),
-        Ok(_) => "what was restored differs from the backup".to_owned(),
+        Ok(_) => "the restored database differs from the backup".to_owned(),
         Err(error) => error.to_string(),
     };
-    // A file is deleted with its folder.
+    // A SQLite file is deleted with its folder.
     Err(CommandError::Failure(match to.is_shared() {
-        true => format!("{}: it is not whole, delete it: {failure}", to.name()),
+        true => format!("{}: it is incomplete, delete it: {failure}", to.name()),
         false => format!("nothing was restored: {failure}"),
     }))
 }

@@ -18,20 +18,18 @@ use sidestep::vehicle::Pose;
 /// "rollout": "paper" or "base", "speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5]}.
 ///
 /// The robot is assumed to drive straight on. Optional fields:
-/// "predictor", if --predictor names a file;
-/// "robot_speed" (default: the human's), "robot_turn_rate" (default: the human's highest) and
-/// "danger_radius" (default: 3), which matter only to features of the game (v_h, v_r, dv_…,
-/// closest_…);
-/// "history": [{"human": [x, y, psi], "robot": […]}, …], the states of the steps before, which
-/// matter only to features of the past (turned_…; 0 without a history).
+/// "predictor", if --predictor names a file; "robot_speed" (default: the human's),
+/// "robot_turn_rate" (default: the human's highest) and "danger_radius" (default: 3), which only
+/// features of the game use (v_h, v_r, dv_…, closest_…); "history": [{"human": [x, y, psi],
+/// "robot": […]}, …], the states of the steps before, which only features of the past use
+/// (turned_…; 0 without a history).
 ///
 /// The predictor's classes mean -1 (lowest turn rate), 0 (straight) and 1 (highest), unless
 /// it has "actions": [rad/s, one for each class, ascending].
 ///
 /// The answer, for F sets and T steps: {"lo": […], "hi": […]}, F lists of T turn rates in rad/s;
-/// "raw": [T pairs [lo, hi]], the bounds before widening; "human_low" and "human_high":
-/// [T + 1 poses [x, y, psi]], the human's poses from now on if the human drives at the lowest or
-/// at the highest rates.
+/// "raw": [T pairs [lo, hi]], the bounds before widening; "human_low" and "human_high": [T + 1
+/// poses [x, y, psi]], the human's poses from now on at the lowest or at the highest rates.
 #[derive(Clone, Debug, clap::Args)]
 pub struct BoundsArgs {
     #[command(flatten)]
@@ -49,11 +47,10 @@ struct Answer<'a> {
     human_high: Vec<Pose>,
 }
 
-/// Reads the document, runs Algorithm 1 and answers.
+/// Reads the document, runs Algorithm 1 and writes the answer.
 ///
 /// # Errors
-/// [`CommandError`] for a document that is wrong, naming the field (input), or an answer
-/// that cannot be written (failure).
+/// [`CommandError`] for an invalid document, naming the field (input), or an answer that cannot be written (failure).
 pub async fn run(args: BoundsArgs) -> Result<(), CommandError> {
     args.files.check_out()?;
     let document = args.files.document();

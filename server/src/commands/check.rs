@@ -4,11 +4,10 @@ use super::{CommandError, failed, print_json};
 use crate::soundness;
 use crate::store::{Purpose, Store};
 
-/// Check a database: whether the file is sound, and whether every trial replays as when it was
-/// stored.
+/// Check that a database is sound and that every trial replays as stored.
 ///
-/// Prints a JSON report of all that is wrong, and where. Goes on after damage. The exit code is 1 if anything is
-/// wrong, and the last line says what to do.
+/// Continues after damage. Prints a JSON report of every fault and its place. If there are faults,
+/// the exit code is 1 and the last line on stderr says what to do.
 #[derive(Clone, Debug, clap::Args)]
 pub struct CheckArgs {
     /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE.
@@ -16,10 +15,10 @@ pub struct CheckArgs {
     pub database: String,
 }
 
-/// Checks, prints the report, and fails if anything is wrong.
+/// Checks, prints the report, and fails if there are faults.
 ///
 /// # Errors
-/// [`CommandError::Failure`] if anything is wrong or the check cannot be done.
+/// [`CommandError::Failure`] if there are faults or the check cannot be done.
 pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Purpose::Read).await?;
     let report = soundness::report(&store).await?;

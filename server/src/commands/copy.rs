@@ -9,10 +9,10 @@ use indicatif::ProgressBar;
 
 /// Copy studies from one database to another, from SQLite to PostgreSQL or back.
 ///
-/// Copies everything that is stored about participants, with their ids, trials, notes and exclusions, the
-/// study's versions, value functions and analyses; without --study also the keys and the audit trail, if
-/// the destination has no keys. Every participant is compared by a hash afterwards. A copy that breaks off
-/// goes on where it was if it is started again. No server should use either database meanwhile.
+/// Copies everything stored about participants (ids, trials, notes and exclusions), the study's
+/// versions, value functions and analyses; without --study also the keys and the audit trail, if
+/// the destination has no keys. Compares every participant by a hash afterwards. Restarting resumes
+/// an interrupted copy. No server should use either database meanwhile.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]
@@ -21,7 +21,7 @@ pub struct CopyArgs {
     #[arg(long, value_name = "URL")]
     pub from: String,
 
-    /// Database to copy to; created if it does not exist (of PostgreSQL, its tables).
+    /// Database to copy to; created if it does not exist (for PostgreSQL, only its tables).
     #[arg(long, value_name = "URL")]
     pub to: String,
 
@@ -30,10 +30,10 @@ pub struct CopyArgs {
     pub study: Option<String>,
 }
 
-/// Copies and prints what was copied.
+/// Copies and prints a summary.
 ///
 /// # Errors
-/// [`CommandError`] for an unknown study (input), or if a database refuses (failure).
+/// [`CommandError`] for an unknown study (input), or if a database fails (failure).
 pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
     let from = Store::open(&args.from, Purpose::Read).await.map_err(of_flag("--from"))?;
     let slugs = match &args.study {
@@ -55,7 +55,7 @@ pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     let copied = whole(&from, &to, &slugs, access, &interrupt).await.map_err(|error| {
         CommandError::Failure(match error {
-            TransferError::Stopped => format!("{error}; the same command goes on where it was"),
+            TransferError::Stopped => format!("{error}; run the same command again to resume"),
             other => other.to_string(),
         })
     })?;
@@ -65,7 +65,7 @@ pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
     print_json(&copied)
 }
 
-/// Copies studies, and keys and audit trail if `access` says so, with a progress bar.
+/// Copies studies, and with `access` also keys and audit trail, with a progress bar.
 pub(super) async fn whole(
     from: &Store,
     to: &Store,
@@ -83,7 +83,7 @@ pub(super) async fn whole(
     Ok(copied)
 }
 
-/// A progress bar, and what moves it: participants that are copied, of how many.
+/// A progress bar, and the callback that moves it: participants copied, and their total.
 pub(super) fn copying() -> (ProgressBar, impl FnMut(usize, usize)) {
     let bar = bar(0, "copying [{bar:40}] {pos:>4}/{len} participants  {elapsed_precise}");
     let moved = bar.clone();

@@ -1,12 +1,12 @@
-//! Headings that may be in degrees: legal, but told.
+//! Warns of headings that may be in degrees, which are valid but unlikely.
 
 use core::f64::consts::TAU;
 
-/// Says on standard error, once for all headings of a file, that one of them may be in degrees.
+/// Warns on stderr, once for all headings of a file, that one of them may be in degrees.
 pub(super) struct Degrees {
     /// The file, as errors name it.
     name: String,
-    /// Where the first one is, and how many there are.
+    /// Place and value of the first one, and how many more there are.
     found: Option<(String, f64, u64)>,
 }
 
@@ -16,9 +16,9 @@ impl Degrees {
         Self { name: name.into(), found: None }
     }
 
-    /// Looks at a heading, rad, and where it is.
+    /// Checks a heading, rad, at this place.
     pub(super) fn look(&mut self, psi: f64, place: impl FnOnce() -> String) {
-        // A full turn itself may be one in radians.
+        // Exactly one full turn may well be in radians.
         if psi.abs() <= TAU * (1.0 + 1e-9) {
             return;
         }
@@ -28,7 +28,7 @@ impl Degrees {
         }
     }
 
-    /// The warning, if there is a reason for one.
+    /// The warning, if any heading needs one.
     fn warning(&self) -> Option<String> {
         let (place, psi, count) = self.found.as_ref()?;
         let others = match count - 1 {

@@ -1,8 +1,9 @@
-//! The demonstration of `sidestep serve --demo`: a study that synthetic people fill, with an analysis.
+//! The demonstration of `sidestep serve --demo`: a study that synthetic participants fill, with an analysis.
 //!
-//! Everything goes the way of real data: people enrol and drive through the server's own HTTP interface, and the
-//! worker makes the analysis. Each step looks for what is there first, so a demonstration that was broken
-//! off goes on. At the end the study is closed, and a closed one is left as it is.
+//! Everything takes the path of real data: participants enrol and drive through the server's own
+//! HTTP interface, and the worker runs the analysis. Each step first checks what exists, so an
+//! interrupted demonstration resumes. At the end the study is closed; a closed study is left
+//! unchanged.
 
 mod cast;
 
@@ -27,16 +28,16 @@ use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use uuid::Uuid;
 
-/// The study's name in addresses.
+/// The study's name in URLs.
 pub(super) const SLUG: &str = "demo";
 
-/// The population that the people are from.
+/// Seed of the synthetic population.
 const SEED: u64 = 14;
 
-/// Who writes notes and asks for the analysis, in the audit trail.
+/// Author of notes and of the analysis request in the audit trail.
 const WHO: &str = "demonstration";
 
-/// How often the analysis is looked at.
+/// Poll interval for the analysis.
 const TICK: Duration = Duration::from_millis(250);
 
 /// The demonstration's study.
@@ -45,10 +46,10 @@ fn study() -> Result<StudyConfig, CommandError> {
     file.map(|file| file.config().clone()).map_err(CommandError::failure)
 }
 
-/// Makes the study of the demonstration if there is none. Returns whether it is to be filled.
+/// Creates the demonstration's study if it does not exist. Returns whether to fill it.
 ///
 /// # Errors
-/// [`CommandError::Input`] if there is another study of this name, which stays as it is.
+/// [`CommandError::Input`] if another study has this name; that study is left unchanged.
 pub(super) async fn prepare(store: &Store, database: &str) -> Result<bool, CommandError> {
     let wanted = study()?;
     match store.study(SLUG).await? {
@@ -62,7 +63,7 @@ pub(super) async fn prepare(store: &Store, database: &str) -> Result<bool, Comma
         }
         Some(_) => Err(CommandError::Input(format!(
             "--demo: expected no study {SLUG} in {database}, or that of the demonstration, found another \
-             one, which stays as it is; give another file with --database"
+             one, which is left unchanged; choose another file with --database"
         ))),
     }
 }
@@ -78,9 +79,9 @@ pub(super) struct Demo {
 }
 
 impl Demo {
-    /// Fills the study through the server at `address`, and says when it is ready. `analysis_asked` tells the
-    /// worker of the analysis; a key that was made at this start is said again, since the log of the filling
-    /// has moved it away.
+    /// Fills the study through the server at `address`, and logs when it is ready. `analysis_asked`
+    /// wakes the analysis worker. A key that was created at this start is logged again, since the
+    /// log of the filling has scrolled it off the screen.
     pub(super) fn start(
         store: Store,
         address: SocketAddr,
@@ -93,7 +94,7 @@ impl Demo {
             let said = match filling.fill().await {
                 Ok(said) => said,
                 Err(error) => format!(
-                    "The study {SLUG} is not complete: {error}. Start the server again with --demo to go on."
+                    "The study {SLUG} is not complete: {error}. Start the server again with --demo to resume."
                 ),
             };
             if let Err(error) = print_line(&said) {
@@ -103,19 +104,19 @@ impl Demo {
         Self { task }
     }
 
-    /// Breaks off what is not done, which goes on at the next start with `--demo`.
+    /// Cancels unfinished work, which resumes at the next start with `--demo`.
     pub(super) async fn stop(self) {
         self.task.abort();
-        // It was aborted, or had ended.
+        // The task was aborted, or had ended.
         let _ = self.task.await;
     }
 }
 
-/// What the command says while the study fills.
+/// The message at the start, while the study fills.
 pub(super) fn announcement(address: SocketAddr) -> String {
     let (people, address) = (CAST.len(), reachable(address));
     format!(
-        "The study {SLUG} is being filled with {people} synthetic people and analysed, in less than a minute.\n  \
+        "The study {SLUG} is being filled with {people} synthetic participants and analysed, in less than a minute.\n  \
          look on at    http://{address}/lab/studies/{SLUG}"
     )
 }
@@ -139,7 +140,7 @@ struct Filling {
 }
 
 impl Filling {
-    /// Does what is missing, and returns what to say then.
+    /// Does the missing work, and returns the message to log then.
     async fn fill(&self) -> Result<String, CommandError> {
         let begin = Instant::now();
         let present = self.study().await?;
@@ -172,11 +173,11 @@ impl Filling {
     }
 
     async fn study(&self) -> Result<StoredStudy, CommandError> {
-        let gone = || CommandError::Failure(format!("the study {SLUG} is not there any more"));
+        let gone = || CommandError::Failure(format!("the study {SLUG} no longer exists"));
         self.store.study(SLUG).await?.ok_or_else(gone)
     }
 
-    /// Everybody takes part, one after the other, so that numbers and scenes are the same each time.
+    /// All participants take part, one after another, so that numbers and scenes are the same each time.
     async fn people(&self) -> Result<(), CommandError> {
         let server = Client::at(&self.origin)
             .ok_or_else(|| CommandError::Failure(format!("{}: no address", self.origin)))?
@@ -198,7 +199,7 @@ impl Filling {
             };
             match took_part {
                 Ok(me) => self.look_after(me.participant_id(), role).await?,
-                // Their participation ended before the demonstration was broken off.
+                // Their participation ended before the demonstration was interrupted.
                 Err(error) if matches!(error.code(), Some("withdrawn" | "screened_out")) => {}
                 Err(error) => return Err(error.into()),
             }
@@ -206,7 +207,7 @@ impl Filling {
         Ok(())
     }
 
-    /// What experimenters do with a participant.
+    /// The experimenter's part: adds the note and applies the ending of a participant.
     async fn look_after(&self, id: &str, role: Role) -> Result<(), CommandError> {
         if let Some(text) = role.note {
             let known = self.store.profile(id).await?;
@@ -222,8 +223,8 @@ impl Filling {
             }
             Ending::Withdrawn(_) => self.store.withdraw(id, false, now_ms(), None).await?,
             Ending::ScreenedOut => {
-                // They enrolled before the demonstration was broken off. Whoever continues with another token
-                // has attempts of its own, which end nothing.
+                // They enrolled before the demonstration was interrupted. Under a new token their
+                // attempts count separately, so the server would not screen them out.
                 let result = ComprehensionResult { attempts: role.attempts, passed: false };
                 self.store.check_understanding(id, None, result, role.attempts, now_ms()).await?;
             }
@@ -232,7 +233,7 @@ impl Filling {
         Ok(())
     }
 
-    /// Asks for the analysis if there is none.
+    /// Requests the analysis if there is none.
     async fn ask_analysis(&self, study: &StoredStudy) -> Result<(), CommandError> {
         if self.store.analyses_page(study.id, i64::MAX, 1).await?.is_empty() {
             let id = Uuid::new_v4().to_string();
@@ -243,7 +244,7 @@ impl Filling {
         Ok(())
     }
 
-    /// Nobody else takes part, and nothing is added at the next start.
+    /// Closes the study: nobody else takes part, and the next start adds nothing.
     async fn close(&self, study: &StoredStudy) -> Result<(), CommandError> {
         let closed = of_status(&study.config, Status::Closed);
         let entry = entry(Action::StudyChanged, Some("status".to_owned()));
@@ -251,7 +252,7 @@ impl Filling {
         Ok(safety::keep_exact(&self.store, &self.study().await?).await?)
     }
 
-    /// Waits until the study's newest analysis is over; nothing if there is none.
+    /// Waits for the end of the study's newest analysis; `None` if there is none.
     async fn analysed(
         &self,
         study_id: i64,
@@ -266,13 +267,13 @@ impl Filling {
     }
 }
 
-/// An entry of the audit trail about the demonstration.
+/// An audit-trail entry about the demonstration.
 fn entry(action: Action, subject: Option<String>) -> NewEntry {
     let (who, study) = (WHO.to_owned(), Some(SLUG.to_owned()));
     NewEntry { at_ms: now_ms(), key_id: None, who, action, study, subject }
 }
 
-/// Somebody enrols and never gets the answers right.
+/// Enrols a participant who never answers correctly.
 async fn fails_check(
     volunteer: &Volunteer<'_>,
     name: String,

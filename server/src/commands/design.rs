@@ -13,49 +13,49 @@ use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 use std::path::PathBuf;
 
-/// Show the scenes of a study before anybody is invited: their strata as a picture and a table.
+/// Preview the scenes of a study before inviting anyone: their strata as a picture and a table.
 ///
-/// Draws the scenes that the first participants of the study will be given, and counts how evenly
-/// they are spread. Coordinates of a scene: approach, the human's heading less the robot's (degrees
+/// Draws the scenes of the study's first participants, and counts how evenly they are spread.
+/// Coordinates of a scene: approach, the human's heading less the robot's (degrees
 /// counter-clockwise; 180 is head-on); miss, the distance of closest approach if nobody turns (m;
-/// positive if the human is to the right of the robot's path as the human sees it); entry, the time at
-/// which the human would enter the danger zone (s). Each coordinate of a phase is cut into as many
-/// strata as the phase has scenes, numbered from 0.
+/// positive if the human is to the right of the robot's path as the human sees it); entry, the time
+/// at which the human would enter the danger zone (s). Each coordinate of a phase is divided into
+/// one stratum per scene of the phase, numbered from 0.
 ///
-/// Writes strata.csv: phase, coordinate, stratum, low, high, unit (of low and high); planned, realised:
-/// scenes in the stratum over all participants. scenes.csv: place (of the participant, from 0), phase,
-/// index (of the scene in the phase, from 0); approach_stratum, miss_stratum, entry_stratum;
-/// planned_miss_stratum, planned_entry_stratum (they differ where the planned cell has no admissible
-/// scene); approach_deg, miss_m, entry_s; human_x, human_y (m), human_psi (rad), robot_x, robot_y,
-/// robot_psi, goal_x, goal_y: the start; closest_m: the smallest distance if nobody turns (m).
-/// design.svg and design.png: how the phase with most scenes is spread, and the first participant's
-/// scenes seen from above.
+/// Writes strata.csv: phase, coordinate, stratum, low, high, unit (of low and high); planned,
+/// realised: scenes in the stratum over all participants. scenes.csv: place (of the participant,
+/// from 0), phase, index (of the scene in the phase, from 0); approach_stratum, miss_stratum,
+/// entry_stratum; planned_miss_stratum, planned_entry_stratum (different if the planned cell has no
+/// admissible scene); approach_deg, miss_m, entry_s; human_x, human_y (m), human_psi (rad),
+/// robot_x, robot_y, robot_psi, goal_x, goal_y: the start; closest_m: the smallest distance if
+/// nobody turns (m). design.svg and design.png: the spread of the phase with the most scenes, and
+/// the first participant's scenes from above.
 ///
 /// Prints one line of JSON. For each phase: scenes; block, the participants after which the orders
-/// repeat; drawn, scenes of all participants; exchanged, scenes that exchanged a miss or entry stratum
-/// because a planned cell has no admissible scene; unfilled, strata of single participants without a
-/// scene; and the smallest and greatest number of times that each approach stratum occurs at a
-/// position and directly after each other one, and that each pair of strata occurs.
+/// repeat; drawn, scenes of all participants; exchanged, scenes with another miss or entry stratum
+/// because the planned cell has no admissible scene; unfilled, strata of single participants
+/// without a scene; and the smallest and greatest counts of each approach stratum at a position, of
+/// each approach stratum directly after each other one, and of each pair of strata.
 #[derive(Clone, Debug, clap::Args)]
 pub struct DesignArgs {
-    /// Study file (TOML). A field that it omits has the paper's value.
+    /// Study file (TOML); omitted fields take the paper's values.
     #[arg(long, value_name = "FILE.toml")]
     study: PathBuf,
-    /// Folder for the files; made if it does not exist.
+    /// Folder for the files; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Folder with language files, as for `sidestep serve`: the study's texts are checked against
-    /// them.
+    /// Folder with language files, as for `sidestep serve`, to check the study's texts against.
     #[arg(long, value_name = "DIR")]
     languages: Option<PathBuf>,
-    /// Number of participants whose scenes are drawn, 1 to 10000 [default: one block of the phase
-    /// with most scenes, which is its number of scenes if that is even and otherwise twice it; 50 if
-    /// that is more than 100].
+    /// Number of participants to draw scenes for, 1 to 10000 [default: one block].
+    ///
+    /// A block is the number of scenes of the phase with the most scenes, doubled if it is odd. If
+    /// that is more than 100, the default is 50.
     #[arg(long, value_name = "N")]
     participants: Option<u64>,
 }
 
-/// Most participants, and most scenes of all of them.
+/// Upper bounds on participants, and on the scenes of all of them.
 const PARTICIPANTS: u64 = 10_000;
 const SCENES: u64 = 1_000_000;
 
@@ -92,7 +92,7 @@ pub async fn run(args: DesignArgs) -> Result<(), CommandError> {
     }))
 }
 
-/// How many participants: those asked for, or as many as show how evenly the scenes are spread.
+/// The number of participants: as requested, or else enough to show how evenly the scenes are spread.
 fn participants(study: &StudyConfig, wanted: Option<u64>) -> Result<u64, CommandError> {
     let scenes: u64 = study.phases.iter().map(|phase| phase.scenes as u64).sum();
     let most = PARTICIPANTS.min(SCENES / scenes.max(1));

@@ -12,43 +12,42 @@ use std::path::PathBuf;
 /// Write a study's data to files: steps, trials, key events and participants as tables.
 ///
 /// Besides the tables, the folder has configurations.json, dictionary.json (the meaning of every
-/// column) and manifest.json (rows and SHA-256 of every file), which is written last: a folder
-/// without it is not complete.
+/// column) and manifest.json (rows and SHA-256 of every file). The manifest is written last: a
+/// folder without it is incomplete.
 ///
-/// Every trial is replayed, as by 'sidestep check'. One that is damaged is named, and marked in the tables by the
-/// column damaged; one that cannot be read, or is not found, is left out. The exit code is 1 then. Nothing is written
-/// where the study or the list of its participants cannot be read.
+/// Every trial is replayed, as by 'sidestep check'. A damaged trial is named, and marked in the
+/// tables by the column damaged; a trial that cannot be read or found is left out. The exit code is
+/// then 1. Nothing is written if the study or the list of its participants cannot be read.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ExportArgs {
-    /// Database: sqlite: followed by a file.
+    /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
-    /// Name of the study in addresses.
+    /// Name of the study in URLs.
     #[arg(long, value_name = "SLUG", default_value = "default")]
     pub study: String,
     /// Format of the tables.
     #[arg(long, value_name = "FORMAT", default_value = "csv", value_parser = one_of(FORMATS))]
     pub format: Format,
-    /// Folder for the files; it is created if it does not exist. An earlier export of the same study there is
-    /// replaced.
+    /// Folder for the files; created if it does not exist.
+    ///
+    /// Replaces an earlier export of the same study there.
     #[arg(long, visible_alias = "output", value_name = "DIR")]
     pub out: PathBuf,
     /// Only trials of this phase, with their steps and key events [default: all phases].
     #[arg(long, help_heading = "Which data", value_name = "PHASE", value_parser = one_of(PHASES))]
     pub phase: Option<Phase>,
-    /// Which trials by their flags.
+    /// Trials to export, by their flags.
     #[arg(long, help_heading = "Which data", value_name = "QUALITY", default_value = "all")]
     #[arg(value_parser = one_of(QUALITIES))]
     pub quality: Quality,
-    /// Only participants who enrolled under the configuration whose SHA-256 begins with these
-    /// digits [default: all configurations].
+    /// Only participants enrolled under the configuration whose SHA-256 begins so [default: all].
     #[arg(long, help_heading = "Which data", value_name = "HASH")]
     pub configuration: Option<String>,
-    /// Pilots instead of participants; they have numbers of their own.
+    /// Export pilots instead of participants; pilots have their own numbers.
     #[arg(long, help_heading = "Which data")]
     pub pilots: bool,
-    /// End with exit code 0 also if trials are damaged: not as they were stored. They are named and marked all the
-    /// same.
+    /// Exit with code 0 even if trials are damaged; they are still named and marked.
     #[arg(long)]
     pub allow_damaged: bool,
 }
@@ -64,7 +63,7 @@ const FORMATS: Words<Format> = &[
 const PHASES: Words<Phase> = &[
     ("familiarisation", Phase::Familiarisation, "Getting used to the keys and the vehicle"),
     ("practice", Phase::Practice, "Scenes like the tasks, not analysed"),
-    ("task", Phase::Task, "The scenes that count"),
+    ("task", Phase::Task, "The scenes that are analysed"),
 ];
 
 const QUALITIES: Words<Quality> = &[
@@ -72,15 +71,14 @@ const QUALITIES: Words<Quality> = &[
     (
         "unflagged",
         Quality::Unflagged,
-        "Those without a flag, besides that they were imported, and without damage",
+        "Trials without damage and without a flag other than imported",
     ),
 ];
 
-/// Writes the files: whole, or not at all.
+/// Writes all files or none.
 ///
 /// # Errors
-/// [`CommandError`] for an unknown study or configuration (input), or what the database or the
-/// disk refuse (failure).
+/// [`CommandError`] for an unknown study or configuration (input), or an error of the database or the disk (failure).
 pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Purpose::Read).await?;
     let study = study_named(&store, &args.study).await?;

@@ -21,10 +21,10 @@ use std::path::PathBuf;
 /// human turned left in the last step, in the step before it, in the last five steps and since
 /// the trial began.
 ///
-/// An invalid row, or a step that the vehicles cannot have driven, makes the whole file invalid; the
-/// error names it. (analyze excludes only the participant.) With --database, participants whom
-/// analyses exclude are excluded here too. Prints one line of JSON: the numbers of participants, trials and
-/// steps, who is excluded, and how many trials have a flag.
+/// An invalid row, or a step that the vehicles cannot have driven, makes the whole file invalid;
+/// the error names it. (`sidestep analyze` excludes only the participant.) With --database,
+/// participants excluded from analyses are excluded here too. Prints one line of JSON: the numbers
+/// of participants, trials and steps, the exclusions, and the number of flagged trials.
 #[derive(Clone, Debug, clap::Args)]
 pub struct FeaturesArgs {
     #[command(flatten)]
@@ -34,7 +34,7 @@ pub struct FeaturesArgs {
     out: PathBuf,
 }
 
-/// Reads, computes and writes the file: whole, or not at all.
+/// Reads, computes and writes the whole file or nothing.
 ///
 /// # Errors
 /// [`CommandError`] for a bad flag or line (input), or a file that cannot be written (failure).

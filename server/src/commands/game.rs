@@ -1,4 +1,4 @@
-//! The game that a command is about: its parameters, or a file with its value.
+//! The game of a command: its parameters, or a file with its value function.
 
 use super::solving::{self, Interrupt, flagged};
 use super::{CommandError, one_of};
@@ -55,7 +55,7 @@ impl GameArgs {
 pub struct FunctionArgs {
     #[command(flatten)]
     game: GameArgs,
-    /// File of `sidestep solve`. It defines the game, so GAME cannot be given as well.
+    /// File of `sidestep solve`; it defines the game, so it excludes GAME.
     #[arg(long, value_name = "FILE.npz", conflicts_with = "GameArgs")]
     value_function: Option<PathBuf>,
     /// Accuracy of the grid for unequal vehicles (equal vehicles need no grid).
@@ -65,7 +65,7 @@ pub struct FunctionArgs {
 }
 
 impl FunctionArgs {
-    /// The flags of the game, which are the usual ones with --value-function.
+    /// The flags of the game; defaults with --value-function.
     pub(super) fn game(&self) -> GameArgs {
         self.game
     }
@@ -73,8 +73,8 @@ impl FunctionArgs {
     /// The value function: read from the file, in closed form, or solved.
     ///
     /// # Errors
-    /// [`CommandError::Input`] naming the flag or the file and what is wrong in it;
-    /// [`CommandError::Failure`] if the user stops it.
+    /// [`CommandError::Input`] naming the flag or the file and the fault in it;
+    /// [`CommandError::Failure`] if the user cancels.
     pub(super) async fn function(
         &self,
         interrupt: &Interrupt,
@@ -91,11 +91,10 @@ impl FunctionArgs {
     }
 }
 
-/// The value function in a file. Says so on stderr if its solve did not converge, or the file
-/// does not tell.
+/// Reads a value function from a file. Warns on stderr if its solve did not converge, or the file does not say.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file and what is wrong in it.
+/// [`CommandError::Input`] naming the file and the fault in it.
 pub fn read(path: &Path) -> Result<ValueFunction, CommandError> {
     let name = path.display();
     let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));

@@ -4,18 +4,20 @@ use super::{CommandError, print_line};
 use crate::secrets::chosen;
 use std::io::{self, BufRead, IsTerminal, Write};
 
-/// Hash an experimenter's key that you chose.
+/// Hash an experimenter's key of your choice.
 ///
-/// On a terminal it asks for the key twice, and does not show it. Otherwise it reads the key, at least 16 characters,
-/// from the first line of stdin. It prints the key's Argon2 hash. Give the hash to `sidestep serve` as
-/// SIDESTEP_ADMIN_KEY, so that no file holds the key itself; sign in with the key.
+/// On a terminal, asks for the key twice without showing it; otherwise reads the key from the first
+/// line of stdin. The key needs at least 16 characters. Prints the key's Argon2 hash. Pass the hash
+/// to `sidestep serve` as SIDESTEP_ADMIN_KEY, so that no file contains the key itself; sign in with
+/// the key.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct HashKeyArgs {}
 
 /// Prints the hash.
 ///
 /// # Errors
-/// [`CommandError`] if the key is too short or typed in two ways (input), or cannot be read or hashed (failure).
+/// [`CommandError`] if the key is too short or the two entries differ (input), or the key cannot be
+/// read or hashed (failure).
 pub fn run() -> Result<(), CommandError> {
     let (key, origin) = match io::stdin().is_terminal() {
         true => (asked_twice()?, "the key"),
@@ -29,17 +31,19 @@ pub fn run() -> Result<(), CommandError> {
 fn asked_twice() -> Result<String, CommandError> {
     let hidden = terminal::Hidden::begin().map_err(CommandError::failure)?;
     let key = asked("Key, at least 16 characters (it is not shown): ")?;
-    // A key that is refused anyway need not be typed again.
+    // Do not ask again for a key that is refused anyway.
     chosen::check_length(&key).map_err(|why| CommandError::Input(format!("the key: {why}")))?;
     let again = asked("The same key again: ")?;
     drop(hidden);
     if again != key {
-        return Err(CommandError::Input("the key: expected it twice, found two keys".to_owned()));
+        return Err(CommandError::Input(
+            "the key: expected the same key twice, found two keys".to_owned(),
+        ));
     }
     Ok(key)
 }
 
-/// What is typed on the terminal. The questions go to stderr, since the answer on stdout may go to a file.
+/// Prompts on the terminal and returns the typed line. The prompt goes to stderr, since stdout may be a file.
 fn asked(question: &str) -> Result<String, CommandError> {
     eprint!("{question}");
     io::stderr().flush().map_err(CommandError::failure)?;
@@ -72,18 +76,18 @@ fn line(ends: &[u8]) -> Result<String, CommandError> {
 
 #[cfg(unix)]
 mod terminal {
-    //! A terminal that does not show what is typed.
+    //! A terminal that does not echo typed characters.
 
     use rustix::io;
     use rustix::termios::{
         LocalModes, OptionalActions, SpecialCodeIndex, Termios, tcgetattr, tcsetattr,
     };
 
-    /// What Ctrl-C sends.
+    /// The byte that Ctrl-C sends.
     pub(super) const CTRL_C: u8 = 3;
 
-    /// As long as this lives, the terminal shows nothing of what is typed. Ctrl-C sends no signal, which would end the
-    /// program before it could undo this, but ends the line.
+    /// While this is alive, the terminal does not echo. Ctrl-C ends the line instead of sending a
+    /// signal, which would kill the program before it could restore the terminal.
     pub(super) struct Hidden {
         before: Termios,
     }
@@ -94,7 +98,7 @@ mod terminal {
             let mut hidden = before.clone();
             hidden.local_modes -= LocalModes::ECHO | LocalModes::ECHONL | LocalModes::ISIG;
             hidden.special_codes[SpecialCodeIndex::VEOL] = CTRL_C;
-            // What was typed before the question is no answer to it.
+            // Discard input typed before the prompt.
             tcsetattr(std::io::stdin(), OptionalActions::Flush, &hidden)?;
             Ok(Self { before })
         }
@@ -102,7 +106,7 @@ mod terminal {
 
     impl Drop for Hidden {
         fn drop(&mut self) {
-            // There is nobody to tell if this fails.
+            // Nothing can be done if this fails.
             let _ = tcsetattr(std::io::stdin(), OptionalActions::Flush, &self.before);
         }
     }
@@ -110,12 +114,12 @@ mod terminal {
 
 #[cfg(not(unix))]
 mod terminal {
-    //! A terminal that this program cannot change.
+    //! A terminal whose echo this program cannot turn off.
 
-    /// What Ctrl-C sends.
+    /// The byte that Ctrl-C sends.
     pub(super) const CTRL_C: u8 = 3;
 
-    /// Nothing.
+    /// Does nothing.
     pub(super) struct Hidden;
 
     impl Hidden {

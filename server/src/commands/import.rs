@@ -30,26 +30,26 @@ use uuid::Uuid;
 
 /// Import trials from a file into a study: the whole file or nothing.
 ///
-/// Participants that were imported from the same file before are skipped. States that do
-/// not replay from the inputs are kept and flagged. Whom participants.csv beside steps.csv excludes stays excluded;
-/// questionnaires, notes, key presses and codes are not imported. The file is read twice: it is checked to
-/// its end before anything is stored. Then participants are stored a few at a time, beside a running
-/// server; if something fails on the way, they are deleted again. After a power cut, those that were
-/// stored are there, each with all trials: import the file again to have the others too.
+/// Skips participants imported from the same file before. States that do not replay from the inputs
+/// are kept and flagged. Exclusions in a participants.csv beside steps.csv are kept;
+/// questionnaires, notes, key presses and codes are not imported. The file is read twice: it is
+/// checked to its end before anything is stored. Then participants are stored a few at a time,
+/// while a server may run; after an error, they are deleted again. After a power failure,
+/// participants already stored are complete. Run the import again to add the rest.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ImportArgs {
-    /// Database: sqlite: followed by a file, which is created if it does not exist.
+    /// Database: sqlite:FILE, created if it does not exist, or postgres://USER@HOST/DATABASE.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
-    /// Name of the study in addresses; the study is created with the paper's protocol if it
-    /// does not exist.
+    /// Name of the study in URLs; the study is created with the paper's protocol if it does not exist.
     #[arg(long, value_name = "SLUG", default_value = "default")]
     pub study: String,
-    /// CSV file with at least the columns
-    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order, such as steps.csv of an
-    /// export; - reads stdin. Columns may be separated by semicolons or tabs, with decimal commas, as spreadsheets
-    /// write them. Memory does not grow with the file if the rows of each participant are together. If
-    /// there is a manifest.json beside it that names the file, its SHA-256 must be that of the manifest.
+    /// CSV file of trials, such as steps.csv of an export; - reads stdin.
+    ///
+    /// It needs at least the columns participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any
+    /// order. The delimiter may be a semicolon or a tab, with decimal commas, as spreadsheets write
+    /// them. Memory does not grow with the file if the rows of each participant are together. If a
+    /// manifest.json beside the file names it, its SHA-256 must match.
     #[arg(long, value_name = "FILE")]
     pub trials: PathBuf,
 }
@@ -61,19 +61,18 @@ pub struct Imported {
     pub participants: usize,
     /// Their trials.
     pub trials: usize,
-    /// Trials with a flag other than that they were imported.
+    /// Trials with a flag other than `imported`.
     pub flagged: usize,
-    /// Participants of the file who had been imported before.
+    /// Participants of the file who were imported earlier.
     pub skipped: usize,
-    /// Participants who were imported and are excluded, as the table of participants beside the file says.
+    /// Imported participants whom the table of participants beside the file excludes.
     pub excluded: usize,
 }
 
 /// Imports and prints the counts.
 ///
 /// # Errors
-/// [`CommandError`] for a file that is not a trials.csv (input, with the line), or a
-/// database that refuses (failure).
+/// [`CommandError`] for a file that is not a trials.csv (input, with the line), or a database that fails (failure).
 pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let name = table_file::name(&args.trials);
     let complain = |error: &dyn Display| CommandError::Input(format!("{name}: {error}"));
@@ -82,7 +81,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     wanted.check().map_err(|e| {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
     })?;
-    // A file that is refused leaves no new database behind.
+    // A refused file must not leave a new database behind.
     let present = match Store::open(&args.database, Purpose::Change).await {
         Err(OpenError::Absent(_)) => None,
         opened => Some(opened?),
@@ -131,7 +130,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         if let Some(fault) = refused {
             return Err(fault.to_string());
         }
-        // Nobody receives it if the import has failed.
+        // If the import has failed, nobody receives it.
         let _ = read.is_ok() && sender.blocking_send(batch).is_ok();
         read
     });
@@ -165,18 +164,18 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     }
     if counts.flagged > 0 && counts.flagged == counts.trials {
         eprintln!(
-            "{name}: every trial is flagged: its states do not follow from its inputs, or are no drive of this study's \
-             vehicles. Columns hpsi and rpsi are headings in radians, omega is a turn rate in rad/s; sidestep features \
+            "{name}: every trial is flagged: its states do not replay from its inputs, or this study's vehicles cannot \
+             drive them. Columns hpsi and rpsi are headings in radians, omega is a turn rate in rad/s; sidestep features \
              --trials says what does not fit"
         );
     }
     print_json(&counts)
 }
 
-/// Trials after which participants are stored.
+/// Trials per batch; then its participants are stored.
 const BATCH: usize = 256;
 
-/// Some participants of the file.
+/// A batch of participants of the file.
 #[derive(Default)]
 struct Batch {
     people: Vec<NewImport>,
@@ -199,7 +198,7 @@ impl Batch {
     }
 }
 
-/// What was stored so far.
+/// The result so far.
 #[derive(Default)]
 struct Done {
     counts: Imported,
@@ -246,7 +245,7 @@ impl Done {
     }
 }
 
-/// A participant of the file, as the store keeps them.
+/// Converts a participant of the file for the store.
 fn import_of(parameters: &SceneParameters, person: RecordedParticipant) -> NewImport {
     let display = match synthetic::recognised(std::slice::from_ref(&person)) {
         Some(_) => r#"{"synthetic":true}"#,
@@ -301,8 +300,8 @@ fn imported(
     }
 }
 
-/// The planned scene of a trial that comes after `earlier` ones. A file holds no plan: the scene is the
-/// trial's first state, and a further attempt at a scene is one from the same state.
+/// The planned scene of a trial, given the `earlier` ones. A file has no plan: the scene is the
+/// trial's first state, and a trial from a state seen earlier is a further attempt at that scene.
 fn planned(
     parameters: &SceneParameters,
     earlier: &[PlannedRow],
@@ -329,7 +328,7 @@ fn planned(
     }
 }
 
-/// The flags that the recording shows, those that it was exported with, and `imported`.
+/// The flags of a trial: those computed from the recording, those in the file, and `imported`.
 fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &RecordedTrial) -> Vec<Flag> {
     let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
     let mut flags = flags(parameters, scene, &trial.inputs, &trial.states, times);

@@ -1,4 +1,4 @@
-//! JSON documents of commands: where they come from and where the answer goes.
+//! JSON input and output of commands.
 
 use super::{CommandError, print_json, print_line, table_file, unwritable};
 use crate::formats::{atomic_file, text};
@@ -10,7 +10,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use tokio_util::sync::CancellationToken;
 
-/// Where a document comes from and where the answer goes.
+/// Source of a document and destination of the answer.
 #[derive(Clone, Debug, clap::Args)]
 pub struct JsonArgs {
     /// JSON file to read; - reads stdin.
@@ -22,7 +22,7 @@ pub struct JsonArgs {
 }
 
 impl JsonArgs {
-    /// Refuses an answer that could not be written, before any work is done.
+    /// Fails before any work if the answer cannot be written.
     ///
     /// # Errors
     /// [`CommandError`] naming the file.
@@ -33,7 +33,7 @@ impl JsonArgs {
         }
     }
 
-    /// Reads the document, once it is known that the answer can be written.
+    /// Reads the document, after checking that the answer can be written.
     pub(super) fn read<T: DeserializeOwned>(&self) -> Result<T, CommandError> {
         self.check_out()?;
         self.document().read()
@@ -44,7 +44,7 @@ impl JsonArgs {
         Document(&self.input)
     }
 
-    /// Writes the answer: whole, or not at all.
+    /// Writes the whole answer or nothing.
     pub(super) fn answer(&self, answer: &impl Serialize) -> Result<(), CommandError> {
         let line = serde_json::to_string(answer).map_err(CommandError::failure)?;
         let Some(out) = &self.out else {
@@ -61,7 +61,7 @@ impl JsonArgs {
 pub(super) struct Document<'a>(pub(super) &'a Path);
 
 impl Document<'_> {
-    /// The name that errors give it.
+    /// Its name in errors.
     pub(super) fn name(self) -> String {
         table_file::name(self.0)
     }

@@ -9,14 +9,16 @@ use std::time::Duration;
 /// The time from the start of the server to its first check.
 const FIRST: Duration = Duration::from_secs(60);
 
-/// How the server looks after the data.
+/// Backups and checks of the stored data.
 #[derive(Clone, Debug, clap::Args)]
 pub struct KeepingArgs {
-    /// Folder for backups, on another disk if possible: the server writes one every day (see --check-every)
-    /// and deletes the oldest of this database. Of several servers on one database, one needs this.
+    /// Folder for daily backups (see --check-every), on another disk if possible.
+    ///
+    /// The server also deletes the oldest backups of this database (see --backups-kept). If several
+    /// servers share a database, only one needs this.
     #[arg(long, value_name = "DIR")]
     pub backups: Option<PathBuf>,
-    /// Backups that are kept in --backups.
+    /// Number of backups to keep in --backups.
     #[arg(
         long,
         value_name = "N",
@@ -25,8 +27,9 @@ pub struct KeepingArgs {
         value_parser = clap::value_parser!(u16).range(1..)
     )]
     pub backups_kept: u16,
-    /// How often the server checks what is stored, by replaying every trial in a process of the lowest
-    /// priority, and writes a backup, hours; 0 for never. The laboratory shows what was found.
+    /// Hours between checks of the stored data, each followed by a backup; 0 for never.
+    ///
+    /// A check replays every trial, in a process of the lowest priority. The laboratory shows the result.
     #[arg(
         long,
         value_name = "HOURS",
@@ -46,10 +49,10 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 impl KeepingArgs {
-    /// What is to be looked after, of this database, whose code is not known yet.
+    /// The settings for this database, whose code is not known yet.
     ///
     /// # Errors
-    /// [`CommandError::Input`] if the folder for backups is none, or no file can be written in it.
+    /// [`CommandError::Input`] if the folder for backups is not a folder, or not writable.
     pub(super) fn keeping(&self, database: &str) -> Result<Keeping, CommandError> {
         if self.backups.is_some() && self.check_every == 0.0 {
             return Err(CommandError::Input(

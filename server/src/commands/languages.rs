@@ -8,24 +8,24 @@ use tokio_util::sync::CancellationToken;
 
 /// Write the language files of the participant's page, to edit or to translate.
 ///
-/// Serve the edited files with `sidestep serve --languages DIR`. A file may hold only the sentences
-/// that it changes; a new language, named after its tag (fr.toml, pt-BR.toml), must be complete.
+/// Serve the edited files with `sidestep serve --languages DIR`. A file may contain only the
+/// sentences that it changes; a new language, named after its tag (fr.toml, pt-BR.toml), must be
+/// complete.
 #[derive(Clone, Debug, clap::Args)]
 pub struct LanguagesArgs {
-    /// Folder for the files; it is created if it does not exist.
+    /// Folder for the files; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }
 
-/// Writes a file for each language: all of them, or none.
+/// Writes a file for each language, all or none.
 ///
 /// # Errors
-/// [`CommandError`] if one of the files is there already (input), or the folder cannot be written
-/// (failure).
+/// [`CommandError`] if one of the files already exists (input), or the folder cannot be written (failure).
 pub fn run(args: &LanguagesArgs) -> Result<(), CommandError> {
     let failed = |error: std::io::Error| unwritable(&args.out, &error);
     let mut files = Vec::new();
-    // A file that is there may have been edited.
+    // An existing file may have been edited.
     if let Some((tag, _)) =
         BUILT_IN.iter().find(|(tag, _)| args.out.join(format!("{tag}.toml")).exists())
     {

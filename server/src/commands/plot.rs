@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 pub struct PlotArgs {
     #[command(flatten)]
     function: FunctionArgs,
-    /// File to write; its ending (.svg or .png) selects the format.
+    /// File to write; its extension (.svg or .png) selects the format.
     #[arg(long, value_name = "FILE.svg|FILE.png")]
     out: PathBuf,
     /// The figure to draw.
@@ -30,7 +30,7 @@ pub struct PlotArgs {
     #[arg(long, value_name = "DEG,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_value = "0,45,90,135,180")]
     psi: Vec<f64>,
-    /// Slices: levels of V, m, in rising order.
+    /// Slices: levels of V, m, in ascending order.
     #[arg(long, value_name = "M,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_value = "0,1,2")]
     levels: Vec<f64>,
@@ -57,15 +57,14 @@ enum Kind {
     Replay,
 }
 
-/// Most panels, and most levels.
+/// Upper bounds on panels and levels.
 const PANELS: usize = 36;
 const LEVELS: usize = 20;
 
 /// Draws and writes the file.
 ///
 /// # Errors
-/// [`CommandError`] for wrong flags or files (input), or a figure that cannot be written
-/// (failure).
+/// [`CommandError`] for invalid flags or files (input), or a figure that cannot be written (failure).
 pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     let as_png = is_png(&args.out)?;
     check(&args)?;
@@ -144,7 +143,7 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
     Ok(figure::regions("Where the human may be", note, &panels, &names))
 }
 
-/// "F₂: ε = 0.15 rad/s"; only "F₂" where panels differ, since each has its own ε above it.
+/// "F₂: ε = 0.15 rad/s"; only "F₂" if panels differ, since each then shows its own ε.
 fn region_name(j: usize, epsilons: &[Vec<f64>]) -> String {
     match epsilons {
         [first, others @ ..] if others.iter().all(|other| other == first) => {

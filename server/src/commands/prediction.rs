@@ -1,4 +1,4 @@
-//! Documents of `sidestep bounds`, and Algorithm 1 on them: for commands that predict.
+//! Documents of `sidestep bounds`, and Algorithm 1 on them, for commands that predict.
 
 use super::CommandError;
 use super::degrees::Degrees;
@@ -16,11 +16,10 @@ use sidestep::shfrs::PredictedHuman;
 use sidestep::vehicle::{Pose, VehicleModel};
 use std::path::PathBuf;
 
-/// The predictor of documents that have none.
+/// The predictor for documents without one.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct PredictorArgs {
-    /// The predictor for documents that leave "predictor" out: a predictor.json, such as a model
-    /// of `sidestep analyze`.
+    /// Predictor for documents without "predictor": a predictor.json, such as a model of `sidestep analyze`.
     #[arg(long = "predictor", value_name = "FILE.json")]
     file: Option<PathBuf>,
 }
@@ -47,7 +46,7 @@ struct Input {
 }
 
 impl Input {
-    /// Tells of headings that may be in degrees.
+    /// Warns of headings that may be in degrees.
     fn warn_of_degrees(&self, document: Document<'_>) {
         let mut degrees = Degrees::of(document.name());
         for (name, pose) in [("human", self.human), ("robot", self.robot)] {
@@ -72,7 +71,7 @@ enum RolloutWord {
 /// Highest speed, m/s, and longest step, s.
 const MOST_SPEED_OR_STEP: f64 = 1e4;
 
-/// Most steps ahead.
+/// Upper bound on the steps ahead.
 const MOST_STEPS: usize = 3000;
 
 /// A predictor and the document that it was read from, which errors name.
@@ -80,7 +79,7 @@ const MOST_STEPS: usize = 3000;
 pub(super) struct PredictorSource<'a> {
     predictor: Predictor,
     document: Document<'a>,
-    /// The field of the document that holds it; none if the document is the predictor.
+    /// The field of the document that contains it; none if the document is the predictor.
     field: Option<&'static str>,
 }
 
@@ -90,8 +89,7 @@ impl PredictorArgs {
         self.file.is_some()
     }
 
-    /// Reads the predictor, if --predictor was given. `documents` are those that the command
-    /// reads beside it.
+    /// Reads the predictor, if --predictor was given. `documents` are the others that the command reads.
     ///
     /// # Errors
     /// [`CommandError`] (input) if the file is not a predictor of turns, or if it and one of the
@@ -117,7 +115,7 @@ impl<'a> PredictorSource<'a> {
         &self.predictor
     }
 
-    /// The document's own predictor or the one beside it: there must be exactly one.
+    /// The document's own predictor or the separate one; exactly one must be given.
     fn of(
         document: Document<'a>,
         input: &Input,
@@ -149,22 +147,21 @@ impl<'a> PredictorSource<'a> {
 /// The field of a document that holds its predictor.
 const FIELD: &str = "predictor";
 
-/// The outcome of Algorithm 1 and the situation that it is about.
+/// The result of Algorithm 1, with its situation.
 pub(super) struct Prediction {
     pub(super) now: JointState,
     pub(super) motion: Motion,
     pub(super) danger_radius_m: f64,
-    /// By how much each set widens the bounds, rad/s.
+    /// How far each set widens the bounds, rad/s.
     pub(super) epsilon: Vec<f64>,
     pub(super) bounds: PredictedBounds,
 }
 
 impl Prediction {
-    /// Reads a document of `sidestep bounds` and runs Algorithm 1 on it, with its predictor or the
-    /// one `beside` it.
+    /// Reads a document of `sidestep bounds` and runs Algorithm 1 on it, with its predictor or `beside`.
     ///
     /// # Errors
-    /// [`CommandError`] naming the file and the field that is wrong.
+    /// [`CommandError`] naming the file and the invalid field.
     pub(super) async fn of(
         document: Document<'_>,
         beside: Option<&PredictorSource<'_>>,
@@ -192,7 +189,7 @@ impl Prediction {
     }
 }
 
-/// The input, checked.
+/// The checked input.
 struct Problem {
     history: Vec<JointState>,
     motion: Motion,
@@ -289,7 +286,7 @@ fn motion(input: &Input) -> Result<Motion, Invalid> {
     Ok(motion)
 }
 
-/// The error with the document's name for the field.
+/// Renames the error's field as in the document.
 pub(super) fn named(invalid: Invalid) -> Invalid {
     let field = match invalid.field.as_str() {
         "human_speed_mps" | "speed_mps" => "speed",

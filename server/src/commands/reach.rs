@@ -11,37 +11,36 @@ use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet, Tolerance};
 use sidestep::vehicle::Pose;
 
-/// Compute reachable sets under bounds on the turn rate, and whether states are in them.
+/// Compute reachable sets under bounds on the turn rate, and test whether states are in them.
 ///
-/// The input, in m, s and rad, headings counter-clockwise from +x:
-/// {"speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5], "initial": [x, y, psi],
-/// "sets": [{"lo": [a rate a step], "hi": […], "queries": [{"step": n, "state": [x, y, psi]}]}],
-/// "tolerance": {"position": 0.005, "heading": 0.002}, "accuracy": 0.0001,
-/// "conservative": false}.
-/// "queries", "tolerance", "accuracy" and "conservative" are optional; the defaults are shown. A
-/// state counts as inside if it is at most the tolerance outside. Edges of polygons are at most the
-/// accuracy, m, off the true boundary, to either side; holes are filled. Where that would take too much
-/// work, at large turns per step, over many steps or at high accuracy, polygons are larger, and contain
-/// the set. Bounds that forbid straight driving by less than 1e-4 rad/s are taken to allow it.
+/// The input, in m, s and rad, headings counter-clockwise from +x: {"speed": 2, "dt": 0.2,
+/// "turn_rate": [-0.5, 0.5], "initial": [x, y, psi], "sets": [{"lo": [one rate per step], "hi":
+/// […], "queries": [{"step": n, "state": [x, y, psi]}]}], "tolerance": {"position": 0.005,
+/// "heading": 0.002}, "accuracy": 0.0001, "conservative": false}. "queries", "tolerance",
+/// "accuracy" and "conservative" are optional; the defaults are shown. A state counts as inside if
+/// it is at most the tolerance outside. Edges of polygons are within the accuracy, m, of the true
+/// boundary, on either side; holes are filled. Where that would take too much work (large turns per
+/// step, many steps, high accuracy), polygons are larger and contain the set. Bounds that forbid
+/// straight driving by less than 1e-4 rad/s are treated as allowing it.
 ///
-/// Conservative polygons, areas and boxes are a little larger, so that they contain the whole
-/// set, under all bounds; where they would take too much work they can be larger than the
-/// accuracy says. Queries are about the exact set all the same. "full" never misses a reachable state; at
-/// large turns per step it can be true for a state that is not reached, if no proof of that is found.
+/// Conservative polygons, areas and boxes are slightly larger, so that they contain the whole set,
+/// under all bounds; where they would take too much work, they can exceed the accuracy. Queries
+/// still test the exact set. "full" never misses a reachable state; at large turns per step it can
+/// be true for an unreachable state, if unreachability is not proved.
 ///
 /// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
-/// "heading": δ}, with each part optional: positions at most r m from "initial", or at most
-/// these lengths, m, along and across its heading to either side, and headings at most δ rad from it.
-/// The sets then hold what any of these poses leads to. With an uncertain heading, a "full" query
-/// may take a second.
+/// "heading": δ}, with each part optional: positions at most r m from "initial", or at most these
+/// lengths, m, along and across its heading to either side, and headings at most δ rad from it. The
+/// sets then hold everything reachable from any of these poses. With an uncertain heading, a "full"
+/// query may take a second.
 ///
 /// The answer, in world coordinates: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0,
-/// x1, y1], "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"},
-/// "queries": [{"planar", "full"}]}]}. Steps 1 to T hold the positions reachable after exactly
-/// that many steps; the tube is the union over the whole time. Polygons are
-/// counter-clockwise, and their first vertex is not repeated; a set that is a single position has
-/// one vertex. For a query, "planar" tells whether its position is reachable after that step
-/// (0 to T) with any heading, "full" whether it is with the heading given.
+/// x1, y1], "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"}, "queries":
+/// [{"planar", "full"}]}]}. Steps 1 to T hold the positions reachable after exactly that many
+/// steps; the tube is the union over the whole time. Polygons are counter-clockwise, and their
+/// first vertex is not repeated; a set that is a single position has one vertex. For a query,
+/// "planar" tells whether its position is reachable after that step (0 to T) with any heading,
+/// "full" whether with the given heading.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ReachArgs {
     #[command(flatten)]
@@ -129,10 +128,10 @@ struct QueryAnswer {
     full: bool,
 }
 
-/// Most steps of a set: the size of all polygons grows with the square of their number.
+/// Upper bound on the steps of a set: the size of all polygons grows with the square of their number.
 pub(super) const MOST_STEPS: usize = 300;
 
-/// The complaint with the document's name of the field.
+/// Renames the error's field as in the document.
 fn named(invalid: Invalid) -> Invalid {
     let field = match invalid.field.as_str() {
         "speed_mps" => "speed",
@@ -143,11 +142,10 @@ fn named(invalid: Invalid) -> Invalid {
     Invalid { field: field.to_owned(), ..invalid }
 }
 
-/// Reads, computes and answers.
+/// Reads the document, computes and writes the answer.
 ///
 /// # Errors
-/// [`CommandError`] for a document that is wrong, naming the field (input), or an answer
-/// that cannot be written (failure).
+/// [`CommandError`] for an invalid document, naming the field (input), or an answer that cannot be written (failure).
 pub async fn run(args: ReachArgs) -> Result<(), CommandError> {
     let input: Input = args.files.read()?;
     let answer = answer(&input).map_err(|invalid| args.files.document().complain(&invalid))?;
@@ -192,7 +190,7 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
     let sets = input.sets.iter().enumerate().map(|(j, set)| {
         set_answer(input, start, set, settings, tolerance).map_err(|invalid| {
             let named = named(invalid.clone());
-            // Fields that do not belong to one set have names of their own.
+            // Renamed fields do not belong to one set.
             if named == invalid { named.within(&format!("sets[{j}]")) } else { named }
         })
     });

@@ -10,16 +10,16 @@ use clap::ArgGroup;
 use serde::Serialize;
 use sidestep::api::Action;
 
-/// Who the audit trail says did it.
+/// The actor in the audit trail.
 const WHO: &str = "sidestep retention";
 
 const DAY_MS: i64 = 86_400_000;
 
-/// Delete what has been kept long enough, by rules, and say what.
+/// List data past its retention period, by rules, and delete it with --delete.
 ///
-/// Without --delete, nothing is deleted: the summary says what would be. The audit trail has an entry for
-/// everything that is deleted. A participant may be listed under several rules; participants who come back before it
-/// is their turn are kept. Backups are files of their own: delete the old ones too.
+/// Without --delete, the summary only lists what would be deleted. The audit trail has an entry for
+/// each deletion. A participant may be listed under several rules; participants who return before
+/// their deletion are kept. Backups are separate files: delete old ones too.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]
@@ -32,15 +32,18 @@ pub struct RetentionArgs {
     /// Only the study with this name [default: all studies].
     #[arg(long, value_name = "SLUG", conflicts_with = "audit")]
     pub study: Option<String>,
-    /// Delete all data of participants who were last seen more than DAYS days ago, and the results of analyses
-    /// that used these data. Their number remains and counts as withdrawn.
+    /// Delete all data of participants last seen more than DAYS days ago.
+    ///
+    /// Also deletes the results of analyses that used these data. The participants' numbers remain
+    /// and count as withdrawn.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub data: Option<i64>,
-    /// The same, only for participants who did not finish the study.
+    /// As --data, but only for participants who did not finish the study.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub unfinished: Option<i64>,
-    /// Delete the external ids and recruitment parameters of participants who were last seen more than DAYS days
-    /// ago. Their trials stay.
+    /// Delete external ids and recruitment parameters of participants last seen more than DAYS days ago.
+    ///
+    /// Their trials stay.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub identities: Option<i64>,
     /// Delete analyses that ended more than DAYS days ago, with their files.
@@ -49,7 +52,7 @@ pub struct RetentionArgs {
     /// Delete entries of the audit trail that are older than DAYS days.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub audit: Option<i64>,
-    /// Delete what the rules name, instead of only listing it.
+    /// Delete instead of only listing.
     #[arg(long)]
     pub delete: bool,
 }
@@ -58,11 +61,11 @@ fn days() -> clap::builder::RangedI64ValueParser {
     clap::value_parser!(i64).range(1..=36_500)
 }
 
-/// What one rule concerns in one study.
+/// The data that one rule affects in one study.
 #[derive(Debug, Serialize)]
 struct Concerned {
     rule: &'static str,
-    /// What is older than this.
+    /// The cut-off: only older data are affected.
     before: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     study: Option<String>,
@@ -74,15 +77,15 @@ struct Concerned {
 
 #[derive(Debug, Serialize)]
 struct Summary {
-    /// Whether it was deleted, or would be.
+    /// Whether the data were deleted, or only listed.
     deleted: bool,
     rules: Vec<Concerned>,
 }
 
-/// Deletes by the rules that are given, if asked to, and prints what.
+/// Applies the given rules, deletes if requested, and prints the result.
 ///
 /// # Errors
-/// [`CommandError`] for an unknown study (input), or if the database refuses (failure).
+/// [`CommandError`] for an unknown study (input), or if the database fails (failure).
 pub async fn run(args: RetentionArgs) -> Result<(), CommandError> {
     let purpose = if args.delete { Purpose::Change } else { Purpose::Read };
     let store = Store::open(&args.database, purpose).await?;

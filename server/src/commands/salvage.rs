@@ -10,19 +10,20 @@ use crate::store::{OpenError, Purpose, Store, copy_damaged};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Save what can still be read of a damaged database file into a new database.
+/// Save the readable part of a damaged database file into a new database.
 ///
-/// Every trial is replayed. What reads and is sound is saved; each row that is lost is named on stderr: its table, its
-/// key, and why. The damaged file is not changed. If there is a backup, restore that first, and look at what it lacks.
+/// Replays every trial. Rows that are readable and sound are saved; stderr names each lost row with
+/// its table, its key and the reason. The damaged file is not changed. If there is a backup,
+/// restore it first, and salvage only what it lacks.
 ///
 /// Prints a JSON summary. The exit code is 1 if anything was lost.
 #[derive(Clone, Debug, clap::Args)]
 pub struct SalvageArgs {
-    /// The damaged file of SQLite; its -wal is read too, if it lies beside it.
+    /// Damaged SQLite file; its -wal is read too if it is beside it.
     #[arg(long, value_name = "FILE")]
     pub from: PathBuf,
 
-    /// Database to make: sqlite:FILE, which must not exist, or postgres://USER@HOST/DATABASE without tables.
+    /// Database to create: sqlite:FILE, which must not exist, or postgres://USER@HOST/DATABASE without tables.
     #[arg(long, value_name = "URL")]
     pub database: String,
 }
@@ -32,15 +33,15 @@ struct Saved {
     studies: usize,
     participants: usize,
     trials: usize,
-    /// Lines on stderr: a row each, or rows or pages of which no more is known.
+    /// Lines on stderr: one per row, or per range of rows or pages if nothing more is known.
     lost: usize,
 }
 
-/// Saves, names what is lost, and prints how much was saved.
+/// Saves the data, names the losses, and prints a summary.
 ///
 /// # Errors
-/// [`CommandError::Input`] if the file is no database, or there is a database already; [`CommandError::Failure`] if
-/// anything was lost, or the new database refuses.
+/// [`CommandError::Input`] if the file is not a database, or the new database already exists;
+/// [`CommandError::Failure`] if anything was lost, or the new database fails.
 pub async fn run(args: SalvageArgs) -> Result<(), CommandError> {
     let from = args.from.to_string_lossy();
     if from.contains("://") || from.starts_with("sqlite:") {
@@ -95,7 +96,7 @@ async fn fill(args: &SalvageArgs, folder: &Path, url: &str) -> Result<Saved, Com
     to.close().await;
     let Report { studies, participants, trials, .. } = saved.map_err(|error| {
         CommandError::Failure(match to.is_shared() {
-            true => format!("{}: {error}; what is there is not whole, delete it", to.name()),
+            true => format!("{}: {error}; it is incomplete, delete it", to.name()),
             false => format!("nothing was saved: {error}"),
         })
     })?;

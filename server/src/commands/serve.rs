@@ -43,17 +43,18 @@ use tokio_util::sync::CancellationToken;
 
 /// Serve participants and the laboratory.
 ///
-/// Needs only a database file, which the first start creates. The first start also prints
-/// the experimenter's key, once. If SIDESTEP_ADMIN_KEY is set (at least 16 characters), that
-/// key is valid instead. It may also be the hash of a key that `sidestep hash-key` prints.
+/// Needs only a database file, which the first start creates. The first start also prints the
+/// experimenter's key, once. To choose the key, set SIDESTEP_ADMIN_KEY to it (at least 16
+/// characters) or to its hash from `sidestep hash-key`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServeArgs {
-    /// Address and port; port 0 takes any free one.
+    /// Address and port; port 0 takes any free port.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     pub listen: String,
-    /// Database: sqlite: followed by a file, which is created if it does not exist, or
-    /// postgres://USER@HOST/DATABASE, which several servers may share. With --demo, the default is
-    /// sqlite:sidestep-demo.db, so that your data stay among themselves.
+    /// Database: sqlite:FILE, created if it does not exist, or postgres://USER@HOST/DATABASE.
+    ///
+    /// Several servers may share a PostgreSQL database. With --demo, the default is
+    /// sqlite:sidestep-demo.db, so that demonstration data never mix with yours.
     #[arg(
         long,
         value_name = "URL",
@@ -61,22 +62,26 @@ pub struct ServeArgs {
         default_value_if("demo", "true", "sqlite:sidestep-demo.db")
     )]
     pub database: String,
-    /// Show what Sidestep does: fill the study `demo` with synthetic people and analyse it, in less
-    /// than a minute. Pages answer meanwhile. The study is marked as synthetic everywhere and takes no
-    /// people. A second start adds nothing, and finishes what was broken off.
+    /// Fill the study `demo` with synthetic participants and analyse it, in less than a minute.
+    ///
+    /// Pages respond meanwhile. The study is marked as synthetic everywhere and takes no people.
+    /// Restarting resumes an interrupted fill; otherwise it changes nothing.
     #[arg(long, conflicts_with = "study")]
     pub demo: bool,
-    /// Study file, TOML, with at least a slug; missing fields take the paper's values [default:
-    /// the studies that the database has, or if it has none, the study `default` with the paper's
-    /// protocol].
+    /// Study file, TOML, with at least a slug; omitted fields take the paper's values.
+    ///
+    /// By default, the server has the studies in its database; an empty database gets the study
+    /// `default` with the paper's protocol.
     #[arg(long, value_name = "FILE")]
     pub study: Option<PathBuf>,
-    /// Accept a study file that differs from the study with this slug in the database. New
-    /// participants get the file's configuration, the others keep theirs.
+    /// Accept a study file that differs from the study with this slug in the database.
+    ///
+    /// New participants get the file's configuration; the others keep theirs.
     #[arg(long, requires = "study")]
     pub replace_study: bool,
-    /// Folder with language files for the participant's page, named after their languages
-    /// (de.toml): they replace sentences or add languages. See `sidestep languages`.
+    /// Folder with language files for the participant's page; see `sidestep languages`.
+    ///
+    /// Files are named after their languages (de.toml); they replace sentences or add languages.
     #[arg(long, value_name = "DIR")]
     pub languages: Option<PathBuf>,
     /// Folder with the built client [default: `site` beside the executable].
@@ -85,77 +90,83 @@ pub struct ServeArgs {
     /// Create a new experimenter's key; the old key and all sessions become invalid.
     #[arg(long)]
     pub new_admin_key: bool,
-    /// Solve no value functions on the server. For unequal vehicles, browsers then solve
-    /// them at each replay, and predictors fall back to input frequencies.
+    /// Solve no value functions on the server.
+    ///
+    /// For unequal vehicles, browsers then solve them at each replay, and predictors fall back to input frequencies.
     #[arg(long)]
     pub no_solve: bool,
-    /// Let everybody drive the demonstration at /demo. Experimenters have it at /lab/demo.
+    /// Let everyone drive the demonstration at /demo; experimenters can always, at /lab/demo.
     #[arg(long)]
     pub open_demo: bool,
-    /// Certificate of this server in PEM, followed by those of its issuers: serve HTTPS. When the file
-    /// changes, new connections get the new certificate; on Unix, SIGHUP has the files read at once.
+    /// Serve HTTPS with this certificate chain in PEM, the server's certificate first.
+    ///
+    /// When the file changes, new connections get the new certificate; on Unix, SIGHUP reloads it at once.
     #[arg(long, value_name = "FILE", requires = "tls_key", conflicts_with = "demo")]
     pub tls_cert: Option<PathBuf>,
-    /// The certificate's private key in PEM, without a password.
+    /// Private key of the certificate in PEM, without a password.
     #[arg(long, value_name = "FILE", requires = "tls_cert")]
     pub tls_key: Option<PathBuf>,
-    /// Proxies, by address or network (10.0.0.0/8), whose X-Forwarded-For (or Forwarded) and
-    /// X-Forwarded-Proto say who sends a request and how [default: none: these headers count for
-    /// nothing].
+    /// Trusted proxies, by address or network, such as 10.0.0.0/8 [default: none].
+    ///
+    /// Their X-Forwarded-For (or Forwarded) and X-Forwarded-Proto headers set the client address
+    /// and scheme of a request. From other clients, the server ignores these headers.
     #[arg(long, value_name = "ADDRESS", num_args = 1.., value_parser = net)]
     pub trusted_proxy: Vec<IpNet>,
-    /// Further names under which this server answers, such as study.example.org; other names get 421
-    /// [default: none if it listens on a loopback address and has no --trusted-proxy, else all].
-    /// Loopback names and the listening address are always accepted.
+    /// Further host names of this server, such as study.example.org; others get 421.
+    ///
+    /// Loopback names and the listening address are always accepted. By default, the server accepts
+    /// no other names if it listens on a loopback address and has no --trusted-proxy, else all
+    /// names.
     #[arg(long, value_name = "NAME", num_args = 1.., value_parser = host)]
     pub allowed_host: Vec<String>,
-    /// How the server looks after the data.
+    /// Backups and checks of the stored data.
     #[command(flatten)]
     pub keeping: KeepingArgs,
-    /// How the log is written to stderr: lines of text, or an object of JSON on each line. Everything that
-    /// belongs to a request has its id, which the answer has too (X-Request-Id).
+    /// Format of the log on stderr.
+    ///
+    /// Each entry about a request has the request's id, which the response also has (X-Request-Id).
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     pub log_format: LogFormat,
-    /// How much of the machine analyses may take.
+    /// Resource limits of analyses.
     #[command(flatten)]
     pub analysis: AnalysisArgs,
 }
 
-/// How the log is written.
+/// Format of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
     /// Lines of text.
     Text,
-    /// An object of JSON on each line.
+    /// A JSON object on each line.
     Json,
 }
 
-/// Enrolments that may wait for their scenes: a lecture hall, twice over.
+/// Enrolments that may wait for their scenes: twice a lecture hall.
 const PLANS_WAITING: usize = 2_000;
 
-/// The pause after the scenes of an enrolment are drawn, as a multiple of the time that drawing them took.
+/// The pause after drawing the scenes of an enrolment, as a multiple of the drawing time.
 const DRAWING_PAUSE: u32 = 2;
 
-/// Most connections, if the system lets a process have so many files.
+/// Upper bound on connections, if the system allows the process enough open files.
 const MOST_CONNECTIONS: u64 = 50_000;
 
-/// Files that are kept for other things than connections: the database, the site, analyses.
+/// Files reserved for everything except connections: the database, the site, analyses.
 const FILES_KEPT: u64 = 256;
 
-/// Files of the site that may be open, each until its client has read it: as many as the connections of one origin.
+/// Site files that may be open at once; each stays open until its client has read it.
 const SITE_FILES: u64 = 4_096;
 
-/// Bytes of bodies that have not arrived whole.
+/// Upper bound on bytes of request bodies that are incomplete.
 const BODY_BYTES: usize = 64 << 20;
 
 /// A server that accepts requests.
 #[derive(Debug)]
 pub struct Running {
-    /// Where, with the real port.
+    /// The address, with the actual port.
     pub address: SocketAddr,
-    /// The names of the studies in which people take part; the first is the one that `/start` leads to.
+    /// Names of the studies in which people take part; `/start` redirects to the first.
     pub studies: Vec<String>,
-    /// The experimenter's key, if it was made just now.
+    /// The experimenter's key, if this start created it.
     pub new_key: Option<String>,
     store: Store,
     solver: Option<Solver>,
@@ -202,7 +213,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let certificates = certificates.transpose().map_err(CommandError::Input)?.map(Arc::new);
     if environment_key.is_some() && args.new_admin_key {
         let message = "--new-admin-key: expected no SIDESTEP_ADMIN_KEY beside it, found one; \
-                       unset it to use a key that is made";
+                       unset it to use the new key";
         return Err(CommandError::Input(message.to_owned()));
     }
     let keeping = args.keeping.keeping(&args.database)?;
@@ -234,7 +245,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         Some(_) => None,
         None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
     };
-    // Nobody takes part in a demonstration, so no processor is kept for that.
+    // No people take part in a demonstration, so no processor is reserved for them.
     let children = args.analysis.children(args.demo);
     let analysis_limits = args.analysis.limits(&children);
     let kept_by = children.clone();
@@ -276,7 +287,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     };
     let renewal = certificates.map(renewal).transpose()?;
     let task = tokio::spawn(listen::serve(listener, service, async move {
-        // A dropped sender means the same as a sent stop.
+        // Dropping the sender also means stop.
         let _ = stopped.await;
         stopping.cancel();
     }));
@@ -313,7 +324,7 @@ impl Running {
         format!("{scheme}://{}", self.address)
     }
 
-    /// What the command prints when the server is ready.
+    /// The message when the server is ready.
     #[must_use]
     pub fn announcement(&self) -> String {
         let address = self.address;
@@ -336,10 +347,11 @@ impl Running {
         text
     }
 
-    /// Finishes requests under way, then closes the database.
+    /// Finishes requests in progress, then closes the database.
     ///
     /// # Errors
-    /// [`CommandError::Failure`] if somebody changed its file, and what it had could not be written to another one.
+    /// [`CommandError::Failure`] if another program changed the database file and its content could
+    /// not be written to another file.
     pub async fn stop(self) -> Result<(), CommandError> {
         if let Some(demo) = self.demo {
             demo.stop().await;
@@ -354,13 +366,13 @@ impl Running {
         self.analysis_worker.stop().await;
         self.keeper.stop().await;
         if let Err(error) = self.task.await {
-            tracing::error!(%error, "the server ended badly");
+            tracing::error!(%error, "the server failed");
         }
         self.store.close().await;
         match self.store.unrescued() {
             None => Ok(()),
             Some(error) => Err(CommandError::Failure(format!(
-                "{}: {error}; what it had could not be written anywhere else: see the log, and keep what is left of the file and \
+                "{}: {error}; its content could not be written to another file: see the log, and keep the rest of the file and \
                  its -wal",
                 self.store.name()
             ))),
@@ -368,7 +380,7 @@ impl Running {
     }
 }
 
-/// Those of these studies in which people take part, in the same order.
+/// Filters these studies for those in which people take part, in the same order.
 async fn of_people(store: &Store, names: &[String]) -> Result<Vec<String>, CommandError> {
     let summaries = store.summaries(None, now_ms()).await?;
     let is_synthetic =
@@ -376,9 +388,9 @@ async fn of_people(store: &Store, names: &[String]) -> Result<Vec<String>, Comma
     Ok(names.iter().filter(|name| !is_synthetic(name)).cloned().collect())
 }
 
-/// Stores the study of the file, or makes the paper's study in an empty database. Keeps the value
-/// functions of the study if they take no solve. Returns the names of all studies: first that of the
-/// file or else the newest.
+/// Stores the study of the file, or creates the paper's study in an empty database. Stores the
+/// study's value functions if they need no solve. Returns the names of all studies, starting with
+/// that of the file, else the newest.
 async fn prepare(
     store: &Store,
     file: Option<&StudyFile>,
@@ -389,7 +401,7 @@ async fn prepare(
     let config = match file {
         Some(file) => {
             let mut config = file.config().clone();
-            // A study that was closed in the laboratory stays closed, unless the file says otherwise.
+            // A study closed in the laboratory stays closed, unless the file gives a status.
             if !file.gives("status")
                 && let Some(known) = store.study(&config.slug).await?
             {
@@ -402,12 +414,12 @@ async fn prepare(
     };
     let slug = config.slug.clone();
     let known = store.study(&slug).await?.filter(|known| *known.config != config);
-    // A file that the study has followed before says nothing new: what was changed since stays.
+    // The study has followed this file before, so later changes stay.
     if let Some(known) = known.as_ref().filter(|_| !replace)
         && let Some(number) = followed(store, known, &config).await?
     {
         eprintln!(
-            "study {slug}: keeps what was changed since version {number}, which this file says \
+            "study {slug}: keeps the changes since version {number}, which equals this file \
              (pass --replace-study to go back to the file)"
         );
         safety::keep_exact(store, known).await?;
@@ -448,8 +460,8 @@ async fn prepare(
     Ok(names)
 }
 
-/// The number of the version that a study got from its file last, if `config` says the same and the
-/// laboratory has changed the study since.
+/// The number of the version that a study last got from its file, if that version equals `config`
+/// and the laboratory has changed the study since.
 async fn followed(
     store: &Store,
     study: &StoredStudy,
@@ -457,7 +469,7 @@ async fn followed(
 ) -> Result<Option<u32>, CommandError> {
     let versions = store.study_versions(study.id).await?;
     let last = versions.iter().rfind(|version| version.by_file);
-    // If that is the present version, at most its status is another one, which the file gives.
+    // If it is the present version, at most the status differs, which the file gives.
     let present = versions.last().map(|version| version.number);
     let changed = last.filter(|version| Some(version.number) != present && version.says(config));
     Ok(changed.map(|version| version.number))
@@ -483,7 +495,7 @@ fn net(text: &str) -> Result<IpNet, String> {
     })
 }
 
-/// The name of a host, without a port.
+/// A host name without a port.
 fn host(text: &str) -> Result<String, String> {
     let is_address = text.parse::<IpAddr>().is_ok();
     let fits = |c: char| c.is_ascii_alphanumeric() || "-.".contains(c);
@@ -493,8 +505,8 @@ fn host(text: &str) -> Result<String, String> {
     }
 }
 
-/// As many connections as files may be opened, beside those that are needed for other things. Raises the limit of this
-/// process as far as the system allows.
+/// The number of connections: the limit on open files, less those reserved for everything else.
+/// Raises the process's limit as far as the system allows.
 #[cfg(unix)]
 fn most_connections() -> usize {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -515,7 +527,7 @@ fn most_connections() -> usize {
     (MOST_CONNECTIONS / 10) as usize
 }
 
-/// Renews the certificate when its files change, and at SIGHUP.
+/// Reloads the certificate when its files change, and on SIGHUP.
 #[cfg(unix)]
 fn renewal(certificates: Arc<Certificates>) -> Result<JoinHandle<()>, CommandError> {
     use tokio::signal::unix::{SignalKind, signal};
@@ -531,7 +543,7 @@ fn renewal(certificates: Arc<Certificates>) -> Result<JoinHandle<()>, CommandErr
     }))
 }
 
-/// Renews the certificate when its files change.
+/// Reloads the certificate when its files change.
 #[cfg(not(unix))]
 fn renewal(certificates: Arc<Certificates>) -> Result<JoinHandle<()>, CommandError> {
     Ok(tokio::spawn(async move { certificates.renew(&Notify::new()).await }))

@@ -28,19 +28,22 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Stochastic human forward reachable sets of recorded trials: the probabilities of regions,
-/// tuning with a guarantee, and what other predictions of the same coverage cost.
+/// Compute stochastic human forward reachable sets (SHFRS) of recorded trials.
+///
+/// Computes the probabilities of regions, tunes the sets with a guarantee, and compares their area
+/// with that of other predictions of the same coverage.
 ///
 /// Trajectories (tasks only) are split at random into training, calibration and test sets. The
 /// training set tunes the choice of actions, and trains the predictor unless one is given; the
-/// calibration set determines ε; the test set measures the coverage that was reached. Tuning
-/// chooses both which actions count (τ, or k for each step) and ε: ε = 0 with a low τ is a common
-/// result. A given predictor must not have been trained on the calibration or test set.
+/// calibration set determines ε; the test set measures the achieved coverage. Tuning chooses both
+/// the actions that count (τ, or k for each step) and ε: ε = 0 with a low τ is a common result. A
+/// given predictor must not have been trained on the calibration or test set.
 ///
-/// Trajectories of one person are alike. Split by trajectories, everybody is in all three sets, and what is
-/// guaranteed holds for new tasks of these people. Split by people, nobody is in two sets, a random trajectory
-/// of each calibrates or tests, and it holds for new people; this takes far more people. A guarantee for which there
-/// are too few is left out, and the others are computed.
+/// Trajectories of one person are alike. Split by trajectories, every person is in all three sets,
+/// and guarantees hold for new tasks of these people. Split by people, each person is in one set,
+/// one random trajectory of each calibrates or tests, and guarantees hold for new people; this
+/// needs far more people. A guarantee that needs more of them than there are is left out; the
+/// others are computed.
 ///
 /// Writes to DIR: regions.csv (p of sets and regions with intervals, by choice of windows),
 /// tuning.csv (ε_1 by probability and guarantee), pareto.csv and pareto.svg (coverage against
@@ -54,36 +57,35 @@ use std::time::Duration;
 pub struct ShfrsArgs {
     #[command(flatten)]
     trials: TrialsArgs,
-    /// Predictor of the human's next input [default: a logistic regression trained on the training
-    /// set].
+    /// Predictor of the human's next input [default: logistic regression on the training set].
     #[arg(long, value_name = "FILE.json")]
     predictor: Option<PathBuf>,
-    /// Features of the predictor that is trained here: names of features, or one of the paper's sets
-    /// (hrd, hr, …: B with safety levels and distance).
+    /// Features of the predictor trained here: names of features, or one of the paper's sets.
+    ///
+    /// The paper's sets are hrd, hr, …: B with safety levels and distance.
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "predictor")]
     #[arg(default_value = "hrd,robot_ahead,robot_left")]
     features: Vec<String>,
-    /// Regions: settings as JSON, as the laboratory's explorer saves them, instead of --epsilon, --k,
-    /// --tau, --steps and --rollout.
+    /// Regions: JSON settings as the laboratory's explorer saves them.
+    ///
+    /// They replace --epsilon, --k, --tau, --steps and --rollout.
     #[arg(long, value_name = "FILE.json")]
     #[arg(conflicts_with_all = ["epsilon", "k", "tau", "steps", "rollout"])]
     settings: Option<PathBuf>,
-    /// Folder to write to; made if missing.
+    /// Folder for the files; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Only this participant's trials; may be given several times [default: all].
+    /// Only this participant's trials; may be repeated [default: all].
     #[arg(long, value_name = "NAME")]
     participant: Vec<String>,
-    /// By how much each set widens the bounds, rad/s, ascending; the last one must admit every
-    /// turn rate.
+    /// How far each set widens the bounds, rad/s, ascending; the last must admit every turn rate.
     #[arg(long, value_name = "RAD/S,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_value = "0,0.15,0.25,0.4,1")]
     epsilon: Vec<f64>,
-    /// Regions: how many of the likeliest actions count at each step ahead, a number for each; by default
-    /// 2 at the first two steps and 1 at the others.
+    /// Regions: number of likeliest actions at each step ahead; by default 2, 2, then 1.
     #[arg(long, value_name = "K,…", value_delimiter = ',', conflicts_with = "tau")]
     k: Option<Vec<usize>>,
-    /// Regions: instead of k, actions of this probability count, in (0, 1].
+    /// Regions: instead of k, actions with at least this probability, in (0, 1].
     #[arg(long, value_name = "P", allow_negative_numbers = true)]
     tau: Option<f64>,
     /// Steps ahead, T.
@@ -92,20 +94,20 @@ pub struct ShfrsArgs {
     /// Regions: whether roll-outs of Algorithm 1 are widened by ε_1.
     #[arg(long, value_parser = one_of(ROLLOUTS), default_value = "base")]
     rollout: Rollout,
-    /// Tuning, Pareto and danger: which window of each trajectory.
+    /// Tuning, Pareto and danger: window of each trajectory.
     #[arg(long, value_enum, default_value = "random-one")]
     windows: WindowsArg,
-    /// Tuning and Pareto: wanted probabilities that a trajectory stays inside F_1, in (0, 1).
+    /// Tuning and Pareto: desired probabilities that a trajectory stays inside F_1, in (0, 1).
     #[arg(long, value_name = "P,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_value = "0.75,0.9,0.95")]
     probability: Vec<f64>,
-    /// Tuning: what is guaranteed.
+    /// Tuning: guarantees to give.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "conformal,pac")]
     guarantee: Vec<GuaranteeArg>,
     /// Tuning, pac and fixed-sequence: share of calibrations that may fail, in (0, 1).
     #[arg(long, value_name = "P", default_value_t = 0.05, allow_negative_numbers = true)]
     delta: f64,
-    /// What is split: whether a guarantee holds for new tasks of these people or for new people.
+    /// Unit of the split: guarantees hold for new tasks of these people, or for new people.
     #[arg(long, value_enum, default_value = "trajectories")]
     split: SplitArg,
     /// Share of the trajectories (or people) in the training set, in (0, 1).
@@ -139,7 +141,7 @@ enum WindowsArg {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum SplitArg {
-    /// All trajectories, whoever drove them.
+    /// All trajectories, regardless of the person.
     Trajectories,
     /// People, with all of their trajectories.
     People,
@@ -158,11 +160,11 @@ enum GuaranteeArg {
 /// Levels of ε that a fixed sequence tests.
 const SEQUENCE: usize = 101;
 
-/// Computes everything, then writes.
+/// Computes everything, then writes the files.
 ///
 /// # Errors
-/// [`CommandError`] for flags or files that are wrong, too few trajectories for a guarantee
-/// (input), or a file that cannot be written (failure).
+/// [`CommandError`] for invalid flags or files, too few trajectories for a guarantee (input), or a
+/// file that cannot be written (failure).
 pub async fn run(mut args: ShfrsArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     if let Some(path) = args.settings.clone() {
@@ -254,7 +256,7 @@ pub async fn run(mut args: ShfrsArgs) -> Result<(), CommandError> {
 /// The template of the progress bar.
 const BAR: &str = "[{bar:40}] {pos:>2}/{len}  {elapsed_precise}  {msg}";
 
-/// How often the elapsed time on the bar is updated.
+/// Update interval of the elapsed time on the bar.
 const TICK: Duration = Duration::from_millis(100);
 
 /// A trial of the file.
@@ -269,7 +271,7 @@ impl ShfrsArgs {
     /// Takes the settings of a file instead of the flags.
     fn take(&mut self, document: &Document<'_>) -> Result<(), CommandError> {
         let file: ShfrsFile = document.read()?;
-        // Whether k fits the predictor is known once that is read; how many it may be is not.
+        // k is checked against the predictor later, once that is read.
         file.settings(usize::MAX).map_err(|invalid| document.complain(&invalid))?;
         self.steps = file.steps;
         (self.epsilon, self.rollout) = (file.epsilon, file.rollout);
@@ -307,7 +309,7 @@ impl ShfrsArgs {
         Ok(recorded)
     }
 
-    /// A predictor trained on the training part, and in words what it is.
+    /// Trains a predictor on the training set. Also describes it in words.
     fn trained(
         &self,
         safety: &SafetyLevels,
@@ -381,7 +383,7 @@ impl ShfrsArgs {
     }
 }
 
-/// For each trajectory who drove it, from 0 on in the order of the first trajectories.
+/// The person who drove each trajectory, numbered from 0 in order of appearance.
 fn people(recorded: &[Recorded]) -> Vec<usize> {
     let mut places = HashMap::new();
     let names = recorded.iter().map(|recorded| recorded.participant.as_str());
@@ -393,7 +395,7 @@ fn people(recorded: &[Recorded]) -> Vec<usize> {
         .collect()
 }
 
-/// Checks, before anything is computed, that one of the guarantees that were asked for can be given: `all`
+/// Checks, before anything is computed, that at least one requested guarantee can be given: `all`
 /// counts the trials (or people), `calibration` those that calibrate.
 fn enough(
     questions: &Questions,
@@ -417,7 +419,7 @@ fn enough(
     Err(CommandError::Input(format!("{name}: expected {expected}, found {found}")))
 }
 
-/// A complaint of the library in terms of the command line.
+/// A library error in terms of the command line.
 fn flagged(invalid: Invalid) -> CommandError {
     CommandError::Input(format!("--{invalid}"))
 }

@@ -11,7 +11,7 @@ use sidestep::synthetic::{Keys, SyntheticDrive};
 use sidestep::trial::flags;
 use std::collections::BTreeMap;
 
-/// Let synthetic participants drive: into a file, or through a running server.
+/// Simulate synthetic participants, into a file or through a running server.
 ///
 /// Each follows published models of walking people with randomly drawn parameters, and never sees
 /// a safety level. They test the software; they are not evidence about people.
@@ -26,13 +26,15 @@ pub struct SimulateArgs {
         allow_negative_numbers = true
     )]
     participants: u64,
-    /// Seed, a whole number from 0 to 2^64 - 1. Participant n of a seed is the same whatever
-    /// --participants is.
+    /// Seed, a whole number from 0 to 2^64 - 1.
+    ///
+    /// Participant n of a seed is the same for any --participants.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seed: u64,
-    /// Tasks of each participant, 1 to 1000. With --out the scenes are those of the paper's study
-    /// [default: 50]. With --url the server's study has its own scenes; a participant who drives
-    /// fewer than all of them does not complete [default: all].
+    /// Tasks of each participant, 1 to 1000 [default: 50 with --out, all with --url].
+    ///
+    /// With --out the scenes are those of the paper's study. With --url the server's study has its
+    /// own scenes; a participant who drives only some of them does not complete.
     #[arg(
         long,
         value_name = "N",
@@ -40,13 +42,14 @@ pub struct SimulateArgs {
         allow_negative_numbers = true
     )]
     tasks: Option<u64>,
-    /// When a new input takes effect [default: free with --out, as in the project's reference
-    /// data; clock with --url].
+    /// When a new input takes effect [default: free with --out, clock with --url].
+    ///
+    /// The project's reference data use free.
     #[arg(long, value_name = "WHEN", value_parser = one_of(KEYS))]
     keys: Option<Keys>,
     #[command(flatten)]
     destination: Destination,
-    /// Name of the server's study in addresses.
+    /// Name of the server's study in URLs.
     #[arg(long, value_name = "SLUG", default_value = "default", conflicts_with = "out")]
     study: String,
 }
@@ -55,30 +58,32 @@ pub struct SimulateArgs {
 #[derive(Clone, Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Destination {
-    /// CSV file to write, one row for each step: the state before it (m, rad), and the turn rate
-    /// held in it (rad/s, left is positive); - writes it to stdout, without the summary.
+    /// CSV file to write, one row per step; - writes to stdout, without the summary.
+    ///
+    /// A row has the state before the step (m, rad) and the turn rate held in it (rad/s, left is positive).
     #[arg(long, value_name = "FILE.csv")]
     out: Option<String>,
-    /// Address of a running server, http://HOST:PORT or https://HOST: the participants enrol there,
-    /// drive the scenes of their plans and complete.
+    /// URL of a running server: http://HOST:PORT or https://HOST.
+    ///
+    /// The participants enrol there, drive the scenes of their plans and complete.
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 }
 
 const OUTPUT: &str = "\
-Prints one line of JSON: participants, trials, and flags (how many trials have each; {} where \
-none has any). With --out also keys, rows and file; with --url also url, study and \
+Prints one line of JSON: participants, trials, and flags (how many trials have each; {} \
+if there are none). With --out also keys, rows and file; with --url also url, study and \
 already_stored.
 
 With --keys clock (one input a step, as in the study) states replay exactly from the inputs, and \
-have as many digits as bring the same bits back. With --keys free the keys count at once, every \
+numbers have enough digits to parse to the same bits. With --keys free the keys count at once, every \
 0.05 s, as in the project's reference data: states do not replay from the inputs, headings are \
 not wrapped, numbers have nine significant digits, and lines end with CR LF. A column synthetic \
 says that nobody drove; only the reference's own file, of seed 20180918 with free keys, lacks it.
 
 Through a server every person has the external id synthetic-SEED-NUMBER, and the display of every \
-trial says \"synthetic\": true. A run that broke off goes on where it stopped when it is started \
-again; people who are complete are left alone.";
+trial says \"synthetic\": true. Starting an interrupted run again resumes it; people who are \
+complete are skipped.";
 
 impl SimulateArgs {
     /// Trials of each participant in a file.

@@ -14,53 +14,56 @@ use std::path::PathBuf;
 
 /// Solve the pursuit game and write its value function to a NumPy archive.
 ///
-/// V(x, y, psi) in metres is the largest range margin (range - radius) that the evader
-/// can keep; V <= 0 where the pursuer can force a collision. Prints one line of JSON:
-/// method, grid (shape of the array value), steps (time steps, or sweeps over the finest
-/// grid), wall_s, threads, converged_residual (how much V still moves: m/s, or m in 16
-/// sweeps of the polar method without a horizon), converged (null for a finite horizon), and volume (of
-/// {V <= 0} over the grid's domain, between the nodes too, in m^2 rad).
+/// V(x, y, psi) in metres is the largest range margin (range - radius) that the evader can
+/// guarantee; V <= 0 where the pursuer can force a collision. Prints one line of JSON: method, grid
+/// (shape of the array value), steps (time steps, or sweeps over the finest grid), wall_s, threads,
+/// converged_residual (how much V still changes: m/s, or m in 16 sweeps of the polar method without
+/// a horizon), converged (null for a finite horizon), and volume (of {V <= 0} over the grid's
+/// domain, including between nodes, in m^2 rad).
 #[derive(Clone, Debug, clap::Args)]
 pub struct SolveArgs {
     #[command(flatten)]
     game: GameArgs,
-    /// Method [default: exact for equal vehicles and no horizon, cartesian for a grid, else
-    /// polar].
+    /// Method [default: exact for equal vehicles without a horizon, cartesian with --grid, else polar].
     #[arg(long, value_parser = one_of(METHODS))]
     method: Option<Method>,
     /// Horizon, s; inf for the converged value.
     #[arg(long, value_name = "S", default_value_t = f64::INFINITY, allow_negative_numbers = true)]
     horizon: f64,
-    /// Grid by accuracy. That of a finite horizon, and a Cartesian one, holds the states where a
-    /// draft finds V at most half the radius.
+    /// Accuracy of the grid.
+    ///
+    /// With a finite horizon, or for a Cartesian grid, the grid covers the states in which a draft
+    /// solution has V at most half the radius.
     #[arg(long, value_parser = one_of(ACCURACIES), default_value = "standard")]
     #[arg(conflicts_with = "grid")]
     accuracy: Accuracy,
-    /// Largest range of the polar grid, m [default: radius + 3 pi times the wider
-    /// turning radius; less for a finite horizon].
+    /// Largest range of the polar grid, m [default: radius + 3 pi times the wider turning radius].
+    ///
+    /// The default is less for a finite horizon.
     #[arg(long, value_name = "M", allow_negative_numbers = true, conflicts_with = "grid")]
     range: Option<f64>,
-    /// Cartesian grid: nodes of x, y and psi (psi is one turn, periodic);
-    /// needs --domain.
+    /// Cartesian grid: numbers of nodes of x, y and psi (one periodic turn); needs --domain.
     #[arg(long, value_name = "NX,NY,NPSI", value_parser = numbers::<usize, 3>)]
     #[arg(requires = "domain", allow_hyphen_values = true)]
     grid: Option<Numbers<usize, 3>>,
-    /// Ends of the Cartesian grid, m; needs --grid.
+    /// Bounds of the Cartesian grid, m; needs --grid.
     #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<f64, 4>)]
     #[arg(requires = "grid", allow_hyphen_values = true)]
     domain: Option<Numbers<f64, 4>>,
-    /// Derivatives on the Cartesian grid.
+    /// Scheme for derivatives on the Cartesian grid.
     #[arg(long, value_parser = one_of(SCHEMES), default_value = "weno5", requires = "grid")]
     scheme: Scheme,
-    /// Numbers the Cartesian grid is solved in.
+    /// Floating-point type on the Cartesian grid.
     #[arg(long, value_parser = one_of(PRECISIONS), default_value = "f32", requires = "grid")]
     precision: Precision,
-    /// Threads for a finite horizon or method cartesian; they do not change the result
-    /// [default: all cores].
+    /// Threads; they do not change the result [default: all cores].
+    ///
+    /// Only a finite horizon and the method cartesian use them.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     threads: Option<usize>,
-    /// File to write: arrays value, axis0, axis1, axis2, meta, and of the polar method
-    /// sheet, which keeps V's kink between nodes (see stored in meta).
+    /// File to write: arrays value, axis0, axis1, axis2 and meta.
+    ///
+    /// The polar method adds the array sheet, which keeps V's kink between nodes (see stored in meta).
     #[arg(long, value_name = "FILE.npz")]
     out: PathBuf,
 }
@@ -91,30 +94,28 @@ fn numbers<T: std::str::FromStr, const N: usize>(text: &str) -> Result<[T; N], S
         .ok_or_else(|| format!("expected {N} {kind} with commas between"))
 }
 
-/// The line that is printed.
+/// The printed line.
 #[derive(Debug, Serialize)]
 struct Line {
     method: &'static str,
     /// Shape of the array `value`.
     grid: [usize; 3],
     steps: usize,
-    /// Of the solve, without writing.
+    /// Duration of the solve, without writing.
     wall_s: f64,
     threads: usize,
-    /// m/s; of the polar method without a horizon, m in a round of sweeps.
+    /// m/s; for the polar method without a horizon, m per round of sweeps.
     converged_residual: f64,
-    /// Whether the solution had settled, or else the solve gave up; null for a finite
-    /// horizon.
+    /// Whether the solution settled; false if the solve gave up, null for a finite horizon.
     converged: Option<bool>,
-    /// Of {V <= 0} over the domain, m² rad.
+    /// Volume of {V <= 0} over the domain, m² rad.
     volume: f64,
 }
 
 /// Solves, writes the file and prints the line.
 ///
 /// # Errors
-/// [`CommandError`] for flags that cannot be (input), a file that cannot be written
-/// or a solve that was stopped (failure).
+/// [`CommandError`] for impossible flags (input), a file that cannot be written or a cancelled solve (failure).
 pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
     let game = args.game.game()?;
     let options = args.options()?;
@@ -145,10 +146,10 @@ pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
     })
 }
 
-/// Nodes of an axis that a file may have.
+/// Upper bound on the nodes of an axis.
 const AXIS_LIMIT: usize = 1 << 16;
 
-/// Threads that a machine may have.
+/// Upper bound on threads.
 const THREAD_LIMIT: usize = 1024;
 
 impl SolveArgs {

@@ -1,4 +1,4 @@
-//! Solving at a terminal: a bar that shows how far it is, and a way to stop it.
+//! Solving at a terminal, with a progress bar and cancellation.
 
 use super::{CommandError, unwritable};
 use crate::threads;
@@ -16,14 +16,14 @@ use std::path::Path;
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-/// Listens for Ctrl-C (SIGINT) and SIGTERM, so that a command leaves nothing half-written.
+/// Handles Ctrl-C (SIGINT) and SIGTERM, so that a command leaves nothing half-written.
 pub(super) struct Interrupt {
     /// Cancelled by the first of them.
     pub(super) token: CancellationToken,
 }
 
 impl Interrupt {
-    /// From now on the signals only cancel [`Interrupt::token`].
+    /// From now on, the signals only cancel [`Interrupt::token`].
     pub(super) fn listen() -> Self {
         let token = CancellationToken::new();
         let heard = token.clone();
@@ -34,8 +34,8 @@ impl Interrupt {
         Self { token }
     }
 
-    /// The result of `work`, or the error to end with if a signal comes first. The work is then
-    /// left to itself, so it must not write anything.
+    /// The result of `work`, or an error if a signal comes first. Then nothing waits for the work,
+    /// so it must not write anything.
     pub(super) async fn unless_stopped<T>(
         &self,
         work: impl Future<Output = T>,
@@ -47,13 +47,12 @@ impl Interrupt {
         }
     }
 
-    /// The error to end with when a file or folder was not written: because of a signal, or of
-    /// what the disk says.
+    /// The error for a file or folder that was not written, because of a signal or the disk.
     pub(super) fn unwritten(&self, path: &Path, error: &dyn Display) -> CommandError {
         self.check().err().unwrap_or_else(|| unwritable(path, error))
     }
 
-    /// The error to end with, once stopped.
+    /// Fails once a signal has come.
     pub(super) fn check(&self) -> Result<(), CommandError> {
         if self.token.is_cancelled() { Err(stopped()) } else { Ok(()) }
     }
@@ -74,14 +73,14 @@ async fn signalled() {
         }
         return;
     }
-    // Without the means to listen there is nothing to wait for.
+    // If the process cannot listen for signals, wait forever.
     if tokio::signal::ctrl_c().await.is_err() {
         std::future::pending::<()>().await;
     }
 }
 
-/// Solves, with a progress bar if stderr is a terminal. Also returns how long it took, s. Warns on
-/// stderr if the solve did not converge.
+/// Solves, with a progress bar if stderr is a terminal. Warns on stderr if the solve did not
+/// converge. Also returns the duration, s.
 pub(super) async fn solved(
     game: PursuitGame,
     options: Options,
@@ -99,7 +98,7 @@ pub(super) async fn solved(
     Ok((solved, wall_s))
 }
 
-/// As [`solved`], for callers with a warning of their own.
+/// As [`solved`], for callers that print their own warning.
 pub(super) async fn solved_silently(
     game: PursuitGame,
     options: Options,
@@ -132,8 +131,8 @@ pub(super) async fn solved_silently(
     }
 }
 
-/// The safety levels of both vehicles; only unequal vehicles need a solve. Reports a value
-/// function that did not converge.
+/// The safety levels of both vehicles; only unequal vehicles need a solve. Warns if a value
+/// function did not converge.
 pub(super) async fn safety_levels(
     parameters: &SceneParameters,
     interrupt: &Interrupt,
@@ -170,10 +169,10 @@ pub(super) fn bar(steps: u64, template: &str) -> ProgressBar {
     bar
 }
 
-/// A complaint of the library in terms of the command line.
+/// A library error in terms of the command line.
 pub(super) fn flagged(invalid: Invalid) -> CommandError {
     let flag = match invalid.field.as_str() {
-        // Of unequal vehicles, whose rates count together.
+        // For unequal vehicles, whose turn rates are checked together.
         "turn_rate_radps" => "evader-turn-rate and --pursuer-turn-rate",
         "axes[0].low" => "domain, X0",
         "axes[0].high" => "domain, X1",

@@ -1,4 +1,4 @@
-//! Tables of commands: where they come from, and what is said of how they are written down.
+//! Input tables of commands, and remarks on their dialects.
 
 use crate::formats::csv_lines::Dialect;
 use std::fs::File;
@@ -17,12 +17,12 @@ pub(super) fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// The name that messages give it.
+/// Its name in messages.
 pub(super) fn name(path: &Path) -> String {
     if is_stdin(path) { "stdin".to_owned() } else { path.display().to_string() }
 }
 
-/// Says on stderr if a table is not UTF-8 with commas between its columns.
+/// Reports on stderr if a table is not UTF-8 with commas as delimiters.
 pub(super) fn tell(path: &Path, dialect: Dialect) {
     if let Some(remark) = dialect.remark() {
         eprintln!("sidestep: {}: {remark}", name(path));

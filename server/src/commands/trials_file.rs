@@ -57,8 +57,8 @@ impl SceneArgs {
     }
 }
 
-/// A vehicle of the recorded states: its name in messages and flags, the column of its heading,
-/// its pose, and how it drives.
+/// A vehicle of the recorded states: its name in messages and flags, the column of its heading, its
+/// pose, and its model.
 struct Driven {
     who: &'static str,
     role: &'static str,
@@ -67,8 +67,8 @@ struct Driven {
     vehicle: VehicleModel,
 }
 
-/// Checks that the recorded states can be drives of the scene's vehicles: otherwise safety levels
-/// would be computed for states in which nobody was.
+/// Checks that the scene's vehicles can have driven the recorded states; otherwise safety levels
+/// would be computed for states that never occurred.
 fn check_motion(people: &[RecordedParticipant], scene: &SceneParameters) -> Result<(), String> {
     let vehicles = [
         Driven {
@@ -108,7 +108,7 @@ impl Driven {
             steps.iter().map(|(from, to)| hypot(to.x - from.x, to.y - from.y)).collect();
         moved.sort_by(f64::total_cmp);
         let Some(&median) = moved.get(moved.len() / 2) else { return Ok(()) };
-        // A vehicle that turns all the time moves along a chord.
+        // A vehicle that turns during the whole step moves along a chord.
         let half = 0.5 * self.vehicle.turn_rate_radps * step_s;
         let straight = self.vehicle.speed_mps * step_s;
         let turning = straight * sinc(half).abs();
@@ -126,8 +126,7 @@ impl Driven {
         ))
     }
 
-    /// Checks that headings point where the vehicle moves. A heading in degrees does not, and no
-    /// other check would notice.
+    /// Checks that headings point where the vehicle moves. No other check detects headings in degrees.
     fn check_headings(&self, steps: &[(Pose, Pose)], step_s: f64) -> Result<(), String> {
         let most = 0.5 * self.vehicle.turn_rate_radps * step_s + HEADING_TOLERANCE_RAD;
         let off = |scale: f64| {
@@ -155,10 +154,10 @@ impl Driven {
     }
 }
 
-/// How far a heading may be off, besides half of the largest turn in a step.
+/// Tolerance of a heading, in addition to half of the largest turn in a step.
 const HEADING_TOLERANCE_RAD: f64 = 0.05;
 
-/// What a faulty row or trial means.
+/// How to treat a faulty row or trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Faults {
     /// The participant is excluded.
@@ -167,10 +166,10 @@ pub(super) enum Faults {
     Refuse,
 }
 
-/// A participant of the file with all trials, as they are in the file.
+/// A participant of the file with all trials, unchanged.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file, the line and what is wrong with it or with the participant, or
+/// [`CommandError::Input`] naming the file, the line and the fault in it or in the participant, or
 /// that there is no such participant.
 pub(super) fn participant(
     path: &Path,
@@ -188,12 +187,12 @@ pub(super) fn participant(
     })
 }
 
-/// The tasks in the file, of all participants if faults exclude, else of those who drove one. Trials whose states do not follow from the
-/// inputs are flagged.
+/// The tasks of all participants in the file if faults exclude, else only of those who drove a
+/// task. Trials that do not replay from their inputs are flagged.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file, the line and what is wrong: if a row cannot be assigned to a
-/// participant, for a fault that is to be refused or that everybody has, or that there is no task.
+/// [`CommandError::Input`] naming the file, the line and the fault: if a row cannot be assigned to
+/// a participant, a fault must be refused or every participant has one, or there is no task.
 pub(super) fn recording(
     path: &Path,
     scene: &SceneParameters,
@@ -219,7 +218,7 @@ pub(super) fn recording(
     recording.exclusions = faults.into_iter().map(exclusion).collect();
     motion::exclude_impossible(&mut recording);
     let Recording { participants, exclusions, .. } = &mut recording;
-    // Whom an experimenter excluded is no fault of the file.
+    // Exclusion by an experimenter is not a fault of the file.
     let excluded_only = participants.is_empty() && exclusions.is_empty();
     if let Some(first) = excluded.first().filter(|_| excluded_only) {
         let expected = "expected at least one participant with tasks, found none else";
@@ -235,7 +234,7 @@ pub(super) fn recording(
         return Err(complaint(path, &format!("{}{hint}{others}", first.why())));
     }
     exclusions.splice(..0, excluded);
-    // Analyses name whoever drove no task.
+    // Analyses name participants without a task.
     participants.retain(|person| wanted == Faults::Exclude || !person.trials.is_empty());
     if participants.iter().all(|person| person.trials.is_empty()) {
         return Err(complaint(path, &"expected at least one task, found none"));
@@ -248,8 +247,8 @@ pub(super) fn recording(
     Ok(recording)
 }
 
-/// The participants whom an experimenter excluded, with the reasons. An export has them in its table of
-/// participants, beside the steps.
+/// The participants whom an experimenter excluded, with the reasons, from the table of participants
+/// that an export writes beside the steps.
 pub(super) fn excluded_beside(path: &Path) -> Result<HashMap<String, String>, CommandError> {
     let table = path.with_file_name("participants.csv");
     if path.file_name().is_none_or(|name| name != "steps.csv") || !table.is_file() {
@@ -271,7 +270,7 @@ pub(super) fn excluded_beside(path: &Path) -> Result<HashMap<String, String>, Co
     Ok(excluded)
 }
 
-/// The participants of the file. What is unusual about how it is written down is said on stderr.
+/// The participants of the file. Reports an unusual dialect on stderr.
 fn read_each(path: &Path, scene: &SceneParameters) -> Result<Contents, CommandError> {
     let contents = trials_csv::read_each(open(path)?, scene).map_err(|e| faulty(path, &e))?;
     table_file::tell(path, contents.dialect);
@@ -290,7 +289,7 @@ fn faulty(path: &Path, error: &LineError) -> CommandError {
     complaint(path, &format!("{error}{}", hint(error)))
 }
 
-/// The flag to use where the file may be right and the flags are not.
+/// Names the flag to change if the file may be right and the flags wrong.
 fn hint(error: &LineError) -> &'static str {
     match error.what.field.as_str() {
         "omega" => "; --evader-turn-rate sets the human's turn rate",

@@ -1,4 +1,4 @@
-//! Where commands that learn from trials take them from: a file or a study.
+//! Source of trials for commands that learn from them: a file or a study.
 
 use super::trials_file::{self, Faults, SceneArgs};
 use super::{CommandError, study_named, table_file};
@@ -13,10 +13,10 @@ use std::path::PathBuf;
 pub(super) struct TrialsArgs {
     #[command(flatten)]
     source: Source,
-    /// Name of the study in addresses, with --database.
+    /// Name of the study in URLs, with --database.
     #[arg(long, value_name = "SLUG", default_value = "default", conflicts_with = "trials")]
     study: String,
-    /// The vehicles; the human is the evader. With --database the study's own.
+    /// The vehicles; the human is the evader. With --database, those of the study.
     #[command(flatten)]
     scene: SceneArgs,
 }
@@ -24,24 +24,23 @@ pub(super) struct TrialsArgs {
 #[derive(Clone, Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Source {
-    /// CSV file with at least the columns
-    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order, as `sidestep export`
-    /// writes it; - reads stdin. Columns may be separated by semicolons or tabs, with decimal commas. Only tasks
-    /// count.
+    /// CSV file of trials, such as steps.csv of `sidestep export`; - reads stdin. Only tasks count.
+    ///
+    /// It needs at least the columns participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any
+    /// order. The delimiter may be a semicolon or a tab, with decimal commas.
     #[arg(long, value_name = "FILE.csv")]
     trials: Option<PathBuf>,
-    /// Database: sqlite: and a file.
+    /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE.
     #[arg(long, value_name = "URL", conflicts_with_all = ["GameArgs", "SceneArgs"])]
     database: Option<String>,
 }
 
 impl TrialsArgs {
-    /// The tasks, checked: the vehicles can have driven the states, and the inputs are those that
-    /// turned the human. The participants who are excluded are named on stderr.
+    /// The tasks, checked: the vehicles can have driven the states, and the human turned as the
+    /// inputs say. Names excluded participants on stderr.
     ///
     /// # Errors
-    /// [`CommandError::Input`] for a file that cannot be used, with its line, or a study that is not
-    /// there.
+    /// [`CommandError::Input`] for an unusable file, with its line, or an unknown study.
     pub(super) async fn recording(&self, faults: Faults) -> Result<Recording, CommandError> {
         let recording = match &self.source.trials {
             Some(path) => trials_file::recording(path, &self.scene.scene()?, faults)?,
@@ -56,7 +55,7 @@ impl TrialsArgs {
         Ok(recording)
     }
 
-    /// The file or the study, in messages.
+    /// The name of the file or study in messages.
     pub(super) fn name(&self) -> String {
         match &self.source.trials {
             Some(path) => table_file::name(path),

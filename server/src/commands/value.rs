@@ -14,23 +14,24 @@ use std::path::PathBuf;
 
 /// Evaluate the value function, its gradient and both optimal turns at given states.
 ///
-/// Prints one line of JSON: the number of states, and how many of them are outside the solved
-/// grid.
+/// Prints one line of JSON: the number of states, and how many of them are outside the solved grid.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ValueArgs {
     #[command(flatten)]
     function: FunctionArgs,
-    /// CSV file with the columns x, y (m) and psi (rad) in any order: the pursuer in
-    /// the evader's frame; - reads stdin. Other columns are ignored. A psi of more than a full turn is
-    /// told, since it may be in degrees.
+    /// CSV file with the columns x, y (m) and psi (rad) in any order; - reads stdin.
+    ///
+    /// A state is the pursuer's pose in the evader's frame. Other columns are ignored. A psi of
+    /// more than a full turn is reported, since it may be in degrees.
     #[arg(long, value_name = "FILE.csv")]
     states: PathBuf,
-    /// File to write, one row for each state in the same order: x, y, psi, value (m),
-    /// dvalue_dx, dvalue_dy (m/m), dvalue_dpsi (m/rad), evader_turn, pursuer_turn
-    /// (rad/s, positive to the left; 0 if all turns are equally good or straight is best),
-    /// exact (1 from the closed form, 0 from a grid), inside (1 inside the solved grid;
-    /// outside, V is the range margin plus the difference between V and the range margin at
-    /// the nearest point of the grid).
+    /// File to write, one row per state in the same order.
+    ///
+    /// Columns: x, y, psi, value (m), dvalue_dx, dvalue_dy (m/m), dvalue_dpsi (m/rad), evader_turn,
+    /// pursuer_turn (rad/s, positive to the left; 0 if all turns are equally good or straight is
+    /// best), exact (1 from the closed form, 0 from a grid), inside (1 inside the solved grid;
+    /// outside, V is the range margin plus the difference between V and the range margin at the
+    /// nearest point of the grid).
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
 }
@@ -48,11 +49,11 @@ const RESULTS: [&str; 8] = [
     "inside",
 ];
 
-/// Evaluates and writes the file: whole, or not at all.
+/// Evaluates and writes the whole file or nothing.
 ///
 /// # Errors
-/// [`CommandError`] for bad flags or a file that is wrong, with its line and column
-/// (input), or one that cannot be written (failure).
+/// [`CommandError`] for bad flags or an invalid file, with its line and column (input), or one that
+/// cannot be written (failure).
 pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     let name = table_file::name(&args.states);
     let mut states = Vec::new();
@@ -87,11 +88,11 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     print_json(&serde_json::json!({ "states": rows, "outside": outside, "file": args.out }))
 }
 
-/// Why there is no result.
+/// Why an evaluation failed.
 enum Fault {
     Line(LineError),
     Disk(io::Error),
-    /// Of a row, whose line is added where it is known.
+    /// In a row whose line the caller adds.
     State(Invalid),
 }
 
@@ -113,7 +114,7 @@ impl From<Invalid> for Fault {
     }
 }
 
-/// Hands every state of the file to `each`, with its line, and returns how the file is written down.
+/// Passes every state of the file to `each`, with its line. Returns the file's dialect.
 fn read(
     file: &[u8],
     mut each: impl FnMut(u64, [f64; 3]) -> Result<(), Fault>,
@@ -125,7 +126,7 @@ fn read(
         let mut state = [0.0; 3];
         for (d, name) in COLUMNS.into_iter().enumerate() {
             let number = record.number(columns[d], name).map_err(at(line))?;
-            // 1e999 is no infinity that somebody wrote.
+            // Quote the text: 1e999 parses as an infinity that nobody wrote.
             let as_written =
                 |invalid| Invalid { found: format!("{:?}", &record[columns[d]]), ..invalid };
             state[d] = finite(name, number).map_err(as_written).map_err(at(line))?;
@@ -138,12 +139,12 @@ fn read(
     Ok(records.dialect())
 }
 
-/// Where x, y and psi are.
+/// The places of x, y and psi.
 fn columns(header: &Record) -> Result<[usize; 3], Invalid> {
-    // Spreadsheets put a mark in front of UTF-8.
+    // Spreadsheets put a byte-order mark in front of UTF-8.
     let names: Vec<&str> =
         header.iter().map(|name| name.trim_start_matches('\u{feff}').trim()).collect();
-    // Quoted: a name may hold a line end.
+    // Quoted: a name may contain a line break.
     let all = format!("{:?}", names.join(","));
     let mut places = [0; 3];
     for (place, column) in places.iter_mut().zip(COLUMNS) {
@@ -156,7 +157,7 @@ fn columns(header: &Record) -> Result<[usize; 3], Invalid> {
     Ok(places)
 }
 
-/// All there is to know at a state, in finite numbers.
+/// The value, gradient and turns at a state, all finite.
 fn evaluated(function: &ValueFunction, state: [f64; 3]) -> Result<ValueState, Invalid> {
     let found = function.state(state);
     if found.value.is_finite() && found.gradient.iter().all(|g| g.is_finite()) {

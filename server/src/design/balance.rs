@@ -11,15 +11,15 @@ pub struct Balance {
     scenes: usize,
     /// Participants after which the orders repeat.
     block: usize,
-    /// Scenes of all participants.
+    /// The number of scenes of all participants.
     pub drawn: usize,
-    /// Scenes whose strata are not the planned ones.
+    /// The number of scenes whose strata are not the planned ones.
     pub exchanged: usize,
-    /// Strata of single participants that have no scene.
+    /// The number of strata of single participants without a scene.
     pub unfilled: usize,
     /// How often an approach stratum occurs at a position.
     approach_at_position: Option<Range>,
-    /// How often an approach stratum directly follows another one; none if there is only one.
+    /// How often an approach stratum directly follows another; none if there is only one.
     approach_after_approach: Option<Range>,
     /// How often each pair of strata occurs.
     approach_with_miss: Option<Range>,
@@ -44,7 +44,7 @@ impl Range {
 }
 
 impl Balance {
-    /// Says on standard error what the counts mean, for people; programs read the JSON.
+    /// Explains the counts on stderr, for people; programs read the JSON.
     pub fn explain(&self) {
         let Self { phase, drawn, exchanged, unfilled, .. } = self;
         let strata = 3 * drawn;

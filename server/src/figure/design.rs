@@ -10,23 +10,23 @@ use sidestep::scene::{
 };
 use sidestep::vehicle::TurnInput;
 
-/// Between the margins, px.
+/// Width between the margins, px.
 const WIDTH: f64 = 1224.0;
 /// Room to the left of a chart for its labels, px.
 const LABELS: f64 = 44.0;
-/// Charts side by side, and the room between two of them, px.
+/// Charts side by side, and the gap between two of them, px.
 const COLUMNS: usize = 3;
 const BETWEEN: f64 = 26.0;
 /// Heights of the charts, px.
 const COUNTS: f64 = 96.0;
 const MAP: f64 = 280.0;
-/// Scenes from above: side by side, at most, and the room between two of them, px.
+/// Scenes from above: number side by side, upper bound, and the gap between two of them, px.
 const ABREAST: usize = 6;
 const SCENES: usize = 12;
 const GAP: f64 = 16.0;
 
-/// How the scenes of a phase are spread, by place of the participant, and the first participant's
-/// first scenes. `notes` say which study and phase it is.
+/// Draws the spread of a phase's scenes, by place of the participant, and the first participant's
+/// first scenes. `notes` name the study and the phase.
 #[must_use]
 pub fn design(
     notes: &[String],
@@ -84,7 +84,7 @@ fn frame(column: usize, top: f64, height: f64) -> Frame {
     Frame { left, top, width: cell - BETWEEN - LABELS, height }
 }
 
-/// A coordinate as an axis.
+/// The axis of a coordinate.
 fn axis(coordinate: Coordinate, strata: &Stratification) -> Axis {
     let last = strata.count().saturating_sub(1);
     let ends = [strata.ends(coordinate, 0)[0], strata.ends(coordinate, last)[1]];
@@ -135,7 +135,7 @@ fn counts(
             Coordinate::Approach => [low.to_degrees(), high.to_degrees()],
             _ => [low, high],
         };
-        // A thin seam tells neighbours apart.
+        // A thin gap separates neighbouring bars.
         let seam = 0.06 * (high - low);
         [low + seam, 0.0, high - seam, *times as f64]
     });
@@ -145,7 +145,7 @@ fn counts(
     chart
 }
 
-/// The tone of one dot among all.
+/// Ink of one dot; fainter the more dots there are.
 fn dots(people: &[Vec<StratifiedScene>]) -> colours::Ink {
     let many = people.iter().map(Vec::len).sum::<usize>().max(1) as f64;
     colours::TEXT.at((900.0 / many).clamp(0.06, 0.45))
@@ -174,7 +174,7 @@ fn map(
     chart
 }
 
-/// Scenes from above, all to one scale. The bottom of the last row, px.
+/// Draws scenes from above, all at one scale. Returns the bottom of the last row, px.
 fn scenes(
     drawing: &mut Drawing,
     parameters: &SceneParameters,
@@ -218,7 +218,7 @@ fn scenes(
     top + shown.len().div_ceil(ABREAST) as f64 * (side + 48.0) - 20.0
 }
 
-/// How far from the middle anything in these scenes is, m.
+/// The largest distance of anything in these scenes from the middle, m.
 fn reach_m(parameters: &SceneParameters, shown: &[StratifiedScene]) -> f64 {
     let ends = shown.iter().flat_map(|scene| {
         let start = scene.scene.start();
@@ -228,7 +228,7 @@ fn reach_m(parameters: &SceneParameters, shown: &[StratifiedScene]) -> f64 {
     1.12 * ends.flatten().map(f64::abs).fold(1.0, f64::max)
 }
 
-/// One scene from above, with its coordinates above it and a rule of its scale.
+/// Draws one scene from above, with its coordinates above it and a scale bar.
 fn one(
     drawing: &mut Drawing,
     parameters: &SceneParameters,

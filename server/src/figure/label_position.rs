@@ -1,13 +1,13 @@
-//! Where a label has most room.
+//! Finds the place with the most room for a label.
 
 use sidestep::reach::polygon::{bounding_box, signed_distance};
 
-/// Distance of the points that are tried, pixels.
+/// Spacing of the candidate points, pixels.
 const SPACING: f64 = 3.0;
 
-/// The point inside `outer` and outside `inner` that is farthest from both edges, if it is
-/// at least `least` from them. Points are [right, down] in pixels; either polygon may be
-/// empty. Good to the distance of the points that are tried.
+/// The point inside `outer` and outside `inner` that is farthest from both edges, if it is at least
+/// `least` from them. Points are [right, down] in pixels; either polygon may be empty. Accurate to
+/// the spacing of the candidate points.
 pub(super) fn label_position(
     outer: &[[f64; 2]],
     inner: &[[f64; 2]],

@@ -6,16 +6,16 @@ use sidestep::shfrs::guarantee::Unit;
 use sidestep::shfrs::panels::{areas, panels, targets};
 use sidestep::shfrs::pareto::Pareto;
 
-/// Size of a frame, and the room to its left and right, px.
+/// Size of a frame, and the margins to its left and right, px.
 const FRAME: [f64; 2] = [210.0, 140.0];
 const ROOM: [f64; 2] = [34.0, 16.0];
-/// Above a panel: its name and its areas, px.
+/// Space above a panel for its name and areas, px.
 const NAMES: f64 = 34.0;
 /// Panels side by side.
 const COLUMNS: usize = 4;
 
-/// A panel for each family: its curve, and at each calibrated level a mark with the interval of
-/// the coverage. `unit` says what was calibrated on, `note` what the data are.
+/// A panel for each family: its curve, and at each calibrated level a mark with the interval of the
+/// coverage. `unit` is what was calibrated on, `note` describes the data.
 #[must_use]
 pub fn pareto(found: &Pareto, unit: Unit, note: &str) -> Drawing {
     let charts = panels(found);

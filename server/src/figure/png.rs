@@ -8,13 +8,13 @@ use tiny_skia::{
 };
 use ttf_parser::{Face, OutlineBuilder};
 
-/// Pixels for each one of the drawing.
+/// Pixels per unit of the drawing.
 const SCALE: f32 = 2.0;
 
-/// Most pixels of a picture, so that none takes all memory.
+/// Upper bound on pixels, so that no picture exhausts the memory.
 const MOST_PIXELS: f64 = 1e8;
 
-/// A drawing as PNG: on light ground, twice as large.
+/// A drawing as PNG: on a light background, twice as large.
 ///
 /// # Errors
 /// [`DrawError`] if the picture is too large.
@@ -49,13 +49,13 @@ fn draw(pixmap: &mut Pixmap, fonts: &Fonts, shape: &Shape) {
     let Some(path) = outline(&shape.form, fonts) else {
         return;
     };
-    // The seam of words is below them, any other line on top.
+    // The halo of text is drawn below it, any other stroke on top.
     let has_seam = matches!(&shape.form, Form::Text(text) if text.halo);
     if has_seam {
         stroke(pixmap, &path, Pen::new(colours::SURFACE, 3.0));
     }
     if let Some(ink) = shape.fill {
-        // Rectangles side by side must not show the ground between them.
+        // The background must not show between adjacent rectangles.
         let paint = Paint { anti_alias: !matches!(shape.form, Form::Boxes(_)), ..paint(ink) };
         pixmap.fill_path(&path, &paint, FillRule::Winding, scale(), None);
     }
@@ -86,7 +86,7 @@ fn colour(ink: Ink) -> Color {
     Color::from_rgba8(r, g, b, (255.0 * ink.opacity.clamp(0.0, 1.0)).round() as u8)
 }
 
-/// None for what has no extent, and for numbers that are none.
+/// None for shapes without extent, and for numbers that are not finite.
 fn outline(form: &Form, fonts: &Fonts) -> Option<Path> {
     let mut path = PathBuilder::new();
     let mut joined = |points: &[Point]| {
@@ -117,7 +117,7 @@ fn outline(form: &Form, fonts: &Fonts) -> Option<Path> {
     path.finish()
 }
 
-/// The outlines of a line of text. What the font lacks has the font's sign for that.
+/// Adds the outlines of a line of text. A missing glyph becomes the font's replacement glyph.
 fn write(text: &Text, face: &Face<'_>, path: &mut PathBuilder) {
     let scale = text.size as f32 / f32::from(face.units_per_em());
     let glyphs: Vec<_> =
@@ -137,7 +137,7 @@ fn write(text: &Text, face: &Face<'_>, path: &mut PathBuilder) {
     }
 }
 
-/// From a font's units, upwards, to the drawing's pixels.
+/// Converts a font's units, upwards, to the drawing's pixels.
 struct GlyphPen<'a> {
     path: &'a mut PathBuilder,
     scale: f32,

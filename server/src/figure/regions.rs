@@ -15,22 +15,22 @@ use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
 use sidestep::vehicle::dubins::relative_state;
 
-/// Width of a frame, and the room to its left and right, px.
+/// Width of a frame, and the margins to its left and right, px.
 const SIDE: f64 = 300.0;
 const ROOM: [f64; 2] = [46.0, 104.0];
-/// Height of the frame of a single step, and between two of them, px.
+/// Height of the frame of a single step, and the gap between two frames, px.
 const STEP: f64 = 36.0;
 const BETWEEN: f64 = 5.0;
-/// Above the single steps, for their heading, px.
+/// Space above the single steps for their heading, px.
 const HEADING: f64 = 30.0;
-/// Around a numeral, px.
+/// Space around a numeral, px.
 const NUMERAL_ROOM: f64 = 7.4;
 
 /// One prediction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionsPanel {
     title: String,
-    /// What the settings are; may be empty.
+    /// Its settings; may be empty.
     settings: String,
     /// The vehicles now, world frame. The picture is turned so that the human heads upwards.
     now: JointState,
@@ -40,7 +40,7 @@ pub struct RegionsPanel {
     times_s: Vec<f64>,
     /// The nested sets, from the smallest to the largest.
     sets: Vec<DrawnSet>,
-    /// The area of all positions that the vehicle can reach meanwhile, m².
+    /// The area of all positions that the vehicle can reach in this time, m².
     worst_case_m2: f64,
 }
 
@@ -53,21 +53,21 @@ struct DrawnSet {
     steps: Vec<Vec<[f64; 2]>>,
 }
 
-/// Most steps of which every one is shown.
+/// Upper bound on the number of steps that are all shown.
 const EACH: usize = 12;
 
-/// Which of `steps` steps are shown: each, or of many the last one and back from there every so many.
+/// Which of `steps` steps are shown: all, or if there are many, the last one and every n-th before it.
 fn shown_steps(steps: usize) -> Vec<usize> {
     let every = steps.div_ceil(EACH).max(1);
     (1..=steps).filter(|step| (steps - step).is_multiple_of(every)).collect()
 }
 
 impl RegionsPanel {
-    /// The sets reachable from now under each of `sets`; `title` and `settings` say in a few words what
-    /// is predicted how, `motion` how the human moves.
+    /// The sets reachable from now under each of `sets`. `title` and `settings` briefly say what is
+    /// predicted and how, `motion` how the human moves.
     ///
     /// # Errors
-    /// [`Invalid`] if the present state is not finite or the motion makes no sense.
+    /// [`Invalid`] if the present state is not finite or the motion is impossible.
     pub fn new(
         [title, settings]: [String; 2],
         now: JointState,
@@ -99,7 +99,7 @@ impl RegionsPanel {
 }
 
 impl RegionsPanel {
-    /// The sets' areas, each beside the worst case's.
+    /// The areas of the sets, and their ratios to the worst case.
     fn areas(&self) -> String {
         let areas = || self.sets.iter().map(|set| signed_area(&set.tube));
         let listed = |each: Vec<String>| each.join(", ");
@@ -113,9 +113,9 @@ impl RegionsPanel {
     }
 }
 
-/// `panels` side by side: region j is what set j adds to set j − 1, from red inside to purple
-/// outside. `regions` names each region in the legend, such as its ε or its probability; `note`
-/// says what the data are.
+/// Draws `panels` side by side: region j is what set j adds to set j − 1, from red inside to purple
+/// outside. `regions` names each region in the legend, such as by its ε or its probability; `note`
+/// describes the data.
 #[must_use]
 pub fn regions(heading: &str, note: &str, panels: &[RegionsPanel], regions: &[String]) -> Drawing {
     let window = window_of(panels);
@@ -151,7 +151,7 @@ pub fn regions(heading: &str, note: &str, panels: &[RegionsPanel], regions: &[St
     drawing
 }
 
-/// From the world to the human's point of view: to the right and ahead, m.
+/// Converts from the world to the human's frame: to the right and ahead, m.
 fn seen(start: Pose, [x, y]: [f64; 2]) -> [f64; 2] {
     let [ahead, left, _] = relative_state(start, Pose::new(x, y, 0.0));
     [-left, ahead]
@@ -161,7 +161,7 @@ fn all_seen(start: Pose, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
     polygon.iter().map(|&point| seen(start, point)).collect()
 }
 
-/// What part of the plane all panels show: the same on either side of the human.
+/// The part of the plane that all panels show, symmetric about the human.
 fn window_of(panels: &[RegionsPanel]) -> Window {
     let tubes = panels.iter().flat_map(|panel| panel.sets.iter().map(move |set| (panel, set)));
     let points = tubes.flat_map(|(panel, set)| all_seen(panel.now.human, &set.tube));
@@ -180,7 +180,7 @@ fn tube(panel: &RegionsPanel, window: &Window, frame: Frame) -> Chart {
     let tubes: Vec<Vec<[f64; 2]>> = tubes.collect();
     add_sets(&mut chart, &tubes, Pen::new(colours::SURFACE.at(0.75), 0.8));
     add_danger_zone(&mut chart, panel);
-    // A number in each region that has room for it.
+    // Number each region that has room for it.
     let placed = tubes
         .iter()
         .map(|tube| tube.iter().map(|point| chart.place(frame, *point)).collect::<Vec<_>>());
@@ -199,8 +199,9 @@ fn tube(panel: &RegionsPanel, window: &Window, frame: Frame) -> Chart {
     chart
 }
 
-/// The largest set first: the others lie within. `edge` parts the regions for readers who do not
-/// tell the colours apart; a set without choice is only a path, drawn in its colour.
+/// Draws the largest set first, since it contains the others. `edge` separates the regions for
+/// readers who cannot distinguish the colours; a set that allows only one path is drawn as a line
+/// in its colour.
 fn add_sets(chart: &mut Chart, sets: &[Vec<[f64; 2]>], edge: Pen) {
     for (j, points) in sets.iter().enumerate().rev() {
         let colour = colours::region(j, sets.len());
@@ -218,11 +219,11 @@ fn add_human(chart: &mut Chart) {
     chart.add(human.without_line());
 }
 
-/// As much of the robot and its danger zone as is in sight.
+/// Draws the visible part of the robot and its danger zone.
 fn add_danger_zone(chart: &mut Chart, panel: &RegionsPanel) {
     let JointState { human, robot } = panel.now;
     let at = seen(human, robot.position());
-    // Seen on every region, the red one too.
+    // Visible on every region, including the red one.
     let edge = Some(Pen::new(colours::ROBOT, 1.6).halo(1.0));
     let points = disc(at, panel.danger_radius_m);
     chart.add(Area { name: String::new(), points, fill: None, edge });
@@ -230,7 +231,7 @@ fn add_danger_zone(chart: &mut Chart, panel: &RegionsPanel) {
     chart.add(Note::sign(Sign::Vehicle(heading, 15.0), at, colours::ROBOT));
 }
 
-/// The farthest bearing of any set at a single step, with some room, degrees.
+/// The largest bearing of any set at a single step, with a margin, degrees.
 fn farthest_bearing(panels: &[RegionsPanel]) -> f64 {
     let bearing = |panel: &RegionsPanel| {
         let polygons = panel.sets.iter().flat_map(|set| &set.steps);
@@ -240,9 +241,9 @@ fn farthest_bearing(panels: &[RegionsPanel]) -> f64 {
     1.06 * panels.iter().map(bearing).fold(1.0, f64::max)
 }
 
-/// Draws the sets at single steps from the last one down to the first one, and returns where they
-/// end. In the plane they are slivers, thinner than a line; so they are unrolled: bearing to the
-/// right, as far as `bearing`, range upwards, each step with a scale of its own.
+/// Draws the sets at single steps from the last to the first, and returns where they end. In the
+/// plane they are slivers thinner than a line, so they are unrolled: bearing to the right, up to
+/// `bearing`, range upwards, each step with its own scale.
 fn draw_steps(
     drawing: &mut Drawing,
     panel: &RegionsPanel,
@@ -269,7 +270,7 @@ fn draw_steps(
         let right = left + SIDE + 8.0;
         let time = format!("after {} s", number(*time));
         drawing.text(&time, [right, top + 0.5 * STEP - 7.0], 11.0, colours::TEXT, Align::Left);
-        // As many places as tell both ends apart.
+        // Enough decimal places to distinguish both ends.
         let places = (1..5).find(|places| fixed(low, *places) != fixed(high, *places)).unwrap_or(4);
         let ranges = format!("{}–{} m", fixed(low, places + 1), fixed(high, places + 1));
         drawing.text(&ranges, [right, top + 0.5 * STEP + 7.0], 11.0, colours::MUTED, Align::Left);
@@ -278,7 +279,7 @@ fn draw_steps(
     top
 }
 
-/// Bearing to the right, degrees, and range, m, from the start. Bearings go on beyond ±180°.
+/// Bearing to the right, degrees, and range, m, from the start. Bearings continue beyond ±180°.
 fn unrolled(start: Pose, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut bearing = 0.0;
     let mut unroll = |point: &[f64; 2]| {
@@ -316,13 +317,13 @@ mod tests {
     fn every_region_is_drawn_in_both_views_of_each_panel() {
         let panels = [panel(Pose::new(0.0, 0.0, 0.5 * PI)), panel(Pose::new(3.0, 1.0, 2.0))];
         let drawing = regions("Regions", "a made-up human", &panels, &names());
-        // Two panels with a tube and ten steps each, and a sign.
+        // Two panels with a tube and ten steps each, and a legend sign.
         let fill = |j: usize| Some(colours::REGIONS[j].into());
         for j in 0..5 {
             let with_fill = drawing.shapes.iter().filter(|shape| shape.fill == fill(j));
             assert_eq!(with_fill.count(), 2 * 11 + 1, "{j}");
         }
-        // From large to small: purple lies below red.
+        // From large to small: purple is below red.
         let first = |j| drawing.shapes.iter().position(|shape| shape.fill == fill(j));
         assert!(first(4) < first(0));
         let svg = drawing.svg();
@@ -335,7 +336,7 @@ mod tests {
         assert!(png(&drawing).unwrap().starts_with(b"\x89PNG"));
     }
 
-    /// Wherever the human is, the picture of the same prediction is the same.
+    /// The picture of a prediction does not depend on where the human is.
     #[test]
     fn the_picture_turns_with_the_human() {
         let point = seen(Pose::new(1.0, 2.0, 0.5 * PI), [1.5, 4.0]);

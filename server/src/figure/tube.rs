@@ -4,11 +4,11 @@ use sidestep::chart::Drawing;
 use sidestep::inspection::{Orbit, Tubes, View, domain};
 use sidestep::reachability::ValueFunction;
 
-/// Width and height of the solid in its box, px, and how much larger it is drawn than fits from every side.
+/// Width and height of the solid's box, px, and the zoom beyond the size that fits from every side.
 const SIZE: [f64; 2] = [900.0, 820.0];
 const ZOOM: f64 = 1.08;
 
-/// The solid {V ≤ 0}, seen from where the page first shows it.
+/// The solid {V ≤ 0}, from the page's initial viewpoint.
 #[must_use]
 pub fn tube(function: &ValueFunction) -> Drawing {
     let window = domain(function);

@@ -8,8 +8,7 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 use tokio_util::sync::CancellationToken;
 
-/// Checks that a file can be written at `path`, so that an error comes before long work and not after
-/// it.
+/// Checks that a file can be written at `path`, so that an error comes before long work.
 ///
 /// # Errors
 /// The disk's error.
@@ -20,16 +19,15 @@ pub fn check(path: &Path) -> io::Result<()> {
     // A rename would replace a device, a pipe or a link.
     if path.symlink_metadata().is_ok_and(|found| !found.is_file()) {
         let kind = io::ErrorKind::InvalidInput;
-        return Err(io::Error::new(kind, "it is there already and no regular file"));
+        return Err(io::Error::new(kind, "it exists and is not a regular file"));
     }
     beside(path, 0o600).map(drop)
 }
 
-/// Writes a temporary file in the same folder, and renames it to `path` when all of it is on the disk.
+/// Writes a temporary file in the same folder, and renames it to `path` once it is fully on disk.
 ///
 /// # Errors
-/// The disk's error, or that `cancel` was cancelled. The temporary file is deleted then, and `path` is
-/// unchanged.
+/// The disk's error, or that `cancel` was cancelled. Then the temporary file is deleted and `path` is unchanged.
 pub fn write<E: From<io::Error>>(
     path: &Path,
     cancel: &CancellationToken,
@@ -76,7 +74,7 @@ pub trait WriteSeek: Write + io::Seek {}
 
 impl<T: Write + io::Seek> WriteSeek for T {}
 
-/// A temporary file, and the lock that keeps others from deleting it.
+/// A temporary file, and the lock that keeps other processes from deleting it.
 fn beside(path: &Path, mode: u32) -> io::Result<(NamedTempFile, File)> {
     const PREFIX: &str = ".sidestep-part-";
     let folder = match path.parent() {

@@ -11,13 +11,12 @@ use tokio_util::sync::CancellationToken;
 pub struct Draft {
     folder: PathBuf,
     draft: Unfinished,
-    /// Folders that were made for it, the innermost first; those that stay empty go with it.
+    /// Folders created for it, innermost first; those that are still empty are removed with it.
     made: Vec<PathBuf>,
 }
 
 impl Draft {
-    /// Begins; the folder is made where there is none, and removed again unless something is put
-    /// into it.
+    /// Begins a draft. Creates the folder if it does not exist, and removes it again unless something is put into it.
     ///
     /// # Errors
     /// The disk's error.
@@ -25,7 +24,7 @@ impl Draft {
         Self::with_mode(folder, 0o777)
     }
 
-    /// As [`Self::begin`]; only this user can look into a folder that is made.
+    /// As [`Self::begin`]; only this user can access a folder that is created.
     ///
     /// # Errors
     /// The disk's error.
@@ -52,8 +51,8 @@ impl Draft {
     /// deletes those named in `obsolete`, and keeps all others. Once begun, it cannot be cancelled.
     ///
     /// # Errors
-    /// The disk's error; that a folder is in the place of a file or a file in that of a folder; or that
-    /// it was cancelled before, and nothing has changed.
+    /// The disk's error; a folder in the place of a file, or the reverse; or that it was cancelled
+    /// before, and nothing has changed.
     pub fn keep(self, obsolete: &[&str], cancel: &CancellationToken) -> io::Result<()> {
         synced(self.path())?;
         for entry in fs::read_dir(self.path())? {
@@ -93,7 +92,7 @@ impl Draft {
 
 impl Drop for Draft {
     fn drop(&mut self) {
-        // What is left of the draft; what cannot be removed stays.
+        // Delete the rest of the draft; whatever cannot be deleted stays.
         let _ = fs::remove_dir_all(self.path());
         self.made.iter().all(|folder| fs::remove_dir(folder).is_ok());
     }

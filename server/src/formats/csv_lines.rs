@@ -1,11 +1,11 @@
-//! CSV files, with the line on which each record begins as an editor counts them. The header says what separates the
-//! columns: commas, or else semicolons or tabs, as spreadsheets write where a comma is the decimal mark. Rows of separators alone
-//! are left out.
+//! CSV files, with the line on which each record begins, as an editor counts. The header determines
+//! the delimiter: commas, or else semicolons or tabs, as spreadsheets write them if a comma is the
+//! decimal mark. Rows of delimiters alone are skipped.
 //!
-//! Lines without a quotation mark are split there, which is several times as fast as a whole parser.
-//! From the first quotation mark on (or a carriage return within a line, which ends one), the csv crate reads the file. It
-//! counts lines from where it began to read, which differs after empty lines and after CR LF; so they are
-//! counted here.
+//! Lines without a quotation mark are split here, several times as fast as a full parser. From the
+//! first quotation mark on (or a carriage return within a line, which ends it), the csv crate reads
+//! the file. Lines are counted here, because the csv crate starts counting where it starts reading,
+//! and counts empty lines and CR LF differently.
 
 mod record;
 mod quoted;
@@ -35,19 +35,19 @@ impl From<LineError> for Fault {
     }
 }
 
-/// How a table is written down.
+/// The dialect of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dialect {
-    /// How its characters are bytes.
+    /// The encoding of its characters.
     pub encoding: Encoding,
-    /// What separates its columns: a comma, a semicolon or a tab.
+    /// Its delimiter: a comma, a semicolon or a tab.
     pub separator: u8,
     /// Whether its numbers have decimal commas.
     pub decimal_comma: bool,
 }
 
 impl Dialect {
-    /// What to tell the user of a table that is not UTF-8 with commas between its columns.
+    /// A remark for the user if a table is not UTF-8 with commas as delimiters.
     #[must_use]
     pub fn remark(self) -> Option<String> {
         let encoding = self.encoding.remark().map(str::to_owned);
@@ -76,9 +76,9 @@ pub struct Records<R> {
 enum Source<R> {
     /// No quotation mark so far.
     Plain(Lines<R>),
-    /// The rest is read by the csv crate.
+    /// The csv crate reads the rest.
     Quoted(Box<Quoted<R>>),
-    /// In between.
+    /// During the switch.
     None,
 }
 
@@ -108,7 +108,7 @@ impl<R: Read> Records<R> {
         Ok((records, header))
     }
 
-    /// How the file is written down, as far as it was read.
+    /// The dialect, as far as the file was read.
     #[must_use]
     pub fn dialect(&self) -> Dialect {
         Dialect {
@@ -121,11 +121,11 @@ impl<R: Read> Records<R> {
     /// The next record and its line; none at the end.
     ///
     /// # Errors
-    /// [`LineError`] for what is not text, or a row with another number of fields than the header has.
+    /// [`LineError`] for bytes that are not text, or a row whose number of fields differs from the header's.
     pub fn read(&mut self) -> Result<Option<(u64, &Record)>, LineError> {
         let line = loop {
             let Some(line) = self.next()? else { return Ok(None) };
-            // Spreadsheets append rows of separators alone, which say nothing.
+            // Skip the empty rows that spreadsheets append.
             if self.record.len() == 1 || self.record.iter().any(|field| !field.is_empty()) {
                 break line;
             }
@@ -174,7 +174,7 @@ fn not_text(found: String) -> Invalid {
     Invalid::new("row", "UTF-8 text", found)
 }
 
-/// A line without carriage return and, if it is the first one, without mark.
+/// A line without carriage return and, if it is the first, without byte-order mark.
 fn without_ends(line: &[u8], number: u64) -> &[u8] {
     let text = line.strip_suffix(b"\r").unwrap_or(line);
     match number {
@@ -186,14 +186,14 @@ fn without_ends(line: &[u8], number: u64) -> &[u8] {
 /// The lines of a file.
 struct Lines<R> {
     file: R,
-    /// What was read and not returned yet is from `begin` on.
+    /// Bytes from `begin` on were read and not returned yet.
     buffer: Vec<u8>,
     begin: usize,
     /// The number of the next line.
     line: u64,
 }
 
-/// Bytes that are read at once.
+/// Bytes per read.
 const PIECE: usize = 1 << 18;
 
 impl<R: Read> Lines<R> {
@@ -201,7 +201,7 @@ impl<R: Read> Lines<R> {
         Self { file, buffer: Vec::new(), begin: 0, line: 1 }
     }
 
-    /// The place of the next line in the buffer, without LF; none at the end.
+    /// The range of the next line in the buffer, without LF; none at the end.
     fn next(&mut self) -> io::Result<Option<Range<usize>>> {
         let mut searched = self.begin;
         loop {
@@ -224,14 +224,14 @@ impl<R: Read> Lines<R> {
         }
     }
 
-    /// What separates the columns of the header, which comes next. Spreadsheets may say so in a line before it,
-    /// `sep=;`, which is left out then.
+    /// The delimiter of the header, which comes next. Spreadsheets may declare it in a line before
+    /// the header, `sep=;`, which is then skipped.
     fn separator(&mut self) -> Result<u8, (u64, String)> {
         loop {
             let begins_at = self.line;
             let next = self.next().map_err(|error| (begins_at, error.to_string()))?;
             let Some(range) = next else { return Ok(b',') };
-            // A carriage return alone ends a line, too, as old Macintoshes wrote them: then this is the whole file.
+            // A carriage return alone also ends a line, as on old Macintoshes: then this is the whole file.
             let end = memchr::memchr(b'\r', &self.buffer[range.clone()]);
             let end = end.map_or(range.end, |length| range.start + length);
             if end + 1 < range.end {
@@ -255,14 +255,13 @@ impl<R: Read> Lines<R> {
         }
     }
 
-    /// The same file from the next line on, with quotation marks.
+    /// The rest of the file from the next line on, for the reader of quotation marks.
     fn quoted(self, separator: u8) -> Quoted<R> {
         Quoted::of(self.buffer[self.begin..].to_vec(), self.file, self.line, separator)
     }
 }
 
-/// What separates the names of a header: commas if it has any outside of quotation marks, else semicolons or tabs,
-/// whichever are more.
+/// The delimiter of a header: a comma if one is outside quotation marks, else the more frequent of semicolon and tab.
 fn separator_of(header: &[u8]) -> u8 {
     let mut quoted = false;
     let [mut commas, mut semicolons, mut tabs] = [0; 3];
@@ -297,7 +296,7 @@ mod tests {
         Ok(found)
     }
 
-    /// All numbers of a file, or what is wrong with it, and how it is written down.
+    /// All numbers of a file, or its error, and the remark on its dialect.
     fn numbers(bytes: &[u8]) -> (Result<Vec<f64>, String>, Option<String>) {
         let (mut records, header) = Records::of(bytes).unwrap();
         let names: Vec<String> = header.iter().map(str::to_owned).collect();
@@ -406,7 +405,7 @@ mod tests {
         assert_eq!(lines(text).unwrap(), expected);
     }
 
-    /// The plain reader is the csv crate with another way to split.
+    /// The plain reader splits rows as the csv crate does.
     #[test]
     fn both_readers_read_the_same() {
         let mut rng = SeededRng::new(2);
@@ -449,18 +448,18 @@ mod tests {
         assert!(header.is_empty());
     }
 
-    /// Each row holds its own line number, among empty lines, whatever ends the lines and whether
-    /// the last one has an end.
+    /// Each row holds its own line number, among empty lines, for any line ending, with or without
+    /// one at the end of the file.
     #[test]
     fn records_are_on_their_lines() {
         let mut rng = SeededRng::new(1);
         for case in 0..200 {
             let ends = ["\n", "\r\n", "\r"][case % 3];
-            // From the first quotation mark on another reader reads.
+            // From the first quotation mark on, the csv crate reads.
             let quotes = rng.below(4) as u64;
             let mut text = "number".to_owned();
             let mut expected = Vec::new();
-            // More than the reader takes in at once.
+            // More than one read.
             for line in 2..2 + 30 * rng.below(100) as u64 {
                 text += ends;
                 if rng.below(3) > 0 {

@@ -1,8 +1,8 @@
-//! A study's data as files: as a folder, for the command, as an archive of the same files, for the route, and
-//! its steps as one file, for scripts that need no more.
+//! A study's data as files: as a folder, for the command; as an archive of the same files, for the
+//! route; and its steps as one file, for scripts that need no more.
 //!
-//! Participants are read one after the other, so that memory does not grow with the study and no long
-//! read keeps SQLite from writing back its log. Each participant's rows come from one snapshot.
+//! Participants are read one after another, so that memory does not grow with the study and no long
+//! read keeps SQLite from checkpointing its log. Each participant's rows come from one snapshot.
 
 mod filter;
 mod damage;
@@ -38,7 +38,7 @@ use futures_util::stream::{self, Stream};
 use sidestep::invalid::Invalid;
 use std::io;
 
-/// Why there is no export.
+/// Why an export failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The database cannot be read.
@@ -53,11 +53,11 @@ pub enum ExportError {
         /// The participant's number.
         participant: i64,
     },
-    /// The folder has the export of another study.
+    /// The folder contains the export of another study.
     #[error("it has the export of study {0}; name another folder")]
     Occupied(String),
     /// A defect of this program.
-    #[error("the export broke off: {0}")]
+    #[error("the export was aborted: {0}")]
     Defect(#[from] tokio::task::JoinError),
 }
 
@@ -69,8 +69,8 @@ pub fn check_format(format: &str) -> Result<(), Invalid> {
     if format == "csv" { Ok(()) } else { Err(Invalid::new("format", "csv", format!("{format:?}"))) }
 }
 
-/// The table of steps as CSV, piece by piece. After an error there are no further pieces, so a download
-/// breaks off instead of ending as if it were complete.
+/// Streams the table of steps as CSV, in pieces. After an error there are no further pieces, so a
+/// download aborts instead of ending as if it were complete.
 pub fn stream(
     store: Store,
     study: StoredStudy,
@@ -101,8 +101,8 @@ pub fn stream(
     })
 }
 
-/// The steps of a participant. A trial that is not as it was stored is marked; one that cannot be read ends the
-/// file, which nothing beside it could name.
+/// The steps of a participant. A damaged trial is marked; an unreadable trial is an error, because
+/// no other file could name it.
 async fn steps_of(store: &Store, entry: &RosterEntry) -> Result<Vec<u8>, StoreError> {
     let person = Person::read(store, entry).await?;
     if let Some(damaged) = person.damaged().find(|damaged| !damaged.is_readable) {

@@ -75,8 +75,9 @@ pub fn write(
 }
 
 /// Reads either form, by its header: this program's, or the reference's
-/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are ignored. An impossible value or a repeated row
-/// is the fault of one participant, which [`GivenFeatures::replace`] returns. Also how the file is written down.
+/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are ignored. An impossible value or a
+/// repeated row is the fault of one participant, which [`GivenFeatures::replace`] returns. Also
+/// returns the dialect.
 ///
 /// # Errors
 /// [`LineError`] for a missing column, or text that is not a table.

@@ -1,7 +1,7 @@
-//! Which tables a file of settings can have, and the fields of each, as the types say that are read from it.
+//! The tables that a settings file may have, and the fields of each, derived from the types that read it.
 //!
-//! serde tells a reader the fields of each structure that it asks for. So a reader that follows one path into a
-//! type, and stops there, finds the fields at its end.
+//! serde passes a reader the fields of each struct that it requests. A reader that follows one path
+//! into a type, and stops there, finds the fields at its end.
 
 use serde::de::value::{Error, MapDeserializer, SeqDeserializer};
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IntoDeserializer, Visitor};
@@ -20,7 +20,7 @@ pub struct FieldTable {
 }
 
 impl FieldTable {
-    /// What TOML calls it.
+    /// Its name in TOML.
     fn name(&self) -> String {
         match &self.path[..] {
             "" => "the top of the file, before any [table]".to_owned(),
@@ -30,7 +30,7 @@ impl FieldTable {
     }
 }
 
-/// The tables of a type, from outside to inside.
+/// The tables of a type, outermost first.
 #[must_use]
 pub fn tables<T: DeserializeOwned>() -> Vec<FieldTable> {
     let mut found = Vec::new();
@@ -40,7 +40,7 @@ pub fn tables<T: DeserializeOwned>() -> Vec<FieldTable> {
 
 fn collect<T: DeserializeOwned>(steps: &mut Vec<Step>, path: String, found: &mut Vec<FieldTable>) {
     let shape = Cell::new(Shape::Value);
-    // It ends with an error, whatever it finds.
+    // It always ends with an error.
     let _ = T::deserialize(Probe { steps, shape: &shape });
     match shape.get() {
         Shape::Value => {}
@@ -61,8 +61,8 @@ fn collect<T: DeserializeOwned>(steps: &mut Vec<Step>, path: String, found: &mut
     }
 }
 
-/// The same complaint; if it is about a field that its table does not have, with the tables that have it, or else
-/// with a field of another table that may be meant.
+/// The same error. If it is about a field that its table does not have, it names the tables that
+/// have the field, or else a similar field of another table.
 #[must_use]
 pub fn explained(invalid: Invalid, tables: &[FieldTable]) -> Invalid {
     let (parent, name) = invalid.field.rsplit_once('.').unwrap_or(("", &invalid.field));
@@ -114,7 +114,7 @@ enum Step {
     Entry,
 }
 
-/// What is at the end of a path.
+/// The shape at the end of a path.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Table(&'static [&'static str]),
@@ -200,7 +200,7 @@ mod tests {
     use sidestep::document::from_value;
     use sidestep::study::StudyConfig;
 
-    /// The complaint about a study whose table has this field beside nothing else.
+    /// The error for a study whose table has only this field.
     fn complaint(path: &str, field: &str, tables: &[FieldTable]) -> Invalid {
         let mut value = json!({ field: 1 });
         for part in path.rsplit('.').filter(|part| !part.is_empty()) {
@@ -221,7 +221,7 @@ mod tests {
         assert!(fields("parameters.human").contains(&"speed_mps"));
         assert!(fields("questions[].options[]").contains(&"value"));
         assert!(fields("recruitment").contains(&"quota"));
-        // Every table of the guide's whole file is there, and no other is.
+        // The guide's complete file contains every table, and no other.
         let guide = include_str!("../../../docs/study.md");
         let (_, guide) = guide.split_once("```toml\n").unwrap();
         let (guide, _) = guide.split_once("```").unwrap();
@@ -261,7 +261,7 @@ mod tests {
         }
     }
 
-    /// Every field, written at every table that does not have it.
+    /// Every field, in every table that does not have it.
     #[test]
     fn a_misplaced_field_is_told_where_it_belongs() {
         let found = tables::<StudyConfig>();
@@ -285,7 +285,7 @@ mod tests {
         assert!(said.ends_with("found \"quota\", which belongs in [recruitment]"), "{said}");
     }
 
-    /// Every field with every typing error of one letter, in its own table.
+    /// Every field with every one-letter typo, in its own table.
     #[test]
     fn a_field_with_a_typing_error_is_proposed() {
         let found = tables::<StudyConfig>();
@@ -305,12 +305,12 @@ mod tests {
         let said = complaint("questions[]", "id", &found);
         assert_eq!(said.field, "questions[0].id");
         assert!(said.found == "\"id\"", "{said}");
-        // Of another table, with an error.
+        // A misspelt field of another table.
         let said = complaint("", "qouta", &found).to_string();
         assert!(said.ends_with("found \"qouta\"; did you mean quota in [recruitment]?"), "{said}");
     }
 
-    /// A letter left out, doubled or replaced, or two exchanged.
+    /// A letter omitted, doubled or replaced, or two swapped.
     fn typos(word: &str) -> Vec<String> {
         let mut typos = Vec::new();
         for i in 0..word.len() {

@@ -23,8 +23,8 @@ pub struct Stored {
     pub converged: Option<bool>,
 }
 
-/// Reads a file of [`npz`](sidestep::reachability::npz::npz): the closed form if the method was exact, otherwise the values to the
-/// accuracy of float32.
+/// Reads a file of [`npz`](sidestep::reachability::npz::npz): the closed form if the method was
+/// exact, else the values with float32 accuracy.
 ///
 /// # Errors
 /// [`Invalid`] naming the array or the field of `meta` that is missing, truncated, of

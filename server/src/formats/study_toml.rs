@@ -11,7 +11,7 @@ use sidestep::study::StudyConfig;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// A study file that was read.
+/// A parsed study file.
 #[derive(Clone, Debug)]
 pub struct StudyFile {
     name: String,
@@ -21,11 +21,12 @@ pub struct StudyFile {
 }
 
 impl StudyFile {
-    /// Reads the study in a file. Fields that the file omits, at any depth, have the paper's values; a
-    /// list (such as `phases`) replaces the paper's list as a whole. Only the slug must be given.
+    /// Reads the study in a file. Fields that the file omits, at any depth, take the paper's
+    /// values; a list (such as `phases`) replaces the paper's list as a whole. Only the slug is
+    /// required.
     ///
     /// # Errors
-    /// One line naming the file, the line, the field, what was expected and found.
+    /// One line naming the file, the line, the field, the expected and the found value.
     pub fn read(file: &Path) -> Result<Self, String> {
         let name = file.display().to_string();
         let bytes =
@@ -37,17 +38,17 @@ impl StudyFile {
             .map_err(|complaint| format!("{name}:{complaint}"))
     }
 
-    /// What to tell the user of a file that is not UTF-8.
+    /// A remark for the user if the file is not UTF-8.
     #[must_use]
     pub fn encoding_remark(&self) -> Option<String> {
         let encoding = self.encoding.remark()?;
         Some(format!("{}: warning: read as {encoding}; save it as UTF-8 to be sure", self.name))
     }
 
-    /// The study in a text, under a name for complaints.
+    /// Parses the study in a text; complaints use this name.
     ///
     /// # Errors
-    /// [`Complaint`] naming the line, the field, what was expected and found.
+    /// [`Complaint`] naming the line, the field, the expected and the found value.
     pub fn of(name: String, text: String) -> Result<Self, Complaint> {
         let config = parse(&text)?;
         Ok(Self { name, text, encoding: Encoding::Utf8, config })
@@ -59,7 +60,7 @@ impl StudyFile {
         TomlLines::parse(&self.text).map_or(1, |lines| lines.line_of(field))
     }
 
-    /// Whether the text gives this field of the study, whatever its value.
+    /// Whether the text sets this field of the study, to any value.
     #[must_use]
     pub fn gives(&self, field: &str) -> bool {
         self.text.parse::<Table>().is_ok_and(|given| given.contains_key(field))
@@ -96,10 +97,10 @@ fn located(text: &str, invalid: &Invalid) -> Complaint {
     Complaint { line, field: Some(invalid.field.clone()), what: invalid.to_string() }
 }
 
-/// The study that a text says, which need not be valid.
+/// Reads a study from a text without validating it.
 ///
 /// # Errors
-/// [`Complaint`] if the text is not TOML, or a field of another kind than expected.
+/// [`Complaint`] if the text is not TOML, or a field has another type than expected.
 pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
     let whole = |what: &str| Complaint { line: 1, field: None, what: one_line(what) };
     let lines = TomlLines::parse(text)?;
@@ -122,7 +123,7 @@ pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
         let document = serde_json::to_value(table).map_err(|e| whole(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
             Err(invalid) => Err(located(explained(invalid, &tables::<StudyConfig>()))),
-            // TOML has numbers and dates that JSON does not have.
+            // TOML has numbers and dates that JSON lacks.
             Ok(_) => {
                 let what = one_line(&error.to_string());
                 Err(Complaint { line: lines.line_of(""), field: None, what })
@@ -136,7 +137,7 @@ fn parse(text: &str) -> Result<StudyConfig, Complaint> {
     let located = |invalid: Invalid| located(text, &invalid);
     study.check().map_err(located)?;
     study.check_plausible().map_err(located)?;
-    // A study without scenes would start, and then enrol nobody.
+    // A study without scenes would start, but enrol nobody.
     study.stratified(0).map_err(|mut invalid| {
         let usual = StudyConfig { encounters: EncounterRange::default(), ..study.clone() };
         if invalid.field == "parameters" && usual.stratified(0).is_ok() {
@@ -147,14 +148,14 @@ fn parse(text: &str) -> Result<StudyConfig, Complaint> {
     Ok(study)
 }
 
-/// A study file that says this configuration: what differs from the paper's protocol.
+/// A study file for this configuration: its differences from the paper's protocol.
 ///
 /// # Errors
-/// If a value of the configuration has no place in TOML.
+/// If TOML cannot express a value of the configuration.
 pub fn written(config: &StudyConfig) -> Result<String, toml::ser::Error> {
     let mut table = Table::try_from(config)?;
     take_away(&mut table, &Table::try_from(StudyConfig::default())?);
-    // The name comes first, whether or not the paper's study has the same.
+    // The slug and the title come first, even if the paper's study has the same.
     let mut head = Table::new();
     for (name, value) in [("slug", &config.slug), ("title", &config.title)] {
         table.remove(name);
@@ -164,7 +165,7 @@ pub fn written(config: &StudyConfig) -> Result<String, toml::ser::Error> {
     Ok(if rest.starts_with('[') { head + "\n" + &rest } else { head + &rest })
 }
 
-/// Removes what is the same in both tables, at any depth.
+/// Removes entries that are equal in both tables, at any depth.
 fn take_away(from: &mut Table, same: &Table) {
     from.retain(|key, value| match (value, same.get(key)) {
         (Value::Table(value), Some(Value::Table(same))) => {
@@ -259,7 +260,7 @@ mod tests {
         after(4, large, &["phases[0].scenes", "9223372036854775807"]);
         after(2, "seed = 4294967296", &["seed", "0 to 4294967295", "found 4294967296"]);
         after(3, "[trials]\ncountdown_s = 3.0", &["trials.countdown_s", "whole", "found 3.0"]);
-        // What would have no effect, or mislead.
+        // Settings that would have no effect, or mislead.
         let question =
             |rest: &str| format!("[[questions]]\nname = \"q\"\ntext = {{ en = \"Q\" }}\n{rest}");
         after(6, &question("kind = \"text\"\nfrom = 2"), &["questions[0].from", "scale"]);

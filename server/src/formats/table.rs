@@ -19,12 +19,12 @@ pub use parquet::ParquetFile;
 use serde::{Serialize, Serializer};
 use std::borrow::Cow;
 
-/// What the values of a column are.
+/// The type of a column's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A whole number.
     Whole,
-    /// A number; in text the shortest that reads back as the same bits, `4.0` if it is whole.
+    /// A number; in text the shortest that parses to the same bits, `4.0` if it is whole.
     Number,
     /// A number of milliseconds; in text as [`Kind::Number`], but `4` if it is whole.
     Time,
@@ -39,7 +39,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The word for it in the dictionary.
+    /// Its word in the dictionary.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -64,7 +64,7 @@ impl Serialize for Kind {
 pub struct Column {
     /// Its name.
     pub name: Cow<'static, str>,
-    /// What its values are.
+    /// The type of its values.
     #[serde(rename = "type")]
     pub kind: Kind,
     /// The unit of a number that has one.
@@ -76,7 +76,7 @@ pub struct Column {
     /// The values that occur, if they are few or bounded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<Cow<'static, str>>,
-    /// What a value means.
+    /// The meaning of a value.
     pub meaning: Cow<'static, str>,
 }
 

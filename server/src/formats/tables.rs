@@ -1,4 +1,4 @@
-//! The tables of an export: their columns, and how rows of the database become theirs.
+//! The tables of an export: their columns, and the conversion of database rows to table rows.
 
 pub mod steps;
 pub mod trials;
@@ -10,7 +10,7 @@ use crate::store::trials::StoredTrial;
 use sidestep::scene::SceneParameters;
 use sidestep::trial::Flag;
 
-/// A trial of a participant with what its rows need.
+/// A trial of a participant with everything that its rows need.
 #[derive(Clone, Copy, Debug)]
 pub struct Driven<'a> {
     /// Number of the trial among all of the participant, over all phases, from 0.
@@ -19,7 +19,7 @@ pub struct Driven<'a> {
     pub trial: &'a StoredTrial,
     /// The vehicles and steps of the configuration under which its participant enrolled.
     pub parameters: &'a SceneParameters,
-    /// What is wrong with the trial, if it is not as it was stored.
+    /// The fault of the trial, if it differs from what was stored.
     pub damage: Option<&'a str>,
 }
 
@@ -35,13 +35,13 @@ fn trial_column() -> Column {
 
 /// The column that says whether a trial is damaged.
 fn damaged_column() -> Column {
-    let meaning = "1 if the trial is not as it was stored, so do not use it; else 0";
+    let meaning = "1 if the trial differs from what was stored, so do not use it; else 0";
     Column::new("damaged", super::table::Kind::Whole, meaning).range("0, 1")
 }
 
 /// The column of a trial's flags.
 fn flags_column() -> Column {
-    let meaning = "what an analyst should know, words joined by semicolons";
+    let meaning = "evidence that an analyst should know, words joined by semicolons";
     let words = Flag::ALL.map(Flag::word).join(", ");
     Column::new("flags", super::table::Kind::Word, meaning).range(words)
 }

@@ -1,22 +1,23 @@
-//! Texts as editors and spreadsheets write them: UTF-8, UTF-16 with a mark, or Windows-1252 where that is certain.
+//! Texts as editors and spreadsheets write them: UTF-8, UTF-16 with a byte-order mark, or
+//! Windows-1252 if that is certain.
 
 use std::borrow::Cow;
 use std::io::{self, Chain, Cursor, Read};
 
-/// How the characters of a text are written as bytes.
+/// The encoding of a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoding {
-    /// UTF-8, with a mark or without.
+    /// UTF-8, with or without byte-order mark.
     #[default]
     Utf8,
-    /// UTF-16 with a mark.
+    /// UTF-16 with byte-order mark.
     Utf16,
-    /// Windows-1252, of which Latin-1 is a part.
+    /// Windows-1252, which includes Latin-1.
     Windows1252,
 }
 
 impl Encoding {
-    /// What to tell the user of a text that is not UTF-8.
+    /// A remark for the user if a text is not UTF-8.
     #[must_use]
     pub fn remark(self) -> Option<&'static str> {
         match self {
@@ -27,30 +28,30 @@ impl Encoding {
     }
 }
 
-/// What to do with a text that cannot be read.
+/// Advice for a text that cannot be read.
 const WAY_OUT: &str = "save the file as UTF-8";
 
-/// The mark of UTF-8.
+/// The byte-order mark of UTF-8.
 pub const MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Reads bytes as text, piece by piece: all in UTF-8, or all in Windows-1252.
+/// Decodes bytes piece by piece: all as UTF-8, or all as Windows-1252.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Decoder {
-    /// The encoding, once a piece had more than ASCII.
+    /// The encoding, once a piece contained more than ASCII.
     known: Option<Encoding>,
 }
 
 impl Decoder {
-    /// The encoding of what was read so far.
+    /// The encoding so far.
     #[must_use]
     pub fn encoding(self) -> Encoding {
         self.known.unwrap_or_default()
     }
 
-    /// A piece that begins and ends between characters.
+    /// Decodes a piece that begins and ends between characters.
     ///
     /// # Errors
-    /// What was found, and the way out.
+    /// What was found, and advice.
     pub fn text<'a>(&mut self, bytes: &'a [u8]) -> Result<Cow<'a, str>, String> {
         let (read, text) = match std::str::from_utf8(bytes) {
             Ok(text) if text.is_ascii() => return Ok(Cow::Borrowed(text)),
@@ -70,13 +71,13 @@ impl Decoder {
     }
 }
 
-/// A text in Windows-1252; none if it may well be in another encoding.
+/// Decodes Windows-1252; none if the text may well be in another encoding.
 ///
-/// Letters from 0xC0 on, and signs from 0xA0 on, are those of Latin-1. From 0x80 to 0x9F only the quotation marks,
-/// dashes, the ellipsis, the bullet and the euro sign are taken: there, other encodings (those of DOS and of old
-/// Macintoshes) have their ä, ö, ü and é, and Windows-1252 has letters that are rare in the languages that it is for.
-/// Where letters are beside each other as in no word of these languages (three with accents in a row, a sign between two
-/// letters), the text is in another alphabet.
+/// Letters from 0xC0 on, and signs from 0xA0 on, are those of Latin-1. From 0x80 to 0x9F only
+/// quotation marks, dashes, the ellipsis, the bullet and the euro sign are accepted: there, other
+/// encodings (of DOS and old Macintoshes) have ä, ö, ü and é, and Windows-1252 has letters that are
+/// rare in its languages. If letters are adjacent as in no word of these languages (three with
+/// accents in a row, a sign between two letters), the text is in another alphabet.
 fn windows_1252(bytes: &[u8]) -> Option<String> {
     let character = |byte: &u8| match byte {
         0x80 => Some('€'),
@@ -90,7 +91,7 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
         0x95 => Some('•'),
         0x96 => Some('–'),
         0x97 => Some('—'),
-        // The last one is ÿ, which few names have and much that is no text.
+        // The last is ÿ, which is rare in names but common in binary data.
         0x00 | 0x7f..=0x9f | 0xff => None,
         other => Some(char::from(*other)),
     };
@@ -100,7 +101,7 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
         let [before, after] = [at.checked_sub(1), Some(at + 1)].map(beside);
         let [is_before, is_after] = [before, after].map(char::is_alphabetic);
         match text[at] {
-            // Alone, it is the euro sign of old Macintoshes.
+            // Alone, this byte is the euro sign of old Macintoshes.
             'Û' => is_before || is_after,
             letter if letter.is_alphabetic() && !"ªºµ".contains(letter) => true,
             '’' | '´' | '·' => true,
@@ -114,10 +115,10 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
     (is_all_likely && !has_rows).then(|| text.into_iter().collect())
 }
 
-/// A whole text without its mark, and its encoding.
+/// A whole text without byte-order mark, and its encoding.
 ///
 /// # Errors
-/// What was found, and the way out.
+/// What was found, and advice.
 pub fn whole(bytes: &[u8]) -> Result<(String, Encoding), String> {
     let (mut reader, is_wide) = opened(bytes).map_err(|error| error.to_string())?;
     if is_wide {
@@ -130,7 +131,7 @@ pub fn whole(bytes: &[u8]) -> Result<(String, Encoding), String> {
     Ok((text, decoder.encoding()))
 }
 
-/// The bytes of a file, as UTF-8 if it is UTF-16 with a mark, and whether it is.
+/// The bytes of a file, converted to UTF-8 if it is UTF-16 with a byte-order mark, and whether it was.
 ///
 /// # Errors
 /// If the first bytes cannot be read.
@@ -148,9 +149,9 @@ pub fn opened<R: Read>(mut file: R) -> io::Result<(TextBytes<R>, bool)> {
 
 /// The bytes of a text.
 pub enum TextBytes<R> {
-    /// Of another encoding than UTF-16.
+    /// In another encoding than UTF-16, unchanged.
     AsTheyAre(Chain<Cursor<Vec<u8>>, R>),
-    /// UTF-16, as UTF-8.
+    /// UTF-16, converted to UTF-8.
     Wide(Box<Wide<R>>),
 }
 
@@ -167,13 +168,13 @@ impl<R: Read> Read for TextBytes<R> {
 pub struct Wide<R> {
     file: R,
     unit: fn([u8; 2]) -> u16,
-    /// What was read and is no whole character yet.
+    /// Bytes that are not a whole character yet.
     bytes: Vec<u8>,
-    /// What was decoded.
+    /// The decoded text.
     text: Cursor<Vec<u8>>,
 }
 
-/// Bytes that are decoded at once.
+/// Bytes decoded at once.
 const PIECE: u64 = 1 << 16;
 
 impl<R: Read> Read for Wide<R> {
@@ -193,11 +194,11 @@ impl<R: Read> Read for Wide<R> {
 }
 
 impl<R> Wide<R> {
-    /// Decodes what was read, up to a unit or character that needs more bytes.
+    /// Decodes the bytes so far, up to an incomplete unit or character.
     fn decode(&mut self, is_end: bool) -> io::Result<()> {
         let (pairs, _) = self.bytes.as_chunks::<2>();
         let mut units: Vec<u16> = pairs.iter().map(|&pair| (self.unit)(pair)).collect();
-        // The first half of a character waits for the second.
+        // The first half of a surrogate pair waits for the second.
         if !is_end && units.last().is_some_and(|unit| (0xd800..0xdc00).contains(unit)) {
             units.pop();
         }
@@ -290,7 +291,7 @@ mod tests {
     proptest! {
         #[test]
         fn every_text_comes_through(text in any::<String>(), repeat in 1usize..3) {
-            // More than is decoded at once.
+            // More than one decoding step.
             let text = text.repeat(repeat) + &"😀".repeat(20_000 * (repeat - 1));
             for bytes in [utf_16(&text, u16::to_le_bytes), utf_16(&text, u16::to_be_bytes)] {
                 prop_assert_eq!(&whole(&bytes).unwrap().0, &text);

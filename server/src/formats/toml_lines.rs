@@ -1,10 +1,10 @@
-//! TOML texts with the line of each value, for complaints that say where.
+//! TOML texts with the line of each value, for complaints that name the line.
 
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Why a text was not accepted, and in which line.
+/// Why a text was rejected, and in which line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{line}: {what}")]
 pub struct Complaint {
@@ -16,7 +16,7 @@ pub struct Complaint {
     pub what: String,
 }
 
-/// A TOML text that was read.
+/// A parsed TOML text.
 #[derive(Debug)]
 pub struct TomlLines<'a> {
     text: &'a str,
@@ -26,7 +26,7 @@ pub struct TomlLines<'a> {
 /// A value of a text that is not a table: its path, its line and the string, if it is one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Leaf {
-    /// The names on the way to the value, joined by points.
+    /// The names on the path to the value, joined by dots.
     pub key: String,
     /// The line of its name, from 1.
     pub line: usize,
@@ -77,7 +77,7 @@ impl<'a> TomlLines<'a> {
         line_at(self.text, &span)
     }
 
-    /// Every value that is not a table, in the order of lines.
+    /// Every value that is not a table, in line order.
     #[must_use]
     pub fn leaves(&self) -> Vec<Leaf> {
         let mut found = Vec::new();
@@ -86,7 +86,7 @@ impl<'a> TomlLines<'a> {
         found
     }
 
-    /// The first whole number that has no place in 64 bits. TOML's own complaint names no field.
+    /// The first whole number that does not fit 64 bits. TOML's own error names no field.
     #[must_use]
     pub fn too_large(&self) -> Option<Leaf> {
         self.root
@@ -133,8 +133,8 @@ impl<'a> TomlLines<'a> {
     }
 }
 
-/// The entry of a table with the longest name that `path` begins with, and the rest of the path. Names
-/// may contain points.
+/// The entry of a table with the longest name that is a prefix of `path`, and the rest of the path.
+/// Names may contain dots.
 fn longest<'t, 'p>(
     table: &'t DeTable<'_>,
     path: &'p str,
@@ -154,7 +154,7 @@ fn longest<'t, 'p>(
     Some((value, rest))
 }
 
-/// The number in brackets that `path` begins with, and the rest of the path.
+/// The number in brackets at the start of `path`, and the rest of the path.
 fn index(path: &str) -> Option<(usize, &str)> {
     let (number, rest) = path.strip_prefix('[')?.split_once(']')?;
     Some((number.parse().ok()?, rest))

@@ -1,8 +1,8 @@
 //! Reading trials.csv: whole trials, or an error with its line.
 //!
-//! A file is refused as a whole unless every row can be assigned to a participant: it is a table
-//! of text with as many fields in every row as the header has, and each row
-//! names a participant. Any other fault concerns one participant only.
+//! A file is refused as a whole unless every row can be assigned to a participant: the file is a
+//! text table, every row has as many fields as the header, and each row names a participant. Any
+//! other fault concerns one participant only.
 
 mod row;
 
@@ -27,11 +27,11 @@ pub struct Contents {
     pub participants: Vec<RecordedParticipant>,
     /// The other participants, in the order of lines.
     pub faults: Vec<ParticipantFault>,
-    /// How the file is written down.
+    /// The dialect of the file.
     pub dialect: Dialect,
 }
 
-/// A participant with a wrong row or trial.
+/// A participant with an invalid row or trial.
 #[derive(Debug, PartialEq, Eq)]
 pub struct ParticipantFault {
     /// The participant's name or number in the file.
@@ -52,14 +52,13 @@ pub fn read(
     faults.into_iter().next().map_or(Ok(participants), |fault| Err(fault.error))
 }
 
-/// The participants of a file, and those with an invalid row or trial: an impossible value, or steps other
-/// than 0, 1, 2, … to the end. Adjacent rows of a trial must be in order. If a trial's rows are
-/// scattered, as in a file that was sorted by another column, their order does not matter.
+/// The participants of a file, and those with an invalid row or trial: an impossible value, or
+/// steps other than 0, 1, 2, … to the end. Adjacent rows of a trial must be in order. If a trial's
+/// rows are scattered, as in a file sorted by another column, their order does not matter.
 ///
 /// # Errors
-/// [`LineError`] if a row cannot be assigned to a participant: a missing column, text that is not
-/// UTF-8, a row with another number of fields than the header, or without a participant; and if
-/// there is no row.
+/// [`LineError`] if a row cannot be assigned to a participant (a missing column, text that is not
+/// UTF-8, another number of fields than the header, no participant), or if there is no row.
 pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Contents, LineError> {
     let mut rows = Rows::of(file, parameters)?;
     let mut people: Vec<Person> = Vec::new();
@@ -100,19 +99,19 @@ pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Conten
 pub enum Order {
     /// They are: [`each`] can read the file.
     Together,
-    /// Somebody has rows in several places: only [`read`] can read the file.
+    /// A participant has rows in several places: only [`read`] can read the file.
     Scattered,
 }
 
-/// Checks a file as [`read`] does, in memory for one participant, and says how it is written down. A scattered file
-/// is not checked to its end.
+/// Checks a file as [`read`] does, with one participant in memory, and returns its dialect. A
+/// scattered file is not checked to its end.
 ///
 /// # Errors
 /// As [`read`].
 pub fn check(file: impl Read, parameters: &SceneParameters) -> Result<(Order, Dialect), LineError> {
     let mut fault = None;
     let (order, dialect) = people(file, parameters, |found| {
-        // A row that cannot be assigned to a participant is worse than this: the search goes on.
+        // Continue: a row that cannot be assigned to a participant would be worse.
         fault = fault.take().or(found.err().map(|fault| fault.error));
         ControlFlow::Continue(())
     })?;
@@ -122,10 +121,10 @@ pub fn check(file: impl Read, parameters: &SceneParameters) -> Result<(Order, Di
     }
 }
 
-/// Hands the participants of a file one after the other to `to`, until it breaks off.
+/// Passes the participants of a file one by one to `to`, until it returns `Break`.
 ///
 /// # Errors
-/// As [`read`], when what is wrong is reached; and for a scattered file.
+/// As [`read`], once the fault is reached; and for a scattered file.
 pub fn each(
     file: impl Read,
     parameters: &SceneParameters,
@@ -149,7 +148,7 @@ pub fn each(
     }
 }
 
-/// Hands the participants one after the other to `to`, until it breaks off or somebody comes again.
+/// Passes the participants one by one to `to`, until it returns `Break` or a participant comes again.
 fn people(
     file: impl Read,
     parameters: &SceneParameters,
@@ -217,7 +216,7 @@ struct Person {
     name: String,
     trials: Vec<Trial>,
     places: HashMap<u64, usize>,
-    /// The trial of the row before, unless another participant's rows came in between.
+    /// The trial of the row before, unless another participant's rows came between.
     previous: Option<usize>,
     fault: Option<LineError>,
 }
@@ -228,7 +227,7 @@ impl Person {
         Self { name, trials: Vec::new(), places: HashMap::new(), previous: None, fault: None }
     }
 
-    /// Rows of another participant stand between those of this one.
+    /// Rows of another participant are between those of this one.
     fn comes_again(&mut self) {
         self.previous = None;
     }
@@ -275,7 +274,7 @@ impl Person {
     }
 }
 
-/// The rows of one trial with their lines, as the file has them; at least one.
+/// The rows of one trial with their lines, in file order; at least one.
 struct Trial {
     number: u64,
     rows: Vec<(u64, Row)>,
@@ -303,7 +302,7 @@ impl Trial {
     }
 }
 
-/// A trial without steps, as its first row says.
+/// A trial without steps, from its first row.
 fn begun(line: u64, row: &Row, rows: usize) -> RecordedTrial {
     RecordedTrial {
         line: Some(line),

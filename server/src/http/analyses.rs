@@ -23,8 +23,8 @@ use std::io::Read;
 use std::sync::Arc;
 use uuid::Uuid;
 
-/// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new analysis; 200 if an equal request
-/// waits already, since its result would be the same.
+/// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new analysis; 200 if an identical
+/// request is queued already.
 pub async fn ask(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -40,7 +40,7 @@ pub async fn ask(
         Asked::New(asked) => (StatusCode::CREATED, asked),
         Asked::Waiting(asked) => (StatusCode::OK, asked),
         Asked::QueueFull => {
-            let message = format!("{LONGEST_QUEUE} analyses wait already; cancel some");
+            let message = format!("{LONGEST_QUEUE} analyses are queued already; cancel some");
             return Err(ApiError::conflict("queue_full", message));
         }
     };
@@ -60,7 +60,7 @@ pub async fn list(
     let found = app.store.analyses_page(study.id, before, limit + 1).await?;
     let (found, next_before) = page(found, limit, |analysis| analysis.sequence);
     let mut analyses: Vec<AnalysisSummary> = found.into_iter().map(summary).collect();
-    // Fifty numbers each are for one analysis, not for a list.
+    // The about fifty accuracies of an analysis are for its own page, not for a list.
     analyses.iter_mut().filter_map(|of| of.result.as_mut()).for_each(|of| of.accuracies.clear());
     Ok(Json(AnalysisPage { next_before, analyses }))
 }
@@ -75,8 +75,7 @@ pub async fn show(
     Ok(Json(AnalysisDetail { summary: summary(analysis), files }))
 }
 
-/// `POST /api/v1/admin/analyses/{id}/cancel`: can be repeated; 409 for an analysis that has ended
-/// by itself.
+/// `POST /api/v1/admin/analyses/{id}/cancel`: idempotent; 409 for an analysis that has ended by itself.
 pub async fn cancel(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -87,7 +86,7 @@ pub async fn cancel(
     if now.state == AnalysisState::Cancelled {
         return Ok(Json(summary(now)));
     }
-    let message = format!("this analysis is over: it is {}", now.state.word());
+    let message = format!("this analysis has ended: it is {}", now.state.word());
     Err(ApiError::conflict("over", message))
 }
 
@@ -102,12 +101,11 @@ pub async fn delete(
     if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
-/// The content security policy of a report: it may show itself and do nothing else.
+/// The content security policy of a report: only its inline styles and images.
 const REPORTS_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; \
                               base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
 
-/// `GET /api/v1/admin/analyses/{id}/files/{name}`: the browser shows a report and saves every
-/// other file.
+/// `GET /api/v1/admin/analyses/{id}/files/{name}`: browsers show a report and save every other file.
 pub async fn file(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -145,10 +143,10 @@ pub async fn file(
     Ok(answer)
 }
 
-/// The bytes of a stored file.
+/// The decompressed bytes of a stored file.
 ///
 /// # Errors
-/// If it is damaged.
+/// If the file is damaged.
 pub fn unpacked(packed: &[u8]) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     GzDecoder::new(packed).read_to_end(&mut bytes).context("a file of an analysis")?;

@@ -24,36 +24,36 @@ pub struct App {
     pub store: Store,
     /// The study to which `/start` redirects.
     pub default_study: String,
-    /// What participants read.
+    /// The texts for participants.
     pub library: Library,
-    /// The key in the environment; if there is one, it takes the place of the first key.
+    /// The key in the environment variable, if set; it replaces the first key.
     pub environment_key: Option<ChosenKey>,
-    /// Limits how often somebody may ask.
+    /// Rate limits of requests and enrolments.
     pub pace: Pace,
-    /// Limits guesses of keys.
+    /// Rate limits of wrong keys.
     pub guesses: Guesses,
     /// Draws the scenes of plans.
     pub drawing: Bounded,
     /// Compares keys with a slow hash.
     pub hashing: TakingTurns,
-    /// What `/metrics` shows.
+    /// Metrics for `/metrics`.
     pub observed: Observed,
     /// The open connections.
     pub connections: Arc<Connections>,
-    /// Tells the analysis worker that an analysis is queued.
+    /// Notifies the analysis worker that an analysis is queued.
     pub analysis_asked: Arc<Notify>,
-    /// What an analysis may cost.
+    /// Upper bounds of the cost of an analysis.
     pub analysis_limits: Limits,
-    /// Tells the solver that a study has another configuration.
+    /// Notifies the solver that a study has a new configuration.
     pub study_stored: Arc<Notify>,
     /// The server's fingerprint, computed at the first request.
     pub self_check: OnceCell<SelfCheck>,
-    /// What was found when the data were last checked.
+    /// The result of the last data check.
     pub data_check: watch::Receiver<DataCheck>,
-    /// Whether this server is to write backups.
+    /// Whether this server writes backups.
     pub writes_backups: bool,
-    /// The lengths of archives, for the rest of a download.
+    /// The lengths of archives, for resuming downloads.
     pub lengths: Arc<Lengths>,
-    /// Cancelled when the server stops, which ends the answers that have no end of their own.
+    /// Cancelled when the server stops, which ends endless responses.
     pub stopping: CancellationToken,
 }

@@ -1,4 +1,4 @@
-//! Participants, by their tokens.
+//! Authentication of participants, by their tokens.
 
 use crate::http::app::App;
 use crate::http::endings::{check_going_on, newcomers_url};
@@ -15,17 +15,17 @@ use sidestep::api::Admission;
 use sidestep::study::{Status, StudyConfig};
 use std::sync::Arc;
 
-/// The holder of a valid token whose participation goes on.
+/// The holder of a valid token whose participation has not ended.
 pub struct Me(pub Visitor);
 
-/// As [`Me`], in a study that is not archived: whoever may write.
+/// As [`Me`], in a study that is not archived: the holder may write.
 pub struct Writer(pub Visitor);
 
-/// The holder of a valid token, whether their participation goes on or not.
+/// The holder of a valid token, even if their participation has ended.
 pub struct MeOrGone(pub Visitor);
 
-/// Whoever may write, and the trial that the address names. The trial is in the participant's plan. It is
-/// extracted before the body is read, so nobody else can send a body.
+/// A participant who may write, and the trial in the URL, which is in their plan. It is extracted
+/// before the body is read, so other clients cannot send a body.
 pub struct Assigned {
     /// The participant.
     pub participant_id: String,
@@ -33,7 +33,7 @@ pub struct Assigned {
     pub config: Arc<StudyConfig>,
     /// The trial.
     pub trial_id: String,
-    /// The scene that was assigned.
+    /// The assigned scene.
     pub scene: AssignedScene,
 }
 
@@ -78,7 +78,7 @@ impl FromRequestParts<Arc<App>> for Assigned {
         let Assignment { visitor, config, scene } = found.ok_or_else(ApiError::unauthorized)?;
         check_going_on(&config, &visitor.participant)?;
         check_study(app, &visitor).await?;
-        // The answer for another participant's trial is that for one that does not exist.
+        // Another participant's trial gets the same response as a missing one.
         let scene = scene.ok_or_else(|| ApiError::not_found("trial of yours"))?;
         Ok(Self { participant_id: visitor.participant.id, config, trial_id, scene })
     }
@@ -112,17 +112,17 @@ impl Input for Assigned {
     }
 }
 
-/// The holder of the token that a request carries, if it is valid.
+/// The holder of the token in a request, if it is valid.
 ///
 /// # Errors
 /// If the database cannot be read.
 pub async fn visitor(app: &App, headers: &HeaderMap) -> Result<Option<Visitor>, ApiError> {
     let Some(token) = bearer(headers) else { return Ok(None) };
-    // The time to look up a hash of 256 random bits reveals nothing.
+    // Looking up the hash of 256 random bits leaks nothing through its timing.
     Ok(app.store.visitor(secrets::hash(token)).await?)
 }
 
-/// Refuses writing to a study that is archived now.
+/// Refuses writes to a study that is now archived.
 pub async fn check_study(app: &App, visitor: &Visitor) -> Result<(), ApiError> {
     let present = app.store.config(&visitor.present_config_hash).await?;
     if present.status != Status::Archived {

@@ -1,4 +1,4 @@
-//! CPU work for requests: a few pieces at a time, and a few more that wait.
+//! Bounded CPU work for requests: a few pieces run at a time, and a few more wait in a queue.
 
 use crate::http::error::ApiError;
 use crate::store::StoreError;
@@ -11,8 +11,8 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Instant;
 use tokio::sync::{Semaphore, oneshot};
 
-/// Runs pieces of work on threads of their own: as many at a time as leave a processor to the
-/// other requests. A client that goes away before its turn costs nothing.
+/// Runs work on separate threads, at most one per processor, leaving one processor for other
+/// requests. A client that disconnects before its turn costs nothing.
 #[derive(Debug)]
 pub struct Bounded {
     turns: Arc<Semaphore>,
@@ -23,7 +23,7 @@ pub struct Bounded {
 }
 
 impl Bounded {
-    /// At most `most_waiting` pieces of work wait; further ones are refused.
+    /// At most `most_waiting` pieces of work wait; more are refused.
     #[must_use]
     pub fn new(most_waiting: usize) -> Self {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -31,14 +31,14 @@ impl Bounded {
         Self { turns, waiting: AtomicUsize::new(0), most_waiting, pause: 0 }
     }
 
-    /// The same, with a pause after each piece of work that is `pause` times as long as the work. A flood of
-    /// requests then leaves most of the time to other requests.
+    /// The same, with a pause after each piece of work: `pause` times as long as the work. A flood
+    /// of requests then leaves most of the time for other requests.
     #[must_use]
     pub fn with_pauses(self, pause: u32) -> Self {
         Self { pause, ..self }
     }
 
-    /// A place in the line, to be used when there is work.
+    /// A place in the queue, to be used when there is work.
     ///
     /// # Errors
     /// 503 if too many pieces of work are waiting.
@@ -51,12 +51,13 @@ impl Bounded {
     }
 }
 
-/// The same for work that strangers can ask for without end: origins take turns, and nobody is refused. One origin's
-/// flood delays another origin by the work that is under way, and by one piece of each origin that waits.
+/// The same for work that unauthenticated clients can request without limit: origins take turns,
+/// and no request is refused. A flood from one origin delays another only by the work in progress,
+/// and by one piece of work for each waiting origin.
 #[derive(Debug)]
 pub struct TakingTurns {
     work: Bounded,
-    /// The turn of each origin to stand in line.
+    /// One permit per origin: only one request of each origin is in the queue.
     turns: Mutex<HashMap<IpAddr, Weak<Semaphore>>>,
 }
 
@@ -92,7 +93,7 @@ impl TakingTurns {
     }
 }
 
-/// A place in the line.
+/// A place in the queue.
 #[derive(Debug)]
 pub struct InLine<'a> {
     turns: &'a Arc<Semaphore>,
@@ -113,12 +114,12 @@ impl InLine<'_> {
         drop(self.waiting);
         let pause = self.pause;
         let (answer, answered) = oneshot::channel();
-        // The turn is held until the work and its pause are over, even if no request waits any more.
+        // The permit is held until the work and its pause are over, even if the request is cancelled.
         tokio::spawn(async move {
             let begun = Instant::now();
             let done = threads::run_in_spare_time("for-a-request", work).await;
             let took = begun.elapsed();
-            // Nobody hears it if the request is gone.
+            // If the request was cancelled, nobody receives the result.
             let _ = answer.send(done);
             tokio::time::sleep(took * pause).await;
             drop(turn);

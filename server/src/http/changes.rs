@@ -1,5 +1,5 @@
-//! Server-sent events for open pages: they hear that something has changed, and ask again for what they
-//! show. An event holds nothing of the data, so rights are checked where the data are asked for.
+//! Server-sent events for open pages: they learn that something has changed, and request their data
+//! again. Events contain no data, so access is checked when the data are requested.
 
 use crate::http::app::App;
 use crate::http::experimenters::Reader;
@@ -12,13 +12,13 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// Least pause between two events, however much is stored.
+/// Minimum interval between two events, however much is stored.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// After this time the answer ends. The browser asks again, with a session that may have ended.
+/// Duration of a response. The browser then reconnects, and its session is checked again.
 const LONGEST: Duration = Duration::from_secs(300);
 
-/// `GET /api/v1/admin/changes`: an event `change` at once and whenever something was stored, at most one a
+/// `GET /api/v1/admin/changes`: an event `change` immediately and after every commit, at most one a
 /// second; its data are the number of commits since the server started.
 pub async fn follow(
     Reader(me): Reader,

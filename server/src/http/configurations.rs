@@ -1,7 +1,7 @@
-//! Studies as experimenters set them up: drafts of study files, checked, shown and stored.
+//! The configurations of studies, as experimenters edit them: drafts of study files, checked, shown and stored.
 //!
-//! A configuration in use is never edited: whoever has enrolled keeps theirs, and new participants get the
-//! new one.
+//! A configuration in use is never edited: enrolled participants keep theirs, and new participants
+//! get the new one.
 
 use crate::clock::now_ms;
 use crate::design;
@@ -31,7 +31,7 @@ use sidestep::study::StudyConfig;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Most scenes that the picture of a draft shows; fewer participants are drawn if there are more.
+/// Maximum number of scenes in the picture of a draft; fewer participants are drawn if there are more.
 const MOST_SCENES: u64 = 3_000;
 
 /// `GET /api/v1/admin/studies/{slug}/configuration`.
@@ -43,7 +43,7 @@ pub async fn show(
     configuration(&app, named(&app.store, &slug).await?).await.map(Json)
 }
 
-/// `POST /api/v1/admin/drafts`: 200 also for a draft that is no study, with what is wrong.
+/// `POST /api/v1/admin/drafts`: 200 even for an invalid draft, with the error.
 pub async fn check(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -52,7 +52,7 @@ pub async fn check(
     checked(&app, draft).await.map(Json)
 }
 
-/// `POST /api/v1/admin/drafts/form`: the same for the values of a form, which become a study file.
+/// `POST /api/v1/admin/drafts/form`: the same for the values of a form, which are written as a study file.
 pub async fn check_form(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -64,7 +64,7 @@ pub async fn check_form(
         let (config, languages) = (Some(config.clone()), languages(&app));
         Ok(Json(DraftChecked { complaint, config, languages, ..DraftChecked::default() }))
     };
-    // Without a name it would be about the paper's study; a list is no study, whatever is in it.
+    // Without a name, the check would be of the paper's study; and a JSON array is never a study.
     if !config.get("slug").is_some_and(Value::is_string) {
         let found = config.get("slug").map_or_else(|| "none".to_owned(), Value::to_string);
         let invalid = Invalid::new("slug", "the study's name in addresses", found);
@@ -77,7 +77,7 @@ pub async fn check_form(
             return unwritten(Some(invalid.field.clone()), invalid.to_string());
         }
     };
-    // TOML has no whole numbers above 2⁶³ − 1.
+    // TOML has no integers above 2⁶³ − 1.
     let toml = match written(&study) {
         Ok(toml) => toml,
         Err(error) => return unwritten(None, one_line(&error.to_string())),
@@ -86,8 +86,8 @@ pub async fn check_form(
     Ok(Json(DraftChecked { toml: Some(toml), ..checked }))
 }
 
-/// A complaint about a field in which there is nothing, or a number of another kind, with the range that a
-/// number there must be in. The range is what the study's own check says of a number outside it.
+/// Adds the valid range to a complaint about a field that is empty or has a number of the wrong
+/// type. The range comes from the study's own check, which is run with a number outside it.
 fn with_range(config: &Value, invalid: Invalid) -> Invalid {
     let pointer = format!("/{}", invalid.field.replace(['.', '['], "/").replace(']', ""));
     if !matches!(config.pointer(&pointer), Some(Value::Null | Value::Number(_))) {
@@ -114,7 +114,7 @@ async fn checked(app: &Arc<App>, draft: Draft) -> Result<DraftChecked, ApiError>
         Ok(read) => read,
         Err(complaint) => {
             let complaint = Some(remark(complaint));
-            // A number that JSON does not have cannot be shown in a form.
+            // A form cannot show a number that JSON does not support.
             let config = read_unchecked(&toml).ok().and_then(|study| {
                 let config = serde_json::to_value(study).ok()?;
                 from_value::<StudyConfig>(&config).is_ok().then_some(config)
@@ -171,8 +171,8 @@ pub async fn make(
     Ok((StatusCode::CREATED, Json(stored(&app, study).await?)))
 }
 
-/// `PUT /api/v1/admin/studies/{slug}/configuration`: the configuration of new participants. 409 `changed` if
-/// the study has another one than the draft began with.
+/// `PUT /api/v1/admin/studies/{slug}/configuration`: the configuration of new participants. 409
+/// `changed` if the study no longer has the configuration that the draft is based on.
 pub async fn change(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -190,8 +190,8 @@ pub async fn change(
     replace(&app, &me, &present, new, base).await.map(Json)
 }
 
-/// `PUT /api/v1/admin/studies/{slug}/status`: opens, closes or archives a study, with the same configuration
-/// otherwise.
+/// `PUT /api/v1/admin/studies/{slug}/status`: opens, closes or archives a study; the rest of its
+/// configuration stays.
 pub async fn set_status(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -215,7 +215,7 @@ async fn replace(
     present.config.check_successor(new, participants(&app.store, slug).await?)?;
     let fields: Vec<_> =
         changes(&present.config, new)?.into_iter().map(|change| change.field).collect();
-    // The names of fields say nothing about people.
+    // Field names contain no personal data.
     let subject = if fields.is_empty() { "nothing".to_owned() } else { fields.join(", ") };
     let entry = me.does(Action::StudyChanged, Some(slug), Some(subject));
     match app.store.change_study(new, base, entry).await? {
@@ -229,7 +229,7 @@ async fn replace(
     }
 }
 
-/// What follows when a study has been stored.
+/// Follow-up after a study has been stored.
 async fn stored(app: &App, study: StoredStudy) -> Result<Configuration, ApiError> {
     safety::keep_exact(&app.store, &study).await?;
     app.study_stored.notify_one();
@@ -247,7 +247,7 @@ async fn configuration(app: &App, study: StoredStudy) -> Result<Configuration, A
     })
 }
 
-/// How many participants a study has, without pilots.
+/// Number of participants of a study, without pilots.
 async fn participants(store: &Store, slug: &str) -> Result<u64, ApiError> {
     let counts = store.summaries(Some(slug.to_owned()), now_ms()).await?;
     Ok(counts.first().map_or(0, |study| study.participants))
@@ -277,7 +277,7 @@ async fn versions(app: &App, study: &StoredStudy) -> Result<Vec<ConfigurationVer
     Ok(versions)
 }
 
-/// Reads a draft. That draws scenes, which takes time.
+/// Reads a draft. This draws scenes, which takes time.
 async fn read_draft(
     app: &Arc<App>,
     toml: String,
@@ -309,8 +309,8 @@ fn picture(study: &StudyConfig) -> Result<String, ApiError> {
     Ok(design::picture(study, &design::draw(study, people)?).svg())
 }
 
-/// The fields in which two configurations differ, in the order of their names. Lists of tables are compared
-/// one by one, other lists whole.
+/// The fields in which two configurations differ, ordered by name. Lists of tables are compared
+/// element by element, other lists as a whole.
 fn changes(before: &StudyConfig, after: &StudyConfig) -> Result<Vec<Change>, ApiError> {
     let leaves = |config: &StudyConfig| -> Result<BTreeMap<String, String>, ApiError> {
         let document = serde_json::to_value(config).context("a configuration as JSON")?;

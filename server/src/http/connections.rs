@@ -1,5 +1,5 @@
-//! The open connections: how many there may be, and which are closed when somebody keeps them busy with
-//! nothing.
+//! The open connections: their maximum number, and which are closed when clients keep them open
+//! without progress.
 
 use crate::http::peer::origin;
 use std::collections::HashMap;
@@ -9,38 +9,38 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 
-/// Longest time for the head of a request, from its first byte, and from connecting to that byte.
+/// Timeout of the head of a request, from its first byte; also from connecting to this byte.
 pub const HEAD_LIMIT: Duration = Duration::from_secs(10);
-/// Longest pause between two requests.
+/// Timeout between two requests.
 const PAUSE_LIMIT: Duration = Duration::from_secs(75);
-/// Longest time for the body of a request; the request's own limit comes before.
+/// Timeout of the body of a request; the request's own timeout is shorter.
 const BODY_LIMIT: Duration = Duration::from_secs(40);
-/// Longest time in which a client takes nothing of an answer that waits for it.
+/// Timeout of a client that reads nothing of a pending response.
 const BLOCKED_LIMIT: Duration = Duration::from_secs(60);
 
-/// How much the connections together may hold.
+/// Upper bounds for all connections together.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Connections.
     pub all: usize,
-    /// Connections of one origin.
+    /// Connections per origin.
     pub each: usize,
-    /// Bytes of bodies that have not arrived whole.
+    /// Bytes of incomplete bodies.
     pub body_bytes: usize,
 }
 
-/// What a connection does.
+/// State of a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Nothing, since it was opened.
+    /// Idle since it was opened.
     New,
-    /// Nothing, since the last answer.
+    /// Idle since the last response.
     Pausing,
-    /// It sends the head of a request.
+    /// The client is sending the head of a request.
     Head,
-    /// It sends the body of a request.
+    /// The client is sending the body of a request.
     Body,
-    /// It waits for an answer or receives it.
+    /// The client waits for a response or receives it.
     Answered,
 }
 
@@ -48,13 +48,13 @@ enum Phase {
 struct State {
     phase: Phase,
     since: Instant,
-    /// Since when the client takes nothing of what is to be sent.
+    /// Since when the client has read nothing of the pending response.
     blocked_since: Option<Instant>,
-    /// Bytes of the body that are there.
+    /// Bytes of the body that have arrived.
     body_bytes: usize,
 }
 
-/// One connection, as the others see it.
+/// The observable state of a connection.
 #[derive(Debug)]
 pub struct Watch {
     state: Mutex<State>,
@@ -78,7 +78,7 @@ impl Watch {
         self.all_body_bytes.fetch_sub(bytes, Ordering::Relaxed);
     }
 
-    /// Something arrived. Returns whether it belongs to the head of a request, and whether that begins.
+    /// Records that bytes arrived. Returns whether they belong to the head of a request, and whether it begins.
     pub fn received(&self) -> (bool, bool) {
         let mut state = self.state();
         let begins = matches!(state.phase, Phase::New | Phase::Pausing);
@@ -88,28 +88,28 @@ impl Watch {
         (state.phase == Phase::Head, begins)
     }
 
-    /// The head of a request is there.
+    /// Records that the head of a request has arrived.
     pub fn has_head(&self, has_body: bool) {
         self.enter(if has_body { Phase::Body } else { Phase::Answered });
     }
 
-    /// Some of the body is there. Returns how much all connections hold.
+    /// Records that a part of the body has arrived. Returns the bytes that all connections hold.
     pub fn has_body(&self, bytes: usize) -> usize {
         self.state().body_bytes += bytes;
         self.all_body_bytes.fetch_add(bytes, Ordering::Relaxed) + bytes
     }
 
-    /// The body is there, or nobody wants it.
+    /// Records that the body is complete, or no longer needed.
     pub fn body_ended(&self) {
         self.enter(Phase::Answered);
     }
 
-    /// The answer was sent.
+    /// Records that the response was sent.
     pub fn answered(&self) {
         self.enter(Phase::Pausing);
     }
 
-    /// Whether the client took what was to be sent.
+    /// Records whether the client took the bytes to be sent.
     pub fn sent(&self, was_taken: bool) {
         let mut state = self.state();
         if was_taken {
@@ -132,8 +132,8 @@ impl Watch {
             || state.blocked_since.is_some_and(|since| past(since, BLOCKED_LIMIT))
     }
 
-    /// Since when this connection keeps the server waiting, with a request or by taking nothing of its answer; none if it
-    /// waits for the server.
+    /// Since when the server has been waiting for this client, to send a request or to read a
+    /// response; none if the client waits for the server.
     fn idle_since(&self) -> Option<Instant> {
         let state = self.state();
         match state.phase {
@@ -142,7 +142,7 @@ impl Watch {
         }
     }
 
-    /// Since when it sends a body.
+    /// Since when the client has been sending a body.
     fn body_since(&self) -> Option<Instant> {
         let state = self.state();
         (state.phase == Phase::Body).then_some(state.since)
@@ -171,14 +171,15 @@ struct Table {
 }
 
 impl Connections {
-    /// No connection yet.
+    /// An empty table of connections.
     #[must_use]
     pub fn new(limits: Limits) -> Self {
         Self { limits, table: Mutex::default(), body_bytes: Arc::default() }
     }
 
-    /// Makes a place for a connection from `address`; none if all others wait for this server, so that
-    /// closing one would break what is under way. The connections of a proxy are not counted by address.
+    /// Makes room for a connection from `address`; none if all other clients wait for this server,
+    /// so that closing a connection would abort a request. Connections of a proxy are not counted
+    /// per address.
     pub fn admit(self: &Arc<Self>, address: IpAddr, is_proxy: bool) -> Option<Admitted> {
         let origin = origin(address);
         let mut table = self.table();
@@ -211,12 +212,13 @@ impl Connections {
         Some(Admitted { id, watch, connections: Arc::clone(self) })
     }
 
-    /// Closes some of those that keep the server waiting, since the system has no place for another one.
+    /// Closes some connections on which the server waits for the client, since the system cannot
+    /// open another one.
     pub fn make_room(&self) {
         self.table().make_room(None);
     }
 
-    /// How many are open.
+    /// Number of open connections.
     #[must_use]
     pub fn count(&self) -> usize {
         self.table().open.len()
@@ -228,7 +230,7 @@ impl Connections {
         self.table().close_those(|watch| watch.is_overdue(now));
     }
 
-    /// Closes the connections that send their bodies longest, if all bodies together are too long.
+    /// Closes the connections that have been sending their bodies longest, if all bodies together are too long.
     pub fn relieve(&self, held: usize) {
         if held <= self.limits.body_bytes {
             return;
@@ -240,7 +242,7 @@ impl Connections {
         });
         let mut senders: Vec<_> = senders.collect();
         senders.sort_unstable();
-        // Connections that were closed just now are not in the table, and give back what they hold.
+        // Connections closed just now are no longer in the table; their bytes are released.
         let mut held: usize = senders.iter().map(|(_, _, bytes)| bytes).sum();
         for (_, id, bytes) in senders {
             if held <= self.limits.body_bytes / 4 * 3 {
@@ -261,8 +263,8 @@ impl Table {
         self.counts.get(&origin).copied().unwrap_or(0)
     }
 
-    /// Closes those connections, of one origin or of all, that have kept the server waiting longest: some at
-    /// once, so that the search is seldom. Returns how many.
+    /// Closes the connections, of one origin or of all, on which the server has been waiting
+    /// longest: several at once, so that the search is rare. Returns how many.
     fn make_room(&mut self, origin: Option<IpAddr>) -> usize {
         let of_origin = |from: IpAddr| origin.is_none_or(|origin| origin == from);
         let idle = self.open.iter().filter(|(_, (from, _))| of_origin(*from));
@@ -296,7 +298,7 @@ impl Table {
     }
 }
 
-/// The place of an open connection, which is free again when this is dropped.
+/// The slot of an open connection, released on drop.
 #[derive(Debug)]
 pub struct Admitted {
     id: u64,
@@ -306,7 +308,7 @@ pub struct Admitted {
 }
 
 impl Admitted {
-    /// The connections among which it is.
+    /// The table that has this connection.
     #[must_use]
     pub fn connections(&self) -> Arc<Connections> {
         Arc::clone(&self.connections)

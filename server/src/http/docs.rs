@@ -1,4 +1,4 @@
-//! The description of all routes, for programs and for people.
+//! The documentation of all routes, as OpenAPI and as a page.
 
 mod view;
 
@@ -11,10 +11,10 @@ use minijinja::{AutoEscape, Environment};
 use serde_json::Value;
 use std::sync::Arc;
 
-/// The comment of the site's page in whose place the content stands.
+/// Placeholder in the site's page for the content.
 const PLACE: &str = "<!-- The server puts the document here. -->";
 
-/// The document, as it is sent.
+/// The documentation in both formats.
 #[derive(Clone, Debug)]
 pub struct Published {
     json: Bytes,
@@ -22,7 +22,7 @@ pub struct Published {
 }
 
 impl Published {
-    /// The document in the forms that are sent; `shell` is the site's page for it, without its content.
+    /// Renders the documentation; `shell` is the site's page for it, without its content.
     ///
     /// # Panics
     /// If the template is wrong: a defect of this program.

@@ -1,30 +1,30 @@
-//! Where participants go when their participation has ended, by the links of the study.
+//! Return links of participants whose participation has ended, from the study's configuration.
 
 use crate::http::error::ApiError;
 use crate::store::participants::Participant;
 use sidestep::api::Admission;
 use sidestep::study::{Recruitment, StudyConfig};
 
-/// The link of a participant who has the completion code.
+/// The return link of a participant who has the completion code.
 #[must_use]
 pub fn completed_url(config: &StudyConfig, me: &Participant, code: &str) -> Option<String> {
     filled(&config.recruitment.completed_url, Some(code), me)
 }
 
-/// The link of a participant whom the check of understanding screened out.
+/// The return link of a participant whom the check of understanding screened out.
 #[must_use]
 pub fn screened_out_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.screened_out_url, None, me)
 }
 
-/// The link of a participant who has withdrawn.
+/// The return link of a participant who has withdrawn.
 #[must_use]
 pub fn withdrawn_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.withdrawn_url, None, me)
 }
 
-/// The return link of a participant who has finished. It leaves the completion code out, because some tokens may not
-/// see the code.
+/// The return link of a participant who has finished, without the completion code, since some
+/// tokens may not see the code.
 #[must_use]
 pub fn finished_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.finished_url, None, me)
@@ -45,7 +45,7 @@ pub fn newcomers_url(
     Recruitment::filled(url, None, external_id.map(str::trim))
 }
 
-/// Whether a participant can go on, and where they go if they cannot.
+/// Whether a participant can continue, and their return link if they cannot.
 #[must_use]
 pub fn standing(config: &StudyConfig, me: &Participant) -> (Admission, Option<String>) {
     if me.withdrawn_at_ms.is_some() {
@@ -68,7 +68,7 @@ pub fn check_going_on(config: &StudyConfig, me: &Participant) -> Result<(), ApiE
     if is_over { Err(over(config, me)) } else { Ok(()) }
 }
 
-/// 410 for a participant who has withdrawn or was screened out, with where they go.
+/// 410 with the return link, for a participant who has withdrawn or was screened out.
 #[must_use]
 pub fn over(config: &StudyConfig, me: &Participant) -> ApiError {
     match me.withdrawn_at_ms {
@@ -77,7 +77,7 @@ pub fn over(config: &StudyConfig, me: &Participant) -> ApiError {
     }
 }
 
-/// The address with what it asks for; pilots go nowhere.
+/// The link with its placeholders filled in; pilots have none.
 fn filled(url: &str, code: Option<&str>, me: &Participant) -> Option<String> {
     let external_id = me.external_id.as_deref().map(str::trim);
     if me.pilot { None } else { Recruitment::filled(url, code, external_id) }

@@ -26,8 +26,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use uuid::Uuid;
 
-/// `POST /api/v1/studies/{slug}/participants`: 201 for a new participant; 200 with the same plan and
-/// a further token for a participant who is known by request id or external id.
+/// `POST /api/v1/studies/{slug}/participants`: 201 for a new participant; 200 with the same plan
+/// and another token for a participant known by request id or external id.
 pub async fn enrol(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -43,7 +43,7 @@ pub async fn enrol(
         let expected = "the id of your recruiting service, in the link that it gave you";
         return Err(Invalid::new("external_id", expected, "none").into());
     }
-    // Before anything is stored, so that nobody is left without scenes when too many wait for theirs.
+    // Before anything is stored: if the queue is full, nobody is enrolled without scenes.
     let drawing = app.drawing.queue()?;
     let page = body
         .locale
@@ -92,7 +92,8 @@ pub async fn enrol(
     };
     let config = app.store.config(&participant.config_hash).await?;
     let mut rows = app.store.plan(&participant.id).await?;
-    // Nobody new has a plan, nor has whoever enrolled when the server was stopped half way.
+    // Two kinds of participants have no plan: new ones, and those whose enrolment was interrupted
+    // when the server stopped.
     if rows.is_empty()
         && let Some(place) = participant.place
     {
@@ -105,19 +106,19 @@ pub async fn enrol(
     Ok((status, Json(Enrolled { participant_id, token, plan })))
 }
 
-/// Where somebody goes who cannot enrol; pilots go nowhere.
+/// The return link of a participant who cannot enrol; pilots have none.
 fn goes_to(study: &StoredStudy, admission: Admission, body: &Enrolment) -> Option<String> {
     let to = || newcomers_url(&study.config, admission, body.external_id.as_deref());
     if body.pilot { None } else { to() }
 }
 
-/// Whether the screen says that this is a program, as `sidestep simulate` does.
+/// Whether the `screen` field identifies a program, such as `sidestep simulate`.
 fn is_synthetic(body: &Enrolment) -> bool {
     let said = body.screen.as_ref().and_then(|screen| screen.get("synthetic"));
     said == Some(&Value::Bool(true))
 }
 
-/// A request is its id, the person whom it is for, and whether that is a pilot.
+/// A request is identified by its id, its external id, and whether it is for a pilot.
 fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
     let kind = if body.pilot { "pilot " } else { "" };
     body.request_id.as_ref().map(|id| match &body.external_id {
@@ -126,7 +127,7 @@ fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
     })
 }
 
-/// Those parameters of the address that the study records, as JSON; none if there are none.
+/// The URL parameters that the study records, as JSON; none if there are none.
 fn recorded(config: &StudyConfig, parameters: &Object<String>) -> Result<Option<String>, ApiError> {
     let wanted = |name: &str| config.recruitment.record.iter().any(|known| known == name);
     let kept: BTreeMap<_, _> = parameters.iter().filter(|(name, _)| wanted(name)).collect();
@@ -159,7 +160,7 @@ fn plan_rows(config: &StudyConfig, place: u64) -> Result<Vec<PlannedRow>, StoreE
     Ok((0..).zip(scenes).zip(trial_ids()).map(row).collect())
 }
 
-/// The plan for the participant's page, from its rows: phases in the configuration's order.
+/// The plan for the participant's page, from its rows; phases in configuration order.
 #[must_use]
 pub fn plan(config: &StudyConfig, rows: &[PlannedRow]) -> Plan {
     let scene = |row: &PlannedRow| PlannedScene {

@@ -9,36 +9,36 @@ use sidestep::api::Problem;
 use sidestep::invalid::Invalid;
 use std::time::Duration;
 
-/// Why a request was not served.
+/// Why a request failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ApiError {
-    /// The client can correct it.
+    /// The client can correct the request.
     #[error("{status}: {}", problem.message)]
     Problem {
-        /// Status of the answer.
+        /// Status of the response.
         status: StatusCode,
-        /// Body of the answer.
+        /// Body of the response.
         problem: Problem,
     },
-    /// Too many of these; the client may try again after this time.
+    /// Rate-limited; the client may retry after this time.
     #[error("too many {0}")]
     Throttled(&'static str, Duration),
-    /// The store is temporarily unavailable; the client may try again.
+    /// The store is temporarily unavailable; the client may retry.
     #[error("{0}")]
     Unavailable(StoreError),
-    /// A defect of this program: logged, never sent.
+    /// A defect of this program; logged, never sent.
     #[error("{0:#}")]
     Internal(#[from] anyhow::Error),
 }
 
 impl ApiError {
-    /// An answer with this status, a stable word and a sentence.
+    /// A response with this status, a stable code and a sentence.
     pub fn new(status: StatusCode, code: &str, message: impl Into<String>) -> Self {
         let (code, message) = (code.to_owned(), message.into());
         Self::Problem { status, problem: Problem { code, message, field: None, return_url: None } }
     }
 
-    /// What a client is told.
+    /// The message to the client.
     #[must_use]
     pub fn sentence(&self) -> String {
         match self {
@@ -75,7 +75,7 @@ impl ApiError {
         Self::new(StatusCode::FORBIDDEN, code, message)
     }
 
-    /// 403: the token was given to somebody who knew only the external id.
+    /// 403: the token was given to a client that knew only the external id.
     #[must_use]
     pub fn not_yours() -> Self {
         let message = "use the browser in which you began or your personal link, or ask the \
@@ -83,20 +83,20 @@ impl ApiError {
         Self::forbidden("not_yours", message)
     }
 
-    /// 410: the study is over for everybody; whoever comes goes back to this address.
+    /// 410: the study is archived; participants go to this return link.
     #[must_use]
     pub fn archived(return_url: Option<String>) -> Self {
         let message = "this study is over; nothing more is stored";
         Self::ended(StatusCode::GONE, "archived", message, return_url)
     }
 
-    /// 403: the study takes nobody new; whoever came goes back to this address.
+    /// 403: the study admits no new participants; they go to this return link.
     #[must_use]
     pub fn no_admission(code: &str, message: &str, return_url: Option<String>) -> Self {
         Self::ended(StatusCode::FORBIDDEN, code, message, return_url)
     }
 
-    /// 410: the check of understanding ended the participation; the participant goes back to this address.
+    /// 410: the check of understanding ended the participation; the participant goes to this return link.
     #[must_use]
     pub fn screened_out(return_url: Option<String>) -> Self {
         let message = "this participation has ended: the answers about the instructions were wrong \
@@ -104,7 +104,7 @@ impl ApiError {
         Self::ended(StatusCode::GONE, "screened_out", message, return_url)
     }
 
-    /// 410: the participant has withdrawn and goes back to this address.
+    /// 410: the participant has withdrawn and goes to this return link.
     #[must_use]
     pub fn withdrawn(return_url: Option<String>) -> Self {
         let message = "this participation was withdrawn; nothing more is stored";
@@ -129,12 +129,12 @@ impl From<Invalid> for ApiError {
 }
 
 impl From<StoreError> for ApiError {
-    /// Faults that end by themselves or by the operator, such as a full disk, become a 503, so that the
-    /// client keeps its data and tries again. All others are defects of this program.
+    /// Temporary faults, and those that the operator can repair, such as a full disk, become a 503,
+    /// so that the client keeps its data and retries. All others are defects of this program.
     fn from(error: StoreError) -> Self {
         match error {
             StoreError::Revoked => Self::unauthorized(),
-            // A damaged file is for the operator to mend; the browser keeps what it has until then.
+            // The operator must repair a damaged file; browsers keep their data until then.
             error if error.is_temporary() || matches!(error, StoreError::Corrupt(_)) => {
                 Self::Unavailable(error)
             }
@@ -143,7 +143,7 @@ impl From<StoreError> for ApiError {
     }
 }
 
-/// When to try again after a 503, s: a full queue empties soon, a full disk does not.
+/// Value of `Retry-After` for a 503, s: a full queue empties quickly, a full disk does not.
 fn retry_after_s(error: &StoreError) -> u64 {
     if *error == StoreError::Busy { 1 } else { 5 }
 }
@@ -169,7 +169,7 @@ impl IntoResponse for ApiError {
             }
             Self::Unavailable(error) => {
                 let (code, message) = match error {
-                    StoreError::Busy => ("busy", "too many requests wait already"),
+                    StoreError::Busy => ("busy", "too many requests are waiting"),
                     _ => ("storage", "the server cannot store anything now"),
                 };
                 tracing::warn!(%error, "answered with 503");

@@ -1,4 +1,4 @@
-//! Request bodies that hold what a participant's browser recorded: evidence, which is kept whatever it holds.
+//! Request bodies with records of a participant's browser: evidence that is kept, whatever it contains.
 
 use crate::http::error::ApiError;
 use crate::http::json::{self, JsonBody};
@@ -9,9 +9,9 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 
-/// A [`JsonBody`] with U+FFFD in the place of each character that a database or file cannot hold: control
-/// characters but tab and line ends, and halves of characters ("\ud800"). A person who typed or pasted one, or
-/// whose computer did, is not turned away for it.
+/// A [`JsonBody`] in which U+FFFD replaces each character that a database or file cannot hold:
+/// control characters other than tab and line ends, and unpaired surrogates ("\ud800").
+/// Participants who type or paste one must not be rejected.
 pub struct EvidenceBody<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for EvidenceBody<T> {
@@ -21,7 +21,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for EvidenceBody<T> {
         let bytes = json::body(request).await?;
         match std::str::from_utf8(&bytes) {
             Ok(text) => json::parse(legible(text).as_bytes()).map(Self),
-            // The complaint about these bytes is that of every body.
+            // Reports the same error as for any other body.
             Err(_) => json::parse(&bytes).map(Self),
         }
     }
@@ -33,8 +33,8 @@ impl<T: JsonSchema> Input for EvidenceBody<T> {
     }
 }
 
-/// A JSON text with U+FFFD in the place of each character of its strings that a file cannot hold. What is no JSON
-/// stays so.
+/// A JSON text in which U+FFFD replaces each character in strings that a file cannot hold. Invalid
+/// JSON stays invalid.
 fn legible(text: &str) -> Cow<'_, str> {
     // Escapes, DEL, and the first byte of U+0080 to U+009F: most bodies have none of them.
     if memchr::memchr3(b'\\', 0x7f, 0xc2, text.as_bytes()).is_none() {
@@ -48,7 +48,7 @@ fn legible(text: &str) -> Cow<'_, str> {
         in_string ^= next == '"';
         let is_hidden = match next {
             '\\' => is_hidden_escape(piece),
-            // As they are, the others are no JSON.
+            // The remaining control characters are invalid in JSON unless escaped.
             other => other >= '\u{7f}' && is_hidden(other.into()),
         };
         found.push_str(if in_string && is_hidden { "\u{fffd}" } else { piece });
@@ -57,7 +57,7 @@ fn legible(text: &str) -> Cow<'_, str> {
     Cow::Owned(found)
 }
 
-/// The bytes of the escape at the beginning of a text; of both halves if they make a character.
+/// Length of the escape at the beginning of a text, bytes; of both escapes of a surrogate pair.
 fn escape_length(text: &str) -> usize {
     let one = |text: &str| match text.as_bytes().get(1) {
         Some(b'u') => code(text).map(|code| (6, code)),
@@ -74,25 +74,25 @@ fn escape_length(text: &str) -> usize {
     }
 }
 
-/// The number in `\uXXXX` at the beginning of a text.
+/// The code in `\uXXXX` at the beginning of a text.
 fn code(text: &str) -> Option<u32> {
     let digits = text.get(2..6)?;
     let is_hex = digits.bytes().all(|digit| digit.is_ascii_hexdigit());
     is_hex.then(|| u32::from_str_radix(digits, 16).ok()).flatten()
 }
 
-/// Whether an escape stands for a character that a file cannot hold.
+/// Whether an escape is a character that a file cannot hold.
 fn is_hidden_escape(escape: &str) -> bool {
     match escape.as_bytes().get(1) {
         Some(b'b' | b'f') => true,
-        // Both halves of a character are twice as long.
+        // A surrogate pair is twice as long.
         Some(b'u') if escape.len() == 6 => code(escape).is_some_and(is_hidden),
         _ => false,
     }
 }
 
-/// Whether a file cannot hold the character with this number: a control character but tab and line ends, or half
-/// of a character.
+/// Whether a file cannot hold the character with this code: a control character other than tab and
+/// line ends, or an unpaired surrogate.
 fn is_hidden(code: u32) -> bool {
     match char::from_u32(code) {
         Some(c) => c.is_control() && !matches!(c, '\t' | '\n' | '\r'),
@@ -114,7 +114,7 @@ mod tests {
             r#""\ud83d\ude00""#,
             r#""\\u0000 \\ud800""#,
             "\"\u{e4}\u{a0}\u{fffd}\"",
-            // No JSON: as it is, for the parser to complain.
+            // Invalid JSON: unchanged, so that the parser reports it.
             r#""\"#,
             r#""\u12"#,
             r#""\u+123""#,
@@ -128,7 +128,7 @@ mod tests {
         for (text, expected) in [
             (r#""\u0000""#, "\"\u{fffd}\""),
             (r#"{"\ud800":"a\udc00b"}"#, "{\"\u{fffd}\":\"a\u{fffd}b\"}"),
-            // The first half is alone, and the second has its own.
+            // The first high surrogate is unpaired; the second has its pair.
             (r#""\ud83d\ud83d\ude00""#, "\"\u{fffd}\\ud83d\\ude00\""),
             (r#""\ud83dxude00""#, "\"\u{fffd}xude00\""),
             (r#""\ude00\ud83d""#, "\"\u{fffd}\u{fffd}\""),
@@ -141,7 +141,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a browser can have in a string: 16-bit units, written as JSON.stringify or as escapes.
+        /// Every possible browser string: 16-bit units, as written by JSON.stringify or as escapes.
         #[test]
         fn every_string_of_a_browser_is_read(units in prop::collection::vec(
             prop_oneof![0u16..0x100, 0xd7f0u16..0xe010, any::<u16>()], 0..40), escaped in any::<bool>()) {

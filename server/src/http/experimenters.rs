@@ -1,4 +1,4 @@
-//! Experimenters, by their cookies or keys, and what their keys may do.
+//! Experimenters, authenticated by cookies or keys, and their permissions.
 
 use crate::clock::now_ms;
 use crate::http::app::{App, COOKIE};
@@ -21,21 +21,21 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Least time between two checks of the key of a long answer.
+/// Minimum interval between two checks of the key of a long response.
 const RECHECK: Duration = Duration::from_secs(1);
 
 /// An experimenter with a valid cookie or key.
 #[derive(Clone, Debug)]
 pub struct Experimenter {
-    /// The name of the key, which the audit trail contains.
+    /// The name of the key, as in the audit trail.
     pub name: String,
-    /// What the key may do.
+    /// The access level of the key.
     pub access: Access,
-    /// The number of the key; none for the key in the environment.
+    /// The number of the key; none for the key in the environment variable.
     pub key_id: Option<i64>,
 }
 
-/// An experimenter who may look.
+/// An experimenter who may read.
 pub struct Reader(pub Experimenter);
 
 /// An experimenter who may download data.
@@ -45,15 +45,15 @@ pub struct Exporter(pub Experimenter);
 pub struct Manager(pub Experimenter);
 
 impl Experimenter {
-    /// An entry of the audit trail: what this experimenter does now.
+    /// An audit entry for an action of this experimenter now.
     #[must_use]
     pub fn does(&self, action: Action, study: Option<&str>, subject: Option<String>) -> NewEntry {
         let (who, study) = (self.name.clone(), study.map(str::to_owned));
         NewEntry { at_ms: now_ms(), key_id: self.key_id, who, action, study, subject }
     }
 
-    /// Accepts an experimenter whose key has that right. A refusal is noted in the audit trail, by the
-    /// route's pattern: addresses may contain anything.
+    /// Accepts an experimenter whose key has this access level. A refusal is recorded in the audit
+    /// trail with the route's pattern, since URLs may contain anything.
     ///
     /// # Errors
     /// 403 `access`.
@@ -74,8 +74,8 @@ impl Experimenter {
         Err(ApiError::forbidden("access", message))
     }
 
-    /// Ends when the key is not valid any more, at most a second later. The key in the environment is valid
-    /// as long as the server runs.
+    /// Completes at most a second after the key is revoked. The key in the environment variable is
+    /// valid as long as the server runs.
     pub async fn revoked(self, store: Store) {
         let Some(id) = self.key_id else { return std::future::pending().await };
         let mut commits = store.commits();
@@ -87,7 +87,7 @@ impl Experimenter {
         }
     }
 
-    /// The body, cut off when the key is revoked.
+    /// The body, aborted when the key is revoked.
     pub fn while_valid(self, store: Store, body: Body) -> Body {
         let revoked = Box::pin(self.revoked(store));
         let parts = (body.into_data_stream(), Some(revoked));
@@ -166,7 +166,7 @@ fn needs(operation: &mut Operation, access: Access) {
     }
 }
 
-/// The experimenter of a request, whose key must have that right.
+/// The experimenter of a request, whose key must have this access level.
 async fn admitted(parts: &Parts, app: &App, needed: Access) -> Result<Experimenter, ApiError> {
     let experimenter = experimenter(parts, app).await?;
     let route = parts.extensions.get::<MatchedPath>();
@@ -185,12 +185,12 @@ async fn experimenter(parts: &Parts, app: &App) -> Result<Experimenter, ApiError
     check_key(app, key, client.address).await
 }
 
-/// The holder of a session that is valid.
+/// The owner of a valid session.
 async fn session(app: &App, cookie: &str) -> Result<Option<Holder>, ApiError> {
     for (i, hash) in session_hashes(app, cookie).enumerate() {
         let found = app.store.session(hash, now_ms()).await?;
         let is_bound = i > 0;
-        // A session of the key in the environment counts only with the hash that this key gives it.
+        // A session of the key in the environment variable is valid only with the hash derived from this key.
         let fits = |holder: &Holder| matches!(holder, Holder::Environment) == is_bound;
         if let Some(holder) = found.filter(|holder| is_valid(app, holder) && fits(holder)) {
             return Ok(Some(holder));
@@ -199,8 +199,8 @@ async fn session(app: &App, cookie: &str) -> Result<Option<Holder>, ApiError> {
     Ok(None)
 }
 
-/// The hash under which the session of an experimenter is stored. That of the key in the environment depends
-/// on this key, so that a server with another one knows none of the sessions.
+/// The hash under which an experimenter's session is stored. For the key in the environment
+/// variable it depends on this key, so that a server with another key knows none of the sessions.
 #[must_use]
 pub fn session_hash(app: &App, me: &Experimenter, cookie: &str) -> [u8; 32] {
     match (&app.environment_key, me.key_id) {
@@ -209,22 +209,22 @@ pub fn session_hash(app: &App, me: &Experimenter, cookie: &str) -> [u8; 32] {
     }
 }
 
-/// The hashes under which the session with this cookie may be stored.
+/// The possible stored hashes of the session with this cookie.
 pub fn session_hashes(app: &App, cookie: &str) -> impl Iterator<Item = [u8; 32]> + use<> {
     let bound = app.environment_key.as_ref().map(|key| key.session_hash(cookie));
     std::iter::once(secrets::hash(cookie)).chain(bound)
 }
 
-/// The holder of a key. However many wrong keys come from the same address, the right one is accepted.
+/// The holder of a key. The right key is accepted however many wrong keys come from the same address.
 ///
 /// # Errors
 /// 401 for a wrong key, 429 after too many of them.
 pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experimenter, ApiError> {
-    // The time to look up a hash reveals nothing that helps to guess a key, and nobody guesses 256 random
-    // bits: these keys never wait.
+    // The timing of a hash lookup does not help to guess a key, and 256 random bits cannot be
+    // guessed: these keys never wait.
     match app.store.key(secrets::hash(key)).await?.map(Holder::Key) {
         Some(holder) if is_valid(app, &holder) => return used(app, holder).await,
-        // A program with a revoked key guesses nothing.
+        // A revoked key is not a guess.
         Some(Holder::Key(StoredKey { is_revoked: true, .. })) => {
             return Err(ApiError::unauthorized());
         }
@@ -244,7 +244,7 @@ pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experime
     }
 }
 
-/// Whether this is the key in the environment.
+/// Whether this is the key in the environment variable.
 async fn is_chosen(
     app: &App,
     chosen: &ChosenKey,
@@ -254,12 +254,12 @@ async fn is_chosen(
     if let Some(answer) = chosen.compare(key) {
         return Ok(answer);
     }
-    // The slow hash, a few at a time beside the threads that answer requests.
+    // The slow hash runs on separate threads, a few at a time.
     let (chosen, key) = (chosen.clone(), key.to_owned());
     app.hashing.run(origin, move || chosen.verify(&key)).await
 }
 
-/// Whether a known key opens this server: the key in the environment takes the place of the first key.
+/// Whether a known key is valid on this server: the key in the environment variable replaces the first key.
 fn is_valid(app: &App, holder: &Holder) -> bool {
     match holder {
         Holder::Key(key) => !key.is_revoked && (!key.is_first || app.environment_key.is_none()),
@@ -267,7 +267,7 @@ fn is_valid(app: &App, holder: &Holder) -> bool {
     }
 }
 
-/// Notes that a key is used, once a minute.
+/// Records the use of a key, at most once a minute.
 async fn used(app: &App, holder: Holder) -> Result<Experimenter, ApiError> {
     const MINUTE_MS: i64 = 60_000;
     if let Holder::Key(key) = &holder {
@@ -292,7 +292,7 @@ pub fn session_cookie(headers: &HeaderMap) -> Option<&str> {
         .find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
 }
 
-/// Makes sure that there is a first key. Returns it if it is new: later, only its hash is known.
+/// Ensures that there is a first key. Returns it if it is new; afterwards only its hash is known.
 ///
 /// # Errors
 /// If the database cannot be written.

@@ -1,8 +1,9 @@
-//! Taking a study's data away: one archive with the files of `sidestep export`, or its steps as CSV.
+//! Exports of a study's data: an archive with the files of `sidestep export`, or its steps as CSV.
 //!
-//! An archive is sent while it is written. Its last file is the manifest; what was cut off has no table of contents
-//! either. The same data are the same bytes, with the same `ETag`: whoever asks for the rest of a download that
-//! broke off (`Range`) gets it, if the data are still the same (`If-Range`, `If-Match`).
+//! An archive is sent while it is being written. Its last file is the manifest; a truncated archive
+//! also lacks its table of contents. The same data give the same bytes and the same `ETag`: a
+//! client can resume an interrupted download (`Range`) while the data are unchanged (`If-Range`,
+//! `If-Match`).
 
 mod body;
 mod range;
@@ -27,23 +28,23 @@ use sidestep::trial::Phase;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// More than a trial takes in a database that is exported.
+/// Upper bound of the size of a trial in an exported database.
 const TRIAL_BYTES: u64 = 24_000;
 
-/// The query of an export. What is empty, as in the fields of a form, is not given.
+/// The query of an export. Empty parameters, as sent by forms, count as missing.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExportParams {
-    /// The format of an archive; none for the steps as one CSV file.
+    /// The format of an archive; without it, the steps as one CSV file.
     format: Option<Format>,
     /// Only the trials of this phase.
     #[schemars(extend("enum" = ["", "familiarisation", "practice", "task"]))]
     phase: Option<String>,
-    /// Which trials, by what casts doubt on them.
+    /// Selects trials by their flags.
     quality: Option<Quality>,
-    /// Only who enrolled under this configuration: the first digits of its hash.
+    /// Only participants who enrolled under this configuration, given by the first digits of its hash.
     configuration: Option<String>,
-    /// Whether pilots are exported, in the place of participants.
+    /// Whether pilots are exported instead of participants.
     pilots: Option<bool>,
 }
 
@@ -131,7 +132,7 @@ pub async fn export(
         let archive = body(outlet, 0, u64::MAX, Some(lengths));
         return Ok((answer, me.while_valid(app.store.clone(), archive)).into_response());
     };
-    // The answer to a part tells the length of the whole.
+    // A partial response contains the length of the whole archive.
     let Some(length) = measure(&app.lengths, &outlet).await else {
         let message = "the length of the archive is being measured; ask again in a few seconds";
         let busy = ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "measuring", message);
@@ -149,7 +150,7 @@ pub async fn export(
     Ok((StatusCode::PARTIAL_CONTENT, answer, part).into_response())
 }
 
-/// The headers of a file to be saved under this name.
+/// The headers of a download with this file name.
 fn file(name: &str, kind: &'static str) -> HeaderMap {
     let mut headers = HeaderMap::new();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(kind));
@@ -157,7 +158,7 @@ fn file(name: &str, kind: &'static str) -> HeaderMap {
     headers
 }
 
-/// A header of letters, digits and signs of ASCII.
+/// A header value of ASCII letters, digits and punctuation.
 fn text(value: &str) -> HeaderValue {
     HeaderValue::from_str(value).unwrap_or(HeaderValue::from_static(""))
 }

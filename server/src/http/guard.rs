@@ -1,5 +1,5 @@
-//! Layers around every request: its origin, its pace, the length of its address, its time limit, logging, and the headers
-//! of every answer.
+//! Layers around every request: same-origin check, rate limit, URL length, timeout, logging, and
+//! the headers of every response.
 
 use crate::http::app::App;
 use crate::http::auth::bearer;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tracing::Instrument;
 
-/// Longest time until the head of an answer, s; a streamed body may take longer.
+/// Timeout until the head of a response; a streamed body may take longer.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 const HEADERS: [(HeaderName, &str); 6] = [
@@ -27,19 +27,19 @@ const HEADERS: [(HeaderName, &str); 6] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
     (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-    // Isolated pages have the finer clock that gives the sampling times.
+    // Isolated pages have a finer clock, which gives the sampling times.
     (HeaderName::from_static("cross-origin-embedder-policy"), "require-corp"),
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
-/// A browser that came through TLS comes back through TLS only, for a year.
+/// A browser that has connected through TLS uses only TLS for a year.
 const ENCRYPTED_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000");
 
-/// Adds the security headers to every answer, unless it has its own.
+/// Adds the security headers to every response that does not set its own.
 pub async fn security_headers(request: Request, next: Next) -> axum::response::Response {
     let is_secure = request.extensions().get::<Client>().is_some_and(|client| client.is_secure);
     let mut answer = next.run(request).await;
-    // Only answers with a policy of their own may be shown in a frame, by this site's pages.
+    // Only responses with their own policy may be shown in a frame, by this site's pages.
     if !answer.headers().contains_key(header::CONTENT_SECURITY_POLICY) {
         answer.headers_mut().insert(header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY"));
     }
@@ -52,7 +52,7 @@ pub async fn security_headers(request: Request, next: Next) -> axum::response::R
     answer
 }
 
-/// Forbids caching, unless the answer allows it.
+/// Forbids caching, unless the response allows it.
 pub async fn no_store(request: Request, next: Next) -> axum::response::Response {
     let mut answer = next.run(request).await;
     answer
@@ -62,8 +62,8 @@ pub async fn no_store(request: Request, next: Next) -> axum::response::Response 
     answer
 }
 
-/// Refuses requests that another site's page makes a browser send. Programs send neither header and
-/// pass, since they send no cookie unintentionally.
+/// Refuses requests that a page of another site makes a browser send. Programs send neither header
+/// and are accepted, since they send no cookie unintentionally.
 pub async fn same_site(request: Request, next: Next) -> axum::response::Response {
     let safe = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     if safe || is_same_origin(request.headers()) {
@@ -86,10 +86,10 @@ fn is_same_origin(headers: &HeaderMap) -> bool {
     })
 }
 
-/// Longest path and query of an address, bytes.
+/// Maximum length of path and query, bytes.
 const LONGEST_ADDRESS: usize = 8192;
 
-/// Refuses requests with a very long address.
+/// Refuses requests with a longer URL.
 pub async fn short_address(request: Request, next: Next) -> axum::response::Response {
     let length = request.uri().path_and_query().map_or(0, |it| it.as_str().len());
     if length <= LONGEST_ADDRESS {
@@ -99,7 +99,7 @@ pub async fn short_address(request: Request, next: Next) -> axum::response::Resp
     ApiError::new(StatusCode::URI_TOO_LONG, "long_address", message).into_response()
 }
 
-/// Refuses requests of whoever asks too fast.
+/// Applies the rate limits.
 pub async fn paced(
     State(app): State<Arc<App>>,
     request: Request,
@@ -117,7 +117,7 @@ pub async fn paced(
     next.run(request).await
 }
 
-/// Ends a request that takes too long, such as one with a slow body.
+/// Cancels a request that takes too long, such as one with a slow body.
 pub async fn time_limit(request: Request, next: Next) -> axum::response::Response {
     tokio::time::timeout(TIME_LIMIT, next.run(request)).await.unwrap_or_else(|_| {
         let message = format!("not done within {} s", TIME_LIMIT.as_secs());
@@ -127,8 +127,8 @@ pub async fn time_limit(request: Request, next: Next) -> axum::response::Respons
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// The id of a request, which stands before everything that is logged for it, and in its answer: that of a
-/// trusted proxy, so that both logs have the same, or a new one.
+/// The id of a request, which is in all its log lines and in its response: that of a trusted proxy,
+/// so that both logs use the same id, or a new one.
 fn request_id(request: &Request) -> String {
     let is_proxied = request.extensions().get::<Client>().is_some_and(|client| client.is_proxied);
     let given = request.headers().get(REQUEST_ID).filter(|_| is_proxied);
@@ -139,7 +139,7 @@ fn request_id(request: &Request) -> String {
     given.map_or_else(|| uuid::Uuid::new_v4().simple().to_string(), str::to_owned)
 }
 
-/// The method's name; one word for all that no route has, since a client may invent as many as it likes.
+/// The method's name; one word for all methods without a route, since a client may invent any number of them.
 fn known(method: &Method) -> &str {
     match *method {
         Method::GET
@@ -153,7 +153,7 @@ fn known(method: &Method) -> &str {
     }
 }
 
-/// Counts and logs answers. Logs contain only the route's pattern, because addresses, queries, headers
+/// Counts and logs responses. Logs contain only the route's pattern, because URLs, queries, headers
 /// and bodies may contain personal data.
 pub async fn observed(
     State(app): State<Arc<App>>,
@@ -175,7 +175,7 @@ pub async fn observed(
     app.observed.answered(method, route, status, took);
     let ms = took.as_millis();
     span.in_scope(|| match route {
-        // Proxies ask every second.
+        // Proxies poll these every second.
         "/healthz" | "/readyz" if status == 200 => {
             tracing::debug!(method, route, status, ms, "answered")
         }
@@ -184,7 +184,7 @@ pub async fn observed(
     answer
 }
 
-/// The answer if a handler panics, which is a defect of this program; the server continues.
+/// The response if a handler panics, which is a defect of this program; the server continues.
 pub fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response<axum::body::Body> {
     let cause = cause
         .downcast_ref::<&str>()

@@ -1,4 +1,4 @@
-//! The names under which this server answers.
+//! The host names of this server.
 
 use crate::http::error::ApiError;
 use crate::http::peer::Proxies;
@@ -9,20 +9,20 @@ use axum::response::{IntoResponse, Response};
 use std::net::IpAddr;
 use std::sync::Arc;
 
-/// The names under which this server answers; another site's name that leads here, by a mistake or by an
-/// attack on a browser's trust in names, gets no answer.
+/// The host names of this server. Requests for another name, which points here by mistake or in a
+/// DNS rebinding attack, are refused.
 #[derive(Clone, Debug)]
 pub struct Hosts {
     names: Vec<String>,
     listens_at: IpAddr,
-    /// Whether other names are accepted, since nobody said which are ours.
+    /// Whether all names are accepted, since none was configured.
     any: bool,
 }
 
 impl Hosts {
-    /// The names of a server that listens at this address. Loopback names and the address itself are always
-    /// accepted. If no other name is given, a server that only this machine reaches directly accepts no
-    /// further name, and a server that others reach, or for which a proxy speaks, accepts every name.
+    /// The names of a server that listens on this address. Loopback names and the address itself
+    /// are always accepted. If no other name is given, a server that is reachable only from this
+    /// machine and has no proxy accepts no further name; every other server accepts all names.
     #[must_use]
     pub fn new(names: &[String], listens_at: IpAddr, proxies: &Proxies) -> Self {
         let names: Vec<_> = names.iter().map(|name| plain(name)).collect();
@@ -41,7 +41,7 @@ impl Hosts {
     }
 }
 
-/// A host without its port and the final point, in lower case.
+/// A host without port and trailing dot, in lower case.
 fn plain(authority: &str) -> String {
     let host = match authority.rsplit_once(':') {
         Some((host, port)) if !port.contains(']') && !host.ends_with(':') => host,
@@ -50,7 +50,7 @@ fn plain(authority: &str) -> String {
     host.trim_end_matches('.').to_ascii_lowercase()
 }
 
-/// Refuses requests that name no host, several, or one that is not this server's.
+/// Refuses requests that name no host, several hosts, or a host that is not this server.
 pub async fn known_host(State(hosts): State<Arc<Hosts>>, request: Request, next: Next) -> Response {
     match check(&hosts, request.version(), request.headers(), request.uri().authority()) {
         Ok(()) => next.run(request).await,

@@ -1,4 +1,4 @@
-//! The one table of routes, with what each does.
+//! The table of all routes, with descriptions.
 
 use crate::http::openapi::table::{Table, delete, get, post, put};
 use crate::http::{
@@ -7,7 +7,7 @@ use crate::http::{
 };
 use sidestep::api::{ParticipantPage, Session, Texts, routes};
 
-/// All routes but the pages. Addresses come from the list that clients use, with parameters in braces.
+/// All routes except the pages. Paths come from the list that clients use, with parameters in braces.
 #[must_use]
 pub fn table() -> Table {
     let table = Table::default();
@@ -15,25 +15,25 @@ pub fn table() -> Table {
 }
 
 fn participation(table: Table) -> Table {
-    let text = "What a participant's page does: it reads the study, enrols, stores each trial, and \
+    let text = "The requests of a participant's page: it reads the study, enrols, stores each trial, and \
                 completes the participation.";
     table
         .group("Participation", text)
         .route(
             &routes::study("{slug}"),
-            [get("What a participant needs to know of a study", studies::show)
+            [get("The public part of a study", studies::show)
                 .detail(
-                    "With a participant's token, the study as they enrolled in it. With an external id, \
-                     whether this person can take part, and where they go if they cannot.",
+                    "With a participant's token, the configuration of their enrolment. With an external id, \
+                     whether this person can take part, and the return link if they cannot.",
                 )
                 .problems(["not_found", "busy", "storage"])
                 .for_participants_too()],
         )
         .route(
             &routes::texts("{slug}"),
-            [get("All sentences that a participant reads, in one language", texts::show)
+            [get("All texts for participants, in one language", texts::show)
                 .detail(
-                    "In the language of the query; without it, or if the study does not have it, in \
+                    "In the language of the query; by default, or if the study does not have it, in \
                      the one that Accept-Language prefers.",
                 )
                 .sends_json::<Texts>()
@@ -44,34 +44,34 @@ fn participation(table: Table) -> Table {
             &routes::participants("{slug}"),
             [post("Enrols a participant", enrolment::enrol)
                 .detail(
-                    "The token in the answer is for everything that follows. A known external id, or a \
-                     request id that was sent before, resumes.",
+                    "The token in the response authenticates all later requests. A known external id, or a \
+                     request id that was sent before, resumes the participation.",
                 )
                 .says(201, "A new participant.")
-                .or_200("A participant who has enrolled before: the same plan, and a further token.")
+                .or_200("A participant who has enrolled before: the same plan, and another token.")
                 .problems(["closed", "full", "archived", "screened_out", "withdrawn"])],
         )
         .route(
             routes::ME,
             [
-                get("Where the participant is: plan, stored trials, next trial", participants::show),
+                get("The participant's progress: plan, stored trials, next trial", participants::show),
                 delete("Withdraws the participant", participants::withdraw)
-                    .detail("Can be repeated, and `keep` followed by `delete`.")
+                    .detail("Idempotent; `keep` can be followed by `delete`.")
                     .problems(["not_yours"]),
             ],
         )
         .route(
             routes::COMPREHENSION,
             [put("Stores the result of the check of understanding", participants::check_understanding)
-                .detail("The same again has the same answer.")
+                .detail("Repeating a request gets the same response.")
                 .problems(["withdrawn", "archived"])],
         )
         .route(
             &routes::my_trial("{trial_id}"),
             [put("Stores a trial", trials::store)
                 .detail(
-                    "Answered after the trial is safely stored. The server replays the inputs and marks \
-                     what does not follow from them.",
+                    "The response comes after the commit. The server replays the inputs, and flags the trial \
+                     if its states do not follow from them.",
                 )
                 .or_200("The same trial was stored before.")
                 .problems(["different_content", "out_of_order"])],
@@ -79,19 +79,19 @@ fn participation(table: Table) -> Table {
         .route(
             routes::ANSWERS,
             [put("Stores the answers to the questions after the last scene", participants::answer)
-                .detail("In the place of earlier answers, until the participation is complete.")
+                .detail("Replaces earlier answers until the participation is complete.")
                 .problems(["complete", "answered"])],
         )
         .route(
             routes::COMPLETE,
             [post("Completes the participation", participants::complete)
-                .detail("The answer has the completion code.")
+                .detail("The response has the completion code.")
                 .problems(["incomplete", "unanswered", "not_yours"])],
         )
         .route(
             &routes::value_function("{id}"),
-            [get("The bytes of a value function", value_functions::show)
-                .detail("They never change: an If-None-Match with its ETag is answered with 304.")
+            [get("An encoded value function", value_functions::show)
+                .detail("It never changes: an If-None-Match with its ETag gets a 304.")
                 .sends_bytes("application/octet-stream")
                 .says(304, "The client has it already.")
                 .compressed()],
@@ -99,8 +99,8 @@ fn participation(table: Table) -> Table {
 }
 
 fn access(table: Table) -> Table {
-    let text = "Signing in to the laboratory, the keys of experimenters and programs, and the trail of \
-                what was done with them.";
+    let text = "Signing in to the laboratory, the keys of experimenters and programs, and the audit trail \
+                of their actions.";
     table
         .group("Access", text)
         .route(
@@ -118,31 +118,31 @@ fn access(table: Table) -> Table {
         .route(
             routes::ADMIN_KEYS,
             [
-                get("All keys, revoked ones too", keys::list),
-                post("Makes a new key", keys::make)
-                    .says(201, "The new key, which no later answer contains.")
+                get("All keys, including revoked ones", keys::list),
+                post("Creates a key", keys::make)
+                    .says(201, "The new key, which no later response contains.")
                     .problems(["taken"]),
             ],
         )
         .route(
             &routes::admin_key("{id}"),
             [delete("Revokes a key", keys::revoke)
-                .detail("It and its sessions are invalid at once. Can be repeated.")
+                .detail("The key and its sessions are invalid at once. Idempotent.")
                 .problems(["first_key"])],
         )
         .route(routes::AUDIT, [get("A page of the audit trail, newest first", keys::audit)])
 }
 
 fn setup(table: Table) -> Table {
-    let text = "Studies and their configurations. A configuration in use is never edited: whoever has \
-                enrolled keeps theirs, and new participants get the new one.";
+    let text = "Studies and their configurations. A configuration in use is never edited: enrolled \
+                participants keep theirs, and new participants get the new one.";
     table
         .group("Studies", text)
         .route(
             routes::ADMIN_STUDIES,
             [
                 get("All studies, with their state", laboratory::studies),
-                post("Makes a study", configurations::make).problems(["taken", "busy"]),
+                post("Creates a study", configurations::make).problems(["taken", "busy"]),
             ],
         )
         .route(
@@ -154,7 +154,7 @@ fn setup(table: Table) -> Table {
             [
                 get("A study's configuration, as the text of a study file", configurations::show),
                 put("Gives new participants another configuration", configurations::change)
-                    .detail("`base` is the hash of the configuration that the draft began with.")
+                    .detail("`base` is the hash of the configuration that the draft is based on.")
                     .problems(["changed"]),
             ],
         )
@@ -166,32 +166,32 @@ fn setup(table: Table) -> Table {
         .route(
             routes::ADMIN_DRAFTS,
             [post("Checks a draft of a study file", configurations::check)
-                .detail("200 also for a draft that is no study, with what is wrong.")],
+                .detail("200 even for an invalid draft, with the error.")],
         )
         .route(
             routes::ADMIN_FORM_DRAFTS,
-            [post("Checks a study written in a form, and writes its file", configurations::check_form)
-                .detail("As the check of a text; the answer has the text that the values make.")],
+            [post("Checks the values of a form, and writes them as a study file", configurations::check_form)
+                .detail("As the check of a draft; the response has the text of the study file.")],
         )
         .route(
             routes::CHANGES,
             [get("Server-sent events: something has changed", changes::follow).detail(
-                "An event `change` at once and whenever something was stored, at most one a second; \
-                 its data are the number of commits since the server started. The answer ends after \
-                 five minutes; a browser asks again.",
+                "An event `change` immediately and after every commit, at most one a second; its data are \
+                 the number of commits since the server started. The response ends after five minutes; \
+                 browsers reconnect.",
             )],
         )
 }
 
 fn people_of(table: Table) -> Table {
-    let text = "Participants, and what experimenters note and decide about them.";
+    let text = "Participants, with notes and exclusions by experimenters.";
     table
         .group("Participants", text)
         .route(
             &routes::admin_participants("{slug}"),
             [get("A page of participants, or the whole table as a file", people::list)
                 .detail(
-                    "External ids and codes are there if the key may export. With `format=csv`, the \
+                    "External ids and codes are included if the key may export. With `format=csv`, the \
                      whole table, for which the key needs the right to export.",
                 )
                 .sends_json::<ParticipantPage>()
@@ -201,16 +201,16 @@ fn people_of(table: Table) -> Table {
         .route(
             &routes::admin_participant("{id}"),
             [
-                get("A participant, whole", profiles::show).detail(
-                    "External id, code, answers and parameters are there if the key may export.",
+                get("A participant's complete record", profiles::show).detail(
+                    "External id, code, answers and parameters are included if the key may export.",
                 ),
                 delete("Deletes a participant's data, on their request", profiles::delete)
-                    .detail("Can be repeated."),
+                    .detail("Idempotent."),
             ],
         )
         .route(
             &routes::admin_drives("{id}"),
-            [get("A participant's tasks, compactly", profiles::drives)
+            [get("A participant's tasks, in compact form", profiles::drives)
                 .detail(
                     "One attempt at each scene, as analyses use them: inputs and states of every step. \
                      With the ids of the value functions, this is all that predicted sets need.",
@@ -225,9 +225,9 @@ fn people_of(table: Table) -> Table {
         .route(
             &routes::admin_exclusion("{id}"),
             [
-                put("Has analyses leave the participant out", profiles::exclude),
-                delete("Has analyses use the participant again", profiles::include)
-                    .detail("Can be repeated."),
+                put("Excludes the participant from analyses", profiles::exclude),
+                delete("Includes the participant in analyses again", profiles::include)
+                    .detail("Idempotent."),
             ],
         )
         .route(
@@ -246,14 +246,14 @@ fn data(table: Table) -> Table {
         )
         .route(
             &routes::admin_trial("{trial_id}"),
-            [get("A stored trial, whole", laboratory::trial)],
+            [get("A stored trial with its content", laboratory::trial)],
         )
         .route(
             &routes::admin_predictor("{trial_id}"),
             [get("A predictor for the replay of a trial", predictors::predictor).detail(
-                "Without a query, it is trained on the participant's earlier trials; `features` says on which \
-                 features. With `analysis` and `file`, it is a model of an analysis, and the answer says whether that was trained on \
-                 this very trial.",
+                "Without a query, it is trained on the participant's earlier trials; `features` selects the \
+                 feature set. With `analysis` and `file`, it is a model of an analysis, and the response says whether this \
+                 trial trained it.",
             )],
         )
         .route(
@@ -261,8 +261,8 @@ fn data(table: Table) -> Table {
             [get("Learned sets for the replay of a trial", predictors::sets)
                 .detail(
                     "The sets of a family that is learned from the positions of the participant's earlier \
-                     trials, as polygons in the human's frame, and how often they hold the future of the \
-                     participant's other tasks.",
+                     trials, as polygons in the human's frame, and how often they contain the future of \
+                     the participant's other tasks.",
                 )
                 .compressed()],
         )
@@ -270,15 +270,15 @@ fn data(table: Table) -> Table {
             &routes::exports("{slug}"),
             [get("A study's data as a file", exports::export)
                 .detail(
-                    "An archive with the files of `sidestep export`, sent while it is written. The \
-                     same data are the same bytes, with the same ETag: `Range` and `If-Range` go on \
-                     with a download that broke off. Without a format, the steps as one CSV file.",
+                    "An archive with the files of `sidestep export`, sent while it is being written. The \
+                     same data give the same bytes and the same ETag: `Range` and `If-Range` resume \
+                     an interrupted download. Without a format, the steps as one CSV file.",
                 )
                 .sends_bytes("application/zip")
                 .sends("text/csv")
-                .says(206, "The part of the archive that was asked for.")
+                .says(206, "The requested part of the archive.")
                 .says(304, "The client has it already.")
-                .says(416, "The archive ends before that part.")
+                .says(416, "The archive ends before the requested part.")
                 .problems(["measuring", "storage"])
                 .problem_with(412, "changed")],
         )
@@ -289,23 +289,22 @@ fn data(table: Table) -> Table {
         .route(
             routes::DATA_CHECK,
             [get(
-                "What the server found when it last checked its data, and its last backup",
+                "Findings of the last data check, and the last backup",
                 laboratory::data_check,
             )],
         )
 }
 
 fn analysis(table: Table) -> Table {
-    let text =
-        "Comparisons of models on a study's trials, which the server computes one after another.";
+    let text = "Comparisons of models on a study's trials, which the server computes one by one.";
     table
         .group("Analyses", text)
         .route(
             &routes::admin_analyses("{slug}"),
             [
                 get("A page of analyses, newest first", analyses::list),
-                post("Asks for an analysis", analyses::ask)
-                    .or_200("An equal request waits already.")
+                post("Requests an analysis", analyses::ask)
+                    .or_200("An identical request is queued already.")
                     .problems(["queue_full"]),
             ],
         )
@@ -319,20 +318,20 @@ fn analysis(table: Table) -> Table {
         .route(
             &routes::cancel_analysis("{id}"),
             [post("Cancels an analysis", analyses::cancel)
-                .detail("Can be repeated.")
+                .detail("Idempotent.")
                 .problems(["over"])],
         )
         .route(
             &routes::analysis_predictors("{id}"),
             [get("A page of the models of an analysis", predictors::list).detail(
-                "With the kinds of model, experiments, feature sets and participants that the analysis \
-                 has. An analysis that is not done has none.",
+                "With the kinds of model, experiments, feature sets and participants of the analysis. An \
+                 unfinished analysis has none.",
             )],
         )
         .route(
             &routes::analysis_file("{id}", "{*name}"),
             [get("A file of an analysis", analyses::file)
-                .detail("A slash in the name may be sent as it is or as `%2F`.")
+                .detail("A slash in the name may be sent unescaped or as `%2F`.")
                 .sends("text/html")
                 .sends("text/csv")
                 .sends("text/x-tex")
@@ -342,7 +341,7 @@ fn analysis(table: Table) -> Table {
 }
 
 fn operator(table: Table) -> Table {
-    let text = "For whoever operates the server, and for programs that use it.";
+    let text = "For operators of the server, and for programs that use it.";
     table
         .group("Server", text)
         .route("/healthz", [get("Whether the process answers", metrics::healthz)])
@@ -352,8 +351,8 @@ fn operator(table: Table) -> Table {
         )
         .route(
             "/metrics",
-            [get("Counts for Prometheus, in the text format OpenMetrics", metrics::show)
-                .detail("Programs on the server's own machine need no key; others need one that may read.")
+            [get("Metrics for Prometheus, in the OpenMetrics text format", metrics::show)
+                .detail("Programs on the server's own machine need no key; others need one with read access.")
                 .sends("application/openmetrics-text")],
         )
         .route(

@@ -1,4 +1,4 @@
-//! Request bodies: JSON in, a typed value out, or an error that names the field.
+//! Request bodies: JSON is parsed into a typed value, or the error names the field.
 
 use crate::http::error::ApiError;
 use crate::http::openapi::operation::{Input, Operation};
@@ -14,9 +14,9 @@ use sidestep::document::{Unread, object_from_json};
 
 /// A request body of type `T`.
 ///
-/// Answers 415 to another media type or a compressed body, 413 to a body that is
-/// too long, 400 to one that is not JSON (or nested more than 64 deep), and 422
-/// naming the field to JSON of another shape or a number that is out of range.
+/// Responds with 415 to another media type or a compressed body, 413 to a body that is too long,
+/// 400 to one that is not JSON (or nested more than 64 deep), and 422 naming the field to JSON of
+/// another shape or a number that is out of range.
 pub struct JsonBody<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
@@ -27,10 +27,10 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
     }
 }
 
-/// The bytes of a body that is announced as JSON.
+/// The bytes of a body with the media type of JSON.
 ///
 /// # Errors
-/// 400, 413 or 415, as [`JsonBody`] says.
+/// 400, 413 or 415, as for [`JsonBody`].
 pub async fn body(request: Request) -> Result<Vec<u8>, ApiError> {
     check_headers(&request)?;
     read(request.into_body()).await
@@ -71,7 +71,7 @@ fn check_headers(request: &Request) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Whether a parameter of a media type is not another charset than UTF-8.
+/// False if this parameter of a media type is a charset other than UTF-8.
 fn means_utf8(parameter: &str) -> bool {
     let (name, value) = parameter.split_once('=').unwrap_or((parameter, ""));
     !name.trim().eq_ignore_ascii_case("charset")
@@ -85,12 +85,12 @@ fn too_large() -> ApiError {
     ApiError::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", message)
 }
 
-/// Reads at most the limit, whatever length was announced or not.
+/// Reads at most the limit, whatever length the headers announce.
 async fn read(body: Body) -> Result<Vec<u8>, ApiError> {
     let mut bytes = Vec::new();
     let mut chunks = body.into_data_stream();
     while let Some(chunk) = chunks.next().await {
-        let chunk: Bytes = chunk.map_err(|_| ApiError::malformed("the body broke off"))?;
+        let chunk: Bytes = chunk.map_err(|_| ApiError::malformed("the body is incomplete"))?;
         if bytes.len() + chunk.len() > MAX_BODY_BYTES {
             return Err(too_large());
         }
@@ -99,10 +99,10 @@ async fn read(body: Body) -> Result<Vec<u8>, ApiError> {
     Ok(bytes)
 }
 
-/// One JSON object of type `T` and nothing after it.
+/// Parses one JSON object of type `T`, with nothing after it.
 ///
 /// # Errors
-/// 400 or 422, as [`JsonBody`] says.
+/// 400 or 422, as for [`JsonBody`].
 pub fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, ApiError> {
     let text = std::str::from_utf8(bytes)
         .map_err(|e| ApiError::malformed(format!("the body is not UTF-8: {e}")))?;

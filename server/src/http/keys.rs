@@ -14,7 +14,7 @@ use axum::http::StatusCode;
 use sidestep::api::{Action, AuditPage, KeyMade, KeySummary, NewKey};
 use std::sync::Arc;
 
-/// `GET /api/v1/admin/keys`: all keys, revoked ones too.
+/// `GET /api/v1/admin/keys`: all keys, including revoked ones.
 pub async fn list(
     Manager(_): Manager,
     State(app): State<Arc<App>>,
@@ -22,7 +22,7 @@ pub async fn list(
     Ok(Json(app.store.keys().await?))
 }
 
-/// `POST /api/v1/admin/keys`: 201 with the new key, which is shown this once.
+/// `POST /api/v1/admin/keys`: 201 with the new key, which is shown only once.
 pub async fn make(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -32,11 +32,11 @@ pub async fn make(
     let secret = secrets::token()?;
     let entry = me.does(Action::KeyMade, None, Some(new.name.clone()));
     let made = app.store.add_key(&new.name, secrets::hash(&secret), new.access, entry).await?;
-    let taken = || ApiError::conflict("taken", "another key has, or had, this name");
+    let taken = || ApiError::conflict("taken", "another key, perhaps a revoked one, has this name");
     Ok((StatusCode::CREATED, Json(KeyMade { key: made.ok_or_else(taken)?, secret })))
 }
 
-/// `DELETE /api/v1/admin/keys/{id}`: 204; the key and its sessions are invalid at once. Can be repeated.
+/// `DELETE /api/v1/admin/keys/{id}`: 204; the key and its sessions are invalid at once. Idempotent.
 pub async fn revoke(
     Manager(me): Manager,
     State(app): State<Arc<App>>,

@@ -40,7 +40,7 @@ pub async fn study(
     found.map(Json).ok_or_else(|| ApiError::not_found("study"))
 }
 
-/// `DELETE /api/v1/admin/studies/{slug}/pilots`: deletes all pilots with everything that they drove.
+/// `DELETE /api/v1/admin/studies/{slug}/pilots`: deletes all pilots with their trials.
 pub async fn delete_pilots(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -54,15 +54,15 @@ pub async fn delete_pilots(
 /// The query of a page of a list.
 #[derive(Debug, Deserialize, JsonSchema)]
 pub struct PageParams {
-    /// Most entries of the page, 1 to 500; 50 if it is left out.
+    /// Maximum number of entries on the page, 1 to 500; default 50.
     #[schemars(range(min = 1, max = 500))]
     limit: Option<i64>,
-    /// Only entries before this one: the `next_before` of the page before.
+    /// Only entries before this one: the `next_before` of the previous page.
     before: Option<i64>,
 }
 
 impl PageParams {
-    /// The limit and the sequence before which the page begins.
+    /// The limit, and the sequence number before which the page begins.
     ///
     /// # Errors
     /// [`Invalid`] for a limit outside 1 to 500.
@@ -75,8 +75,8 @@ impl PageParams {
     }
 }
 
-/// The first `limit` of what was found, of which one more was asked for, and from before which
-/// sequence the next page goes on, if there is one.
+/// The first `limit` items of `found`, which was queried for one more, and the sequence number
+/// before which the next page begins, if there is one.
 pub fn page<T>(
     mut found: Vec<T>,
     limit: i64,

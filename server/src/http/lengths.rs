@@ -1,13 +1,13 @@
-//! The lengths of archives that were sent or measured.
+//! A cache of the lengths of archives.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::OnceCell;
 
-/// Archives whose length is remembered.
+/// Capacity of the cache, archives.
 const REMEMBERED: usize = 32;
 
-/// The lengths of archives by their tags: those that were sent or measured last.
+/// The lengths of archives by their tags: those most recently sent or measured.
 #[derive(Debug, Default)]
 pub struct Lengths(Mutex<VecDeque<(String, Arc<OnceCell<u64>>)>>);
 

@@ -1,5 +1,5 @@
-//! Accepting connections, with or without TLS, closing those that keep the server waiting, and stopping
-//! after running requests.
+//! Accepts connections, with or without TLS, closes those on which the server waits too long, and
+//! stops gracefully.
 
 use crate::http::connections::{Admitted, Connections, HEAD_LIMIT};
 use crate::http::peer::Proxies;
@@ -20,21 +20,21 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tower::ServiceExt;
 
-/// Time between two searches for connections that take too long.
+/// Interval between two searches for overdue connections.
 const SEARCH: Duration = Duration::from_secs(1);
-/// Longest wait for running requests when the server stops.
+/// Grace period for running requests when the server stops.
 const FAREWELL: Duration = Duration::from_secs(10);
-/// Longest head of a request, bytes; also what a connection that waits for its next request keeps for reading.
+/// Maximum length of a request's head, bytes; also the size of the read buffer of an idle connection.
 const LONGEST_HEAD: usize = 1 << 14;
 
-/// What answers, and to whom.
+/// What a listener serves, and its connections.
 #[derive(Clone)]
 pub struct Service {
     /// The routes.
     pub router: Router,
-    /// The proxies whose word is taken.
+    /// The trusted proxies.
     pub proxies: Arc<Proxies>,
-    /// The certificate, if connections are encrypted here.
+    /// The certificate, if this server terminates TLS.
     pub certificates: Option<Arc<Certificates>>,
     /// The open connections.
     pub connections: Arc<Connections>,
@@ -58,12 +58,12 @@ pub async fn serve(listener: TcpListener, service: Service, stop: impl Future<Ou
             Ok((stream, from)) => {
                 let peer = from.ip().to_canonical();
                 let is_proxy = service.proxies.trusts(peer);
-                // Without a place it is closed: every other connection waits for an answer.
+                // Without a free slot it is closed: every other client waits for a response.
                 let Some(admitted) = service.connections.admit(peer, is_proxy) else { continue };
                 tokio::spawn(converse(stream, peer, admitted, service.clone(), running.watcher()));
             }
             Err(error) => {
-                // Most likely no file descriptor is left.
+                // Most likely the process has run out of file descriptors.
                 tracing::warn!(%error, "a connection was not accepted");
                 service.connections.make_room();
                 tokio::time::sleep(Duration::from_millis(100)).await;
@@ -83,7 +83,7 @@ pub async fn serve(listener: TcpListener, service: Service, stop: impl Future<Ou
     }
 }
 
-/// Answers the requests of a connection, until it ends or has to make room.
+/// Serves a connection until it ends, or is closed to make room.
 async fn converse(
     stream: TcpStream,
     peer: IpAddr,
@@ -135,23 +135,23 @@ async fn answer<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     });
     let stream = TokioIo::new(Watched::new(stream, Arc::clone(&admitted.watch)));
     let mut server = http1::Builder::new();
-    // hyper's own date panics while the clock is before 1970.
+    // hyper's own date panics if the clock is before 1970.
     server.max_buf_size(LONGEST_HEAD).auto_date_header(false);
-    // The client is responsible for a connection that breaks off.
+    // An interrupted connection is the client's problem.
     if let Err(error) = watcher.watch(server.serve_connection(stream, handle)).await {
         tracing::debug!(%error, "a connection ended early");
     }
 }
 
-/// The `Date` of an answer; none while the clock cannot be right.
+/// The `Date` of a response; none if the clock cannot be right.
 fn date(now: SystemTime) -> Option<HeaderValue> {
-    /// The year 10000, s since 1970: dates of HTTP have four digits for the year.
+    /// The year 10000, s since 1970: HTTP dates have four-digit years.
     const END: Duration = Duration::from_secs(253_402_300_800);
     let since = now.duration_since(UNIX_EPOCH).ok()?;
     (since < END).then(|| HeaderValue::from_str(&httpdate::fmt_http_date(now)).ok()).flatten()
 }
 
-/// Disables Nagle's algorithm: answers are written whole, so waiting only delays them.
+/// Disables Nagle's algorithm: responses are written at once, so waiting would only delay them.
 fn quick(stream: TcpStream) -> TcpStream {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "TCP_NODELAY");

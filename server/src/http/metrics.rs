@@ -1,5 +1,5 @@
-//! Liveness, readiness and counts for the operator of the server. The counts say how much a study collects, so
-//! they are for programs on this machine, and for others with a key.
+//! Liveness, readiness and metrics for the operator. The metrics reveal how much a study collects,
+//! so they are for programs on this machine, and for others with a key.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -18,9 +18,10 @@ pub async fn healthz() -> String {
     "ok\n".to_owned()
 }
 
-/// `GET /readyz`: whether a trial can be stored now: a write can begin, there is free space, and the file
-/// is the one that was opened. A second line says so if the last check of the stored data found faults, which keep
-/// nobody from storing more. The cause is told to programs on this machine alone: it may name files and hosts.
+/// `GET /readyz`: whether a trial can be stored now: a write can begin, there is free space, and
+/// the file is the one that was opened. A second line reports faults that the last check found in
+/// stored data, which do not prevent storing more. Only programs on this machine see the cause,
+/// since it may name files and hosts.
 pub async fn readyz(
     State(app): State<Arc<App>>,
     client: Option<Extension<Client>>,
@@ -40,7 +41,7 @@ pub async fn readyz(
     })
 }
 
-/// A program on this machine that speaks for nobody else, or an experimenter.
+/// A program on this machine that is not a proxy, or an experimenter.
 pub struct Operator;
 
 impl FromRequestParts<Arc<App>> for Operator {

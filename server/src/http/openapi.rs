@@ -1,4 +1,4 @@
-//! The OpenAPI document: each route says, by the types of its handler, what it takes and what it answers.
+//! The OpenAPI document. The types of each route's handler describe its requests and responses.
 
 pub mod problems;
 pub mod schemas;

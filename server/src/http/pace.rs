@@ -1,4 +1,4 @@
-//! How fast somebody may ask, enrol people and guess keys.
+//! Rate limits of requests, enrolments and wrong keys.
 
 use crate::http::error::ApiError;
 use crate::http::throttle::{SharedThrottle, Throttle};
@@ -7,8 +7,8 @@ use crate::store::Store;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
-/// How fast an origin and a token may ask. A whole class behind one address stays far below. Programs on this
-/// machine that speak for nobody else are not limited: whoever runs them can do more than ask.
+/// Rate limits per origin and per token. A whole class behind one address stays far below them.
+/// Local programs that are not proxies are exempt: their users can do more than send requests.
 #[derive(Debug)]
 pub struct Pace {
     requests: Throttle<IpAddr>,
@@ -17,23 +17,23 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Nobody has asked for anything yet. Servers of one database count enrolments together, and requests each
-    /// for itself: these protect the server.
+    /// New rate limits. Servers of one database count enrolments together; each server counts
+    /// requests on its own, to protect itself.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         Self {
-            // Hundreds of people open the page, each with a dozen files.
+            // Hundreds of participants open the page at once, each loading a dozen files.
             requests: Throttle::new(6_000, Duration::from_micros(3_333)),
             enrolments: SharedThrottle::new(store, "enrolments", 1_000, Duration::from_millis(100)),
-            // A browser that was offline for the whole hour sends sixty trials at once.
+            // A browser that was offline for the whole hour uploads sixty trials at once.
             of_token: Throttle::new(600, Duration::from_millis(20)),
         }
     }
 
-    /// Counts a request from `origin`, with its token, and whether it enrols somebody.
+    /// Counts a request from `origin`, with its token, and whether it is an enrolment.
     ///
     /// # Errors
-    /// 429 if the origin or the token asks too fast.
+    /// 429 if the origin or the token exceeds its rate limit.
     pub async fn count(
         &self,
         origin: IpAddr,
@@ -54,25 +54,26 @@ impl Pace {
     }
 }
 
-/// The wrong keys of each origin, and of all together.
+/// Rate limits of wrong keys, per origin and for all origins together.
 ///
-/// Refusing every key from an origin would also refuse the right one of whoever shares it. So each key is
-/// compared; but where many wrong ones came from, and everywhere while many come from everywhere, only after
-/// a while. Whoever does not wait for the answer has not guessed.
+/// Refusing every key from an origin would also refuse the right key of a user who shares it. So
+/// each key is compared, but with a delay for origins that have sent many wrong keys, and for all
+/// origins while many send wrong keys. A client that does not wait for the response has not learned
+/// anything.
 #[derive(Debug)]
 pub struct Guesses {
     of_origin: SharedThrottle,
-    /// Under the address of nobody.
+    /// Counted for the address [`ALL`].
     of_all: SharedThrottle,
-    /// What a key waits before it is compared.
+    /// Delay before a key is compared.
     wait: Duration,
 }
 
-/// The address of nobody.
+/// Placeholder address for all origins together.
 const ALL: IpAddr = IpAddr::V4(Ipv4Addr::UNSPECIFIED);
 
 impl Guesses {
-    /// Nobody has guessed yet. Servers of one database count together.
+    /// New rate limits. Servers of one database count together.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         let throttle = |kind, burst, pause| SharedThrottle::new(store, kind, burst, pause);
@@ -83,7 +84,7 @@ impl Guesses {
         }
     }
 
-    /// Waits, if too many wrong keys came.
+    /// Delays, if too many wrong keys have been sent.
     pub async fn slow_down(&self, origin: IpAddr) {
         if self.of_origin.is_spent(origin).await || self.of_all.is_spent(ALL).await {
             tokio::time::sleep(self.wait).await;
@@ -93,7 +94,7 @@ impl Guesses {
     /// Counts a wrong key.
     ///
     /// # Errors
-    /// The time after which the next may come, if there are too many of this origin.
+    /// When the next may come, if this origin has sent too many.
     pub async fn count(&self, origin: IpAddr) -> Result<(), Duration> {
         let _ = self.of_all.take(ALL).await;
         self.of_origin.take(origin).await

@@ -1,4 +1,4 @@
-//! Parameters in addresses; errors name the parameter.
+//! Path and query parameters; errors name the parameter.
 
 use crate::http::error::ApiError;
 use crate::http::openapi::operation::{Input, Operation};
@@ -19,7 +19,7 @@ impl<S: Send + Sync> FromRequestParts<S> for PathText {
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
-        // No resource has an address that is not UTF-8.
+        // No path of a resource is invalid UTF-8.
         Path::<String>::from_request_parts(parts, state)
             .await
             .map(|Path(text)| Self(text))
@@ -51,15 +51,15 @@ impl<T: JsonSchema> Input for Params<T> {
     }
 }
 
-/// The query of an address, as a `T`.
+/// Parses the query of a URL.
 ///
 /// # Errors
-/// [`Invalid`] with the name of the wrong parameter.
+/// [`Invalid`] with the name of the invalid parameter.
 pub fn parse<T: DeserializeOwned>(uri: &Uri) -> Result<T, Invalid> {
     if let Ok(Query(value)) = Query::<T>::try_from_uri(uri) {
         return Ok(value);
     }
-    // To name the wrong parameter, the query is read again as an object, with numbers as numbers.
+    // To name the invalid parameter, the query is parsed again as an object, with numbers as numbers.
     let pairs = Query::<Vec<(String, String)>>::try_from_uri(uri).map(|Query(pairs)| pairs);
     let number = |text: String| text.parse::<i64>().map_or_else(|_| text.into(), Value::from);
     let object = pairs.unwrap_or_default().into_iter().map(|(name, text)| (name, number(text)));

@@ -1,4 +1,4 @@
-//! Progress, the check of understanding, answers, completion and withdrawal of participants.
+//! Progress, check of understanding, answers, completion and withdrawal of participants.
 
 use crate::clock::now_ms;
 use crate::http::app::App;
@@ -26,7 +26,8 @@ use sidestep::invalid::Invalid;
 use sidestep::study::Question;
 use std::sync::Arc;
 
-/// `GET /api/v1/participants/me`. Whoever asks is there: a study with a quota keeps their place.
+/// `GET /api/v1/participants/me`. The request counts as presence: in a study with a quota, the
+/// participant keeps their place.
 pub async fn show(
     State(app): State<Arc<App>>,
     Me(visitor): Me,
@@ -35,7 +36,7 @@ pub async fn show(
     let config = app.store.config(&me.config_hash).await?;
     let rows = app.store.plan(&me.id).await?;
     let (there, state) = (me.clone(), Arc::clone(&app));
-    // Progress can be shown while nothing can be written.
+    // Progress can be shown even if nothing can be written.
     tokio::spawn(async move {
         if let Err(error) = state.store.note_presence(&there, now_ms()).await {
             tracing::warn!(%error, "noting that a participant is there");
@@ -57,7 +58,7 @@ pub async fn show(
         },
         completion_code: code,
         complete: me.completion_code.is_some(),
-        // Whoever drives has passed the check, or began when the study had none.
+        // A participant who is driving has passed the check, or began when the study had none.
         understood: me.understood || !has_check || !stored.is_empty(),
         comprehension_attempts: visitor.attempts() as usize,
         answered: me.answered || config.questions.is_empty(),
@@ -67,8 +68,8 @@ pub async fn show(
     }))
 }
 
-/// `PUT /api/v1/participants/me/comprehension`: the result of the check of understanding. The same again
-/// has the same answer.
+/// `PUT /api/v1/participants/me/comprehension`: the result of the check of understanding. Repeating
+/// a request gets the same response.
 pub async fn check_understanding(
     State(app): State<Arc<App>>,
     MeOrGone(visitor): MeOrGone,
@@ -94,8 +95,8 @@ pub async fn check_understanding(
     Ok(Json(ComprehensionStored { screened_out, after_wrong, return_url }))
 }
 
-/// `PUT /api/v1/participants/me/answers`: 204; in the place of earlier answers, until the participation
-/// is complete, if the token is that of the browser that enrolled.
+/// `PUT /api/v1/participants/me/answers`: 204; replaces earlier answers until the participation is
+/// complete, if the token is that of the browser that enrolled.
 pub async fn answer(
     State(app): State<Arc<App>>,
     Writer(visitor): Writer,
@@ -138,8 +139,8 @@ pub async fn answer(
     }
 }
 
-/// `POST /api/v1/participants/me/complete`: the completion code, once all trials and the answers that
-/// must be given are stored.
+/// `POST /api/v1/participants/me/complete`: the completion code, if all trials and the required
+/// answers are stored.
 pub async fn complete(
     State(app): State<Arc<App>>,
     Writer(visitor): Writer,
@@ -169,13 +170,13 @@ pub async fn complete(
     }
 }
 
-/// What a withdrawal does to the participant's data.
+/// Effect of a withdrawal on the participant's data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fate {
     /// The trials so far may be used.
     Keep,
-    /// All data are deleted now.
+    /// All data are deleted at once.
     Delete,
 }
 
@@ -186,8 +187,8 @@ pub struct WithdrawParams {
     data: Fate,
 }
 
-/// `DELETE /api/v1/participants/me?data=keep|delete`. Can be repeated, and `keep` followed by `delete`;
-/// also in a study that is over, and after being screened out.
+/// `DELETE /api/v1/participants/me?data=keep|delete`. Idempotent; `keep` can be followed by
+/// `delete`. Possible even in an archived study, and after being screened out.
 pub async fn withdraw(
     State(app): State<Arc<App>>,
     MeOrGone(visitor): MeOrGone,

@@ -1,4 +1,4 @@
-//! Who sends a request: the client's address and whether its way here is encrypted, also behind proxies.
+//! The client that sends a request: its address, and whether its connection is encrypted, even behind proxies.
 
 use axum::http::{HeaderMap, HeaderName, header};
 use ipnet::IpNet;
@@ -7,25 +7,25 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 /// The client of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Client {
-    /// Its address; behind a trusted proxy, the one that the proxy says.
+    /// Its address; behind a trusted proxy, the one that the proxy reports.
     pub address: IpAddr,
-    /// Whether it talks through TLS, with this server or with a trusted proxy.
+    /// Whether it connects through TLS, to this server or to a trusted proxy.
     pub is_secure: bool,
-    /// Whether it is a program on this machine that speaks for nobody else.
+    /// Whether it is a program on this machine that is not a proxy.
     pub is_local: bool,
-    /// Whether a trusted proxy has sent the request on.
+    /// Whether a trusted proxy has forwarded the request.
     pub is_proxied: bool,
 }
 
 impl Default for Client {
-    /// A client of whom nothing is known.
+    /// An unknown client.
     fn default() -> Self {
         let address = IpAddr::V4(Ipv4Addr::UNSPECIFIED);
         Self { address, is_secure: false, is_local: false, is_proxied: false }
     }
 }
 
-/// The proxies whose word about their clients is taken.
+/// The proxies whose headers about their clients are trusted.
 #[derive(Clone, Debug, Default)]
 pub struct Proxies(Vec<IpNet>);
 
@@ -51,11 +51,11 @@ impl Proxies {
         self.0.iter().any(|net| net.contains(&address))
     }
 
-    /// The client of a request with these headers that came from `peer`, through TLS or not.
+    /// The client of a request with these headers from `peer`, through TLS or not.
     ///
-    /// Each proxy appends the address of whoever sent the request to it, so the list is read from its end:
-    /// the first address that is no trusted proxy's is the client. What stands before it is the client's own
-    /// word, and counts for nothing.
+    /// Each proxy appends the address of its peer, so the list is read from its end: the first
+    /// address that is not a trusted proxy's is the client. Earlier entries come from the client
+    /// itself, and are ignored.
     #[must_use]
     pub fn client(&self, peer: IpAddr, is_tls: bool, headers: &HeaderMap) -> Client {
         let peer = peer.to_canonical();
@@ -72,7 +72,7 @@ impl Proxies {
         }
         let mut address = peer;
         for hop in hops.iter().rev() {
-            // What is no address hides who stands before it.
+            // An invalid address hides the addresses before it.
             let Some(before) = address_of(hop) else { break };
             address = before;
             if !self.trusts(address) {
@@ -89,8 +89,8 @@ impl Proxies {
     }
 }
 
-/// The addresses that one household or laboratory shares, as limits count them: one address of version 4,
-/// or the network of 64 bits that one customer has in version 6.
+/// The unit in which limits count addresses, shared by a household or laboratory: an IPv4 address,
+/// or the 64-bit network that one customer has in IPv6.
 #[must_use]
 pub fn origin(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
@@ -102,7 +102,7 @@ pub fn origin(address: IpAddr) -> IpAddr {
     }
 }
 
-/// The elements of a list that headers of this name give together.
+/// The list elements of all headers with this name.
 fn elements(headers: &HeaderMap, name: &HeaderName) -> Vec<String> {
     let lines = headers.get_all(name).iter().map(|line| line.to_str().unwrap_or("?"));
     lines.flat_map(|line| line.split(',')).map(|element| element.trim().to_owned()).collect()

@@ -1,4 +1,4 @@
-//! The participants of a study: the list that pages show, and the table that is taken away.
+//! The participants of a study: the list on pages, and the table as a file.
 
 use crate::formats::exports;
 use crate::formats::table::{csv_header, csv_rows};
@@ -23,28 +23,28 @@ use std::sync::Arc;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ListParams {
-    /// `csv`: the whole table as a file; needs the right to export.
+    /// `csv`: the whole table as a file; needs export access.
     #[schemars(extend("enum" = ["csv"]))]
     format: Option<String>,
-    /// What the list is sorted by; the participant's number if it is left out.
+    /// Sort key; default: the participant's number.
     #[serde(default)]
     sort: SortBy,
-    /// The direction; rising if it is left out.
+    /// The direction; default: ascending.
     #[serde(default)]
     order: Order,
     /// Only those at this stage.
     stage: Option<Stage>,
-    /// Only those of whom this is not 0: a count to look at, such as `late_sample`.
+    /// Only those for whom this count, such as `late_sample`, is not 0.
     having: Option<SortBy>,
     /// Only those whose number, external id or code is this text.
     search: Option<String>,
-    /// Whether pilots are listed, in the place of participants.
+    /// Whether pilots are listed instead of participants.
     #[serde(default)]
     pilot: bool,
-    /// Most entries of the page, 1 to 500; 50 if it is left out.
+    /// Maximum number of entries on the page, 1 to 500; default 50.
     #[schemars(range(min = 1, max = 500))]
     limit: Option<i64>,
-    /// How many are passed over before the page, from 0.
+    /// Number of entries before the page, from 0.
     #[schemars(range(min = 0))]
     offset: Option<i64>,
 }
@@ -53,10 +53,10 @@ pub struct ListParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Order {
-    /// The lowest first.
+    /// Lowest first.
     #[default]
     Asc,
-    /// The highest first.
+    /// Highest first.
     Desc,
 }
 
@@ -64,7 +64,7 @@ impl ListParams {
     /// With `identities`, external ids and codes are shown and searched.
     ///
     /// # Errors
-    /// [`Invalid`] for a limit outside 1 to 500, a negative offset, or `having` that counts nothing.
+    /// [`Invalid`] for a limit outside 1 to 500, a negative offset, or a `having` that is not a count.
     fn selection(self, identities: bool) -> Result<Selection, Invalid> {
         let (limit, offset) = (self.limit.unwrap_or(50), self.offset.unwrap_or(0));
         if !(1..=500).contains(&limit) {
@@ -91,8 +91,8 @@ impl ListParams {
     }
 }
 
-/// `GET /api/v1/admin/studies/{slug}/participants`: a page of them, with external ids and codes if the key may
-/// export; with `?format=csv`, the whole table.
+/// `GET /api/v1/admin/studies/{slug}/participants`: a page of participants, with external ids and
+/// codes if the key has export access; with `?format=csv`, the whole table.
 pub async fn list(
     Reader(me): Reader,
     State(app): State<Arc<App>>,

@@ -1,4 +1,4 @@
-//! Predictors: the models of analyses, and what a replay predicts with.
+//! Predictors: the models of analyses, and the model for the replay of a trial.
 
 use crate::http::analyses;
 use crate::http::app::App;
@@ -43,19 +43,19 @@ pub struct ListParams {
     /// Only this experiment: 1 or 2.
     #[schemars(range(min = 1, max = 2))]
     experiment: Option<u8>,
-    /// Only those on the feature set with this name.
+    /// Only those with this feature set.
     features: Option<String>,
-    /// Most entries of the page, 1 to 500; 50 if it is left out.
+    /// Maximum number of entries on the page, 1 to 500; default 50.
     #[schemars(range(min = 1, max = 500))]
     limit: Option<i64>,
-    /// How many are passed over before the page, from 0.
+    /// Number of entries before the page, from 0.
     #[schemars(range(min = 0))]
     offset: Option<i64>,
 }
 
 impl ListParams {
     /// # Errors
-    /// [`Invalid`] for what no list has.
+    /// [`Invalid`] for a parameter out of range.
     fn selection(self) -> Result<Selection, Invalid> {
         let (limit, offset) = (self.limit.unwrap_or(50), self.offset.unwrap_or(0));
         if !(1..=500).contains(&limit) {
@@ -81,7 +81,7 @@ impl ListParams {
     }
 }
 
-/// `GET /api/v1/admin/analyses/{id}/predictors`: a page of the models of an analysis, participant by participant.
+/// `GET /api/v1/admin/analyses/{id}/predictors`: a page of the models of an analysis, ordered by participant.
 pub async fn list(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -92,21 +92,22 @@ pub async fn list(
     page.map(Json).ok_or_else(|| ApiError::not_found("analysis"))
 }
 
-/// Which model is wanted instead of the one trained on the participant's earlier trials.
+/// Selects a model other than the one trained on the participant's earlier trials.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PredictorParams {
-    /// The analysis that trained it; needs `file`.
+    /// The analysis that trained it; requires `file`.
     analysis: Option<String>,
-    /// Its file among those of the analysis; needs `analysis`.
+    /// The name of its file in the analysis; requires `analysis`.
     file: Option<String>,
-    /// The features of the model that is trained on the participant's earlier trials: `hrd`, if it is left out, or
-    /// `hrd_body_history`; not beside `analysis`.
+    /// The feature set of the model that is trained on the participant's earlier trials: `hrd`
+    /// (default) or `hrd_body_history`; not together with `analysis`.
     features: Option<String>,
 }
 
-/// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on this participant's earlier trials, with
-/// `?features=SET` on these features, or with `?analysis=ID&file=NAME` a model of an analysis.
+/// `GET /api/v1/admin/trials/{trial_id}/predictor`: a model trained on this participant's earlier
+/// trials; with `?features=SET`, on this feature set; with `?analysis=ID&file=NAME`, a model of an
+/// analysis.
 pub async fn predictor(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -160,15 +161,16 @@ async fn of_earlier_trials(
     Ok(TrainedPredictor { predictor, trials, fallback, trained_on, source: None })
 }
 
-/// Which sets are wanted.
+/// Selects the sets.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SetsParams {
-    /// The family that is learned.
+    /// The family to learn.
     family: EmpiricalFamily,
 }
 
-/// `GET /api/v1/admin/trials/{trial_id}/sets?family=FAMILY`: learned from this participant's earlier trials.
+/// `GET /api/v1/admin/trials/{trial_id}/sets?family=FAMILY`: sets learned from this participant's
+/// earlier trials.
 pub async fn sets(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -183,7 +185,7 @@ pub async fn sets(
 }
 
 /// # Errors
-/// [`Invalid`] if there is too little to learn from.
+/// [`Invalid`] if there are too few data to learn from.
 fn learned(
     family: EmpiricalFamily,
     parameters: &SceneParameters,
@@ -209,10 +211,10 @@ fn learned(
     Ok(LearnedSets { sets, trials: earlier.len(), held })
 }
 
-/// Confidence of intervals, as in analyses.
+/// Confidence level of intervals, as in analyses.
 const CONFIDENCE: f64 = 0.95;
 
-/// A model of an analysis, and what it has to do with a trial.
+/// A model of an analysis, and its relation to a trial.
 ///
 /// # Errors
 /// [`ApiError`] if there is no such model, or a replay cannot use it.
@@ -235,7 +237,7 @@ pub async fn of_analysis(
     Ok(TrainedPredictor { predictor, trials, fallback: None, trained_on, source: Some(source) })
 }
 
-/// Accepts a model that Algorithm 1 can use.
+/// Checks that Algorithm 1 can use a model.
 ///
 /// # Errors
 /// [`Invalid`] naming `file`, if the model does not predict the direction of turns, or needs features that this

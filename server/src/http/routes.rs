@@ -12,14 +12,14 @@ use axum::{Extension, Router};
 use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
 
-/// All routes: those of the interface, and the pages, of a server with these names.
+/// All routes: the interface, and the pages, of a server with these host names.
 pub fn router(app: Arc<App>, site: &Site, hosts: Hosts) -> Router {
     let (api, document) = interface::table().finished();
     let api = api
         .layer(Extension(Arc::new(Published::of(&document, site.docs()))))
         .layer(from_fn(guard::no_store));
-    // The last layer is the outermost: every answer, also after a panic, is counted and logged and has
-    // the security headers.
+    // The last layer is the outermost: every response, even after a panic, is counted and logged
+    // and has the security headers.
     api.merge(site::routes(site))
         .fallback(async || ApiError::not_found("page or route"))
         .method_not_allowed_fallback(method_not_allowed)
@@ -72,7 +72,7 @@ mod tests {
     use tokio_util::sync::CancellationToken;
     use tower::ServiceExt;
 
-    /// A server without sockets, whose store and drawing of plans can be held up.
+    /// A server without sockets, whose store and queue of plans can be blocked.
     async fn served(folder: &TempDir, plans_waiting: usize) -> (Store, Router) {
         std::fs::create_dir_all(folder.path().join("assets")).unwrap();
         let pages = ["index", "participant", "lab", "viewer", "reachability", "demo", "docs"];
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(body::<Problem>(refused).await.code, "busy");
     }
 
-    /// A trial that arrives behind a whole class is answered while most of the class still waits.
+    /// A trial that arrives behind a whole class is stored while most of the class is still waiting.
     #[tokio::test]
     async fn a_trial_is_answered_ahead_of_a_class_that_enrols() {
         const AHEAD: usize = 10;
@@ -155,7 +155,7 @@ mod tests {
         };
         begin(&mut class, AHEAD);
         store.until_waiting([0, AHEAD]).await;
-        // Among the enrolments, something that holds the writer again.
+        // Among the enrolments, an operation that blocks the writer again.
         let (go, wait) = mpsc::channel();
         let (began, again) = oneshot::channel();
         let mut holding = Box::pin(store.hold(began, wait));

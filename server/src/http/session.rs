@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 const LIFETIME_S: i64 = 30 * 24 * 3600;
 
-/// `POST /api/v1/admin/session`: takes an experimenter's key, sets a cookie.
+/// `POST /api/v1/admin/session`: exchanges an experimenter's key for a cookie.
 pub async fn sign_in(
     State(app): State<Arc<App>>,
     client: Option<Extension<Client>>,
@@ -43,7 +43,7 @@ fn session(Experimenter { name, access, .. }: Experimenter) -> Json<Session> {
     Json(Session { signed_in: true, name, access })
 }
 
-/// `DELETE /api/v1/admin/session`: the cookie becomes invalid.
+/// `DELETE /api/v1/admin/session`: invalidates the cookie.
 pub async fn sign_out(
     State(app): State<Arc<App>>,
     client: Option<Extension<Client>>,
@@ -58,8 +58,9 @@ pub async fn sign_out(
     Ok((StatusCode::NO_CONTENT, set_cookie("", 0, client)).into_response())
 }
 
-/// SameSite is Lax, because the sign-in link is opened from a terminal or a mail. The origin check
-/// protects requests that change anything. A browser that came through TLS sends the cookie through TLS only.
+/// SameSite is Lax, because the sign-in link is opened from a terminal or a mail. The same-origin
+/// check protects requests that change anything. A browser that connected through TLS sends the
+/// cookie only through TLS.
 fn set_cookie(
     value: &str,
     age_s: i64,

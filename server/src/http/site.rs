@@ -1,5 +1,5 @@
-//! The client bundle: pages that are not cached, and assets whose names change with their content. The first
-//! page names the studies that are open.
+//! The client bundle: pages that are not cached, and assets whose names change with their content.
+//! The home page lists the open studies.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -21,7 +21,7 @@ pub struct Site {
     folder: PathBuf,
     home: String,
     docs: String,
-    /// Whether everybody may drive the demonstration.
+    /// Whether the demonstration is open to everyone.
     demo_is_open: bool,
 }
 
@@ -39,7 +39,7 @@ impl Site {
     /// The bundle in `folder`.
     ///
     /// # Errors
-    /// If a page is missing: one line that states what to do.
+    /// If a page is missing, with one line of advice.
     pub fn open(folder: &Path) -> Result<Self, String> {
         if PAGES.iter().all(|page| folder.join(page).is_file()) {
             let read = |name: &str| {
@@ -56,13 +56,13 @@ impl Site {
 }
 
 impl Site {
-    /// The same with the demonstration at `/demo`, for everybody, if `is_open`.
+    /// The same with the demonstration at `/demo` open to everyone, if `is_open`.
     #[must_use]
     pub fn with_demo(self, is_open: bool) -> Self {
         Self { demo_is_open: is_open, ..self }
     }
 
-    /// The page of the documentation, without its content.
+    /// The documentation page, without its content.
     #[must_use]
     pub fn docs(&self) -> &str {
         &self.docs
@@ -76,7 +76,7 @@ pub fn default_folder() -> PathBuf {
     executable.with_file_name("site")
 }
 
-/// Routes of the pages and assets, with precompressed variants if they exist.
+/// Routes of pages and assets, with precompressed variants if they exist.
 pub fn routes(site: &Site) -> Router<Arc<App>> {
     let page =
         |name: &str| ServeFile::new(site.folder.join(name)).precompressed_br().precompressed_gzip();
@@ -108,23 +108,23 @@ pub fn routes(site: &Site) -> Router<Arc<App>> {
     pages.merge(assets).merge(icon).route("/start", get(start))
 }
 
-/// The first page, without the studies.
+/// The home page, without the list of studies.
 #[derive(Clone)]
 struct Home {
     page: Arc<str>,
-    /// Whether everybody may drive the demonstration.
+    /// Whether the demonstration is open to everyone.
     demo_is_open: bool,
 }
 
-/// The comment of the first page in whose place the studies stand.
+/// Placeholder in the home page for the studies.
 const OPEN_STUDIES: &str = "<!-- The server puts the open studies here. -->";
 
-/// `GET /`: names the studies in which everybody can take part, this server's default study first.
+/// `GET /`: lists the studies that are open to everyone, this server's default study first.
 async fn home(State(app): State<Arc<App>>, Extension(first): Extension<Home>) -> Response {
     let Home { page, demo_is_open } = first;
     let mut studies = Vec::new();
     for slug in app.store.slugs().await.unwrap_or_default() {
-        // A study that cannot be read takes nobody, and the others are still named.
+        // A study that cannot be read admits nobody; the others are still listed.
         let Ok(Some(study)) = app.store.study(&slug).await else { continue };
         let config = &study.config;
         let for_everybody = config.admits(false) && !config.recruitment.require_external_id;
@@ -155,8 +155,7 @@ async fn ask_again(request: Request, next: Next) -> Response {
     with_cache_control(next.run(request).await, "no-cache")
 }
 
-/// Only existing assets may be cached for ever: a name that is missing during a deployment may exist
-/// later.
+/// Only existing assets may be cached forever: an asset that is missing during a deployment may exist later.
 async fn keep_forever(request: Request, next: Next) -> Response {
     let answer = next.run(request).await;
     match answer.status() {

@@ -22,13 +22,13 @@ use std::sync::Arc;
 /// The query of a study.
 #[derive(Debug, Deserialize, JsonSchema)]
 pub struct StudyParams {
-    /// The recruiting service's id of the person who asks.
+    /// The recruiting service's id of the person who sends the request.
     external_id: Option<String>,
 }
 
-/// `GET /api/v1/studies/{slug}?external_id=`. With a participant's token, the study as they enrolled in it.
-/// With an external id, whether this person can take part: they may have begun, or have finished. That
-/// says no more than an enrolment with the same id, and stores nothing.
+/// `GET /api/v1/studies/{slug}?external_id=`. With a participant's token, the configuration of
+/// their enrolment. With an external id, whether this person can take part: they may have begun, or
+/// have finished. This reveals no more than an enrolment with the same id, and stores nothing.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -55,7 +55,7 @@ pub async fn show(
     };
     let return_url;
     (admission, return_url) = match known {
-        // Nobody goes on in an archived study.
+        // No participant continues in an archived study.
         Some(known) if (known.0, admission) != (Admission::Open, Admission::Archived) => known,
         _ => (admission, newcomers_url(&study.config, admission, id)),
     };
@@ -63,7 +63,7 @@ pub async fn show(
     Ok(Json(StudyInfo { return_url, ..StudyInfo::of(&config, admission) }))
 }
 
-/// What a request is about.
+/// The configuration for a request.
 pub struct Asked {
     /// The configuration.
     pub config: Arc<StudyConfig>,
@@ -73,8 +73,8 @@ pub struct Asked {
     pub visitor: Option<Visitor>,
 }
 
-/// The configuration that a request is about: that of the participant whose token it
-/// carries, else that of new participants. An edited study file changes nothing for participants who have begun.
+/// The configuration for a request: that of the participant whose token it carries, else that of
+/// new participants. An edited study file changes nothing for participants who have begun.
 ///
 /// # Errors
 /// If the database cannot be read.
@@ -95,7 +95,7 @@ pub async fn asked_for(
     Ok(Asked { config, config_hash, visitor })
 }
 
-/// The people who may enrol in a study now.
+/// Who may enrol in a study now.
 #[must_use]
 pub fn gate(study: &StoredStudy) -> Gate {
     let recruitment = &study.config.recruitment;

@@ -1,4 +1,4 @@
-//! What participants read, in the language that they choose or that their browser asks for.
+//! The texts for participants, in the language that they choose or that their browser prefers.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -26,9 +26,9 @@ pub struct TextParams {
     language: Option<String>,
 }
 
-/// `GET /api/v1/studies/{slug}/texts?language=`: in that language; without it, or if the study does not
-/// have it, in the one that the browser prefers. With a participant's token, the study as they enrolled in
-/// it.
+/// `GET /api/v1/studies/{slug}/texts?language=`: in this language; by default, or if the study does
+/// not have it, in the one that the browser prefers. With a participant's token, the texts of the
+/// configuration of their enrolment.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -59,8 +59,8 @@ pub async fn show(
     Ok((vary, Json(Texts { check, ..page.texts.clone() })).into_response())
 }
 
-/// What decides which questions a participant is asked: who they are, and at which attempt, unless they
-/// keep their questions.
+/// Seed for drawing a participant's questions: it depends on the participant and, unless they keep
+/// their questions, on the attempt.
 fn drawing_seed(visitor: &Visitor, after_wrong: AfterWrong) -> u64 {
     let attempt = match after_wrong {
         AfterWrong::Mark => 0,
@@ -70,7 +70,7 @@ fn drawing_seed(visitor: &Visitor, after_wrong: AfterWrong) -> u64 {
     hash.iter().take(8).fold(0, |seed, byte| (seed << 8) | u64::from(*byte))
 }
 
-/// The languages of an Accept-Language header, the most wanted first.
+/// The languages of an Accept-Language header, by descending preference.
 fn preferred(header: &str) -> Vec<&str> {
     let quality = |parameters: &str| {
         let value = parameters.split(';').find_map(|p| p.trim().strip_prefix("q="));
@@ -82,7 +82,7 @@ fn preferred(header: &str) -> Vec<&str> {
         .map(|(tag, parameters)| (tag.trim(), quality(parameters)))
         .filter(|(tag, quality)| is_language(tag) && *quality > 0.0)
         .collect();
-    // Stable: equal ones stay in their order.
+    // Stable: equal preferences keep their order.
     found.sort_by(|(_, a), (_, b)| b.total_cmp(a));
     found.into_iter().map(|(tag, _)| tag).collect()
 }

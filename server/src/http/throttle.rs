@@ -1,4 +1,4 @@
-//! How often somebody may do something.
+//! Rate limits.
 
 use crate::secrets;
 use crate::store::Store;
@@ -9,32 +9,32 @@ use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Counts what each of many (addresses, tokens) does. Everybody may do it `burst` times at once, and gets one
-/// more for each `pause` that passes. The counts are in this server's memory.
+/// A rate limit for each of many keys, such as addresses or tokens: a burst of `burst` turns, and
+/// one more turn for each `pause` that passes. The counts are in this server's memory.
 #[derive(Debug)]
 pub struct Throttle<Who> {
     burst: u32,
     pause: Duration,
-    /// For each, when they will have all their `burst` again.
+    /// When each key will have all its `burst` turns again.
     full_at: Mutex<HashMap<Who, Instant>>,
 }
 
-/// The same for what is rare and must not become more frequent with more servers: if several servers share
-/// the database, they count together.
+/// The same for rare actions whose limit must not grow with the number of servers: servers that
+/// share a database count together.
 #[derive(Debug)]
 pub struct SharedThrottle {
     here: Throttle<IpAddr>,
-    /// What is counted, as the database calls it.
+    /// The kind of action, as in the database.
     kind: &'static str,
     /// The database, if it is shared.
     store: Option<Store>,
-    /// Until when it told some to wait. They are not asked for there before: a flood that is refused costs the
-    /// database nothing.
+    /// Until when the database refuses an address. It is not asked again before, so refused
+    /// requests of a flood cost it nothing.
     told: Mutex<HashMap<IpAddr, Instant>>,
 }
 
 impl SharedThrottle {
-    /// A throttle of this name that counts in the database, if servers share it, and else in memory.
+    /// A rate limit of this kind that is counted in the database if servers share it, else in memory.
     #[must_use]
     pub fn new(store: &Store, kind: &'static str, burst: u32, pause: Duration) -> Self {
         let store = store.is_shared().then(|| store.clone());
@@ -50,10 +50,10 @@ impl SharedThrottle {
         }
     }
 
-    /// Counts one more.
+    /// Takes a turn.
     ///
     /// # Errors
-    /// The time after which they may, if they may not now; then nothing is counted.
+    /// How long to wait, if there is no turn now; nothing is counted then.
     pub async fn take(&self, who: IpAddr) -> Result<(), Duration> {
         let Some(store) = &self.store else { return self.here.take(who) };
         if let Some(wait) = self.told_to_wait(who, Instant::now()) {
@@ -65,12 +65,12 @@ impl SharedThrottle {
                 self.tell_to_wait(who, Instant::now(), wait);
                 wait
             }),
-            // While the database is away, each server counts alone.
+            // While the database is unavailable, each server counts alone.
             Err(_) => self.here.take(who),
         }
     }
 
-    /// How long they still have to wait, if the database said so.
+    /// How long to wait, if the database refused this address.
     fn told_to_wait(&self, who: IpAddr, now: Instant) -> Option<Duration> {
         let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
         told.get(&who)?.checked_duration_since(now).filter(|wait| !wait.is_zero())
@@ -86,7 +86,7 @@ impl SharedThrottle {
         }
     }
 
-    /// Whether they may do nothing more now.
+    /// Whether there is no turn now.
     pub async fn is_spent(&self, who: IpAddr) -> bool {
         if let Some(store) = &self.store
             && let Ok(spent) = store.has_no_turn(self.allowed(), hashed(who)).await
@@ -101,32 +101,32 @@ fn hashed(who: IpAddr) -> [u8; 32] {
     secrets::hash(&who.to_string())
 }
 
-/// The table is searched for entries that say nothing any more when it has so many.
+/// Size at which expired entries of the table are removed.
 const MANY: usize = 10_000;
 
 impl<Who: Eq + Hash> Throttle<Who> {
-    /// A throttle that has counted nothing yet.
+    /// A new rate limit.
     #[must_use]
     pub fn new(burst: u32, pause: Duration) -> Self {
         Self { burst, pause, full_at: Mutex::default() }
     }
 
-    /// Counts one more.
+    /// Takes a turn.
     ///
     /// # Errors
-    /// The time after which they may, if they may not now; then nothing is counted.
+    /// How long to wait, if there is no turn now; nothing is counted then.
     pub fn take(&self, who: Who) -> Result<(), Duration> {
         self.take_at(who, Instant::now())
     }
 
-    /// Whether they may do nothing more now.
+    /// Whether there is no turn now.
     pub fn is_spent(&self, who: &Who) -> bool {
         let full_at = self.full_at.lock().unwrap_or_else(PoisonError::into_inner);
         let left = full_at.get(who).map(|at| at.saturating_duration_since(Instant::now()));
         left.is_some_and(|left| left + self.pause > self.whole())
     }
 
-    /// The time in which everything that was spent comes back.
+    /// Refill time of a whole burst.
     fn whole(&self) -> Duration {
         self.pause * self.burst
     }

@@ -1,4 +1,4 @@
-//! The certificate of this server, and its renewal while the server runs.
+//! This server's certificate, and its renewal while the server runs.
 
 use crate::clock::date_time;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use tokio_rustls::rustls::sign::CertifiedKey;
 use tokio_rustls::rustls::{ServerConfig, version};
 use webpki::{EndEntityCert, KeyUsage};
 
-/// Time between two looks at the files.
+/// Interval at which the files are polled.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// A certificate with its key, in two PEM files.
@@ -25,7 +25,7 @@ pub struct Certificates {
     present: Arc<Present>,
 }
 
-/// The certificate that new connections get.
+/// The certificate for new connections.
 #[derive(Debug)]
 struct Present(RwLock<Arc<CertifiedKey>>);
 
@@ -59,8 +59,8 @@ impl Certificates {
         TlsAcceptor::from(Arc::clone(&self.config))
     }
 
-    /// Reads the files again whenever they change, or somebody has `asked`. Connections stay open; new ones get
-    /// the new certificate. Files that are not valid leave the present one in use.
+    /// Reloads the files when they change, or on `asked`. Connections stay open; new ones get the
+    /// new certificate. Invalid files leave the current one in use.
     pub async fn renew(&self, asked: &Notify) {
         let mut known = self.files.state();
         loop {
@@ -80,7 +80,7 @@ impl Certificates {
                     *present = Arc::new(new);
                     tracing::info!("new connections get the certificate that is in the file now");
                 }
-                // The two files do not change at the same instant; the next change may mend it.
+                // The two files do not change at the same instant; the next change may fix it.
                 Err(error) => tracing::warn!("the certificate stays as it was: {error}"),
             }
         }
@@ -94,7 +94,7 @@ struct Files {
 }
 
 impl Files {
-    /// Tells whether one of the files has changed.
+    /// Modification times and lengths of the files, to detect changes.
     fn state(&self) -> [Option<(SystemTime, u64)>; 2] {
         [&self.certificate, &self.key].map(|path| {
             let file = std::fs::metadata(path).ok()?;
@@ -134,7 +134,7 @@ impl Files {
     }
 }
 
-/// What was found in the place of PEM.
+/// The content that was found instead of valid PEM.
 fn found(error: &pem::Error) -> String {
     match error {
         pem::Error::Io(error) => error.to_string(),
@@ -143,14 +143,14 @@ fn found(error: &pem::Error) -> String {
     }
 }
 
-/// What is wrong with a certificate by itself. Whether its issuers are trusted is for browsers to say.
+/// What is wrong with a certificate by itself. Whether its issuers are trusted is for clients to decide.
 fn damage(certificate: &CertificateDer<'_>) -> Option<String> {
     let Ok(parsed) = EndEntityCert::try_from(certificate) else {
         return Some("a damaged one".to_owned());
     };
     let (usage, now) = (KeyUsage::server_auth(), UnixTime::now());
     let at = |time: UnixTime| date_time(i64::try_from(time.as_secs()).unwrap_or(i64::MAX) * 1000);
-    // The dates are looked at before the issuers, of which none is known here.
+    // The dates are checked before the issuers, of which none is known here.
     match parsed.verify_for_usage(&[], &[], &[], now, usage, None, None) {
         Err(webpki::Error::CertExpired { not_after, .. }) => {
             Some(format!("one that was valid until {}", at(not_after)))

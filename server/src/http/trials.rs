@@ -24,13 +24,13 @@ use uuid::Uuid;
 /// The query of an upload.
 #[derive(Debug, Deserialize, JsonSchema)]
 pub struct UploadParams {
-    /// How many further trials wait in the participant's browser; at most as many as the study can have count.
+    /// Number of further trials that wait in the participant's browser; capped at the study's maximum.
     #[serde(default)]
     waiting: u32,
 }
 
-/// `PUT /api/v1/participants/me/trials/{trial_id}`: 201 after the commit; 200 if the same content was
-/// stored before; 409 for other content, or if another trial comes first.
+/// `PUT /api/v1/participants/me/trials/{trial_id}`: 201 after the commit; 200 if the same content
+/// was stored before; 409 for different content, or if another trial must come first.
 pub async fn store(
     State(app): State<Arc<App>>,
     Assigned { participant_id, config, trial_id, scene }: Assigned,
@@ -57,7 +57,7 @@ pub async fn store(
     Ok((status, Json(TrialStored { trial_id, next })))
 }
 
-/// The most trials that a participant can have: every scene, twice.
+/// Maximum number of a participant's trials: two per scene.
 fn most_trials(config: &StudyConfig) -> u32 {
     let scenes: usize = config.phases.iter().map(|phase| phase.scenes).sum();
     u32::try_from(2 * scenes).unwrap_or(u32::MAX)
@@ -103,8 +103,8 @@ fn recorded(
     })
 }
 
-/// A number that follows from the times of the key events. Two presses with their releases at the same
-/// times, to the clock's fraction of a millisecond, are no coincidence.
+/// A number derived from the times of the key events. Two presses and releases at identical times,
+/// to a fraction of a millisecond, are no coincidence.
 fn key_timing(events: &[KeyEvent]) -> Option<i64> {
     const ENOUGH: usize = 4;
     if events.len() < ENOUGH {

@@ -1,4 +1,4 @@
-//! The bytes of value functions; the content of an address never changes.
+//! The encoded value functions; the content of a URL never changes.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;

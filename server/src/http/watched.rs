@@ -1,4 +1,4 @@
-//! A connection that tells what it does, and in which a request's head has no ambiguous lines.
+//! A connection that reports its state, and that rejects ambiguous lines in a request's head.
 
 use crate::http::connections::{Admitted, Connections, Watch};
 use axum::body::{Body, HttpBody};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
-/// A stream whose connection is watched.
+/// A stream that reports to its connection's watch.
 #[derive(Debug)]
 pub struct Watched<S> {
     stream: S,
@@ -18,7 +18,7 @@ pub struct Watched<S> {
 }
 
 impl<S> Watched<S> {
-    /// The same stream, watched.
+    /// Wraps a stream.
     pub fn new(stream: S, watch: Arc<Watch>) -> Self {
         Self { stream, watch, head: Head::default() }
     }
@@ -29,17 +29,18 @@ impl<S> Watched<S> {
     }
 }
 
-/// The lines of a head, while they arrive.
+/// The lines of a request's head as they arrive.
 ///
-/// A proxy before this server may see other lines than it does, if a line ends without a carriage return, and
-/// another end of the body, if the head has both lengths. Either could hide a second request. The parser
-/// accepts both, so the line end is overwritten with what it refuses: the answer is 400.
+/// A proxy in front of this server may split lines differently if a line ends without a carriage
+/// return, or see another end of the body if the head has both lengths. Either could hide a second
+/// request. The parser accepts both, so the line end is overwritten with a byte that it rejects:
+/// the response is 400.
 #[derive(Debug, Default)]
 struct Head {
     last: u8,
-    /// Bytes of the present line, without its end.
+    /// Bytes of the current line, without its end.
     length: usize,
-    /// The beginning of the present line, in lower case.
+    /// The beginning of the current line, in lower case.
     begin: [u8; 18],
     lines: usize,
     has_length: bool,
@@ -67,7 +68,7 @@ impl Head {
                 if self.has_length && self.is_chunked {
                     *byte = 0;
                 }
-                // An empty line before the first is passed over, as the parser does.
+                // An empty line before the first is skipped, as in the parser.
                 let is_empty = self.length == 1;
                 self.is_over = is_empty && self.lines > 0;
                 self.lines += usize::from(!is_empty);
@@ -133,7 +134,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
     }
 }
 
-/// The body of a request, while it arrives.
+/// The body of a request, as it arrives.
 #[derive(Debug)]
 pub struct Received {
     body: Incoming,
@@ -184,7 +185,7 @@ impl HttpBody for Received {
     }
 }
 
-/// The body of an answer, until it is sent.
+/// The body of a response, until it is sent.
 #[derive(Debug)]
 pub struct Sent {
     body: Body,
@@ -192,7 +193,7 @@ pub struct Sent {
 }
 
 impl Sent {
-    /// The body of an answer to a request on that connection.
+    /// The body of a response on this connection.
     #[must_use]
     pub fn new(body: Body, watch: Arc<Watch>) -> Self {
         Self { body, watch }
@@ -229,7 +230,7 @@ impl HttpBody for Sent {
 mod tests {
     use super::*;
 
-    /// The head as the parser gets it, if it arrives in pieces of that length.
+    /// The head as the parser receives it, if it arrives in pieces of this length.
     fn read(text: &str, piece: usize) -> String {
         let mut bytes = text.as_bytes().to_vec();
         let mut head = Head::default();

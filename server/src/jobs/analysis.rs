@@ -20,9 +20,9 @@ pub struct AnalysisTask<C> {
     pub safety: SafetyLevels,
     /// The sets, grids and options.
     pub request: Request,
-    /// Stores fits for later analyses.
+    /// Caches fits for later analyses.
     pub cache: Arc<C>,
-    /// Number of threads; none means one for each processor.
+    /// Number of threads; by default one per processor.
     pub threads: Option<usize>,
     /// Cancels the analysis.
     pub cancel: CancellationToken,
@@ -43,7 +43,7 @@ pub enum TaskError {
 }
 
 impl<C: Cache + Send + 'static> AnalysisTask<C> {
-    /// Computes the analysis on threads of its own and reports to `progress`.
+    /// Computes the analysis on separate threads and reports to `progress`.
     ///
     /// # Errors
     /// [`TaskError`] for an invalid request, data that cannot be compared, or a cancelled analysis.
@@ -70,7 +70,7 @@ impl<C: Cache + Send + 'static> AnalysisTask<C> {
 /// Computes the analysis of a recording on the threads of the caller's pool.
 ///
 /// # Errors
-/// [`TaskError`] for an invalid request or data that cannot be compared, or if `step` stops it.
+/// [`TaskError`] for an invalid request or data that cannot be compared, or if `step` cancels it.
 pub fn compute(
     mut recording: Recording,
     given: Option<&GivenFeatures>,
@@ -81,7 +81,7 @@ pub fn compute(
 ) -> Result<Analysis, TaskError> {
     let settings = request.settings().map_err(TaskError::Request)?;
     if request.synthetic {
-        // What the data say of themselves is stronger, and stays.
+        // A statement in the data is stronger, and is kept.
         recording.provenance.is_mixed = false;
         let known = recording.provenance.synthetic.take();
         recording.provenance.synthetic = Some(match known {

@@ -1,4 +1,4 @@
-//! What lists and replays say of the models of an analysis.
+//! The index of an analysis, for lists of models and for replays.
 
 use crate::report;
 use crate::store::predictors::{NewPredictor, UsedTask};
@@ -13,7 +13,7 @@ use std::collections::HashMap;
 pub struct TrialIds(HashMap<(String, u64), String>);
 
 impl TrialIds {
-    /// Those of this recording.
+    /// The ids of this recording's trials.
     #[must_use]
     pub fn of(recording: &Recording) -> Self {
         let ids = recording.participants.iter().flat_map(|participant| {
@@ -74,7 +74,7 @@ pub fn models(analysis: &Analysis) -> impl Iterator<Item = IndexedModel> {
     analysis.comparison.cells.iter().enumerate().filter_map(|(place, cell)| {
         Some(IndexedModel {
             file: report::model_file(analysis, cell),
-            // The participants of a study are named by their numbers.
+            // The names of a study's participants are their numbers.
             participant: people[cell.participant].name.parse().ok()?,
             place,
             model: cell.model,

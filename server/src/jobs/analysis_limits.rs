@@ -1,4 +1,4 @@
-//! What an analysis may cost, estimated before it is accepted.
+//! Upper bounds of the cost of an analysis, checked against an estimate before it is accepted.
 
 use crate::store::studies::StoredStudy;
 use crate::store::{Store, StoreError};
@@ -7,7 +7,7 @@ use sidestep::comparison::{Cost, Request};
 use sidestep::invalid::Invalid;
 use sidestep::trial::Phase;
 
-/// What an analysis may cost.
+/// Upper bounds of the cost of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Memory, MiB.
@@ -18,7 +18,7 @@ pub struct Limits {
     pub threads: usize,
 }
 
-/// How an analysis can be made cheaper: the field, the lighter request, and what that is called.
+/// The ways to make a request cheaper: the field, the cheaper request, and a description.
 fn lighter(request: &Request) -> Vec<(String, Request, &'static str)> {
     let with = |field: &str, change: fn(&mut Request), how| {
         let mut lighter = request.clone();
@@ -37,7 +37,7 @@ fn lighter(request: &Request) -> Vec<(String, Request, &'static str)> {
 }
 
 impl Limits {
-    /// Estimates what an analysis of the study as it is now will cost.
+    /// Estimates the cost of an analysis of the study as it is now.
     ///
     /// # Errors
     /// The outer error if the database cannot be read; the inner one, naming the field that costs most, if
@@ -62,7 +62,7 @@ impl Limits {
         Ok(self.compare(request, &tasks, study.config.parameters.steps))
     }
 
-    /// The same, of people with so many tasks each.
+    /// The same, given the number of tasks of each participant.
     fn compare(&self, request: &Request, tasks: &[usize], steps: usize) -> Result<Cost, Invalid> {
         let of = |request: &Request| {
             Ok::<_, Invalid>(Cost::of(&request.settings()?, tasks, steps, self.threads))
@@ -90,10 +90,9 @@ impl Limits {
         );
         let (field, advice) = match best {
             Some((field, how, lighter)) => (field, format!("{how}, {}", said(&lighter))),
-            None => (
-                "paper_only".to_owned(),
-                "ask for it with the command `sidestep analyze`".to_owned(),
-            ),
+            None => {
+                ("paper_only".to_owned(), "run the command `sidestep analyze` instead".to_owned())
+            }
         };
         let found = format!("one that is estimated to take {}; {advice}", said(&cost));
         Err(Invalid::new(field, expected, found))

@@ -1,5 +1,5 @@
-//! One analysis, computed by a child process: the server sends it the study's data, and keeps what comes
-//! back in the database.
+//! One analysis, computed by a child process: the server sends it the study's data, and stores the
+//! results in the database.
 
 use super::children::{Children, Ended, Running};
 use super::frames::{FromChild, ToChild};
@@ -14,23 +14,23 @@ use sidestep::api::AnalysisResult;
 use std::collections::HashSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// How far an analysis is.
+/// Progress of an analysis.
 #[derive(Debug, Default)]
 pub(super) struct HowFar {
     done: AtomicUsize,
     of: AtomicUsize,
-    /// Pieces that were computed and not reused.
+    /// Pieces that were computed instead of reused.
     fresh: AtomicUsize,
 }
 
 impl HowFar {
-    /// Pieces done, all pieces, and pieces that were computed and not reused.
+    /// Finished pieces, all pieces, and pieces that were computed instead of reused.
     pub(super) fn numbers(&self) -> [usize; 3] {
         [&self.done, &self.of, &self.fresh].map(|number| number.load(Ordering::Relaxed))
     }
 }
 
-/// What became of an analysis.
+/// The outcome of an analysis.
 pub(super) enum Outcome {
     /// Its files and models are in the database.
     Done {
@@ -40,18 +40,18 @@ pub(super) enum Outcome {
         /// The keys of the cells that it needs.
         used: HashSet<String>,
     },
-    /// There is no result, and why.
+    /// It failed, for this reason.
     Failed(String),
-    /// Its process was asked to end.
+    /// Its process received a signal to terminate.
     AskedToEnd,
-    /// The analysis is not wanted any more.
+    /// The analysis is no longer wanted.
     Unwanted,
 }
 
-/// Computes the analysis of `study` that `job` asks for.
+/// Computes the analysis of `study` that `job` requests.
 ///
 /// # Errors
-/// If the database fails, or no process can be started.
+/// If the database fails, or the process cannot be started.
 pub(super) async fn compute(
     store: &Store,
     study: &StoredStudy,
@@ -85,7 +85,7 @@ pub(super) async fn compute(
         going = child.tell(&message, &beside).await.is_ok();
     }
     if going {
-        // Otherwise the next thing that is heard is the end.
+        // If this fails, the child has ended, which the next read shows.
         let _ = child.tell(&ToChild::Begin, &[]).await;
     }
     let outcome = keep_all(store, job, &mut child, how_far).await?;
@@ -98,7 +98,7 @@ pub(super) async fn compute(
     })
 }
 
-/// Does what the child asks for and keeps what it sends, until it has said all. None if it ends before.
+/// Answers the child's queries and stores its messages until it is done. None if it ends before.
 async fn keep_all(
     store: &Store,
     job: &Job,
@@ -114,21 +114,21 @@ async fn keep_all(
                 true
             }
             FromChild::Wanted(key) => {
-                // What cannot be read is computed again.
+                // Cells that cannot be read are computed again.
                 let kept = store.cells(job.study_id, &key).await.ok().flatten();
                 let answer = ToChild::Cells { kept: kept.is_some() };
                 if kept.is_some() {
                     used.insert(key);
                 }
-                // A child that has ended is noticed next.
+                // If this fails, the child has ended, which the next read shows.
                 let _ = child.tell(&answer, &kept.unwrap_or_default()).await;
                 true
             }
             FromChild::Computed(key) => {
                 how_far.fresh.fetch_add(1, Ordering::Relaxed);
                 if let Err(error) = store.put_cells(job, &key, beside).await {
-                    // Only time is lost.
-                    tracing::warn!(%error, "cells of an analysis were not kept");
+                    // The cost is only time.
+                    tracing::warn!(%error, "cells of an analysis were not cached");
                 }
                 used.insert(key);
                 true

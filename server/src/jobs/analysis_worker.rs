@@ -1,7 +1,8 @@
-//! Computes the requested analyses one after the other, off the request path.
+//! Computes the requested analyses one by one, off the request path.
 //!
-//! The row of an analysis is the truth: a request that cancels or deletes it, or deletes data that
-//! it uses, changes the row, and the worker notices when it next records its progress.
+//! The row of an analysis is authoritative: a request that cancels or deletes the analysis, or
+//! deletes data that it uses, changes the row, and the worker notices when it next records its
+//! progress.
 
 use super::analysis_limits::Limits;
 use super::analysis_process::{HowFar, Outcome, compute, study_versions};
@@ -19,16 +20,16 @@ use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
-/// How often progress is recorded, and looked whether the analysis is still wanted: it stops within 1 s.
+/// Interval at which progress is recorded and cancellation is checked: an analysis stops within 1 s.
 const TICK: Duration = Duration::from_millis(250);
 
-/// How often the worker looks for analyses of other servers.
+/// Interval at which the worker polls for analyses of other servers.
 const LOOK: Duration = Duration::from_secs(2);
 
-/// How long the worker waits after an error of the database.
+/// Pause after a database error.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// When the system shuts down, the server is told to stop at most this long after its child processes.
+/// Grace period at a system shutdown: the server is told to stop at most this long after its child processes.
 const SHUTTING_DOWN: Duration = Duration::from_secs(1);
 
 /// The worker, which runs in the background until it is stopped.
@@ -39,29 +40,29 @@ pub struct AnalysisWorker {
 }
 
 impl AnalysisWorker {
-    /// Starts the worker, with the analyses that an earlier run of the server did not finish. `asked`
-    /// tells it that an analysis was queued.
+    /// Starts the worker, with the analyses that an earlier run of the server did not finish.
+    /// `asked` notifies it that an analysis was queued.
     #[must_use]
     pub fn start(store: Store, asked: Arc<Notify>, children: Children, limits: Limits) -> Self {
         let cancel = CancellationToken::new();
         let name = uuid::Uuid::new_v4().to_string();
         let worker = Worker { name, store, asked, cancel: cancel.clone(), children, limits };
         let task = tokio::spawn(async move { worker.run().await });
-        // A worker that is dropped without a stop ends too.
+        // A worker that is dropped without [`Self::stop`] ends, too.
         Self { cancel: cancel.drop_guard(), task }
     }
 
-    /// Interrupts the current analysis, which continues at the next start.
+    /// Interrupts the current analysis, which restarts at the next start.
     pub async fn stop(self) {
         drop(self.cancel);
         if let Err(error) = self.task.await {
-            tracing::error!(%error, "the worker ended badly");
+            tracing::error!(%error, "the analysis worker failed");
         }
     }
 }
 
 struct Worker {
-    /// Tells the runs of all servers apart.
+    /// Distinguishes the runs of all servers.
     name: String,
     store: Store,
     asked: Arc<Notify>,
@@ -72,9 +73,9 @@ struct Worker {
 
 /// How an attempt at an analysis ended.
 enum Ending {
-    /// With a result and the keys of the cells that it needs, or the reason why there is none.
+    /// With a result and the keys of the cells that it needs, or the reason for a failure.
     Over(Result<(Box<AnalysisResult>, HashSet<String>), String>),
-    /// The analysis is not wanted any more.
+    /// The analysis is no longer wanted.
     Unwanted,
     /// The server is stopping.
     BrokenOff,
@@ -104,7 +105,7 @@ impl Worker {
         }
     }
 
-    /// Ends when another server may have queued an analysis, or stopped in the middle of one.
+    /// Completes when another server may have queued an analysis, or stopped while computing one.
     async fn others(&self) {
         match self.store.is_shared() {
             true => tokio::time::sleep(LOOK).await,
@@ -112,11 +113,11 @@ impl Worker {
         }
     }
 
-    /// Computes the next analysis, and returns whether there was one. After an error of the
-    /// database, interrupted analyses are put back into the queue first.
+    /// Computes the next analysis, and returns whether there was one. After a database error,
+    /// interrupted analyses are requeued first.
     async fn next(&self, recovered: &mut bool) -> anyhow::Result<bool> {
         if !*recovered || self.store.is_shared() {
-            // A server that looks and finds nothing must not write: open pages would hear of it.
+            // Polling must not write unless there is work: open pages would be notified.
             if *recovered && !self.store.awaits_worker(now_ms()).await? {
                 return Ok(false);
             }
@@ -125,7 +126,7 @@ impl Worker {
         let job = self.store.begin_analysis(&self.name, now_ms()).await?;
         *recovered = true;
         let Some(job) = job else { return Ok(false) };
-        // If anything fails from here on, the analysis is queued again.
+        // If anything fails from here on, the analysis is requeued.
         *recovered = false;
         self.make(&job).await?;
         *recovered = true;
@@ -137,7 +138,7 @@ impl Worker {
         let found = match self.attempt(job).await? {
             Ending::Over(found) => found,
             Ending::Unwanted => {
-                tracing::info!(study = job.study, "an analysis is not wanted any more");
+                tracing::info!(study = job.study, "an analysis is no longer wanted");
                 return Ok(());
             }
             Ending::BrokenOff => {
@@ -152,7 +153,7 @@ impl Worker {
         match ending {
             _ if !wanted => tracing::info!(study = job.study, "an analysis came too late"),
             Ok(_) => tracing::info!(study = job.study, "an analysis is done"),
-            // The laboratory shows why; that may name a participant, so the log does not.
+            // The laboratory shows the reason; it may name a participant, so the log omits it.
             Err(_) => {
                 tracing::warn!(study = job.study, analysis = job.sequence, "an analysis failed")
             }
@@ -160,8 +161,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Computes in a child process and records the progress. The process is killed as soon as the analysis
-    /// is not wanted any more or the server stops, since the computation is dropped then.
+    /// Computes in a child process and records the progress. When the analysis is no longer wanted
+    /// or the server stops, the computation is dropped, which kills the process.
     async fn attempt(&self, job: &Job) -> anyhow::Result<Ending> {
         let how_far = HowFar::default();
         let outcome = tokio::select! {
@@ -178,10 +179,12 @@ impl Worker {
             Outcome::Failed(why) => Ending::Over(Err(why)),
             Outcome::Unwanted => Ending::Unwanted,
             Outcome::AskedToEnd => {
-                // The system asks the server too when it shuts down.
+                // At a shutdown, the system sends the signal to the server, too.
                 match tokio::time::timeout(SHUTTING_DOWN, self.cancel.cancelled()).await {
                     Ok(()) => Ending::BrokenOff,
-                    Err(_) => Ending::Over(Err("somebody ended its process".to_owned())),
+                    Err(_) => {
+                        Ending::Over(Err("its process was terminated from outside".to_owned()))
+                    }
                 }
             }
         })
@@ -193,14 +196,14 @@ impl Worker {
 
     async fn compute(&self, job: &Job, how_far: &HowFar) -> anyhow::Result<Outcome> {
         let study = self.study(job).await?;
-        // More may have been stored since the analysis was asked for.
+        // More data may have been stored since the analysis was requested.
         match self.limits.check(&self.store, &study, &job.request).await? {
             Ok(_) => compute(&self.store, &study, job, &self.children, how_far).await,
             Err(invalid) => Ok(Outcome::Failed(invalid.to_string())),
         }
     }
 
-    /// Records the progress again and again, until the analysis is not wanted any more.
+    /// Records the progress periodically, until the analysis is no longer wanted.
     async fn until_unwanted(&self, job: &Job, how_far: &HowFar) {
         loop {
             tokio::time::sleep(TICK).await;

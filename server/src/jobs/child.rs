@@ -1,8 +1,8 @@
-//! Long work in a process of its own: the child's side of it.
+//! Long work in a child process: the child's side.
 //!
-//! The child has a low priority and a limit of memory. It reads its task from stdin and answers on
-//! stdout, and knows no key, and the database only if it is to check that. It ends when stdin does, which is when the server is
-//! gone, however it went.
+//! The child has a low priority and a memory limit. It reads its task from stdin and writes its
+//! results to stdout. It has no key, and gets the database's address only for a check. It ends when
+//! stdin closes, that is, when the server has ended for whatever reason.
 
 mod analysis;
 mod check;
@@ -15,12 +15,12 @@ use std::io;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
-/// Does the task that the server gives.
+/// Runs the task that the server sends.
 ///
 /// # Errors
-/// If the limit of memory cannot be set, the threads cannot be started, or the server is gone.
+/// If the memory limit cannot be set, the threads cannot be started, or the server has ended.
 pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
-    // Before any other thread starts, since threads inherit the priority of the one that starts them.
+    // Before any other thread starts, since threads inherit the priority.
     restrain(memory_mib, nice)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(io::Error::other)?;
@@ -49,19 +49,19 @@ pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
     }
 }
 
-/// Gives way to every other process, in memory and in time.
+/// Lowers the priority in CPU time and in memory.
 fn restrain(memory_mib: u64, nice: i32) -> io::Result<()> {
-    // Where that is not allowed, work is done all the same.
+    // If this is not allowed, the work is done all the same.
     let _ = setpriority_process(None, nice);
-    // A system without memory ends this process before any other one.
+    // When out of memory, the system kills this process first.
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
-    // Of data, and not of addresses: threads reserve far more of these than they use.
+    // Limits data, not address space: threads reserve far more address space than they use.
     let most = Some(memory_mib.saturating_mul(1 << 20));
     setrlimit(Resource::Data, Rlimit { current: most, maximum: most })?;
     Ok(())
 }
 
-/// Hands what the server says from now on to `hear`, and ends the process when the server is gone.
+/// Passes further messages of the server to `hear`, and ends the process when the server has ended.
 fn end_with_stdin(mut hear: impl FnMut(ToChild, Vec<u8>) + Send + 'static) {
     std::thread::spawn(move || {
         let mut orders = io::stdin().lock();
@@ -72,12 +72,12 @@ fn end_with_stdin(mut hear: impl FnMut(ToChild, Vec<u8>) + Send + 'static) {
     });
 }
 
-/// The server's end of stdout.
+/// The connection to the server, through stdout.
 #[derive(Default)]
 struct Server(Mutex<()>);
 
 impl Server {
-    /// Tells the server, whichever thread says it.
+    /// Sends a message to the server, from any thread.
     fn tell(&self, message: &FromChild, beside: &[u8]) -> io::Result<()> {
         let _turn = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         frames::write(&mut io::stdout().lock(), message, beside)

@@ -1,4 +1,4 @@
-//! Long work in a process of its own: the server's side of it.
+//! Long work in a child process: the server's side.
 
 use super::frames::{self, FromChild, ToChild};
 use anyhow::Context;
@@ -13,33 +13,33 @@ use tokio::task::JoinHandle;
 /// The subcommand of a child process.
 pub const SUBCOMMAND: &str = "child";
 
-/// The lowest priority that there is.
+/// The lowest possible priority.
 pub const LOWEST_PRIORITY: i32 = 19;
 
-/// A child that has said its last word has this long to end.
+/// Grace period for a child process to exit after its last message.
 const ENDING: Duration = Duration::from_secs(5);
 
-/// Most bytes of a child's complaint that are kept.
+/// Maximum number of bytes of a child's stderr that are kept.
 const LONGEST_COMPLAINT: u64 = 4096;
 
-/// How child processes are started.
+/// Settings of child processes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Children {
-    /// The program; none is this one.
+    /// The program; by default this one.
     pub program: Option<PathBuf>,
-    /// The most memory of one of them, MiB.
+    /// Memory limit per process, MiB.
     pub memory_mib: u64,
-    /// The threads of one of them.
+    /// Number of threads per process.
     pub threads: usize,
-    /// Their priority, as for the command nice: [`LOWEST_PRIORITY`], unless nobody collects data.
+    /// Their nice value: [`LOWEST_PRIORITY`], unless no data are being collected.
     pub nice: i32,
 }
 
 impl Children {
-    /// Starts one. It is killed when it is dropped.
+    /// Starts a child process. It is killed on drop.
     ///
     /// # Errors
-    /// If the system starts no process.
+    /// If the process cannot be started.
     pub fn start(&self) -> anyhow::Result<Running> {
         let mut command = Command::new(self.program()?);
         command
@@ -47,7 +47,7 @@ impl Children {
             .args(["--memory", &self.memory_mib.to_string()])
             .args(["--threads", &self.threads.to_string()])
             .args(["--nice", &self.nice.to_string()])
-            // Neither a key nor anything else that is no business of the child's.
+            // The child gets no key and no other variable.
             .env_clear()
             .current_dir("/")
             .stdin(Stdio::piped())
@@ -57,7 +57,7 @@ impl Children {
         #[cfg(unix)]
         command
             .arg0("sidestep")
-            // Ctrl-C is for the server, which then ends the child.
+            // Ctrl-C goes only to the server, which then ends the child.
             .process_group(0);
         let mut process = command.spawn().context("starting a child process")?;
         let stdin = process.stdin.take().context("the child's stdin")?;
@@ -68,7 +68,7 @@ impl Children {
         Ok(Running { process, stdin, stdout: BufReader::new(stdout), complaint, memory_mib })
     }
 
-    /// This program, even if its file was replaced meanwhile by that of another version.
+    /// This program, even if its file has been replaced by another version.
     fn program(&self) -> anyhow::Result<PathBuf> {
         match &self.program {
             Some(program) => Ok(program.clone()),
@@ -78,11 +78,11 @@ impl Children {
     }
 }
 
-/// The beginning of what a child says to stderr.
+/// The beginning of a child's stderr.
 async fn complaint(mut stderr: impl AsyncRead + Unpin) -> String {
     let mut said = Vec::new();
     let mut beginning = (&mut stderr).take(LONGEST_COMPLAINT);
-    // What cannot be read was not said.
+    // If reading fails, the rest is missing.
     let _ = beginning.read_to_end(&mut said).await;
     let _ = tokio::io::copy(&mut stderr, &mut tokio::io::sink()).await;
     String::from_utf8_lossy(&said).trim_end().to_owned()
@@ -98,17 +98,17 @@ pub struct Running {
     memory_mib: u64,
 }
 
-/// How a child process ended that was to go on.
+/// Why a child process ended early.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// By itself; the sentence tells an experimenter why.
+    /// By itself; the sentence explains the reason to an experimenter.
     Failed(String),
-    /// Somebody asked it to end, as the system does with every process when it shuts down.
+    /// It received a signal to terminate, which the system sends to every process at a shutdown.
     Asked,
 }
 
 impl Running {
-    /// Tells the child.
+    /// Sends a message to the child.
     ///
     /// # Errors
     /// If it has ended.
@@ -116,7 +116,7 @@ impl Running {
         frames::send(&mut self.stdin, message, beside).await
     }
 
-    /// What the child says next, with the bytes beside it.
+    /// The child's next message, with its bytes.
     ///
     /// # Errors
     /// If it has ended.
@@ -124,11 +124,11 @@ impl Running {
         frames::receive(&mut self.stdout).await
     }
 
-    /// How a child ended that says no more.
+    /// Waits until a child that sends no more messages exits, and returns the reason.
     pub async fn ended(mut self) -> Ended {
         let status = tokio::time::timeout(ENDING, self.process.wait()).await;
         let Ok(Ok(status)) = status else {
-            return Ended::Failed("its process said nothing more and did not end".to_owned());
+            return Ended::Failed("its process stopped responding and did not exit".to_owned());
         };
         let complaint = self.complaint.await.unwrap_or_default();
         if !complaint.is_empty() {
@@ -138,25 +138,25 @@ impl Running {
     }
 }
 
-/// The sentence for an experimenter.
+/// The reason, in a sentence for experimenters.
 fn why(status: ExitStatus, complaint: &str, memory_mib: u64) -> Ended {
-    const LESS: &str = "ask for fewer sets, shorter grids or paper_only";
+    const LESS: &str = "request fewer sets, shorter grids or paper_only";
     #[cfg(unix)]
     let signal = std::os::unix::process::ExitStatusExt::signal(&status);
     #[cfg(not(unix))]
     let signal = None::<i32>;
     const KILL: i32 = 9;
-    // From a terminal, a person or the system.
+    // Signals from a terminal, a user or the system.
     const ASKING: [i32; 3] = [1, 2, 15];
     Ended::Failed(match signal {
         Some(signal) if ASKING.contains(&signal) => return Ended::Asked,
-        // What Rust says when there is no memory for an allocation, or for the stack of a thread.
+        // Rust's message if an allocation, or the stack of a thread, gets no memory.
         _ if complaint.contains("memory allocation of") => format!(
             "it needs more memory than the {memory_mib} MiB that the server allows; {LESS}, or start the \
              server with a larger --analysis-memory"
         ),
         Some(KILL) => format!(
-            "its process was killed, as a system does that is short of memory; {LESS}, or give the \
+            "its process was killed, probably because the system is short of memory; {LESS}, or give the \
              machine more memory"
         ),
         _ => format!("its process crashed ({status}); see the server's log"),

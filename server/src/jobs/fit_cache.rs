@@ -1,4 +1,4 @@
-//! A cache of cells in a folder, by a hash of their inputs.
+//! A cache of cells in a folder, keyed by a hash of their inputs.
 
 use crate::formats::atomic_file;
 use sha2::{Digest, Sha256};
@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use tokio_util::sync::CancellationToken;
 
-/// A file for each key: the cells, and in the last line the SHA-256 of key and cells. Cells whose file
-/// cannot be read, was changed or belongs to another key are computed again.
+/// One file per key: the cells, and in the last line the SHA-256 of key and cells. If the file
+/// cannot be read, was changed or belongs to another key, the cells are computed again.
 pub struct FolderCache {
     folder: PathBuf,
     used: Mutex<HashSet<String>>,
@@ -33,7 +33,7 @@ impl FolderCache {
     }
 
     fn note(&self, key: &str) {
-        // A thread that panicked leaves the set valid.
+        // The set stays valid if a thread panics.
         self.used.lock().unwrap_or_else(|broken| broken.into_inner()).insert(key.to_owned());
     }
 
@@ -76,7 +76,7 @@ impl Cache for FolderCache {
             write!(out, "{cells}\n{}", sha256(key, &cells))
         });
         if let Err(error) = written {
-            // Only time is lost.
+            // The cost is only time.
             tracing::warn!("the cache cannot be written: {error}");
         }
     }

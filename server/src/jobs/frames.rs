@@ -1,7 +1,7 @@
-//! What the server and its child process say to each other, over the child's stdin and stdout.
+//! Messages between the server and its child process, over the child's stdin and stdout.
 //!
-//! A message is a line of JSON and, beside it, bytes that JSON would make longer. Both are preceded by
-//! their lengths, as two little-endian numbers of 32 bits. Both ends are the same program.
+//! A message is JSON, with a binary attachment for data that JSON would inflate. Both are preceded
+//! by their lengths, as two little-endian 32-bit integers. Both ends are the same program.
 
 use super::analysis_index::{IndexedModel, IndexedTask};
 use crate::bytes::{pack_inputs, pack_states, unpack_inputs, unpack_states};
@@ -17,23 +17,23 @@ use std::io::{self, Read, Write};
 use std::path::PathBuf;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
-/// What the server says.
+/// Messages of the server.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum ToChild {
     /// The first message: solve the games of these vehicles.
     Solve(SceneParameters),
-    /// The first message: check a database, or a backup of it that is written first.
+    /// The first message: check a database, or write a backup and check that.
     Check {
-        /// The folder in which relative paths begin.
+        /// The folder for relative paths.
         folder: PathBuf,
-        /// The database's address. Nobody else learns it: it may hold a password.
+        /// The database's address. It is sent only to the child, since it may contain a password.
         database: String,
         /// The backup to write, if any.
         backup: Option<PathBuf>,
     },
-    /// The first message: analyse the participants that follow. Beside it: V_HR, then V_RH.
+    /// The first message: analyse the participants that follow. Attachment: V_HR, then V_RH.
     Analyse {
-        /// What was asked for.
+        /// The request.
         request: Box<Request>,
         /// The study's name.
         study: String,
@@ -42,7 +42,7 @@ pub enum ToChild {
         /// The number of bytes of V_HR.
         human: usize,
     },
-    /// A participant's tasks. Beside it: inputs and states of one trial after the other.
+    /// A participant's tasks. Attachment: inputs and states, trial by trial.
     Participant {
         /// As in the recording.
         name: String,
@@ -51,13 +51,13 @@ pub enum ToChild {
         /// Without inputs and states.
         trials: Vec<TrialHead>,
     },
-    /// A participant who is excluded, and why.
+    /// An excluded participant, and the reason.
     Excluded(String, String),
-    /// Everybody was sent.
+    /// All participants have been sent.
     Begin,
-    /// The answer to [`FromChild::Wanted`]. Beside it: the cells, if they are kept.
+    /// The answer to [`FromChild::Wanted`]. Attachment: the cells, if they are cached.
     Cells {
-        /// Whether they are.
+        /// Whether they are cached.
         kept: bool,
     },
 }
@@ -75,28 +75,28 @@ pub struct TrialHead {
     states: usize,
 }
 
-/// What the child says.
+/// Messages of the child.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum FromChild {
-    /// Both value functions are solved. Beside it: V_HR, then V_RH.
+    /// Both value functions are solved. Attachment: V_HR, then V_RH.
     Solved {
         /// The number of bytes of V_HR.
         human: usize,
-        /// What did not converge.
+        /// Warnings about convergence.
         complaints: Vec<String>,
     },
-    /// So many of all fits are done.
+    /// Progress of the fits.
     Progress {
-        /// Fits that are done.
+        /// Number of finished fits.
         done: usize,
-        /// All of them.
+        /// Number of all fits.
         of: usize,
     },
-    /// The cells under this key are asked for; [`ToChild::Cells`] answers.
+    /// Requests the cells under this key; [`ToChild::Cells`] is the answer.
     Wanted(String),
-    /// Cells were computed, to be kept under this key. Beside it: the cells.
+    /// Computed cells, to be cached under this key. Attachment: the cells.
     Computed(String),
-    /// A file of the analysis. Beside it: its content, compressed with gzip.
+    /// A file of the analysis. Attachment: its content, compressed with gzip.
     File {
         /// Its name.
         name: String,
@@ -107,27 +107,26 @@ pub enum FromChild {
     Models(Vec<IndexedModel>),
     /// Tasks that trained or tested models.
     Tasks(Vec<IndexedTask>),
-    /// The analysis is done: everything was sent.
+    /// The analysis is done: everything has been sent.
     Done {
-        /// In brief.
+        /// The summary.
         result: Box<AnalysisResult>,
         /// The names of the participants who were compared.
         compared: Vec<String>,
     },
     /// The database, or the backup, was checked.
     Checked {
-        /// What was found.
+        /// The findings.
         report: Box<Report>,
         /// The length of the backup, bytes; 0 without one.
         bytes: u64,
     },
-    /// There is no result, and why.
+    /// The task failed, for this reason.
     Failed(String),
 }
 
 impl ToChild {
-    /// A participant's tasks, with the bytes beside the message. Times of samples are left out, since no
-    /// analysis uses them.
+    /// A participant's tasks, with the attachment. Sampling times are left out, since analyses do not use them.
     #[must_use]
     pub fn participant(participant: &RecordedParticipant) -> (Self, Vec<u8>) {
         let mut bytes = Vec::new();
@@ -154,7 +153,7 @@ impl ToChild {
 /// The participant of a [`ToChild::Participant`].
 ///
 /// # Errors
-/// If the bytes are not those of the trials.
+/// If the attachment does not match the trials.
 pub fn participant(
     name: String,
     marked_synthetic: bool,
@@ -184,7 +183,7 @@ pub fn participant(
     Ok(RecordedParticipant { name, line: None, trials, marked_synthetic })
 }
 
-/// A message with the lengths before it; the bytes beside it follow.
+/// A message with its lengths; the attachment follows.
 fn encoded(message: &impl Serialize, beside: &[u8]) -> io::Result<Vec<u8>> {
     let json = serde_json::to_vec(message)?;
     let mut out = Vec::with_capacity(8 + json.len());
@@ -211,10 +210,10 @@ pub fn write(out: &mut impl Write, message: &impl Serialize, beside: &[u8]) -> i
     out.flush()
 }
 
-/// Reads a message, with the bytes beside it.
+/// Reads a message with its attachment.
 ///
 /// # Errors
-/// If the other end is gone, or said something else.
+/// If the other end is gone, or sent something else.
 pub fn read<M: DeserializeOwned>(from: &mut impl Read) -> io::Result<(M, Vec<u8>)> {
     let mut head = [0; 8];
     from.read_exact(&mut head)?;
@@ -241,7 +240,7 @@ pub async fn send(
 /// Reads a message without blocking a thread.
 ///
 /// # Errors
-/// If the other end is gone, or said something else.
+/// If the other end is gone, or sent something else.
 pub async fn receive<M: DeserializeOwned>(
     from: &mut (impl AsyncRead + Unpin),
 ) -> io::Result<(M, Vec<u8>)> {

@@ -1,5 +1,5 @@
-//! Looks after the data while the server runs: checks every stored trial, and writes backups, in child
-//! processes of the lowest priority.
+//! Maintains the data while the server runs: checks every stored trial, and writes backups, in
+//! child processes of the lowest priority.
 
 use super::children::{Children, Ended};
 use super::frames::{FromChild, ToChild};
@@ -13,21 +13,21 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-/// Most faults that are told; `sidestep check` tells all.
+/// Maximum number of reported faults; `sidestep check` reports all.
 const MOST_FAULTS: usize = 20;
 
-/// What is looked after, and how often.
+/// The data to maintain, and the intervals.
 #[derive(Clone, Debug)]
 pub struct Keeping {
     /// The database's address.
     pub database: String,
-    /// By which its backups are known from those of others: [`Store::code`](crate::store::Store::code).
+    /// [`Store::code`](crate::store::Store::code), which identifies the database's own backups.
     pub code: String,
-    /// The folder for backups, and how many are kept in it; none writes no backups.
+    /// The folder for backups, and how many are kept; none: no backups.
     pub backups: Option<(PathBuf, usize)>,
-    /// The time between two checks or backups; none checks nothing.
+    /// The interval between two checks or backups; none: no checks.
     pub every: Option<Duration>,
-    /// The time from the start of the server to the first check; a backup of which there is none comes at once.
+    /// The time from the start of the server to the first check or, at the earliest, the first backup.
     pub first: Duration,
 }
 
@@ -39,7 +39,7 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Starts it. `found` shows what was found last.
+    /// Starts it. `found` publishes the latest findings.
     #[must_use]
     pub fn start(keeping: Keeping, children: Children, found: watch::Sender<DataCheck>) -> Self {
         let cancel = CancellationToken::new();
@@ -56,7 +56,7 @@ impl Keeper {
                     pause = every;
                 }
             };
-            // The process of a check that is dropped is killed.
+            // Dropping a check kills its process.
             tokio::select! {
                 () = keep => {}
                 () = stopped.cancelled() => {}
@@ -65,18 +65,18 @@ impl Keeper {
         Self { cancel, task }
     }
 
-    /// Stops; a check or backup that is under way is given up.
+    /// Stops it; a check or backup in progress is cancelled.
     pub async fn stop(self) {
         self.cancel.cancel();
         if let Err(error) = self.task.await {
-            tracing::error!(%error, "the keeper ended badly");
+            tracing::error!(%error, "the keeper failed");
         }
     }
 }
 
 impl Keeping {
-    /// The time until the first check or backup: a backup follows the last one that is there, also if the
-    /// server was started since.
+    /// The time until the first check or backup. The interval since the newest backup is kept
+    /// across restarts of the server.
     fn first_pause(&self, every: Duration, newest: Option<&Backup>) -> Duration {
         if self.backups.is_none() {
             return self.first;
@@ -87,7 +87,7 @@ impl Keeping {
         rest.max(self.first.min(every))
     }
 
-    /// The newest backup in the folder, which an earlier run of the server may have written.
+    /// The newest backup in the folder, perhaps from an earlier run of the server.
     fn newest_backup(&self) -> Option<Backup> {
         let (folder, _) = self.backups.as_ref()?;
         let file = backups::list(folder, &self.code).ok()?.pop()?;
@@ -100,7 +100,7 @@ impl Keeping {
         })
     }
 
-    /// One check, or one backup, which is a check of what it has written.
+    /// One check, or one backup, which checks what it has written.
     async fn once(&self, children: &Children, found: &watch::Sender<DataCheck>) {
         let backup = self.backups.as_ref().map(|(folder, keep)| {
             let file = folder.join(backups::name(&self.code, now_ms()));
@@ -111,7 +111,7 @@ impl Keeping {
         let done = self.in_child(children, file.clone()).await;
         let at_ms = now_ms();
         let pruned = match (&done, &backup) {
-            // While there are faults, older backups may have what the newer ones lack.
+            // While there are faults, older backups may have data that newer ones lack.
             (Ok((report, _)), Some((folder, keep, _))) if report.faults() == 0 => {
                 backups::prune(folder, &self.code, *keep)
             }
@@ -159,7 +159,7 @@ impl Keeping {
         let mut child = children.start().map_err(|error| format!("{error:#}"))?;
         let folder = std::env::current_dir().map_err(|error| error.to_string())?;
         let task = ToChild::Check { folder, database: self.database.clone(), backup };
-        // A child that has ended is noticed when it is heard.
+        // If this fails, the child has ended, which the next read shows.
         let _ = child.tell(&task, &[]).await;
         match child.hear().await {
             Ok((FromChild::Checked { report, bytes }, _)) => Ok((*report, bytes)),
@@ -173,7 +173,7 @@ impl Keeping {
     }
 }
 
-/// The first faults, in words.
+/// The first faults, as sentences.
 fn told(report: &Report) -> Vec<String> {
     let wrong = report.wrong.iter().map(|it| format!("trial {}: {}", it.trial_id, it.what));
     report.damage.iter().cloned().chain(wrong).take(MOST_FAULTS).collect()

@@ -1,5 +1,5 @@
-//! The value functions behind the safety levels of a configuration: solved once, off
-//! the request path, and stored for ever.
+//! The value functions for the safety levels of a configuration: solved once, off the request path,
+//! and stored permanently.
 
 use super::children::{Children, Ended};
 use super::frames::{FromChild, ToChild};
@@ -18,8 +18,8 @@ use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-/// Stores the value functions of a configuration with a closed form before the first request. The
-/// [`Solver`] computes the others.
+/// Stores the value functions of a configuration, if it has a closed form, before the first
+/// request. The [`Solver`] computes the others.
 ///
 /// # Errors
 /// If the database cannot be written.
@@ -34,7 +34,7 @@ pub async fn keep_exact(store: &Store, study: &StoredStudy) -> Result<(), StoreE
     store.put_value_functions(&study.config_hash, Evader::ALL.map(kept).into()).await
 }
 
-/// The bytes of a configuration's value functions; none until both are solved.
+/// The encoded value functions of a configuration; none until both are solved.
 ///
 /// # Errors
 /// If the database cannot be read.
@@ -52,23 +52,23 @@ pub async fn stored(
     Ok(<[Vec<u8>; 2]>::try_from(bytes).ok().map(StoredFunctions))
 }
 
-/// Bytes of V_HR and V_RH.
+/// V_HR and V_RH, encoded.
 pub struct StoredFunctions([Vec<u8>; 2]);
 
 impl StoredFunctions {
-    /// Those of V_HR.
+    /// V_HR, encoded.
     #[must_use]
     pub fn human(&self) -> &[u8] {
         &self.0[0]
     }
 
-    /// Those of V_RH.
+    /// V_RH, encoded.
     #[must_use]
     pub fn robot(&self) -> &[u8] {
         &self.0[1]
     }
 
-    /// Decodes them, in some milliseconds.
+    /// Decodes them; takes some milliseconds.
     ///
     /// # Errors
     /// [`Invalid`] if they are damaged.
@@ -89,8 +89,7 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// Starts solving. A failure is logged, and browsers that need the function solve it
-    /// themselves.
+    /// Starts the solver. A failure is logged, and browsers that need the function solve it themselves.
     #[must_use]
     pub fn start(store: Store, study_stored: Arc<Notify>, children: Children) -> Self {
         let cancel = CancellationToken::new();
@@ -104,7 +103,7 @@ impl Solver {
                     study_stored.notified().await;
                 }
             };
-            // The process of a solve that is dropped is killed.
+            // Dropping a solve kills its process.
             tokio::select! {
                 () = solving => {}
                 () = watched.cancelled() => {}
@@ -113,11 +112,11 @@ impl Solver {
         Self { cancel, task }
     }
 
-    /// Ends the solve under way; it begins anew at the next start.
+    /// Cancels the solve in progress; it restarts at the next start.
     pub async fn stop(self) {
         self.cancel.cancel();
         if let Err(error) = self.task.await {
-            tracing::error!(%error, "the solver ended badly");
+            tracing::error!(%error, "the solver failed");
         }
     }
 }
@@ -147,7 +146,7 @@ async fn solve_and_keep(
     children: &Children,
 ) -> anyhow::Result<Result<(), Ended>> {
     let mut child = children.start()?;
-    // A child that has ended is noticed when it is heard.
+    // If this fails, the child has ended, which the next read shows.
     let _ = child.tell(&ToChild::Solve(config.parameters), &[]).await;
     let (human, complaints, bytes) = match child.hear().await {
         Ok((FromChild::Solved { human, complaints }, bytes)) => (human, complaints, bytes),
@@ -171,8 +170,8 @@ async fn solve_and_keep(
 /// The value functions of a study's configuration: read from the store, or solved now and stored.
 ///
 /// # Errors
-/// The outer error if the database fails or no process can be started; the inner one for a game that cannot
-/// be solved.
+/// The outer error if the database fails or the process cannot be started; the inner one for a game
+/// that cannot be solved.
 pub async fn ensure(
     store: &Store,
     study: &StoredStudy,

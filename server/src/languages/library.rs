@@ -1,4 +1,4 @@
-//! Texts that are made once for each configuration and language.
+//! Cache of texts for each configuration and language.
 
 use super::Languages;
 use super::page::consent_hash;
@@ -7,7 +7,7 @@ use sidestep::study::{StudyConfig, closest_language};
 use std::collections::HashMap;
 use std::sync::{Arc, PoisonError, RwLock};
 
-/// Languages, with the texts that were made from them.
+/// Languages, with a cache of texts made from them.
 #[derive(Debug)]
 pub struct Library {
     languages: Languages,
@@ -15,7 +15,7 @@ pub struct Library {
     made: RwLock<HashMap<(String, String), Arc<Page>>>,
 }
 
-/// What a participant reads, with the hash of what they agree to.
+/// The texts that a participant reads, with the hash of what they agree to.
 #[derive(Debug)]
 pub struct Page {
     /// The texts.
@@ -25,7 +25,7 @@ pub struct Page {
 }
 
 impl Library {
-    /// With nothing made yet.
+    /// Starts with an empty cache.
     #[must_use]
     pub fn new(languages: Languages) -> Self {
         Self { languages, made: RwLock::default() }
@@ -37,9 +37,9 @@ impl Library {
         &self.languages
     }
 
-    /// The texts of the configuration with that hash, in the first of the `wanted` languages that the
-    /// study offers, else in its own first one. Whoever has `begun` in a language can go on in it, although
-    /// the study offers it to nobody else.
+    /// The texts of the configuration with that hash, in the first of the `wanted` languages that
+    /// the study offers, else in the study's first one. Participants who have `begun` in a language
+    /// can continue in it, even if the study offers it to nobody else.
     pub fn page<'a>(
         &self,
         config: &StudyConfig,

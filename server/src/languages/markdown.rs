@@ -1,9 +1,9 @@
-//! Markdown of researchers as HTML that can do nothing but be read.
+//! Researchers' Markdown as inert HTML.
 
 use pulldown_cmark::{CowStr, Event, HeadingLevel, Parser, Tag, TagEnd, html};
 
-/// The HTML of a text in Markdown (CommonMark). HTML in the text is shown as it was written; links lead
-/// to http, https and mailto addresses only, in a tab of their own; pictures become their description;
+/// The HTML of a text in Markdown (CommonMark). HTML in the text is shown literally; links lead
+/// only to http, https and mailto addresses, in a new tab; pictures become their description;
 /// headings begin at the second level, below the page's own.
 #[must_use]
 pub fn html_of(text: &str) -> String {
@@ -44,7 +44,7 @@ fn below(level: HeadingLevel) -> HeadingLevel {
     }
 }
 
-/// Addresses that run no script. Nothing that a browser would skip comes before the scheme.
+/// Whether a URL runs no script. Nothing that a browser would skip comes before the scheme.
 fn is_allowed(address: &str) -> bool {
     let lower = address.to_ascii_lowercase();
     ["https://", "http://", "mailto:"].iter().any(|scheme| lower.starts_with(scheme))

@@ -1,4 +1,4 @@
-//! All that a participant of a study reads, in one language.
+//! Everything that a participant of a study reads, in one language.
 
 use super::Languages;
 use super::markdown::html_of;
@@ -18,7 +18,7 @@ impl Languages {
     #[must_use]
     pub fn texts(&self, study: &StudyConfig, language: &str) -> Texts {
         let mut sentences = Object::default();
-        // A sentence that a study file was written for, and this version no longer has, is left out.
+        // Sentences of a study file that this version no longer has are left out.
         let known = self.get(language);
         for (key, text) in known.into_iter().flat_map(|known| known.iter()) {
             sentences.insert(key.to_owned(), text.to_owned());
@@ -32,17 +32,17 @@ impl Languages {
         let html = |text: &Localised| {
             let (tag, text) = text.find(language, fallback)?;
             let html = html_of(text);
-            // A text in another language says so, to whoever has it read aloud.
+            // A text in another language is marked for screen readers.
             let is_same = closest_language([tag].into_iter(), language).is_some();
             Some(if is_same { html } else { format!("<div lang=\"{tag}\">{html}</div>") })
         };
         let check = check(study, language, &sentences);
-        // They are in the check already.
+        // These sentences are in the check already.
         let is_asked = |key: &str| STANDARD.iter().any(|name| key.starts_with(&prefix(name)));
         let said = sentences.iter().filter(|(key, _)| !is_asked(key));
         let sentences = said.map(|(key, text)| (key.to_owned(), text.clone())).collect();
         let mut offered = self.offered(study);
-        // A participant has begun in it.
+        // A participant has begun in this language.
         if !offered.contains(&language) {
             offered.push(language);
         }
@@ -83,7 +83,7 @@ fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec
             sentences.get(&format!("{}{part}", prefix(name))).cloned().unwrap_or_default()
         };
         let mut options = vec![sentence("wrong_1"), sentence("wrong_2")];
-        // The right answer has another place in each question: second, first, third.
+        // The right answer's place rotates: second, first, third.
         let answer = [1, 0, 2][i % 3];
         options.insert(answer, sentence("right"));
         CheckForm { text: sentence("text"), options, answer }
@@ -102,8 +102,8 @@ fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec
     standard.into_iter().flatten().chain(own).collect()
 }
 
-/// The questions that a participant is asked, drawn from these, with their options in another order. Without
-/// a seed, as many questions as they come: nobody is asked yet.
+/// The questions for one participant, drawn from these, with their options shuffled. Without a
+/// seed, the first questions in order: no participant is asked yet.
 #[must_use]
 pub fn drawn(check: &[CheckForm], settings: &Comprehension, seed: Option<u64>) -> Vec<CheckForm> {
     let count = if settings.draw > 0 { settings.draw } else { check.len() };
@@ -137,9 +137,9 @@ fn form(question: &Question, language: &str, fallback: &str) -> QuestionForm {
     }
 }
 
-/// What somebody agreed to: SHA-256, in hexadecimal digits, of the JSON list of the study's consent text
-/// (HTML or null), its facts, and the page's sentences whose keys begin with `welcome.`, as in
-/// [`Texts`].
+/// The hash of what a participant agreed to: SHA-256, in hexadecimal digits, of the JSON list of
+/// the study's consent text (HTML or null), its facts, and the page's sentences whose keys begin
+/// with `welcome.`, as in [`Texts`].
 #[must_use]
 pub fn consent_hash(texts: &Texts) -> String {
     let shown: BTreeMap<_, _> =

@@ -1,9 +1,8 @@
 //! The sentences of one language: a TOML file of tables of sentences.
 //!
-//! A sentence has a key, the names on the way to it joined by points, and may have places to fill,
-//! such as `{seconds}`. A sentence whose words depend on a number has a form for each kind of number
-//! (`.one`, `.few`, `.other` …, the categories of Unicode's plural rules); languages may have different
-//! forms, but all have `.other`.
+//! A sentence has a key (the names on the path to it, joined by dots) and may have places to fill,
+//! such as `{seconds}`. A sentence that depends on a number has a form for each plural category of
+//! Unicode (`.one`, `.few`, `.other` …); languages may have different forms, but all have `.other`.
 
 use crate::formats::toml_lines::{Complaint, TomlLines};
 use sidestep::invalid::Invalid;
@@ -13,10 +12,10 @@ use std::collections::{BTreeMap, BTreeSet};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sentences(BTreeMap<String, String>);
 
-/// The forms that depend on a number.
+/// The plural forms.
 const FORMS: [&str; 6] = ["zero", "one", "two", "few", "many", "other"];
 
-/// Sentences of which a study may leave out a place, because they stay true without it.
+/// Sentences in which a study may omit a place, because they stay true without it.
 const MAY_OMIT: [(&str, &str); 3] =
     [("instructions.zone", "radius"), ("check_zone.right", "radius"), ("ready.how", "seconds")];
 
@@ -52,7 +51,7 @@ impl Sentences {
         self.0.iter().map(|(key, text)| (key.as_str(), text.as_str()))
     }
 
-    /// Takes over every sentence of `above`.
+    /// Overrides sentences with those of `above`.
     pub fn lay_over(&mut self, above: Self) {
         self.0.extend(above.0);
     }
@@ -60,11 +59,11 @@ impl Sentences {
     /// Accepts sentences with the keys and places of `english`.
     ///
     /// # Errors
-    /// One line naming the sentence, what was expected and found.
+    /// One line naming the sentence, the expected and the found value.
     pub fn check_against(&self, english: &Self) -> Result<(), String> {
         for (key, text) in &english.0 {
             let stem = key.rsplit_once('.').map_or("", |(stem, _)| stem);
-            // Of the forms of a number, each language must have the one for all other numbers.
+            // Of the plural forms, each language must have only `.other`.
             if english.is_form(key) && !key.ends_with(".other") {
                 continue;
             }
@@ -124,8 +123,7 @@ impl Sentences {
         }
     }
 
-    /// Whether a key is one of the forms that depend on a number: it has a sibling `.other`, and all
-    /// siblings are such forms.
+    /// Whether a key is a plural form: it has a sibling `.other`, and all siblings are plural forms.
     fn is_form(&self, key: &str) -> bool {
         let Some((stem, form)) = key.rsplit_once('.') else { return false };
         if !FORMS.contains(&form) || !self.0.contains_key(&format!("{stem}.other")) {
@@ -141,7 +139,7 @@ impl Sentences {
 /// The names of the places to fill in a sentence.
 ///
 /// # Errors
-/// What was expected, for a brace that is not around a name.
+/// What was expected, if a brace does not enclose a name.
 fn places(sentence: &str) -> Result<BTreeSet<&str>, String> {
     let mut found = BTreeSet::new();
     let mut rest = sentence;
@@ -197,7 +195,7 @@ mod tests {
             assert!(words.iter().all(|word| said.contains(word)), "{said}");
         };
         check(&[("Scene {n}", "{n}. Szene")]).unwrap();
-        // Other forms of a number, with or without the number.
+        // Other plural forms, with or without the number.
         check(&[("left.one = \"one scene left\"\n", "")]).unwrap();
         check(&[("left.one = \"one", "left.few = \"{n}")]).unwrap();
         refused(&[("Scene {n}", "Szene")], &["scene.title", "{n}", "no place"]);

@@ -17,8 +17,8 @@ use sidestep::comparison::gains::Gain;
 use sidestep::comparison::models::ModelName;
 use sidestep::comparison::tables::Metric;
 
-/// Every chart is drawn for a telephone's width, px, and several stand side by side on a wider
-/// page, so that letters keep their size.
+/// Every chart is drawn for a phone's width, px; a wider page shows several side by side, so that
+/// letters keep their size.
 const WIDTH: f64 = 340.0;
 
 /// Charts that are read together, with one legend.
@@ -37,7 +37,7 @@ fn figure(name: &'static str, charts: &[Chart], height: f64) -> Figure {
     drawn(name, charts, |chart| chart.drawing([WIDTH, height]))
 }
 
-/// Likewise of any size.
+/// The same for charts of any size.
 fn drawn(name: &'static str, charts: &[Chart], draw: impl Fn(&Chart) -> Drawing) -> Figure {
     let tables = charts.iter().map(Chart::table).filter(|table| !table.rows.is_empty());
     Figure {
@@ -49,11 +49,11 @@ fn drawn(name: &'static str, charts: &[Chart], draw: impl Fn(&Chart) -> Drawing)
     }
 }
 
-/// Between the charts of a file and around them, px.
+/// Gap between the charts of a file and around them, px.
 const GAP: f64 = 20.0;
 
 impl Figure {
-    /// The charts, what their signs mean and their numbers, for a page.
+    /// The charts, their legend and their numbers, for a page.
     pub(super) fn on_page(&self) -> Value {
         let item = |LegendItem { sign, text }: &LegendItem| {
             let mut svg = sign.element(ColourStyle::Properties);
@@ -122,7 +122,7 @@ pub(super) fn all(analysis: &Analysis) -> Vec<Figure> {
     figures
 }
 
-/// Tones of the map.
+/// Number of tones of the map.
 const TONES: usize = 10;
 
 fn opacity(tone: usize) -> f64 {
@@ -135,7 +135,7 @@ fn look(model: ModelName) -> (Colour, Mark) {
     (colours::SERIES[row.colour], row.mark)
 }
 
-/// What is predicted.
+/// The question of an experiment.
 fn question(experiment: Experiment) -> String {
     let words = match experiment {
         Experiment::TurnDirection => "right, straight or left",
@@ -144,18 +144,18 @@ fn question(experiment: Experiment) -> String {
     format!("{}: {words}", experiment.numeral())
 }
 
-/// A dashed line that says nothing but where something is.
+/// A dashed line that only marks a place.
 fn reference(ends: [[f64; 2]; 2]) -> Series {
     Series::drawn("", ends, Pen::new(colours::MUTED, 1.5).dashed(5.0, 3.0))
 }
 
-/// From the least number, at most 0, to the greatest.
+/// From the smallest number, at most 0, to the largest.
 fn range(numbers: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     [numbers.clone().fold(0.0, f64::min), numbers.fold(0.0, f64::max)]
 }
 
-/// The gains of one feature set over another that the findings are about, each pair with the
-/// heading of its chart and the name of its axis.
+/// The gains of one feature set over another in the findings, each pair with the heading of its
+/// chart and the name of its axis.
 fn gain_pairs(analysis: &Analysis) -> Vec<(&'static str, String, Vec<&Gain>)> {
     const PAIRS: [(&str, &str, &str); 3] = [
         ("hrd", "d", "Safety levels over distance alone"),
@@ -262,7 +262,7 @@ fn people_charts(file: &'static str, all: &[PeopleChart<'_>], [name, unit]: [&st
     let numbers = groups.flat_map(|group| &group.values);
     let numbers = numbers.copied().chain(all.iter().filter_map(|of| of.baseline));
     let [_, high] = range(numbers.clone());
-    // Shares differ by where they are; a distance is read from zero.
+    // Shares are read by position; a distance is read from zero.
     let low = if unit == "%" { numbers.fold(high, f64::min) } else { 0.0 };
     let y = Axis::round(name, unit, [low, high], 5);
     let charts = all.iter().map(|of| people_chart(of, y.clone()));
@@ -296,7 +296,7 @@ fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
     chart
 }
 
-/// How often the models on B_hrd are right when they say how sure they are.
+/// How often the models on B_hrd are right, against their stated probability.
 fn calibration(analysis: &Analysis) -> Figure {
     figure(
         "calibration",
@@ -306,7 +306,7 @@ fn calibration(analysis: &Analysis) -> Figure {
 }
 
 fn calibration_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
-    /// Bins with fewer rows say nothing.
+    /// Bins with fewer rows are not drawn.
     const LEAST_ROWS: usize = 20;
     let least = 1.0 / experiment.classes().len() as f64;
     let from = (10.0 * least).floor() / 10.0;

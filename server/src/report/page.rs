@@ -1,5 +1,5 @@
-//! The report, one HTML file that needs nothing else, and the LaTeX tables. Their words and layout
-//! are in `templates/`; here are the numbers that the templates print.
+//! The report, one self-contained HTML file, and the LaTeX tables. Their words and layout are in
+//! `templates/`; the numbers that the templates print are computed here.
 
 #[cfg(test)]
 mod sentences;
@@ -35,7 +35,7 @@ const TEMPLATES: [(&str, &str); 7] = [
     ("tables.tex", include_str!("templates/tables.tex")),
 ];
 
-/// The design tokens come first in the program's own style sheets, up to these words.
+/// The program's own style sheets begin with the design tokens, which end before these words.
 const SHEETS: [(&str, &str); 2] = [
     (include_str!("../../../static/style.css"), "*, *::before"),
     (include_str!("../../../static/lab.css"), "/* The first page"),
@@ -44,13 +44,13 @@ const SHEETS: [(&str, &str); 2] = [
 /// The report.
 ///
 /// # Errors
-/// If a template asks for what there is not.
+/// If a template uses an undefined value.
 pub(super) fn html(analysis: &Analysis, figures: &[Figure]) -> Result<String, Error> {
     let mut numbers = numbers(analysis);
     numbers["tokens"] =
         SHEETS.map(|(sheet, after)| sheet.split(after).next().unwrap_or_default()).concat().into();
     numbers["style"] = include_str!("templates/style.css").into();
-    // Templates ask for each of these, whether there is one or not.
+    // Templates use each of these, even if it is null.
     numbers["figures"] = OPTIONAL_FIGURES.into_iter().map(|name| (name, json!(null))).collect();
     for figure in figures {
         numbers["figures"][figure.name] = figure.on_page();
@@ -58,14 +58,14 @@ pub(super) fn html(analysis: &Analysis, figures: &[Figure]) -> Result<String, Er
     rendered("report.html", numbers)
 }
 
-/// Figures that not every analysis has.
+/// Figures that some analyses lack.
 const OPTIONAL_FIGURES: [&str; 6] =
     ["behaviour", "learning", "unseen", "importance", "decisions", "beyond"];
 
 /// The paper's tables as LaTeX.
 ///
 /// # Errors
-/// If the template asks for what there is not.
+/// If the template uses an undefined value.
 pub(super) fn latex(analysis: &Analysis) -> Result<String, Error> {
     rendered("tables.tex", numbers(analysis))
 }
@@ -101,12 +101,12 @@ fn safe(html: String) -> Value {
     Value::from_safe_string(html)
 }
 
-/// The text of HTML without its tags; any other text as it is.
+/// The text of HTML without its tags; any other text unchanged.
 fn without_tags(of: &Value) -> Value {
     if of.is_safe() { safe(text::without_tags(&of.to_string())) } else { of.clone() }
 }
 
-/// Prints a value as the program does everywhere else: 3 m, not 3.0 m; HTML escaped also for XML.
+/// Prints a value as elsewhere in the program: 3 m, not 3.0 m; HTML is escaped so that it is also XML.
 fn write(out: &mut Output<'_>, state: &mut State<'_, '_>, value: &Value) -> Result<(), Error> {
     let text = match f64::try_from(value.clone()) {
         Ok(number) if value.is_number() => number.to_string(),
@@ -136,7 +136,7 @@ fn hyperparameters() -> Vec<Vec<(&'static str, Option<&'static str>)>> {
     trained.map(pieces).collect()
 }
 
-/// What roll-outs call each driver, by its name and feature set.
+/// The names of drivers in roll-outs, by driver and feature set.
 fn drivers() -> BTreeMap<String, &'static str> {
     let papers = ModelName::PAPERS.map(|model| (model.word(), "hrd", model.row().short));
     let beyond = BEYOND.map(|of| (of.model.word(), of.features, of.words));
@@ -148,7 +148,7 @@ fn drivers() -> BTreeMap<String, &'static str> {
     all.map(|(driver, features, words)| (format!("{driver} {features}"), words)).collect()
 }
 
-/// What the templates print.
+/// The numbers that the templates print.
 fn numbers(analysis: &Analysis) -> serde_json::Value {
     let Analysis { data, settings, comparison, findings, .. } = analysis;
     let cells = || {
@@ -209,7 +209,7 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
     })
 }
 
-/// The numbers of an analysis, with all digits, as JSON: what the templates print, and the tables beside it.
+/// The numbers of an analysis, with all digits, as JSON: those that the templates print, and those of the tables.
 ///
 /// # Errors
 /// None in practice: every part can be written as JSON.
@@ -236,7 +236,7 @@ fn day(ms: f64) -> String {
     date_time(ms as i64).chars().take(10).collect()
 }
 
-/// The safety levels that cannot tell states apart, with the sets that they are in.
+/// The safety levels that cannot distinguish states, with the sets that contain them.
 fn doubtful_levels(analysis: &Analysis) -> Vec<serde_json::Value> {
     let Some(quality) = &analysis.data.safety else { return Vec::new() };
     let sets = || analysis.settings.sets.iter().chain([&analysis.settings.history]);

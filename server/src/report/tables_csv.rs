@@ -16,7 +16,7 @@ use std::io::{self, Write};
 /// Writes a table.
 pub(super) type Table = fn(&Analysis, &mut dyn Write) -> io::Result<()>;
 
-/// Of every analysis.
+/// Tables of every analysis.
 const TABLES: [(&str, Table); 14] = [
     ("cells.csv", cells),
     ("table1.csv", table1),
@@ -34,16 +34,16 @@ const TABLES: [(&str, Table); 14] = [
     ("importance.csv", further::importance),
 ];
 
-/// Of those in which it was asked for.
+/// The table of analyses that request it.
 const LEAKAGE: (&str, Table) = ("leakage.csv", leakage);
 
-/// Every table of this analysis: the name of its file, and what writes it.
+/// Every table of this analysis: the name of its file, and its writer.
 pub(super) fn tables(analysis: &Analysis) -> impl Iterator<Item = (&'static str, Table)> {
     let leakage = (!analysis.leakage.is_empty()).then_some(LEAKAGE);
     TABLES.into_iter().chain(leakage)
 }
 
-/// A header and rows: tuples, in which each value is a field, that of a nested one too.
+/// Writes a header and rows: tuples whose values are the fields, including those of nested tuples.
 fn write(
     out: &mut dyn Write,
     header: &str,
@@ -57,7 +57,7 @@ fn write(
     out.flush()
 }
 
-/// Four places: of per cent, steps or metres.
+/// Four decimal places, for per cent, steps or metres.
 fn places(number: f64) -> String {
     // Never −0.
     format!("{:.4}", number + 0.0).replace("-0.0000", "0.0000")
@@ -115,15 +115,15 @@ fn table2(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, &header, rows)
 }
 
-/// The ends of an interval; empty where too few participants differ for one.
+/// The ends of an interval; empty if too few participants differ.
 fn ends(paired: &Paired) -> [String; 2] {
     paired.interval.map_or_else(Default::default, |ends| ends.map(signed_places))
 }
 
-/// Four places, but what is not zero is not printed as zero: whether an interval contains 0 is what its test
-/// says.
+/// Four places, but a nonzero number is never printed as zero: whether an interval contains 0 must
+/// agree with its test.
 fn signed_places(number: f64) -> String {
-    /// The least number of four places.
+    /// The smallest number with four places.
     const LEAST: f64 = 1e-4;
     places(if number == 0.0 { 0.0 } else { number.abs().max(LEAST).copysign(number) })
 }
@@ -256,9 +256,9 @@ fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, header, rows)
 }
 
-/// A name as part of a file's name: bytes of what is not a letter, digit, point, dash or
-/// underscore are written as in addresses, %20, so that no two names become one. What would be too
-/// long for a file system is cut, and told apart by the beginning of its hash.
+/// A name as part of a file's name: bytes other than letters, digits, points, dashes and
+/// underscores are percent-encoded (%20), so that two names never collide. A name too long for a
+/// file system is truncated, and the beginning of its hash makes it unique.
 pub(super) fn file_name(name: &str) -> String {
     let part = |c: char| match c {
         c if c.is_alphanumeric() || ".-_".contains(c) => c.to_string(),
@@ -273,10 +273,10 @@ pub(super) fn file_name(name: &str) -> String {
     format!("{}~{}", &all[..cut], &hash[..HASH_DIGITS])
 }
 
-/// Bytes of a name in a file's name: file systems have room for 255, with the model and the rest.
+/// Bytes of a name in a file's name: file systems allow 255, including the model and the rest.
 const LONGEST: usize = 160;
 
-/// Of the hash of a name that is cut.
+/// Digits of the hash in a truncated name.
 const HASH_DIGITS: usize = 16;
 
 #[cfg(test)]

@@ -5,8 +5,8 @@ use sidestep::comparison::gains::LEVEL;
 use sidestep::comparison::sets::{BODY_FRAME_SETS, PAPERS_SETS};
 use sidestep::features::HISTORY_SET;
 
-/// A text with everything escaped that means something in HTML and XML, attributes included.
-/// Control characters, which XML forbids, become U+FFFD.
+/// Escapes everything that is special in HTML and XML, including attributes. Control characters,
+/// which XML forbids, become U+FFFD.
 pub(super) fn html(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -25,8 +25,8 @@ pub(super) fn html(text: &str) -> String {
     out
 }
 
-/// A text with everything escaped that LaTeX would read. A character that LaTeX's own fonts lack
-/// is an `\orcode`: an engine that knows Unicode shows it, others show its number.
+/// Escapes everything that is special in LaTeX. A character that LaTeX's own fonts lack becomes an
+/// `\orcode`: Unicode engines show it, others show its number.
 pub(super) fn tex(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -35,7 +35,7 @@ pub(super) fn tex(text: &str) -> String {
             '{' | '}' | '$' | '&' | '#' | '_' | '%' => out.extend(['\\', c]),
             '~' => out.push_str("\\textasciitilde{}"),
             '^' => out.push_str("\\textasciicircum{}"),
-            // In the standard fonts' first encoding these three are other characters.
+            // In the standard fonts' default encoding these three are other characters.
             '<' | '>' | '|' => out.extend(['$', c, '$']),
             '≤' => out.push_str("$\\le$"),
             '≥' => out.push_str("$\\ge$"),
@@ -53,7 +53,7 @@ pub(super) fn tex(text: &str) -> String {
     out
 }
 
-/// Whether it is a letter of the Latin-1 block that every font has.
+/// Whether this is a letter of the Latin-1 block that every font has.
 fn is_accented(c: char) -> bool {
     ('À'..='ÿ').contains(&c) && !"×÷ÐðÞþ".contains(c)
 }
@@ -74,14 +74,14 @@ pub(super) fn fixed(number: f64, places: usize) -> String {
     chart::fixed(number, places)
 }
 
-/// Likewise with a sign, unless it is zero as printed.
+/// The same with a sign, unless it is printed as zero.
 pub(super) fn signed(number: f64, places: usize) -> String {
     let text = fixed(number, places);
     let is_zero = text.chars().all(|c| "0.".contains(c));
     if is_zero || text.starts_with('−') { text } else { format!("+{text}") }
 }
 
-/// Likewise, but a number that is not zero is not printed as zero: it is beside it.
+/// The same, but a nonzero number that would be printed as zero is "just above 0" or "just below 0".
 pub(super) fn beside_zero(number: f64, places: usize) -> String {
     chart::beside_zero(number, places).map_or_else(|| signed(number, places), str::to_owned)
 }
@@ -112,7 +112,7 @@ pub(super) fn count(number: usize, one: &str, many: &str) -> String {
     format!("{} {}", grouped(number), if number == 1 { one } else { many })
 }
 
-/// A feature set as HTML: B with its letters, or the name that somebody gave it.
+/// A feature set as HTML: B with its letters, or the name that a user gave it.
 pub(super) fn set(name: &str) -> String {
     let is_body = |name: &str| BODY_FRAME_SETS.iter().any(|(set, _)| *set == name);
     if !PAPERS_SETS.contains(&name) && !is_body(name) && name != HISTORY_SET {

@@ -1,4 +1,4 @@
-//! A key that a person chose.
+//! A key that an experimenter chose.
 
 use super::random;
 use argon2::password_hash::phc::PasswordHash;
@@ -8,24 +8,24 @@ use sha2::{Digest, Sha256};
 use std::sync::{Arc, OnceLock};
 use subtle::ConstantTimeEq;
 
-/// Most memory for comparing a key, KiB.
+/// Memory limit for comparing a key, KiB.
 const MOST_MEMORY: u32 = 1 << 18;
 
-/// Most passes over this memory, and most lanes in it.
+/// Upper bound on passes over this memory, and on lanes in it.
 const MOST_PASSES: u32 = 16;
 
-/// What is said of a text that begins as a hash does, perhaps within quotes.
+/// The error for a text that begins like a hash, perhaps in quotes.
 const DAMAGED: &str = "expected an Argon2 hash as `sidestep hash-key` prints it, without quotes around it, found another text";
 
-/// Fewest characters of a key.
+/// Minimum length of a key, characters.
 const SHORTEST: usize = 16;
 
-/// A key that a person chose, or its Argon2 hash.
+/// A key that an experimenter chose, or its Argon2 hash.
 ///
-/// People choose keys that can be guessed, so whoever writes one down for a server, in a unit file say, can write
-/// its hash instead. The hash takes a moment of a processor and 19 MiB for each comparison. Once the right
-/// key has come, a digest with random bits of this process recognises it as fast as any other; the digest is
-/// never stored.
+/// Chosen keys can be guessed, so a server's configuration, such as a unit file, can contain the
+/// hash instead. Each comparison with the hash takes a moment of a processor and 19 MiB. Once the
+/// right key has been presented, a digest with random bits of this process recognises it as fast as
+/// any other key; the digest is never stored.
 #[derive(Clone, Debug)]
 pub struct ChosenKey(Arc<Parts>);
 
@@ -36,18 +36,18 @@ struct Parts {
     salt: [u8; 32],
     /// The digest of the right key.
     known: OnceLock<[u8; 32]>,
-    /// The digest of what was given, which is in no database.
+    /// The digest of the given text, which is in no database.
     given: [u8; 32],
 }
 
 impl ChosenKey {
-    /// The key or the hash that was given.
+    /// Parses a key or a hash.
     ///
     /// # Errors
-    /// What was expected and found, if it is neither; or if the system gives no random numbers.
+    /// What was expected and found, if it is neither; or if the system provides no random numbers.
     pub fn of(text: &str) -> Result<Self, String> {
         let salt = random().map_err(|error| error.to_string())?;
-        // Taken for a key, the text of a hash with quotes around it would sign in whoever reads the unit file.
+        // If a hash in quotes were taken for a key, anyone who reads the unit file could sign in with it.
         let is_hash = text.trim_matches(['"', '\'', ' ']).starts_with('$');
         if is_hash {
             check_costs(text)?;
@@ -67,7 +67,7 @@ impl ChosenKey {
         Ok(key)
     }
 
-    /// Whether this is the key; none if only [`Self::verify`] can say so. Takes the same time for every key.
+    /// Whether this is the key; none if only [`Self::verify`] can tell. Takes the same time for every key.
     #[must_use]
     pub fn compare(&self, key: &str) -> Option<bool> {
         let known = self.0.known.get()?;
@@ -104,7 +104,7 @@ impl ChosenKey {
 /// The Argon2 hash of a key, with a random salt, in PHC format.
 ///
 /// # Errors
-/// If the key is too short, or the system gives no random numbers.
+/// If the key is too short, or the system provides no random numbers.
 pub fn hashed(key: &str) -> Result<String, String> {
     check_length(key)?;
     let salt = random::<16>().map_err(|error| error.to_string())?;
@@ -113,7 +113,7 @@ pub fn hashed(key: &str) -> Result<String, String> {
     hash.map(|hash| hash.to_string()).map_err(|error| error.to_string())
 }
 
-/// Refuses what Argon2 cannot compare with a key.
+/// Refuses a text that Argon2 cannot compare with a key.
 fn check_hash(text: &str) -> Result<(), String> {
     let damaged = || DAMAGED.to_owned();
     let hash = PasswordHash::new(text).map_err(|_| damaged())?;
@@ -126,7 +126,7 @@ fn check_hash(text: &str) -> Result<(), String> {
     }
 }
 
-/// Refuses a hash that would take more of the server than a study leaves.
+/// Refuses a hash whose comparison would take too much of the server.
 fn check_costs(hash: &str) -> Result<(), String> {
     let parsed = PasswordHash::new(hash).ok();
     let costs = parsed.as_ref().and_then(|hash| Params::try_from(hash).ok());
@@ -141,10 +141,10 @@ fn check_costs(hash: &str) -> Result<(), String> {
     ))
 }
 
-/// Refuses a key that can be guessed.
+/// Refuses a key that is too short.
 ///
 /// # Errors
-/// How long it must be, and how long it is.
+/// The minimum and the actual length.
 pub fn check_length(key: &str) -> Result<(), String> {
     match key.trim().chars().count() {
         count if count < SHORTEST => {
@@ -179,7 +179,7 @@ mod tests {
         assert_eq!((key.compare(KEY), key.compare("another")), (Some(true), Some(false)));
     }
 
-    /// A hash that another program made, with other costs: its own are used.
+    /// A hash that another program made with other costs keeps them.
     #[test]
     fn hashes_keep_their_costs() {
         let hash = "$argon2id$v=19$m=65536,t=2,p=1$c29tZXNhbHQ$CTFhFdXPJO1aFaMaO6Mm5c8y7cJHAph8ArZWb2GRPPc";

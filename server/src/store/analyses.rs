@@ -9,17 +9,17 @@ use sidestep::comparison::Request;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Most analyses that wait at the same time.
+/// Upper bound of the queue.
 pub const LONGEST_QUEUE: i64 = 100;
 
-/// After this many attempts without an end, an analysis fails, since it seems to crash the server.
+/// An analysis fails after this many interrupted attempts, since it seems to crash the server.
 const MOST_ATTEMPTS: i64 = 3;
 
-/// How long an analysis belongs to the server that began it or last wrote something for it, ms. Once this
-/// time is over, another server takes the analysis over.
+/// Lease of an analysis, ms: when the server that began it has recorded nothing for this long,
+/// another server takes the analysis over.
 const LEASE_MS: i64 = 60_000;
 
-/// Bytes of a file that are written in one transaction.
+/// Bytes of a file per transaction.
 const PART_BYTES: usize = 1 << 20;
 
 /// An analysis without its files.
@@ -27,7 +27,7 @@ const PART_BYTES: usize = 1 << 20;
 pub struct StoredAnalysis {
     /// Number of the analysis in the order of requests; never used twice.
     pub sequence: i64,
-    /// Its id in addresses.
+    /// Its id in URLs.
     pub id: String,
     /// The study's name.
     pub study: String,
@@ -35,9 +35,9 @@ pub struct StoredAnalysis {
     pub request: Request,
     /// Its state.
     pub state: AnalysisState,
-    /// Number of fits that are done.
+    /// Number of finished pieces of work.
     pub done: i64,
-    /// All pieces of work; 0 before they are counted.
+    /// Number of all pieces; 0 until they are counted.
     pub of: i64,
     /// Pieces that were computed for this analysis, not reused from an earlier one.
     pub fresh: i64,
@@ -49,29 +49,29 @@ pub struct StoredAnalysis {
     pub ended_at_ms: Option<i64>,
     /// Why it failed.
     pub message: Option<String>,
-    /// Its result in brief, once it is done.
+    /// Summary of its result, once it is done.
     pub result: Option<AnalysisResult>,
     /// Whether the study's data have changed since it began.
     pub stale: bool,
 }
 
-/// The outcome of a request for an analysis.
+/// The outcome of requesting an analysis.
 #[derive(Clone, Debug)]
 pub enum Asked {
     /// It is queued.
     New(Box<StoredAnalysis>),
-    /// An equal request waits already: its result would be the same.
+    /// An identical request is queued already; its result would be the same.
     Waiting(Box<StoredAnalysis>),
     /// [`LONGEST_QUEUE`] analyses are queued already.
     QueueFull,
 }
 
-/// An analysis that a worker computes now.
+/// An analysis that a worker is computing.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// The analysis, [`StoredAnalysis::sequence`].
     pub sequence: i64,
-    /// Counts how often it was begun: once it is begun again, this attempt is not wanted any more.
+    /// Number of the attempt. When the analysis is begun again, earlier attempts are no longer wanted.
     pub attempt: i64,
     /// The study's row.
     pub study_id: i64,
@@ -116,7 +116,7 @@ impl Store {
         .await
     }
 
-    /// At most `limit` analyses of a study, newest first, from before `before`.
+    /// At most `limit` analyses of a study, newest first, with sequences below `before`.
     pub async fn analyses_page(
         &self,
         study_id: i64,
@@ -134,7 +134,7 @@ impl Store {
         .await
     }
 
-    /// The analysis with this id, and its files by name once it is done.
+    /// The analysis with this id, and its files by name if it is done.
     pub async fn analysis(
         &self,
         id: &str,
@@ -155,7 +155,7 @@ impl Store {
         .await
     }
 
-    /// One file of an analysis that is done, compressed with gzip.
+    /// One file of a finished analysis, compressed with gzip.
     pub async fn analysis_file(&self, id: &str, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let (id, name) = (id.to_owned(), name.to_owned());
         self.read_long(move |db| {
@@ -171,8 +171,7 @@ impl Store {
         .await
     }
 
-    /// Cancels an analysis that is not over; the worker that computes it notices. Returns its new
-    /// state.
+    /// Cancels an analysis that has not ended; its worker notices. Returns its new state.
     pub async fn cancel_analysis(
         &self,
         id: &str,
@@ -208,7 +207,7 @@ impl Store {
         .await
     }
 
-    /// Whether an analysis waits for a worker: it is queued, or, on a shared database, its lease has run out.
+    /// Whether an analysis waits for a worker: it is queued, or, on a shared database, its lease has expired.
     pub async fn awaits_worker(&self, now_ms: i64) -> Result<bool, StoreError> {
         let is_shared = self.is_shared();
         self.read(move |db| {
@@ -222,9 +221,9 @@ impl Store {
         .await
     }
 
-    /// Puts analyses back into the queue whose server stopped or lost the database: on a database of one
-    /// server, all that are running; on a shared one, those whose lease has run out. An analysis that
-    /// was interrupted too often fails instead.
+    /// Requeues analyses whose server stopped or lost the database: on a database of one server,
+    /// all that are running; on a shared one, those whose lease has expired. An analysis that was
+    /// interrupted too often fails instead.
     pub async fn recover_analyses(&self, now_ms: i64) -> Result<(), StoreError> {
         let is_shared = self.is_shared();
         self.write_behind([Lock::Analyses], move |db| {
@@ -247,7 +246,7 @@ impl Store {
         .await
     }
 
-    /// Takes the analysis that has waited longest for `worker`, a name of this server's run, and records
+    /// Takes the oldest queued analysis for `worker`, a name of this server's run, and records
     /// whose data it uses.
     pub async fn begin_analysis(
         &self,
@@ -258,8 +257,8 @@ impl Store {
         self.write_behind([Lock::Analyses], move |db| begin(db, &worker, now_ms)).await
     }
 
-    /// Records the progress of a job: pieces done, all pieces, and pieces that were computed and not
-    /// reused. Renews the lease. Returns whether the job is still wanted.
+    /// Records the progress of a job: finished pieces, all pieces, and pieces that were computed
+    /// instead of reused. Renews the lease. Returns whether the job is still wanted.
     pub async fn note_progress(
         &self,
         job: &Job,
@@ -280,9 +279,9 @@ impl Store {
         .await
     }
 
-    /// Stores a file of a job that is still valid, in parts that are written one after the other. They
-    /// become visible when the analysis is done. `size` is the length before compression. Returns
-    /// whether the job is still valid.
+    /// Stores a file of a job that is still wanted, in parts, one transaction each. They become
+    /// visible when the analysis is done. `size` is the length before compression. Returns whether
+    /// the job is still wanted.
     pub async fn put_analysis_file(
         &self,
         job: &Job,
@@ -321,8 +320,8 @@ impl Store {
         Ok(true)
     }
 
-    /// Ends an analysis that is still wanted: done with a result, or failed with a message. Once it
-    /// is done, the study's cells under keys other than `used` are deleted; the files of one that failed
+    /// Ends an analysis that is still wanted: done with a result, or failed with a message. If it
+    /// is done, the study's cells under keys other than `used` are deleted; if it failed, its files
     /// are. Returns whether the analysis was wanted.
     pub async fn end_analysis(
         &self,
@@ -345,7 +344,7 @@ impl Store {
             )?;
             match (updated > 0, done) {
                 (true, true) => keep_cells_only(db, study_id, &used)?,
-                // It wrote some before it failed, which nobody will see.
+                // Files written before it failed would never be visible.
                 (true, false) => delete_files(db, sequence)?,
                 (false, _) => (),
             }
@@ -354,7 +353,7 @@ impl Store {
         .await
     }
 
-    /// Puts a running analysis back into the queue, as if it had not been begun.
+    /// Requeues a running analysis as if it had never begun.
     pub async fn give_back_analysis(&self, job: &Job) -> Result<(), StoreError> {
         let (sequence, attempt) = (job.sequence, job.attempt);
         self.write_behind([Lock::Analyses], move |db| {
@@ -369,7 +368,7 @@ impl Store {
         .await
     }
 
-    /// The cells that a study has under this key, as they were stored.
+    /// The stored cells of a study under this key.
     pub async fn cells(&self, study_id: i64, key: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let key = key.to_owned();
         self.read(move |db| {
@@ -380,8 +379,8 @@ impl Store {
         .await
     }
 
-    /// Stores cells for later analyses, unless this job is not wanted any more: its cells may
-    /// contain withdrawn data.
+    /// Stores cells for later analyses, unless this job is no longer wanted: its cells may contain
+    /// withdrawn data.
     pub async fn put_cells(&self, job: &Job, key: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
         let (sequence, attempt, key) = (job.sequence, job.attempt, key.to_owned());
         self.write_behind([Lock::Analyses], move |db| {
@@ -398,7 +397,8 @@ impl Store {
     }
 }
 
-/// The columns that [`stored_of`] reads; `PARAMETERS` is the study's parameters, in the database's words.
+/// The columns that [`stored_of`] reads; `PARAMETERS` stands for the study's parameters in the
+/// dialect of the database.
 const SELECT: &str = "SELECT analysis.sequence, analysis.id, study.slug, request, state, done, total, \
                           fresh, analysis.created_at_ms, started_at_ms, ended_at_ms, message, \
                           result, state = 'done' AND (started_at_ms < coalesce((SELECT received_at_ms \
@@ -463,9 +463,9 @@ fn delete_files(db: &Connection, sequence: i64) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Deletes the files and cells that were computed from a participant's data; call it before the
-/// data are deleted. A running analysis restarts without the participant. A participant without
-/// trials is part of no analysis.
+/// Deletes the files and cells that were computed from a participant's data; call it before
+/// deleting the data. A running analysis restarts without the participant. Participants without
+/// trials belong to no analysis.
 pub(super) fn withdraw(db: &Connection, participant_id: &str) -> Result<(), StoreError> {
     for statement in [
         "DELETE FROM analysis_file WHERE analysis IN \
@@ -485,7 +485,7 @@ pub(super) fn withdraw(db: &Connection, participant_id: &str) -> Result<(), Stor
     Ok(())
 }
 
-/// Takes a participant's row out of all analyses, and returns those that had it.
+/// Removes a participant from all analyses, and returns these analyses.
 pub(super) fn leave(db: &Connection, participant_id: &str) -> Result<Vec<i64>, StoreError> {
     let mut leave = db.prepare_cached(
         "DELETE FROM analysis_participant WHERE participant_id = $1 RETURNING analysis",
@@ -493,7 +493,7 @@ pub(super) fn leave(db: &Connection, participant_id: &str) -> Result<Vec<i64>, S
     Ok(leave.query_map([participant_id], |row| row.get(0))?.collect::<Result<_, _>>()?)
 }
 
-/// Puts a participant's row back into these analyses.
+/// Adds a participant to these analyses again.
 pub(super) fn join(
     db: &Connection,
     participant_id: &str,
@@ -542,7 +542,8 @@ fn begin(db: &Connection, worker: &str, now_ms: i64) -> Result<Option<Job>, Stor
     Ok(Some(Job { sequence, attempt, study_id, study, request }))
 }
 
-/// The present time, ms: the database's own if several servers, whose clocks may differ, share it; else $1.
+/// The current time, ms: the database's clock if several servers share it, since their clocks may
+/// differ; else $1.
 fn now(db: &Connection) -> &'static str {
     db.choose("$1", "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)")
 }

@@ -9,28 +9,28 @@ use sidestep::api::{Action, AuditEntry};
 pub struct NewEntry {
     /// The time.
     pub at_ms: i64,
-    /// The key; none for the key in the environment.
+    /// The key; none for the key in the environment variable.
     pub key_id: Option<i64>,
     /// The name of the key.
     pub who: String,
-    /// What was done.
+    /// The action.
     pub action: Action,
     /// The study, if it concerns one.
     pub study: Option<String>,
-    /// To what, if the action does not say it.
+    /// The object of the action, if the action does not imply it.
     pub subject: Option<String>,
 }
 
 impl Store {
-    /// Writes an entry about something that changes nothing in the database.
+    /// Writes an entry for an action that changes nothing in the database.
     ///
     /// # Errors
-    /// [`StoreError::Revoked`] if the key is not valid any more.
+    /// [`StoreError::Revoked`] if the key was revoked.
     pub async fn note(&self, entry: NewEntry) -> Result<(), StoreError> {
         self.write([], move |db| add(db, &entry)).await
     }
 
-    /// Writes that a request was refused, once a minute for each key and route.
+    /// Records a refused request, at most once a minute for each key and route.
     pub async fn note_refusal(&self, entry: NewEntry) -> Result<(), StoreError> {
         const MINUTE_MS: i64 = 60_000;
         self.write([], move |db| {
@@ -43,7 +43,7 @@ impl Store {
         .await
     }
 
-    /// At most `limit` entries, newest first, from before `before`.
+    /// At most `limit` entries, newest first, with sequences below `before`.
     pub async fn audit_page(&self, before: i64, limit: i64) -> Result<Vec<AuditEntry>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(
@@ -56,8 +56,8 @@ impl Store {
     }
 }
 
-/// Writes an entry in the transaction of the change. A key may be revoked between a request and its
-/// transaction; then nothing is changed.
+/// Writes an entry in the transaction of the change. If the key was revoked since the request
+/// began, nothing is changed.
 pub(super) fn add(db: &Connection, entry: &NewEntry) -> Result<(), StoreError> {
     let NewEntry { at_ms, key_id, who, action, study, subject } = entry;
     if let Some(id) = key_id {

@@ -1,16 +1,16 @@
-//! The commits of the store, as an operator sees them.
+//! Metrics of the store's commits.
 
 use prometheus_client::metrics::histogram::Histogram;
 use std::time::Duration;
 
-/// Bounds of times, s: from what a commit takes to the limit of a request.
+/// Histogram bounds of times, s: from a fast commit to the request timeout.
 pub const SECONDS: [f64; 13] =
     [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0];
 
-/// Bounds of the number of writes in a commit.
+/// Histogram bounds of the number of writes in a commit.
 const WRITES: [f64; 8] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
 
-/// How many writes were stored together, and in what time.
+/// How many writes each commit stored, and how long it took.
 #[derive(Clone, Debug)]
 pub struct Commits {
     writes: Histogram,
@@ -24,13 +24,13 @@ impl Default for Commits {
 }
 
 impl Commits {
-    /// Notes a commit: how many writes it stored, and how long it took.
+    /// Records a commit: the number of writes, and how long it took.
     pub(super) fn note(&self, writes: usize, took: Duration) {
         self.writes.observe(writes as f64);
         self.seconds.observe(took.as_secs_f64());
     }
 
-    /// The numbers of writes, and the times, s.
+    /// Histograms of the numbers of writes and of the times, s.
     #[must_use]
     pub fn histograms(&self) -> [Histogram; 2] {
         [self.writes.clone(), self.seconds.clone()]

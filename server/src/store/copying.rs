@@ -1,11 +1,11 @@
-//! Copying studies from one database to another: to move from SQLite to PostgreSQL or back, and to keep a
-//! PostgreSQL database as a file.
+//! Copying studies from one database to another: to move from SQLite to PostgreSQL or back, and to
+//! back up a PostgreSQL database as a file.
 //!
-//! A copy goes participant by participant, each in one transaction with all that is stored about them, so
-//! that it can be broken off and goes on where it was. A participant who is there already is compared by a
-//! hash of all their rows; if they have done more meanwhile, they are copied anew. Rows keep their ids;
-//! trials keep their order. Models and files of analyses come along; the cells that later analyses would
-//! reuse do not, since they can be computed again.
+//! Each participant is copied in one transaction with everything stored about them, so an
+//! interrupted copy can resume. A participant who exists at the destination is compared by a hash
+//! of all their rows, and copied again if they have done more since. Rows keep their ids; trials
+//! keep their order. Models and files of analyses are copied; cells for reuse by later analyses are
+//! not, since they can be recomputed.
 
 mod columns;
 mod rows;
@@ -20,26 +20,26 @@ use rows::{Rows, insert, read};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 
-/// A study as it is copied: everything but its participants and analyses.
+/// A study without its participants and analyses.
 #[derive(Clone, Debug)]
 pub struct StudyCopy {
     /// Its name.
     pub slug: String,
-    /// Its row in the database that it comes from.
+    /// Its row in the source database.
     pub study_id: i64,
     config_hash: String,
     created_at_ms: i64,
     /// Configurations by their hash.
     configs: Vec<(String, String)>,
     versions: Vec<(i64, String, i64, bool)>,
-    /// Value functions by their id, and which configuration and evader they belong to.
+    /// Value functions by their id; the configuration and evader of each.
     functions: BTreeMap<String, Vec<u8>>,
     safety: Vec<(String, String, String)>,
-    /// The highest number of a trial.
+    /// The highest number of any of its trials.
     last_trial: i64,
 }
 
-/// A participant, or an analysis, with all rows, as they are copied.
+/// A participant or an analysis with all rows.
 #[derive(Clone, Debug)]
 pub struct RowsCopy {
     /// The id.
@@ -59,8 +59,8 @@ impl RowsCopy {
         hasher.finalize().into()
     }
 
-    /// Whether a participant has something here that another copy of them lacks: they were seen later, their data
-    /// were deleted, or there are more trials.
+    /// Whether this copy of a participant has something that the other copy lacks: they were seen
+    /// later, their data were deleted, or there are more trials.
     fn is_ahead_of(&self, other: &Self) -> bool {
         let [here, there] = [self, other].map(|copy| copy.number("last_seen_at_ms"));
         let has_more = self.trials() > other.trials() && !other.is_deleted();
@@ -72,7 +72,7 @@ impl RowsCopy {
         self.number("data_deleted") == Some(1)
     }
 
-    /// A whole number of the participant's own row.
+    /// An integer from the participant's own row.
     fn number(&self, column: &str) -> Option<i64> {
         let first = PARTICIPANT_TABLES.iter().zip(&self.tables).next();
         first.and_then(|(table, rows)| rows.number(table, column))
@@ -85,7 +85,7 @@ impl RowsCopy {
         of.flat_map(|(_, rows)| rows.keys())
     }
 
-    /// How many rows of trials there are.
+    /// Number of trials.
     #[must_use]
     pub fn trials(&self) -> usize {
         let of =
@@ -94,40 +94,40 @@ impl RowsCopy {
     }
 }
 
-/// Where a study is copied to.
+/// The destination of a copied study.
 #[derive(Clone, Copy, Debug)]
 pub struct CopyTarget {
     study_id: i64,
-    /// What is added to the number of each trial.
+    /// Offset that is added to the number of each trial.
     shift: i64,
 }
 
 /// Why a study is not copied.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CopyRefusal {
-    /// There is another study of this name.
+    /// Another study has this name.
     OtherStudy,
 }
 
-/// What became of a participant who was to be copied.
+/// The outcome of copying a participant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PutCopy {
     /// They were stored.
     Stored,
-    /// They were there, unchanged.
+    /// They existed, unchanged.
     Present,
-    /// They have something there that the copy lacks, and stay as they are.
+    /// The destination has newer data than the copy, and keeps them.
     Ahead,
 }
 
 impl Store {
-    /// Everything of a study but its participants and analyses.
+    /// A study without its participants and analyses.
     pub async fn study_copy(&self, slug: &str) -> Result<Option<StudyCopy>, StoreError> {
         let slug = slug.to_owned();
         self.read_long(move |db| study_copy(db, &slug)).await
     }
 
-    /// The ids of all participants of a study, pilots too, and of its analyses, in their order.
+    /// The ids of all participants of a study, including pilots, and of its analyses, each in order.
     pub async fn copied_ids(&self, study_id: i64) -> Result<[Vec<String>; 2], StoreError> {
         self.read_long(move |db| {
             let ids = |query: &str| -> Result<Vec<String>, StoreError> {
@@ -142,7 +142,7 @@ impl Store {
         .await
     }
 
-    /// Puts a study where participants can be copied to, or finds the one that was begun.
+    /// Creates a study at the destination, or finds the one that an earlier copy began.
     pub async fn begin_copy(
         &self,
         copy: StudyCopy,
@@ -162,8 +162,7 @@ impl Store {
         self.read_long(move |db| rows_copy(db, ANALYSIS_TABLES, &id)).await
     }
 
-    /// Stores a participant with all rows, in the place of an earlier copy that differs, unless that has something
-    /// that would be lost.
+    /// Stores a participant with all rows, replacing an earlier copy that differs, unless that would lose data.
     pub async fn put_participant_copy(
         &self,
         target: CopyTarget,
@@ -182,7 +181,7 @@ impl Store {
                     analyses::withdraw(db, &copy.id)?;
                 }
             }
-            // Analyses that have this participant keep them.
+            // Analyses keep this participant.
             let analyses = analyses::leave(db, &copy.id)?;
             for table in PARTICIPANT_TABLES.iter().rev() {
                 db.execute(&table.delete(), [&copy.id])?;
@@ -196,7 +195,7 @@ impl Store {
         .await
     }
 
-    /// Stores an analysis with all rows unless it is there. One that was queued or running is queued.
+    /// Stores an analysis with all rows unless it exists. If it was queued or running, it is queued.
     pub async fn put_analysis_copy(
         &self,
         target: CopyTarget,
@@ -224,7 +223,7 @@ impl Store {
         .await
     }
 
-    /// The keys of experimenters and the audit trail, for a copy of a whole database.
+    /// The experimenters' keys and the audit trail, for a copy of a whole database.
     pub async fn access_copy(&self) -> Result<RowsCopy, StoreError> {
         self.read_long(|db| {
             let tables = columns::ACCESS_TABLES.iter().map(|table| read(db, table, None));
@@ -233,7 +232,7 @@ impl Store {
         .await
     }
 
-    /// Stores keys and audit trail if the database has no keys yet. Returns whether it did.
+    /// Stores keys and audit trail if the database has no keys. Returns whether it did.
     pub async fn put_access_copy(&self, copy: RowsCopy) -> Result<bool, StoreError> {
         self.write_behind([Lock::Keys], move |db| {
             let is_empty: bool =
@@ -355,8 +354,8 @@ fn begin(db: &Connection, copy: &StudyCopy) -> Result<Result<CopyTarget, CopyRef
     Ok(Ok(CopyTarget { study_id, shift: shift(db, study_id, copy.last_trial)? }))
 }
 
-/// What is added to the number of each trial so that none is used twice: 0 in a database without trials
-/// of other studies. The numbers are taken at once, so that trials which come meanwhile get later ones.
+/// Offset for the numbers of trials so that none is used twice: 0 in a database without trials of
+/// other studies. The numbers are reserved at once; trials that arrive meanwhile get later ones.
 fn shift(db: &Connection, study_id: i64, last_trial: i64) -> Result<i64, StoreError> {
     let others = "SELECT coalesce(max(sequence), 0) FROM trial WHERE study_id <> $1 \
                       AND sequence < (SELECT coalesce(min(sequence), 9223372036854775807) FROM trial \

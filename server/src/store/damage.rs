@@ -1,11 +1,12 @@
-//! What a database itself finds wrong with its file.
+//! Damage that the database finds in its own file.
 
 use super::{Database, Store, StoreError};
 use std::collections::BTreeMap;
 
 impl Store {
-    /// What SQLite itself finds wrong with the file: damaged pages, with their tables or indices, and references to
-    /// nothing. Empty for a sound database, and for PostgreSQL, whose own tools look for that.
+    /// Damage that SQLite finds in the file: damaged pages, with their tables or indices, and
+    /// dangling references. Empty for a sound database, and for PostgreSQL, which has its own tools
+    /// for this.
     ///
     /// # Errors
     /// If the check cannot be run.
@@ -23,7 +24,7 @@ impl Store {
             .collect())
     }
 
-    /// The names of tables and indices by the first pages of their trees.
+    /// Names of tables and indices by the root pages of their trees.
     async fn trees(&self) -> Result<BTreeMap<i64, String>, StoreError> {
         self.read_long(|db| {
             let query = "SELECT rootpage, name FROM sqlite_schema WHERE rootpage > 0";
@@ -35,7 +36,7 @@ impl Store {
     }
 }
 
-/// A line of SQLite's check, with the name of the tree that it numbers; none for a heading.
+/// A line of SQLite's check, with the number of a tree replaced by its name; none for a heading.
 fn told(line: &str, names: &BTreeMap<i64, String>) -> Option<String> {
     if line.starts_with("***") {
         return None;

@@ -1,26 +1,27 @@
-//! Enrolment: who is new, who is known, and which place of the study somebody gets.
+//! Enrolment: whether a participant is new or known, and which place of the study they get.
 //!
-//! A place (0, 1, 2, …) decides which scenes a participant drives, so that scenes are counterbalanced
-//! across the people who take part. Somebody new gets the lowest free place: one that nobody has had, or
-//! whose holder withdrew or was screened out. If the study has a quota, somebody who has not finished
-//! and has stayed away for the study's hold counts no more; when all places of the quota are taken, the
-//! lowest place of such a person is given to the next one.
+//! A place (0, 1, 2, …) decides which scenes a participant drives, so that scenes are
+//! counterbalanced across participants. A new participant gets the lowest free place: one never
+//! taken, or one whose holder withdrew or was screened out. If the study has a quota, a participant
+//! who has not finished and has been away for the study's hold no longer counts; when all places of
+//! the quota are taken, the next new participant gets the lowest place of a participant who is
+//! away.
 
 use super::lanes::Lock;
 use super::participants::{self, Participant, Scope, find};
 use super::sql::{Connection, OptionalExtension, params};
 use super::{Store, StoreError};
 
-/// Somebody who enrols.
+/// A request to enrol.
 #[derive(Clone, Debug)]
 pub struct NewParticipant {
     /// Their id, if they are new.
     pub id: String,
     /// The study's row.
     pub study_id: i64,
-    /// Hash of the request's id, which the client drew.
+    /// Hash of the request id that the client drew.
     pub request_hash: Option<[u8; 32]>,
-    /// The recruiting service's id of the person, as it came.
+    /// The recruiting service's id of the person, as received.
     pub external_id: Option<String>,
     /// The same, normalised.
     pub external_key: Option<String>,
@@ -32,22 +33,22 @@ pub struct NewParticipant {
     pub locale: Option<String>,
     /// The screen, as JSON.
     pub screen: Option<String>,
-    /// Recorded parameters of the address, as JSON.
+    /// Recorded URL parameters, as JSON.
     pub parameters: Option<String>,
-    /// Language and hash of what they agreed to.
+    /// Language and hash of the consent text that they agreed to.
     pub consent: Option<(String, String)>,
     /// The current time.
     pub enrolled_at_ms: i64,
 }
 
-/// Who may enrol.
+/// Who may enrol now.
 #[derive(Clone, Copy, Debug)]
 pub struct Gate {
-    /// Whether new people are taken. Pilots are, in any case.
+    /// Whether new participants are admitted. Pilots always are.
     pub is_open: bool,
-    /// Most participants; 0: any number.
+    /// Maximum number of participants; 0: unlimited.
     pub quota: u64,
-    /// Who has not finished and was seen before this time holds no place of the quota.
+    /// A participant who has not finished and was last seen before this time does not count for the quota.
     pub away_before_ms: i64,
 }
 
@@ -58,21 +59,21 @@ pub enum Enrolment {
     New(Participant),
     /// The participant enrolled before. A token with this scope is valid.
     Known(Participant, Scope),
-    /// The participant has withdrawn or was screened out.
+    /// The participant withdrew or was screened out.
     Over(Participant),
-    /// The study takes nobody new.
+    /// The study admits no new participants.
     Closed,
-    /// As many people take part as were wanted.
+    /// The quota is reached.
     Full,
 }
 
 impl Store {
-    /// Stores a participant under the study's next number and at a place, or finds the known
-    /// participant. A token with that hash becomes valid, beside earlier tokens. A new participant
-    /// has no plan yet.
+    /// Stores a participant with the study's next number and a place, or finds the known
+    /// participant. A token with this hash becomes valid in addition to earlier tokens. A new
+    /// participant has no plan yet.
     ///
     /// # Errors
-    /// [`StoreError`]; nothing was stored then.
+    /// [`StoreError`]; nothing was stored.
     pub async fn enrol(
         &self,
         new: NewParticipant,
@@ -83,7 +84,7 @@ impl Store {
         self.write_enrolment(locks, move |db| enrol(db, &new, gate, token_hash)).await
     }
 
-    /// The participant of a study whom this normalised external id names, if there is one.
+    /// The participant of a study with this normalised external id, if any.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -95,7 +96,7 @@ impl Store {
         self.read(move |db| find(db, study_id, "external_key", &external_key)).await
     }
 
-    /// The language in which a participant agreed to take part, if it is known.
+    /// The language of the consent text that a participant agreed to, if known.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -112,7 +113,7 @@ impl Store {
         .await
     }
 
-    /// Whether as many people take part in a study as its quota allows.
+    /// Whether the study's quota is reached.
     pub async fn is_full(&self, study_id: i64, gate: Gate) -> Result<bool, StoreError> {
         if gate.quota == 0 {
             return Ok(false);
@@ -127,8 +128,7 @@ fn enrol(
     gate: Gate,
     token_hash: [u8; 32],
 ) -> Result<Enrolment, StoreError> {
-    // Who repeats the request is the browser that enrolled; who has only the external id may be
-    // anybody who knows it.
+    // Only the browser that enrolled can repeat the request; an external id may be known to anyone.
     let known = match &new.request_hash {
         Some(hash) => find(db, new.study_id, "request_hash", hash)?.map(|it| (it, Scope::Full)),
         None => None,
@@ -147,7 +147,7 @@ fn enrol(
         participants::seen(db, &participant.id, new.enrolled_at_ms)?;
         return Ok(Enrolment::Known(participant, scope));
     }
-    // A closed study can be tried: a pilot is no part of the data.
+    // A closed study can be tested: pilots are not part of the data.
     if !gate.is_open && new.pilot_place.is_none() {
         return Ok(Enrolment::Closed);
     }
@@ -165,7 +165,7 @@ fn enrol(
     Ok(Enrolment::New(participant.ok_or_else(lost)?))
 }
 
-/// The place for somebody new; none if the study is full.
+/// The place for a new participant; none if the study is full.
 fn take_place(db: &Connection, study_id: i64, gate: Gate) -> Result<Option<i64>, StoreError> {
     if gate.quota > 0 && active(db, study_id, gate.away_before_ms)? >= gate.quota {
         return Ok(None);
@@ -188,7 +188,7 @@ fn take_place(db: &Connection, study_id: i64, gate: Gate) -> Result<Option<i64>,
     Ok(given_up.or(Some(free)))
 }
 
-/// The lowest place that nobody holds.
+/// The lowest free place.
 fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
     let (held, after): (i64, i64) = db
         .prepare_cached(
@@ -211,8 +211,8 @@ fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
     Ok(gap)
 }
 
-/// How many people count for the quota: those who have finished, and those who have begun and were seen
-/// since `away_before_ms`.
+/// Number of people who count for the quota: those who have finished, and those who have not and
+/// were seen since `away_before_ms`.
 fn active(db: &Connection, study_id: i64, away_before_ms: i64) -> Result<u64, StoreError> {
     let count: i64 = db
         .prepare_cached(

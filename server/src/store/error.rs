@@ -1,4 +1,4 @@
-//! Errors of the store, in the words of the domain.
+//! Errors of the store, in domain terms.
 
 use sqlx::error::DatabaseError;
 use sqlx::postgres::PgDatabaseError;
@@ -10,13 +10,13 @@ pub enum StoreError {
     /// Too many writes are waiting.
     #[error("too many writes wait for the database")]
     Busy,
-    /// Another process holds the write lock for too long.
+    /// Another process has held the write lock for too long.
     #[error("another process holds the database's write lock")]
     Locked,
     /// The disk is full.
     #[error("the disk is full")]
     Full,
-    /// The file at the database's path is not the one that was opened, or somebody else has changed it.
+    /// The file at the database's path is not the one that was opened, or another process changed it.
     #[error("the database file was {0}")]
     Gone(String),
     /// The file cannot be read or written, or the store was closed.
@@ -25,7 +25,7 @@ pub enum StoreError {
     /// The file is damaged, or contains a value that this version cannot read.
     #[error("the database is damaged: {0}")]
     Corrupt(String),
-    /// The key with which a change was asked for was revoked meanwhile.
+    /// The requester's key was revoked meanwhile.
     #[error("the key was revoked")]
     Revoked,
     /// A defect of this program.
@@ -34,7 +34,7 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// Whether the same request can succeed later without a change of the program or the file.
+    /// Whether the same request can succeed later without a change to the program or the file.
     #[must_use]
     pub fn is_temporary(&self) -> bool {
         !matches!(self, Self::Corrupt(_) | Self::Defect(_) | Self::Revoked)
@@ -82,7 +82,7 @@ impl From<sqlx::Error> for StoreError {
     }
 }
 
-/// What SQLite's codes mean: <https://www.sqlite.org/rescode.html>.
+/// Meaning of SQLite's result codes: <https://www.sqlite.org/rescode.html>.
 fn of_sqlite(error: &dyn DatabaseError) -> StoreError {
     let message = error.message().replace('\n', " ");
     // The lower eight bits are the primary code.
@@ -99,24 +99,26 @@ fn of_sqlite(error: &dyn DatabaseError) -> StoreError {
     }
 }
 
-/// What PostgreSQL's codes mean: appendix A of its documentation.
+/// Meaning of PostgreSQL's error codes: appendix A of its documentation.
 fn of_postgres(error: &PgDatabaseError) -> StoreError {
-    // Never the detail of a message, which has values of rows.
+    // Omits the detail of the message, which contains values of rows.
     let message = error.message().replace('\n', " ");
     let advised = |advice: &str| StoreError::Unavailable(format!("{message}; {advice}"));
     match error.code() {
-        // Serialization failures, deadlocks, and locks that were waited for too long; a reference to
-        // a row that another transaction has just deleted.
+        // Serialization failures, deadlocks and lock timeouts; a reference to a row that another
+        // transaction has just deleted.
         "40001" | "40P01" | "55P03" | "23503" => StoreError::Locked,
         "53100" => StoreError::Full,
-        // A standby that takes no writes.
+        // A read-only standby.
         "25006" => StoreError::Unavailable(message),
-        "42501" => advised("use the user who owns the database, or have that one GRANT this right"),
+        "42501" => {
+            advised("connect as the owner of the database, or have the owner GRANT this right")
+        }
         "3D000" => advised("create it with 'createdb', or name another one in the address"),
         code if code.starts_with("28") => advised(
             "check the user and the password (in the address or in PGPASSWORD), and pg_hba.conf",
         ),
-        // No resources, operator intervention, connection exceptions.
+        // Insufficient resources, operator intervention, connection exceptions.
         code if ["53", "57", "58", "08"].iter().any(|class| code.starts_with(class)) => {
             StoreError::Unavailable(message)
         }
@@ -125,25 +127,25 @@ fn of_postgres(error: &PgDatabaseError) -> StoreError {
     }
 }
 
-/// What to do if there is no connection to PostgreSQL.
+/// Advice if no connection to PostgreSQL can be made.
 const NO_SERVER: &str = "check the host and the port, and that PostgreSQL runs there";
 
-/// What to do if the client's error has certain words.
+/// Advice by words in the client's error.
 const ADVICE: [(&str, &str); 4] = [
     ("password missing", "give the password in PGPASSWORD or in the address"),
-    ("allow writes", "it is a standby, or set to be read only; name the primary"),
+    ("allow writes", "it is a standby, or set to read-only; name the primary"),
     (
         "not support TLS",
-        "switch TLS on in PostgreSQL (ssl = on), or add sslmode=disable if nobody can listen between",
+        "switch TLS on in PostgreSQL (ssl = on), or add sslmode=disable if nobody can eavesdrop",
     ),
     (
         "TLS",
         "check the certificate of the server (it must be one for servers, not one that signs others, and name its \
-         host), and sslrootcert=FILE, or add sslmode=disable if nobody can listen between",
+         host), and sslrootcert=FILE, or add sslmode=disable if nobody can eavesdrop",
     ),
 ];
 
-/// What is wrong with a connection, and what to do.
+/// The error of a connection, with advice.
 fn advised(error: &sqlx::Error) -> String {
     let said = one_line(error);
     let advice = ADVICE.iter().find(|(words, _)| said.contains(words)).map(|(_, it)| *it);

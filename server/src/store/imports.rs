@@ -1,4 +1,4 @@
-//! Trials that are imported from a file, batch by batch.
+//! Imports trials from a file, batch by batch.
 
 use super::lanes::Lock;
 use super::profiles;
@@ -17,9 +17,10 @@ use std::sync::Arc;
 pub struct NewImport {
     /// The new participant's id.
     pub id: String,
-    /// SHA-256 of the participant's part of the file: imported again, it is the same participant.
+    /// SHA-256 of the participant's part of the file. It identifies the participant if the file is
+    /// imported again.
     pub hash: String,
-    /// Why an experimenter had excluded them where the file comes from, if so.
+    /// The reason of an experimenter's exclusion in the file's source, if any.
     pub exclusion: Option<String>,
     /// Their trials in order; the scene of each is its first state.
     pub trials: Vec<(PlannedRow, NewTrial)>,
@@ -37,23 +38,23 @@ pub struct Destination {
 /// The outcome of a batch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Import {
-    /// All participants of the batch are in the study now.
+    /// All participants of the batch are in the study.
     Done {
         /// Ids of the participants who had been imported before.
         skipped: Vec<String>,
     },
-    /// Another participant has a trial with this id; nothing of the batch was imported.
+    /// Another participant has a trial with this id; nothing in the batch was imported.
     TrialKnown {
         /// The trial.
         trial_id: String,
     },
 }
 
-/// Most participants that are deleted in one transaction.
+/// Most participants deleted in one transaction.
 const UNDONE_AT_ONCE: usize = 16;
 
 impl Store {
-    /// The study with the name of `config`, which is created if missing; none if its parameters are not
+    /// The study with the name of `config`, created if missing; none if its parameters differ from
     /// those of `config`.
     pub async fn begin_import(
         &self,
@@ -74,7 +75,7 @@ impl Store {
     /// Imports some participants of a file, in one transaction.
     ///
     /// # Errors
-    /// [`StoreError`]; none of them was imported then.
+    /// [`StoreError`]; nothing was imported.
     pub async fn import(
         &self,
         study: &StoredStudy,
@@ -86,8 +87,8 @@ impl Store {
             .await
     }
 
-    /// Takes an import back: deletes these participants, all of them imported, with their trials, and
-    /// the study if it was created for them and nobody else is in it.
+    /// Undoes an import: deletes these participants, all of them imported, with their trials, and
+    /// the study if it was created for them and has no other participants.
     pub async fn undo_import(
         &self,
         destination: &Destination,
@@ -128,7 +129,7 @@ impl Store {
     }
 }
 
-/// Those of these trials that a plan has.
+/// Which of these trials are in a plan.
 const PLANNED: Rows = Rows {
     before: "SELECT scene.trial_id FROM (VALUES ",
     after: ") AS asked JOIN scene ON scene.trial_id = asked.column1",
@@ -142,7 +143,7 @@ fn import(
 ) -> Result<Import, StoreError> {
     let mut is_there =
         db.prepare_cached("SELECT 1 FROM participant WHERE study_id = $1 AND import_hash = $2")?;
-    // Everything is checked before anything is written, so that a refusal changes nothing.
+    // Everything is checked before the first write, so that a refusal changes nothing.
     let (mut skipped, mut new, mut ids) = (Vec::new(), Vec::new(), HashSet::new());
     for person in people {
         if is_there.exists(params![study.id, person.hash])? {

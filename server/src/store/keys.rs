@@ -1,4 +1,4 @@
-//! The experimenters' keys and sessions, stored as hashes only.
+//! The experimenters' keys and sessions, stored only as hashes.
 
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
@@ -13,9 +13,9 @@ pub struct StoredKey {
     pub id: i64,
     /// Its name.
     pub name: String,
-    /// What it may do.
+    /// Its access level.
     pub access: Access,
-    /// Whether the server made it at its first start.
+    /// Whether the server created it at its first start.
     pub is_first: bool,
     /// When it was last used, to the minute.
     pub last_used_at_ms: Option<i64>,
@@ -23,19 +23,19 @@ pub struct StoredKey {
     pub is_revoked: bool,
 }
 
-/// Who is signed in.
+/// The owner of a session.
 #[derive(Clone, Debug)]
 pub enum Holder {
     /// The holder of a stored key.
     Key(StoredKey),
-    /// The holder of the key in the environment.
+    /// The holder of the key in the environment variable.
     Environment,
 }
 
 /// The outcome of a revocation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Revocation {
-    /// The key is invalid, since now or since earlier.
+    /// The key is revoked, now or earlier.
     Revoked,
     /// It is the server's first key, which only a new first key replaces.
     First,
@@ -43,13 +43,13 @@ pub enum Revocation {
     Unknown,
 }
 
-/// The name of the key that the server makes at its first start.
+/// The name of the key that the server creates at its first start.
 const FIRST: &str = "first key";
 
-/// The name of the key in the environment.
+/// The name of the key in the environment variable.
 pub const ENVIRONMENT: &str = "SIDESTEP_ADMIN_KEY";
 
-/// Names that no other key gets.
+/// Reserved names.
 const RESERVED: [&str; 2] = [FIRST, ENVIRONMENT];
 
 /// The columns that [`StoredKey::of`] reads.
@@ -92,7 +92,7 @@ impl Store {
         .await
     }
 
-    /// All keys, in the order in which they were made; revoked ones too.
+    /// All keys, oldest first, including revoked ones.
     pub async fn keys(&self) -> Result<Vec<KeySummary>, StoreError> {
         self.read(move |db| {
             let mut statement = db.prepare_cached(&format!("{SUMMARIES} ORDER BY id"))?;
@@ -101,9 +101,9 @@ impl Store {
         .await
     }
 
-    /// Stores the first key with that hash, unless there is one already and no `other` is wanted. The new
-    /// one replaces the old one and ends every session: an experimenter asks for another key after
-    /// losing the old one or fearing that someone else has it. Returns whether the key was stored.
+    /// Stores the first key with this hash, unless one exists and `other` is false. The new key
+    /// replaces the old one and ends every session: an experimenter asks for another key after
+    /// losing the old one, or if someone else may have it. Returns whether the key was stored.
     pub async fn put_first_key(
         &self,
         hash: [u8; 32],
@@ -124,7 +124,7 @@ impl Store {
         .await
     }
 
-    /// Stores a further key. None if another key has, or had, its name.
+    /// Stores a further key. None if another key, even a revoked one, has its name.
     pub async fn add_key(
         &self,
         name: &str,
@@ -146,7 +146,7 @@ impl Store {
         .await
     }
 
-    /// Makes a key invalid and ends its sessions. Can be repeated.
+    /// Revokes a key and ends its sessions. Idempotent.
     pub async fn revoke_key(&self, id: i64, mut entry: NewEntry) -> Result<Revocation, StoreError> {
         self.write([Lock::Keys], move |db| {
             let found: Option<(String, bool, bool)> = db
@@ -162,7 +162,7 @@ impl Store {
                 Some((_, _, true)) => return Ok(Revocation::Revoked),
                 Some((name, ..)) => entry.subject = Some(name),
             }
-            // First, since a key may revoke itself.
+            // Before the change, since a key may revoke itself.
             audit::add(db, &entry)?;
             let revoke = "UPDATE api_key SET revoked_at_ms = $2 WHERE id = $1";
             db.execute(revoke, params![id, entry.at_ms])?;
@@ -172,7 +172,7 @@ impl Store {
         .await
     }
 
-    /// Notes that a key is used now.
+    /// Records that a key is used now.
     pub async fn note_use(&self, id: i64, now_ms: i64) -> Result<(), StoreError> {
         self.write([], move |db| {
             let note = "UPDATE api_key SET last_used_at_ms = $2 WHERE id = $1";
@@ -182,7 +182,7 @@ impl Store {
         .await
     }
 
-    /// Begins a session of a key, or of the key in the environment, and deletes expired sessions.
+    /// Begins a session of a key, or of the key in the environment variable, and deletes expired sessions.
     pub async fn add_session(
         &self,
         hash: [u8; 32],
@@ -201,7 +201,7 @@ impl Store {
         .await
     }
 
-    /// Whose session has that hash, unless it has expired.
+    /// The owner of the session with this hash, unless it has expired.
     pub async fn session(&self, hash: [u8; 32], now_ms: i64) -> Result<Option<Holder>, StoreError> {
         self.read(move |db| {
             let mut statement = db.prepare_cached(&format!(

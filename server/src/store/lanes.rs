@@ -1,42 +1,42 @@
-//! Who waits for a write, and what a write depends on.
+//! Priorities of writes, and the locks that they need.
 
 use sha2::{Digest, Sha256};
 
-/// Who waits for an operation.
+/// The kind of caller that waits for an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lane {
-    /// A participant's browser that sends a trial.
+    /// A participant's browser that uploads a trial.
     Trial,
-    /// Somebody who enrols.
+    /// A participant who enrols.
     Enrolment,
     /// Any other request.
     Request,
-    /// A job in the background.
+    /// A background job.
     Background,
 }
 
-/// What an operation reads and then depends on: nobody else may change it until the operation ends.
+/// Data that an operation reads and depends on: no other operation may change them until it ends.
 ///
-/// SQLite has one writer, which makes every operation alone, so it needs none of these. PostgreSQL has
-/// many writers on many servers: an operation takes its locks before its first statement, in the order
-/// of this list, and gives them back with its commit. An operation of a single statement needs none.
+/// SQLite has one writer, which runs one operation at a time, so it needs no locks. PostgreSQL has
+/// many writers on many servers: an operation takes its locks before its first statement, in the
+/// order of this list, and releases them with its commit. A single-statement operation needs none.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Lock {
-    /// Which studies there are, and their configurations.
+    /// The list of studies, and their configurations.
     Studies,
     /// The keys of experimenters.
     Keys,
     /// The participants of a study: their numbers and places.
     Study(i64),
-    /// The analyses, and whose data they hold.
+    /// The analyses, and whose data they use.
     Analyses,
-    /// A participant's rows, by their id.
+    /// A participant's rows, by the participant's id.
     Participant(String),
 }
 
 impl Lock {
-    /// The two numbers of PostgreSQL's advisory lock. Two participants may have the same: one waits for
-    /// the other then.
+    /// The two numbers of PostgreSQL's advisory lock. Two participants may share a lock; then one
+    /// waits for the other.
     pub(super) fn numbers(&self) -> [i32; 2] {
         match self {
             Self::Studies => [1, 0],

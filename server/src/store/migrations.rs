@@ -1,4 +1,4 @@
-//! Migrations of both databases: all missing ones in one transaction, or none.
+//! Migrations of both databases: all missing ones are applied in one transaction, or none.
 
 use super::error::StoreError;
 use super::misfit::Misfit;
@@ -10,18 +10,18 @@ use sqlx::{
     Postgres, Row as _, SqlSafeStr, Sqlite, Type,
 };
 
-/// The table of the applied migrations. Databases of earlier versions, too, have it from sqlx.
+/// The table of applied migrations, compatible with sqlx, which earlier versions used.
 const TABLE: &str = "_sqlx_migrations";
 
-/// Where earlier versions noted the migrations of PostgreSQL, with other checksums.
+/// The former table of PostgreSQL's migrations, with other checksums.
 const FORMER_TABLE: &str = "sidestep_migration";
 
-/// Counts a commit, in the transaction that it ends. See `migrations/sqlite/0016_mark.sql`.
+/// Counts a commit, in its own transaction. See `migrations/sqlite/0016_mark.sql`.
 pub(super) const COUNTED: &str = "UPDATE mark \
      SET text = printf('sidestep mark %s %020d %s %s', substr(text, 15, 32), \
          CAST(substr(text, 48, 20) AS INTEGER) + 1, substr(text, 86, 16), lower(hex(randomblob(8))))";
 
-/// `include_str!` of numbered files. `sqlx::migrate!` would do the same, but compile SQLite a second time for it.
+/// `include_str!` of numbered files. `sqlx::migrate!` does the same, but would compile SQLite a second time.
 macro_rules! migrations {
     ($folder:literal: $($version:literal $name:literal,)*) => {
         &[$(($version, $name, include_str!(concat!(
@@ -78,10 +78,10 @@ impl From<Misfit> for Failure {
     }
 }
 
-/// What there is already.
+/// The state of a database before migration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
-    /// Nothing.
+    /// No tables.
     Empty,
     /// The tables of an older version.
     Older {
@@ -120,12 +120,12 @@ pub(super) fn check(db: &Connection) -> Result<State, Failure> {
     })
 }
 
-/// Checks that no copy into a database was left half done.
+/// Checks that no copy into the database was left incomplete.
 pub(super) fn check_finished(db: &Connection) -> Result<(), Failure> {
     if is_unfinished(db)? { Err(Misfit::Unfinished.into()) } else { Ok(()) }
 }
 
-/// Whether a copy into it began and did not end. Others may comment on the table, too.
+/// Whether a copy into the database began and did not end. Other programs may comment on the table, too.
 fn is_unfinished(db: &Connection) -> sql::Result<bool> {
     let query = db.choose(
         "SELECT user_version = 1 FROM pragma_user_version",
@@ -135,7 +135,7 @@ fn is_unfinished(db: &Connection) -> sql::Result<bool> {
     db.query_row(query, [], |row| row.get(0))
 }
 
-/// Notes that a copy into an empty database begins.
+/// Records that a copy into an empty database begins.
 pub(super) fn begin_copy(db: &Connection) -> Result<(), StoreError> {
     Ok(db.batch(db.choose(
         "PRAGMA user_version = 1",
@@ -143,19 +143,20 @@ pub(super) fn begin_copy(db: &Connection) -> Result<(), StoreError> {
     ))?)
 }
 
-/// Notes that it is whole, if a copy began in it: who copies into another's database may not own its tables.
+/// Records that the copy is complete, if one began: a user who copies into an existing database may
+/// not own its tables.
 pub(super) fn end_copy(db: &Connection) -> Result<(), StoreError> {
     if !is_unfinished(db)? {
         return Ok(());
     }
-    // SQLite does not count the change of a version, and only what changes a row is marked.
+    // SQLite does not count a change of `user_version`, and only changes of rows are marked.
     Ok(db.batch(db.choose(
         "PRAGMA user_version = 0; UPDATE mark SET text = text",
         "COMMENT ON TABLE study IS NULL",
     ))?)
 }
 
-/// Applies the missing migrations. Of several servers that start at once, one does.
+/// Applies the missing migrations. If several servers start at once, one of them does.
 pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     let is_former = has(db, FORMER_TABLE)?;
     if check(db)? == State::Current && !is_former {
@@ -174,9 +175,10 @@ pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     )?
 }
 
-/// Repairs what every database of this version has, in a damaged file of SQLite: the schema's text, the mark, and the table
-/// of the migrations. A file with a mark, which came with the last migration, is of this version. `db` may write the schema;
-/// `like` is a connection to an empty file, for comparison.
+/// Repairs the parts of a damaged SQLite file that are the same in every database of this version:
+/// the text of the schema, the mark, and the table of migrations. The mark came with the last
+/// migration, so a file that has one is of this version. `db` may write the schema; `like` is a
+/// connection to an empty file, for comparison.
 pub(super) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
     const MARK: &str = "mark";
     apply(like)?;
@@ -223,7 +225,7 @@ pub(super) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A row of a schema: its number, and type, name, table and text of something.
+/// A row of a schema: its number, and the type, name, table and SQL text of an object.
 type Words = (i64, [String; 4]);
 
 fn schema(db: &Connection) -> sql::Result<Vec<Words>> {
@@ -236,14 +238,14 @@ fn schema(db: &Connection) -> sql::Result<Vec<Words>> {
     statement.query_map([], row)?.collect()
 }
 
-/// The rows of a schema that are not those of another one, each with what it was: the one with the same name, or the same
-/// text, or else the only one that is missing.
+/// Rows of a schema that differ from `known`, each with its replacement: the row with the same
+/// name, or the same text, or else the only missing one.
 fn renewed(found: &[Words], known: &[Words]) -> Vec<Words> {
     let is_known = |words: &[String; 4]| known.iter().any(|(_, known)| known == words);
     let is_missing = |known: &[String; 4]| found.iter().all(|(_, words)| words != known);
     let missing: Vec<_> =
         known.iter().map(|(_, words)| words).filter(|it| is_missing(it)).collect();
-    // Earlier versions made the table of the migrations with other words.
+    // Earlier versions created the table of migrations with other SQL text.
     let columns =
         ["version", "description", "installed_on", "success", "checksum", "execution_time"];
     let is_older = |[_, name, _, text]: &[String; 4]| {
@@ -278,7 +280,7 @@ fn applied(db: &Connection) -> Result<Vec<(i64, Vec<u8>)>, Failure> {
     Ok(rows.collect::<sql::Result<_>>()?)
 }
 
-/// Whether there is a table with a name like that.
+/// Whether a table's name matches this LIKE pattern.
 fn has(db: &Connection, name: &str) -> sql::Result<bool> {
     let query = db.choose(
         "SELECT name FROM sqlite_schema WHERE name LIKE $1 LIMIT 1",
@@ -289,30 +291,30 @@ fn has(db: &Connection, name: &str) -> sql::Result<bool> {
 }
 
 fn migration((version, name, sql): (i64, &'static str, &'static str)) -> Migration {
-    // As sqlx makes it from a file's name.
+    // The description that sqlx derives from a file's name.
     let words = name.split_once('_').map_or(name, |(_, words)| words).replace('_', " ");
     Migration::new(version, words.into(), MigrationType::Simple, sql.into_sql_str(), false)
 }
 
-/// The checksum that sqlx notes.
+/// The checksum that sqlx stores.
 fn sha384(sql: &str) -> Vec<u8> {
     Sha384::digest(sql.as_bytes()).to_vec()
 }
 
-/// That of the former table.
+/// The checksum in the former table.
 fn sha256(sql: &str) -> Vec<u8> {
     Sha256::digest(sql.as_bytes()).to_vec()
 }
 
-/// What is to be applied.
+/// The migrations to apply.
 struct Missing {
     known: Migrator,
-    /// What the former table of PostgreSQL says was applied.
+    /// The migrations that PostgreSQL's former table lists as applied.
     adopted: Vec<i64>,
 }
 
 impl Missing {
-    /// Applies it in a transaction, at whose end `wrong` finds no row, and `last` is executed.
+    /// Applies them in one transaction. Before the commit, `wrong` must find no row; then `last` is executed.
     async fn apply<DB: Database>(
         &self,
         db: &mut DB::Connection,
@@ -361,7 +363,7 @@ impl Missing {
     }
 }
 
-/// What is wrong with a migration, or with its connection.
+/// The failure of a migration or of its connection.
 fn failed(version: i64) -> impl Fn(MigrateError) -> Failure {
     move |error| match error {
         MigrateError::Execute(error) => StoreError::from(error).into(),

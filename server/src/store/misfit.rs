@@ -3,7 +3,7 @@
 /// Why a database cannot be migrated. Each message is a sentence about the database.
 #[derive(Debug, thiserror::Error)]
 pub enum Misfit {
-    /// A newer version of the program has migrated it.
+    /// It was migrated by a newer version of the program.
     #[error(
         "a newer version of Sidestep made it (it has migration {found}, this version knows 1 to \
          {known}); update Sidestep"
@@ -14,7 +14,7 @@ pub enum Misfit {
         /// The highest number that this program knows.
         known: i64,
     },
-    /// An older version has made it, and it is only to be read.
+    /// Created by an older version; opened read-only.
     #[error(
         "an older version of Sidestep made it (its last migration is {found}, that of this version is {known}), and \
          reading changes nothing; stop its servers and start 'sidestep serve' of this version, which migrates it"
@@ -25,7 +25,7 @@ pub enum Misfit {
         /// The highest number that this program knows.
         known: i64,
     },
-    /// A migration of another build, with the same number as one of this build, was applied.
+    /// It has a migration of another build with the same number as one of this build.
     #[error(
         "its migration {0} is not the one of this version; it comes from another build: use that one, or a \
              release of Sidestep"
@@ -33,13 +33,13 @@ pub enum Misfit {
     Other(i64),
     /// A copy into it began while it was empty, and did not end.
     #[error(
-        "it is not whole: a copy into it was not finished; run 'sidestep copy' again, or delete it"
+        "it is incomplete: a copy into it was not finished; run 'sidestep copy' again, or delete it"
     )]
     Unfinished,
-    /// It contains tables that are not this program's.
+    /// It contains tables of another program.
     #[error("it is a database of another program")]
     Foreign,
-    /// A statement failed.
+    /// A statement of a migration failed.
     #[error("migration {version} failed and nothing was changed: {reason}")]
     Failed {
         /// Its number.

@@ -1,31 +1,31 @@
-//! Operations that wait to be run together, in one transaction, and are answered after its commit.
+//! Queued operations that run together in one transaction, and are answered after its commit.
 
 use super::error::StoreError;
 use super::sql::{Connection, Question};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use tokio::sync::oneshot;
 
-/// An operation that waits.
+/// A queued operation.
 pub(super) trait Operation: Send {
     /// Whether a caller still waits for its answer.
     fn is_wanted(&self) -> bool;
-    /// What it will [ask](Connection::query_ahead) first.
+    /// The first query that it will [ask](Connection::query_ahead).
     fn question(&self) -> Option<&Question>;
-    /// Does the work in a transaction. After an error, what it did is rolled back; it may run again then.
+    /// Does the work in a transaction. After an error it is rolled back, and may run again.
     fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
-    /// Notes that what the work had put off has failed.
+    /// Records that a deferred statement of the work failed.
     fn fail(&mut self, error: &StoreError);
-    /// Answers, after the commit has succeeded or failed.
+    /// Sends the result, after the commit has succeeded or failed.
     fn answer(self: Box<Self>, committed: Result<(), StoreError>);
 }
 
-/// What is run in one transaction.
+/// Operations that run in one transaction.
 pub(super) type Batch = Vec<Box<dyn Operation>>;
 
-/// What the caller of an operation waits for.
+/// Receives the result of an operation.
 pub(super) type Answered<T> = oneshot::Receiver<Result<T, StoreError>>;
 
-/// Runs operations whose first questions are asked together, and what they put off.
+/// Runs operations, with their first queries batched, and their deferred statements.
 pub(super) fn run_together<'a>(
     db: &Connection,
     operations: impl Iterator<Item = &'a mut Box<dyn Operation>>,
@@ -39,7 +39,7 @@ pub(super) fn run_together<'a>(
     done
 }
 
-/// An operation that does this work, which may begin with a question, and its answer.
+/// An operation that does this work, which may begin with a query, and the receiver of its result.
 pub(super) fn operation<T: Send + 'static>(
     question: Option<Question>,
     work: impl FnMut(&Connection) -> Result<T, StoreError> + Send + 'static,
@@ -83,7 +83,7 @@ where
     fn answer(self: Box<Self>, committed: Result<(), StoreError>) {
         let Self { found, answer, .. } = *self;
         let never_ran = || Err(StoreError::Unavailable("it was closed".to_owned()));
-        // A client that has gone has seen no acknowledgement.
+        // A client that has disconnected has seen no acknowledgement.
         let _ = answer.send(committed.and_then(|()| found.unwrap_or_else(never_ran)));
     }
 }

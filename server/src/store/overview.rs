@@ -1,4 +1,4 @@
-//! The studies of a database at a glance: their state, and how many people are how far.
+//! Summaries of the studies of a database: their state, and the progress of their participants.
 
 use super::sql::{self, Connection, Row, params};
 use super::{Store, StoreError};
@@ -7,7 +7,7 @@ use sidestep::api::StudySummary;
 use sidestep::study::Status;
 
 impl Store {
-    /// Every study with its counts, oldest first; only that of this name, if one is given.
+    /// Every study with its counts, oldest first; only this one, if a name is given.
     pub async fn summaries(
         &self,
         slug: Option<String>,
@@ -16,7 +16,7 @@ impl Store {
         self.read_long(move |db| summaries(db, slug.as_deref(), now_ms)).await
     }
 
-    /// What is in the database and what waits, over all studies, pilots included.
+    /// Totals over all studies, pilots included.
     pub async fn counts(&self) -> Result<Counts, StoreError> {
         self.read_long(|db| {
             let query = "SELECT (SELECT count(*) FROM participant), (SELECT count(*) FROM trial), \
@@ -38,25 +38,25 @@ impl Store {
     }
 }
 
-/// What is in the database and what waits.
+/// Totals over all studies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Participants, enrolled or imported.
     pub participants: i64,
     /// Stored trials.
     pub trials: i64,
-    /// Trials that wait in the browsers of people who take part, as these last said.
+    /// Trials that wait in participants' browsers, as last reported by them.
     pub backlog: i64,
-    /// Analyses that nobody has begun.
+    /// Queued analyses.
     pub queued: i64,
-    /// Analyses that are computed.
+    /// Running analyses.
     pub running: i64,
 }
 
-/// How long after the last stored trial a participant counts as active, ms.
+/// A participant counts as active for this long after their last stored trial, ms.
 const ACTIVE_MS: i64 = 600_000;
 
-/// What a list says of a configuration.
+/// The fields of a configuration that a list shows.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct Said {
@@ -88,8 +88,8 @@ fn summaries(
         let count = |name: &str| -> sql::Result<u64> {
             Ok(row.get::<_, Option<i64>>(name)?.unwrap_or(0).unsigned_abs())
         };
-        // A study whose configuration cannot be read has no title and takes nobody; the others are still
-        // shown.
+        // A study whose configuration cannot be read has no title and admits nobody; the other
+        // studies are still shown.
         let config: Said = serde_json::from_str(&row.get::<_, String>("json")?).unwrap_or_default();
         let status = Status::ALL.into_iter().find(|status| status.word() == config.status);
         Ok(StudySummary {

@@ -1,4 +1,4 @@
-//! Participants: what their tokens may do, the check of understanding, answers, completion, withdrawal.
+//! Participants: permissions of tokens, check of understanding, answers, completion, withdrawal.
 
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
@@ -22,7 +22,7 @@ pub struct Participant {
     pub pilot: bool,
     /// Their place in the study's design; none for imported participants and old enrolments.
     pub place: Option<i64>,
-    /// The recruiting service's id of the participant, as it came.
+    /// The recruiting service's id of the participant, as received.
     pub external_id: Option<String>,
     /// Whether they passed the check of understanding.
     pub understood: bool,
@@ -68,12 +68,12 @@ impl Participant {
     }
 }
 
-/// What a token may do.
+/// Permissions of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scope {
-    /// Everything: it is that of the browser that enrolled.
+    /// Everything: the token belongs to the browser that enrolled.
     Full,
-    /// Go on with the study: it was given to somebody who knew only the external id.
+    /// Continue the study: the token was given to a client that knew only the external id.
     Continue,
 }
 
@@ -94,13 +94,13 @@ pub struct Visitor {
     pub participant: Participant,
     /// Hash of the token.
     pub token_hash: [u8; 32],
-    /// What the token may do.
+    /// Permissions of the token.
     pub scope: Scope,
     /// Whether the participation was completed with this token.
     pub completed: bool,
-    /// Hash of the configuration that the study has now.
+    /// Hash of the study's current configuration.
     pub present_config_hash: String,
-    /// How often the holder of a token that only continues answered the check of understanding.
+    /// How often the holder of a [`Scope::Continue`] token answered the check of understanding.
     pub check_attempts: u32,
 }
 
@@ -137,8 +137,8 @@ impl Visitor {
         }
     }
 
-    /// Whether the holder may see the completion code: who knows only the external id sees no code that
-    /// somebody else was given.
+    /// Whether the holder may see the completion code: a client that knows only the external id
+    /// sees no code that was given to someone else.
     #[must_use]
     pub fn may_see_code(&self) -> bool {
         self.scope == Scope::Full || self.completed
@@ -148,7 +148,7 @@ impl Visitor {
 /// The outcome of a completion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Completion {
-    /// Every trial is stored; the code is that of the first completion.
+    /// Every trial is stored; the code is the one of the first completion.
     Complete {
         /// The code.
         code: String,
@@ -162,7 +162,7 @@ pub enum Completion {
         /// Number of planned trials.
         of: usize,
     },
-    /// An answer that must be given is missing.
+    /// A required answer is missing.
     Unanswered,
     /// The participant has withdrawn.
     Withdrawn,
@@ -184,7 +184,7 @@ impl Store {
         .await
     }
 
-    /// Notes that a participant is there, if that was not noted within the last minute.
+    /// Records that a participant is present, at most once a minute.
     pub async fn note_presence(
         &self,
         participant: &Participant,
@@ -204,8 +204,8 @@ impl Store {
         self.read(move |db| scenes::plan(db, &id)).await
     }
 
-    /// Stores the plan of a participant who has none and has not withdrawn. Returns the plan that they
-    /// have then.
+    /// Stores the plan of a participant who has none and has not withdrawn. Returns the
+    /// participant's plan afterwards.
     pub async fn put_plan(
         &self,
         participant_id: &str,
@@ -231,12 +231,13 @@ impl Store {
         .await
     }
 
-    /// Stores the result of the check of understanding. After `most` attempts (0: any number) without a
-    /// right one, the participation ends and its place is free. A participant who drove a scene is past
-    /// the check, and nothing is stored. Returns whether the holder of the token may not go on.
+    /// Stores the result of the check of understanding. After `most` failed attempts (0:
+    /// unlimited), the participation ends and its place is free. For a participant who has driven a
+    /// scene, the check is over and nothing is stored. Returns whether the participation is over
+    /// for the holder of the token.
     ///
-    /// A token that only `continues` (given by its hash) has attempts of its own, one a call, which end
-    /// nothing and cost the participant none.
+    /// A [`Scope::Continue`] token (`continues` is its hash) has its own attempts, one per call.
+    /// They never end the participation, and do not count as the participant's.
     pub async fn check_understanding(
         &self,
         participant_id: &str,
@@ -279,7 +280,7 @@ impl Store {
                 }
                 return Ok(has_failed(own));
             }
-            // The browser may have been offline for several attempts.
+            // The browser may have made several attempts offline.
             let attempts = before.max(attempts);
             let is_over = has_failed(attempts);
             db.execute(
@@ -294,8 +295,8 @@ impl Store {
         .await
     }
 
-    /// Stores answers, as JSON, in the place of earlier ones; a token that only continues replaces
-    /// none. Returns false, and stores nothing, if other answers stay.
+    /// Stores answers, as JSON, replacing earlier ones; a [`Scope::Continue`] token replaces none.
+    /// Returns false and stores nothing if other answers stay.
     pub async fn put_answers(
         &self,
         participant_id: &str,
@@ -318,7 +319,7 @@ impl Store {
         .await
     }
 
-    /// Completes a participation if no trial is missing, nor the answers where they are `required`.
+    /// Completes a participation if all trials are stored, and the answers if they are `required`.
     pub async fn complete(
         &self,
         visitor: &Visitor,
@@ -345,7 +346,7 @@ impl Store {
             if withdrawn {
                 return Ok(Completion::Withdrawn);
             }
-            // A participant without a plan has enrolled only half.
+            // A participant without a plan has not finished enrolling.
             if stored < of || of == 0 {
                 let [missing, of] = [of - stored, of].map(|n| n.unsigned_abs() as usize);
                 return Ok(Completion::Incomplete { missing, of });
@@ -376,11 +377,11 @@ impl Store {
         .await
     }
 
-    /// Stores a withdrawal; a second one changes nothing. The participant's place is free then. With
-    /// `delete`, the participant's trials and everything that they told are deleted, with all results
-    /// computed from them. Their number remains, so that counts stay true. Deleted rows are overwritten
-    /// at once, and leave the write-ahead log as soon as no reader uses it. The entry says which
-    /// experimenter did this, if it was not the participant.
+    /// Stores a withdrawal; idempotent. The participant's place becomes free. With `delete`, the
+    /// participant's trials and everything that they entered are deleted, with all results computed
+    /// from them. Their number remains, so that counts stay correct. Deleted rows are overwritten
+    /// at once, and leave the write-ahead log when no reader uses it. The entry names the
+    /// experimenter who did this, if it was not the participant.
     pub async fn withdraw(
         &self,
         participant_id: &str,
@@ -403,8 +404,8 @@ impl Store {
         Ok(())
     }
 
-    /// Deletes the pilots of a study with all that they drove. Returns how many there were; the entry of
-    /// the audit trail says it too.
+    /// Deletes the pilots of a study with all their trials. Returns how many there were; the audit
+    /// entry contains this number too.
     pub async fn delete_pilots(
         &self,
         study_id: i64,
@@ -435,8 +436,7 @@ impl Store {
         Ok(deleted)
     }
 
-    /// The ids of a study's participants, in the order of their numbers; those of pilots only if they are
-    /// asked for.
+    /// The ids of a study's participants, ordered by number; with `pilots`, followed by those of its pilots.
     pub async fn participant_ids(
         &self,
         study_id: i64,
@@ -482,8 +482,8 @@ pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
              comprehension_attempts = 0, understood_at_ms = NULL, answers = NULL, \
              answered_at_ms = NULL, completion_code = NULL, completed_at_ms = NULL, \
              screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = $1",
-        // Their hashes stay: the deletion can be repeated, and every browser of the participant learns
-        // of it.
+        // The hashes of tokens stay: the deletion can be repeated, and every browser of the
+        // participant learns of it.
         "UPDATE participant_token SET completed = FALSE, check_attempts = 0, created_at_ms = \
              (SELECT enrolled_at_ms FROM participant WHERE id = $1) \
              WHERE participant_id = $1",
@@ -493,7 +493,7 @@ pub(super) fn delete_data(db: &Connection, id: &str) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Notes that a participant has just done something.
+/// Records that a participant was active now.
 pub(super) fn seen(db: &Connection, participant_id: &str, now_ms: i64) -> Result<(), StoreError> {
     let row = params![participant_id, now_ms];
     Ok(db.execute_row_later(&SEEN, &[participant_id], row)?)

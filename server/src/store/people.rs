@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::{ParticipantPage, ParticipantSummary, Quality, Stage, StageCount};
 
-/// What a list is sorted by.
+/// Sort key of a list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SortBy {
@@ -44,13 +44,13 @@ pub enum SortBy {
 }
 
 impl SortBy {
-    /// Whether this counts something that an experimenter looks for.
+    /// Whether this is a count that experimenters filter by.
     #[must_use]
     pub fn is_count(self) -> bool {
         !matches!(self, Self::Number | Self::LastSeen | Self::Stored)
     }
 
-    /// Whether it is above zero.
+    /// The SQL condition that it is above zero.
     fn condition(self) -> String {
         match self {
             Self::Excluded | Self::Doubtful => self.column().to_owned(),
@@ -58,7 +58,7 @@ impl SortBy {
         }
     }
 
-    /// The column of the tallies.
+    /// Its column of the tallies.
     fn column(self) -> &'static str {
         match self {
             Self::Number => "number",
@@ -80,7 +80,7 @@ impl SortBy {
     }
 }
 
-/// Which participants, and in which order.
+/// Filter and order of a list of participants.
 #[derive(Clone, Debug)]
 pub struct Selection {
     /// Pilots instead of participants.
@@ -93,17 +93,17 @@ pub struct Selection {
     pub having: Option<SortBy>,
     /// Only the participant with this number, external id or completion code.
     pub search: Option<String>,
-    /// What the list is sorted by; the number decides between equals.
+    /// The sort key; ties are ordered by number.
     pub sort: SortBy,
-    /// From the largest down.
+    /// Whether the largest come first.
     pub descending: bool,
-    /// The number of participants before the page.
+    /// Number of participants before the page.
     pub offset: i64,
-    /// The most participants on a page.
+    /// Maximum number of participants on a page.
     pub limit: i64,
 }
 
-/// What a page shows of a participant; everything that chooses and sorts is in their tally alone.
+/// The columns of a summary; filtering and sorting use only the tally.
 const SUMMARY: &str = "SELECT tally.*, id, external_id, completion_code, enrolled_at_ms, \
      (SELECT count(*) FROM scene WHERE scene.participant_id = id) AS planned \
      FROM tally JOIN participant ON participant.id = tally.participant_id";
@@ -119,8 +119,8 @@ impl Store {
     }
 }
 
-/// The ids of the participants of study $1 and pilots $2 with the number, external id or completion code that is
-/// searched for, which are the parameters from `first` on.
+/// The ids of participants of study $1 and pilots $2 whose number, external id or completion code
+/// matches the search, which is bound to the parameters from `first` on.
 fn found(first: usize) -> String {
     let [number, text, identities] = [0, 1, 2].map(|i| format!("${}", first + i));
     format!(
@@ -143,7 +143,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
         filter += &format!(" AND stage = ${}", chosen.len());
     }
     if let Some(having) = asked.having {
-        // Names of columns come from this program alone; what was asked for is bound.
+        // Column names come only from this program; user input is bound.
         filter += &format!(" AND {}", having.condition());
     }
     if search.is_some() {
@@ -161,7 +161,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
     };
     let (by, order) = (asked.sort.column(), if asked.descending { "DESC" } else { "ASC" });
     let [limit, offset] = [1, 2].map(|i| format!("${}", chosen.len() + i));
-    // The rows of the page are found first: only they are joined.
+    // The subquery finds the rows of the page, so that only these are joined.
     let mut statement = db.prepare_cached(&format!(
         "{SUMMARY} WHERE tally.participant_id IN (SELECT participant_id FROM tally WHERE {filter} \
              ORDER BY {by} {order}, number LIMIT {limit} OFFSET {offset}) \

@@ -1,9 +1,9 @@
-//! PostgreSQL: a server that many Sidestep servers share.
+//! PostgreSQL: a database server that several Sidestep servers share.
 //!
-//! Each operation has a transaction of its own, at the level READ COMMITTED, on a session of the pool; trials
-//! that wait share one. What an operation reads and then depends on, it locks first ([`Lock`]). After an error
-//! of the connection the session is thrown away with all idle ones, so that service resumes as soon as the
-//! database, or the one that took its place, is back.
+//! Each operation has its own transaction, at isolation level READ COMMITTED, on a session of the
+//! pool; waiting trials share a transaction. An operation first locks the data that it reads and
+//! depends on ([`Lock`]). After a connection error, the session and all idle ones are discarded, so
+//! that service resumes as soon as the database, or the server that replaced it, is back.
 
 mod address;
 mod sessions;
@@ -30,29 +30,30 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task;
 use trials::{Trials, Waiting};
 
-/// Most sessions for each purpose. Those that write trials take turns with those of other servers.
+/// Maximum number of sessions for each purpose. Sessions that write trials take turns with those of
+/// other servers.
 const SESSIONS: [usize; 5] = [4, 2, 1, 5, 4];
 
-/// The purposes: to write trials, to write for other requests, to write for jobs, to read a few rows, to read many.
+/// The purposes: writes of trials, writes for other requests, writes for jobs, short reads, long reads.
 const TRIALS: usize = 0;
 const REQUESTS: usize = 1;
 const JOBS: usize = 2;
 const READS: usize = 3;
 const LONG_READS: usize = 4;
 
-/// Most operations that wait for a session of one kind; further ones are refused.
+/// Maximum number of operations that wait for a session of one kind; more are refused.
 const QUEUE: usize = 1_024;
 
-/// How often a server that somebody watches looks for what other servers stored.
+/// How often a server polls for changes by other servers, while a client watches for changes.
 const WATCH: Duration = Duration::from_millis(500);
 
-/// The end of a transaction that writes. In one that a statement has broken, COMMIT rolls back without an
-/// error, but no query succeeds. It tells up to where the write-ahead log is acknowledged
-/// with this commit. Afterwards, and not before, other servers are to look.
+/// Ends a transaction that writes. If a statement has failed, COMMIT rolls back without an error,
+/// but no query succeeds; hence the query before it. It returns the end of the write-ahead log that
+/// this commit acknowledges. Other servers are notified after the commit, never before.
 const COMMIT: &str = "SELECT CAST(pg_current_wal_insert_lsn() - '0/0' AS BIGINT); COMMIT; \
      SELECT nextval('changed')";
 
-/// How long the database may take to say that it takes writes.
+/// Timeout of the readiness check.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// An open database with all migrations applied.
@@ -62,11 +63,11 @@ pub(super) struct Postgres {
     name: String,
     shared: Arc<Shared>,
     kinds: [Kind; 5],
-    /// Of which an enrolment needs one, besides its session, while trials come.
+    /// While trials are arriving, an enrolment needs one of these permits besides its session.
     enrolments: Kind,
 }
 
-/// What operations take along to their threads.
+/// State that operations take to their threads.
 struct Shared {
     sessions: Sessions,
     trials: Trials,
@@ -96,7 +97,7 @@ impl Kind {
 
     /// Waits for its turn to use a session.
     async fn turn(&self) -> Result<OwnedSemaphorePermit, StoreError> {
-        /// Counts somebody who waits, also if they go away.
+        /// Counts a waiting caller, even one that is cancelled.
         struct Waiting<'a>(&'a AtomicUsize);
         impl Drop for Waiting<'_> {
             fn drop(&mut self) {
@@ -119,7 +120,7 @@ impl Postgres {
         Address::is_one(url)
     }
 
-    /// Connects to the database and applies missing migrations, if it may be changed.
+    /// Connects to the database and applies missing migrations, unless it is opened to read.
     pub(super) fn open(url: &str, purpose: Purpose) -> Result<Self, OpenError> {
         let address = Address::parse(url)?;
         let database = address.name.clone();
@@ -129,7 +130,7 @@ impl Postgres {
             StoreError::Unavailable(reason) => unusable(reason),
             other => unusable(other.to_string()),
         };
-        // The one that looks for what others have stored needs one more.
+        // Polling for other servers' changes needs one more.
         let count = SESSIONS.iter().sum::<usize>() + 1;
         let runtime = Handle::current();
         let sessions = Sessions::new(&address, count as u32, runtime);
@@ -167,7 +168,7 @@ impl Postgres {
         }
         drop(db);
         let mut counts = SESSIONS;
-        // More would only wait for a turn.
+        // More would only wait for their turn.
         counts[TRIALS] = counts[TRIALS].min(sessions.writers());
         let (kinds, enrolments) = (counts.map(Kind::new), Kind::new(1));
         let (trials, observed) = Default::default();
@@ -175,14 +176,13 @@ impl Postgres {
         Ok(Self { name: database, shared: Arc::new(shared), kinds, enrolments })
     }
 
-    /// Looks for what other servers store, from now on, while somebody wants to know.
+    /// Polls for other servers' changes from now on, while a client watches.
     pub(super) fn watch(&self) {
         let shared = Arc::downgrade(&self.shared);
         task::spawn(watch_commits(shared));
     }
 
-    /// What tells this database from every other one, by whatever address it is reached: its number, and when its
-    /// server was started.
+    /// Identity of this database, independent of its address: its number, and the start time of its server.
     pub(super) async fn identity(&self) -> Result<String, StoreError> {
         let asked = "SELECT oid || ' ' || extract(epoch FROM pg_postmaster_start_time()) \
                      FROM pg_database WHERE datname = current_database()";
@@ -193,18 +193,18 @@ impl Postgres {
         &self.name
     }
 
-    /// Whether a write could be made now.
+    /// Whether the database accepts writes now.
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
-        // Nothing is stored, so nobody hears of it.
+        // Nothing is stored, so nobody is notified.
         let asked =
             self.transaction(REQUESTS, None, ["BEGIN", "COMMIT"].map(str::to_owned), |db| {
                 let refuses = "SELECT pg_is_in_recovery() OR \
                            current_setting('transaction_read_only') = 'on'";
                 match db.query_row(refuses, [], |row| row.get(0))? {
-                    true => Err(StoreError::Unavailable("it takes no writes now".to_owned())),
+                    true => Err(StoreError::Unavailable("it accepts no writes now".to_owned())),
                     false => {
                         check_rights(db)?;
-                        // As whoever stores a trial does: somebody may hold a lock.
+                        // Takes the same locks as storing a trial: another session may hold a conflicting lock.
                         Ok(db.batch(
                             "SET LOCAL lock_timeout = '1s'; \
                              LOCK TABLE participant, scene, trial, tally IN ROW EXCLUSIVE MODE",
@@ -215,7 +215,7 @@ impl Postgres {
         if let Ok(answer) = tokio::time::timeout(PATIENCE, asked).await {
             return answer;
         }
-        // A new session tells whether the server is there at all.
+        // A new session shows whether the server is reachable at all.
         let found = tokio::time::timeout(PATIENCE, self.shared.sessions.find()).await;
         found.unwrap_or_else(|_| Err(StoreError::Unavailable("it does not answer".to_owned())))?;
         let busy = "its sessions are all busy, or wait for a lock";
@@ -235,24 +235,24 @@ impl Postgres {
         &self.shared.observed
     }
 
-    /// How many trials, other requests and jobs wait.
+    /// Number of waiting trials, other requests and jobs.
     pub(super) fn waiting(&self) -> [usize; 3] {
         let kind = |kind: usize| self.kinds[kind].waiting.load(Ordering::Relaxed);
         let requests = kind(REQUESTS) + self.enrolments.waiting.load(Ordering::Relaxed);
         [self.shared.trials.count(), requests, kind(JOBS)]
     }
 
-    /// How many sessions are busy and idle.
+    /// Number of busy and idle sessions.
     pub(super) fn sessions(&self) -> [usize; 2] {
         let busy =
             |kind: &Kind| (kind.sessions as usize).saturating_sub(kind.free.available_permits());
         [self.kinds.iter().map(busy).sum(), self.shared.sessions.idle()]
     }
 
-    /// Waits for what is under way, and gives the sessions up.
+    /// Waits for operations in progress, and closes the sessions.
     pub(super) async fn close(&self) {
         for kind in &self.kinds {
-            // With all of its turns taken, nothing is under way.
+            // Holding all of its permits means that nothing is in progress.
             if let Ok(all) = kind.free.acquire_many(kind.sessions).await {
                 all.forget();
             }
@@ -261,7 +261,7 @@ impl Postgres {
         self.shared.sessions.close().await;
     }
 
-    /// A few rows.
+    /// Reads a few rows.
     pub(super) async fn read<T: Send + 'static>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
@@ -275,18 +275,18 @@ impl Postgres {
         reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
-    /// Any number of rows, as they are at one instant.
+    /// Reads any number of rows, from one snapshot.
     pub(super) async fn read_long<T: Send + 'static>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        // Whoever reads most rows of a table reads it from its beginning to its end.
+        // A read of most rows of a table should scan it sequentially.
         const BEGIN: &str =
             "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY; SET LOCAL enable_seqscan = on";
         self.transaction(LONG_READS, None, [BEGIN.to_owned(), "COMMIT".to_owned()], read).await
     }
 
-    /// An operation; its result is returned after the commit.
+    /// Runs an operation; returns its result after the commit.
     pub(super) async fn write<T: Send + 'static>(
         &self,
         lane: Lane,
@@ -309,8 +309,8 @@ impl Postgres {
         Ok(done)
     }
 
-    /// The same for a trial: whoever gets a session stores all that wait. The work is done again if another
-    /// trial of its transaction fails.
+    /// The same for a trial: the first to get a session stores all waiting trials. The work runs
+    /// again if another trial of its transaction fails.
     pub(super) async fn write_trial<T: Send + 'static>(
         &self,
         locks: Vec<Lock>,
@@ -332,7 +332,7 @@ impl Postgres {
         answered.await.unwrap_or_else(lost)
     }
 
-    /// A transaction on a session of this kind, for which the caller may have waited for another turn.
+    /// A transaction on a session of this kind. The caller may hold another permit, too.
     async fn transaction<T: Send + 'static>(
         &self,
         kind: usize,
@@ -343,7 +343,7 @@ impl Postgres {
         let turn = self.kinds[kind].turn().await?;
         let shared = Arc::clone(&self.shared);
         let working = task::spawn_blocking(move || {
-            // The caller may have gone: turns stay with the work.
+            // The caller may be cancelled: permits stay with the work.
             let _turns = (turn, other_turn);
             let begun = Instant::now();
             let done = shared.transact([&begin, &commit], work)?;
@@ -385,23 +385,23 @@ impl Shared {
     }
 }
 
-/// Checks that the user sees the schema. Without rights to it, it would look empty.
+/// Checks that the user can see the schema. Without rights to it, it would seem empty.
 fn check_schema(db: &Connection) -> Result<(), StoreError> {
     if db.query_row("SELECT current_schema() IS NULL", [], |row| row.get(0))? {
-        let hidden =
-            "this user must not use the schema of the tables; GRANT USAGE ON SCHEMA (public) to it";
+        let hidden = "this user has no rights to the schema of the tables; GRANT USAGE ON SCHEMA (public) to it";
         return Err(StoreError::Unavailable(hidden.to_owned()));
     }
     Ok(())
 }
 
-/// What a server writes to: every table but that of the migrations, and the sequence that tells other servers of changes.
+/// The tables that a server writes to: all but the migrations, and the sequence that notifies other
+/// servers of changes.
 pub(super) const TABLES: &str = "study_config study study_version participant participant_token scene trial \
      value_function safety_function api_key session audit note exclusion tally analysis analysis_participant \
      analysis_file analysis_cell analysis_predictor analysis_trial predictor_kind predictor_participant throttle \
      changed";
 
-/// Checks that the user may write whatever a server writes.
+/// Checks that the user may write to all of them.
 fn check_rights(db: &Connection) -> Result<(), StoreError> {
     let asked = "SELECT coalesce(string_agg(name, ', '), '') \
                  FROM unnest(string_to_array($1, ' ')) AS name WHERE CASE \
@@ -423,13 +423,12 @@ fn check_rights(db: &Connection) -> Result<(), StoreError> {
     )))
 }
 
-/// Begins a transaction with these locks. Everybody takes locks in the same order, so nobody waits for each
-/// other.
+/// Begins a transaction with these locks. All take them in the same order, so there are no deadlocks.
 fn begin(locks: Vec<Lock>) -> String {
     format!("BEGIN{}", taking(locks))
 }
 
-/// Further statements, which take these locks.
+/// Statements that take these locks.
 fn taking(mut locks: Vec<Lock>) -> String {
     locks.sort();
     locks.dedup();
@@ -438,7 +437,7 @@ fn taking(mut locks: Vec<Lock>) -> String {
     locks.iter().map(Lock::numbers).map(one).collect()
 }
 
-/// Says that something was stored whenever a server has committed something.
+/// Reports commits of other servers to watchers.
 async fn watch_commits(shared: Weak<Shared>) {
     let mut last = 0;
     loop {
@@ -452,7 +451,7 @@ async fn watch_commits(shared: Weak<Shared>) {
             let found = shared.sessions.with(|db| Ok(db.query_row(marker, [], |row| row.get(0))?));
             (shared, found)
         });
-        // While the database is away, requests say so.
+        // While the database is unavailable, requests report the error.
         let Ok((shared, Ok(found))) = looking.await else { continue };
         let found: i64 = found;
         if found != last {

@@ -1,4 +1,4 @@
-//! The models of analyses: what is known of each, and which trials trained and tested them.
+//! The models of analyses: their metadata, and the trials that trained and tested them.
 
 use super::analyses::Job;
 use super::lanes::Lock;
@@ -34,11 +34,11 @@ pub struct NewPredictor {
 pub struct UsedTask {
     /// The trial.
     pub trial_id: String,
-    /// Whether it trained the models of the participant who drove; else it tested them.
+    /// Whether it trained the models of the participant who drove it; otherwise it tested them.
     pub trains: bool,
 }
 
-/// Which models of an analysis, and which part of them.
+/// Filter and page of a list of models.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
     /// Only those of the participant with this number.
@@ -49,24 +49,23 @@ pub struct Selection {
     pub experiment: Option<u8>,
     /// Only this feature set.
     pub features: Option<String>,
-    /// The number of models before the page.
+    /// Number of models before the page.
     pub offset: i64,
-    /// The most models on a page.
+    /// Maximum number of models on a page.
     pub limit: i64,
 }
 
-/// A model of an analysis that is done, as it is to be used for a trial.
+/// A model of a finished analysis, with its relation to a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChosenPredictor {
-    /// Which one it is.
+    /// The model and its origin.
     pub source: PredictorSource,
     /// The ids of the tasks that trained it.
     pub trained_on: Vec<String>,
 }
 
 impl Store {
-    /// Lists models of a job that is still valid, whose files are stored. Returns whether the job is
-    /// still valid.
+    /// Lists models of a job whose files are stored, if the job is still wanted. Returns whether it is.
     pub async fn put_predictors(
         &self,
         job: &Job,
@@ -104,7 +103,7 @@ impl Store {
         .await
     }
 
-    /// Records the tasks that a job used, if it is still valid. Returns whether it is.
+    /// Records the tasks that a job used, if it is still wanted. Returns whether it is.
     pub async fn put_used_tasks(
         &self,
         job: &Job,
@@ -112,7 +111,7 @@ impl Store {
     ) -> Result<bool, StoreError> {
         let (sequence, attempt) = (job.sequence, job.attempt);
         self.write_behind([Lock::Analyses], move |db| {
-            // Somebody whose first trials came after the analysis had begun belongs to it as well.
+            // A participant whose first trials arrived after the analysis began belongs to it as well.
             let mut join = db.prepare_cached(
                 "INSERT INTO analysis_participant (analysis, participant_id) \
                  SELECT sequence, participant_id FROM analysis, scene WHERE trial_id = $3 \
@@ -135,7 +134,7 @@ impl Store {
         .await
     }
 
-    /// A page of the models of an analysis; nothing if there is no such analysis.
+    /// A page of the models of an analysis; none if there is no such analysis.
     pub async fn predictors(
         &self,
         id: &str,
@@ -145,7 +144,7 @@ impl Store {
         self.read_long(move |db| page(db, &id, &selection)).await
     }
 
-    /// The model with this file in an analysis that is done, and what it has to do with a trial.
+    /// The model with this file in a finished analysis, and its relation to a trial.
     pub async fn predictor(
         &self,
         id: &str,
@@ -161,7 +160,8 @@ impl Store {
 const OF_ANALYSIS: &str = "analysis = $1 \
      AND (SELECT state FROM analysis WHERE sequence = $1) = 'done'";
 
-/// Those of them, or their kinds, that pass a filter; a participant's models are found by the index.
+/// The SQL condition for models, or kinds of models, that pass a filter. A participant's models are
+/// found by the index.
 fn filter(asked: &Selection) -> String {
     let participant = match asked.participant {
         Some(_) => "participant_number = $2",
@@ -192,7 +192,7 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
     let mut bound: Vec<&dyn ToSql> =
         vec![&analysis, &asked.participant, &asked.model, &asked.experiment, &asked.features];
     let filter = filter(asked);
-    // A participant has a hundred models, an analysis perhaps a million.
+    // A participant has about a hundred models, an analysis perhaps a million.
     let query = match asked.participant {
         Some(_) => format!("SELECT count(*) FROM analysis_predictor WHERE {filter}"),
         None => format!(
@@ -201,7 +201,7 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
     };
     let total: i64 = db.prepare_cached(&query)?.query_row(&bound[..], |row| row.get(0))?;
     bound.extend([&asked.limit as &dyn ToSql, &asked.offset]);
-    // The rows of the page are found first, by the index alone.
+    // The subquery finds the rows of the page by the index alone.
     let mut statement = db.prepare_cached(&format!(
         "SELECT {COLUMNS} FROM analysis_predictor WHERE id IN (SELECT id FROM analysis_predictor \
              WHERE {filter} ORDER BY participant_number, place \
@@ -240,7 +240,7 @@ fn choices(db: &Connection, analysis: i64) -> Result<PredictorChoices, StoreErro
     Ok(choices)
 }
 
-/// Adds a value that is not in the list.
+/// Adds a value unless it is in the list.
 fn add<T: PartialEq>(list: &mut Vec<T>, value: T) {
     if !list.contains(&value) {
         list.push(value);
@@ -268,7 +268,7 @@ fn chosen(
     file: &str,
     trial_id: &str,
 ) -> Result<Option<ChosenPredictor>, StoreError> {
-    // Participants are told apart by the numbers that they have in a study.
+    // Participants are identified by their numbers within a study.
     let mut statement = db.prepare_cached(&format!(
         "SELECT {COLUMNS}, study.slug AS study, \
              study.id = driver.study_id AS same_study, \

@@ -1,4 +1,4 @@
-//! A participant, whole, with what experimenters wrote about them and whether analyses use them.
+//! A participant's complete record, with experimenters' notes and whether analyses use it.
 
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
@@ -10,7 +10,7 @@ use serde_json::Value;
 use sidestep::api::{ExcludedBy, Note, ParticipantSummary};
 use std::collections::{BTreeMap, HashMap};
 
-/// A participant, whole.
+/// A participant's complete record.
 #[derive(Clone, Debug)]
 pub struct Profile {
     /// As in the list.
@@ -25,13 +25,13 @@ pub struct Profile {
     pub data_deleted: bool,
     /// Answers by the question's name.
     pub answers: BTreeMap<String, Value>,
-    /// Recorded parameters of the link.
+    /// Recorded URL parameters.
     pub parameters: BTreeMap<String, String>,
-    /// Why analyses leave them out, if they do.
+    /// Who excluded them from analyses and why, if anyone did.
     pub exclusion: Option<ExcludedBy>,
-    /// What experimenters wrote, the oldest first.
+    /// Experimenters' notes, oldest first.
     pub notes: Vec<Note>,
-    /// The trials in the order of the plan.
+    /// The trials in plan order.
     pub trials: Vec<StoredTrial>,
 }
 
@@ -42,10 +42,10 @@ impl Store {
         self.read_long(move |db| profile(db, &id)).await
     }
 
-    /// Adds a note about a participant; nothing if there is no such participant.
+    /// Adds a note about a participant; none if there is no such participant.
     ///
     /// # Errors
-    /// [`StoreError::Revoked`] if the key is not valid any more.
+    /// [`StoreError::Revoked`] if the key was revoked.
     pub async fn add_note(
         &self,
         id: &str,
@@ -66,10 +66,10 @@ impl Store {
         .await
     }
 
-    /// Deletes a note; whether there was one.
+    /// Deletes a note. Returns whether it existed.
     ///
     /// # Errors
-    /// [`StoreError::Revoked`] if the key is not valid any more.
+    /// [`StoreError::Revoked`] if the key was revoked.
     pub async fn delete_note(
         &self,
         id: &str,
@@ -83,16 +83,16 @@ impl Store {
                 Ok(db.execute(delete, params![note, id])? > 0 && said(db, &id, &entry)?)
             })
             .await?;
-        // A note may hold what nobody should read again.
+        // A note may contain text that must not be recoverable.
         self.forget_deleted();
         Ok(deleted)
     }
 
-    /// Has analyses leave a participant out for this reason, or with none use them again; whether there
-    /// is such a participant.
+    /// Excludes a participant from analyses for this reason, or includes them again if there is
+    /// none. Returns whether the participant exists.
     ///
     /// # Errors
-    /// [`StoreError::Revoked`] if the key is not valid any more.
+    /// [`StoreError::Revoked`] if the key was revoked.
     pub async fn exclude(
         &self,
         id: &str,
@@ -102,7 +102,7 @@ impl Store {
         let id = id.to_owned();
         self.write([Lock::Participant(id.clone())], move |db| {
             let present = exclusion(db, &id)?;
-            // The same again changes nothing, and dates nothing anew.
+            // An identical exclusion changes nothing and keeps its date.
             if present.as_ref().map(|it| &it.reason) == reason.as_ref() {
                 return Ok(number(db, &id)?.is_some());
             }
@@ -120,7 +120,7 @@ impl Store {
         .await
     }
 
-    /// The participants of a study whom analyses leave out: id and reason.
+    /// The participants of a study who are excluded from analyses: id and reason.
     pub async fn exclusions(&self, study_id: i64) -> Result<HashMap<String, String>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(
@@ -135,7 +135,7 @@ impl Store {
     }
 }
 
-/// Has analyses leave out a participant whom they use.
+/// Excludes a participant who is not excluded.
 pub(super) fn put_exclusion(
     db: &Connection,
     id: &str,
@@ -148,7 +148,7 @@ pub(super) fn put_exclusion(
     Ok(())
 }
 
-/// Writes the entry about a participant, with their study and number; whether there is such a participant.
+/// Writes the audit entry about a participant, with study and number. Returns whether the participant exists.
 fn said(db: &Connection, id: &str, entry: &NewEntry) -> Result<bool, StoreError> {
     let Some((study, number)) = number(db, id)? else { return Ok(false) };
     let (study, subject) = (Some(study), Some(number));

@@ -1,18 +1,18 @@
-//! What is kept longer than a rule allows, and its deletion.
+//! Deletion of data that a retention rule no longer allows.
 
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
 use super::sql::{OptionalExtension, params};
 use super::{Store, StoreError, participants};
 
-/// What a rule says of participants who were last seen before an instant.
+/// The data that a rule concerns, of participants last seen before an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Concern {
-    /// Everybody's data.
+    /// All data of every participant.
     Data,
     /// The data of participants who did not finish the study and were not imported.
     Unfinished,
-    /// What says who somebody is.
+    /// Data that identify a participant.
     Identity,
 }
 
@@ -26,26 +26,25 @@ impl Concern {
     }
 }
 
-/// Somebody of whom something is kept too long.
+/// A participant whose data are due for deletion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Due {
     /// The participant.
     pub id: String,
     /// Their number in the study.
     pub number: i64,
-    /// Whether they are a pilot, who are numbered among themselves.
+    /// Whether they are a pilot; pilots have their own numbers.
     pub pilot: bool,
 }
 
-/// The condition that a rule concerns a participant who was last seen before an instant.
+/// The SQL condition that a rule concerns a participant last seen before an instant.
 fn due(before: &str, concern: Concern) -> String {
     let concerns = concern.condition();
     format!("last_seen_at_ms < {before} AND data_deleted = FALSE AND {concerns}")
 }
 
 impl Store {
-    /// The participants of a study whom a rule concerns, last seen before `before_ms`, in the order of their
-    /// numbers.
+    /// The participants of a study that a rule concerns, last seen before `before_ms`, ordered by number.
     pub async fn participants_due(
         &self,
         study_id: i64,
@@ -67,7 +66,7 @@ impl Store {
         .await
     }
 
-    /// The ids of a study's analyses that ended before `before_ms`, in their order.
+    /// The ids of a study's analyses that ended before `before_ms`, in order.
     pub async fn analyses_due(
         &self,
         study_id: i64,
@@ -83,7 +82,7 @@ impl Store {
         .await
     }
 
-    /// How many entries of the audit trail are older than `before_ms`.
+    /// Number of audit entries older than `before_ms`.
     pub async fn audit_due(&self, before_ms: i64) -> Result<i64, StoreError> {
         self.read_long(move |db| {
             let query = "SELECT count(*) FROM audit WHERE at_ms < $1";
@@ -92,11 +91,11 @@ impl Store {
         .await
     }
 
-    /// Deletes what a rule names of a participant, unless the participant was seen at or after `before_ms`.
-    /// Returns whether it deleted anything.
+    /// Deletes a participant's data that a rule concerns, unless the participant was seen at or
+    /// after `before_ms`. Returns whether it deleted anything.
     ///
-    /// Without their identity, participants can go on in the browser in which they began, and nowhere else; what
-    /// they drove stays.
+    /// Without identifying data, participants can continue only in the browser in which they began;
+    /// their trials stay.
     pub async fn delete_due(
         &self,
         id: &str,
@@ -134,8 +133,7 @@ impl Store {
         Ok(deleted)
     }
 
-    /// Deletes what the audit trail has from before `before_ms`; its next entry says so. Returns how much it
-    /// was.
+    /// Deletes audit entries older than `before_ms`, and adds an entry about it. Returns how many it deleted.
     pub async fn shorten_audit(
         &self,
         before_ms: i64,

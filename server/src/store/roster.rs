@@ -1,4 +1,4 @@
-//! The participants of a study, each with all that is stored about them besides their trials.
+//! The participants of a study, with everything that is stored about them except their trials.
 
 use super::sql::{OptionalExtension, Row, params};
 use super::{Store, StoreError};
@@ -15,13 +15,13 @@ pub struct RosterEntry {
     pub id: String,
     /// Their place in the study's design, if they have one.
     pub place: Option<i64>,
-    /// The recruiting service's id, as it came.
+    /// The recruiting service's id, as received.
     pub external_id: Option<String>,
     /// Hash of the configuration of their enrolment.
     pub config_hash: String,
     /// Whether their trials were read from a file.
     pub imported: bool,
-    /// The language and hash of what they agreed to.
+    /// The language and hash of the consent text that they agreed to.
     pub consent: [Option<String>; 2],
     /// When they enrolled, were last seen, passed the check of understanding, were screened out,
     /// answered the questions, completed and withdrew, ms since 1970.
@@ -32,25 +32,26 @@ pub struct RosterEntry {
     pub completion_code: Option<String>,
     /// Whether their data were deleted.
     pub data_deleted: bool,
-    /// Stored trials, in the order of [`Phase::ALL`](sidestep::trial::Phase::ALL): what was counted when they were stored.
+    /// Number of stored trials, in the order of [`Phase::ALL`](sidestep::trial::Phase::ALL),
+    /// counted when they were stored.
     pub trials: [i64; 3],
-    /// Recorded parameters of the link.
+    /// Recorded URL parameters.
     pub parameters: BTreeMap<String, String>,
     /// Answers by the question's name.
     pub answers: BTreeMap<String, Value>,
-    /// When an experimenter excluded them, ms since 1970, and why; nothing if analyses use them.
+    /// When an experimenter excluded them, ms since 1970, and why; none if analyses use them.
     pub exclusion: Option<(i64, String)>,
 }
 
 impl Store {
-    /// The participants of a study in the order of their numbers, or with `pilots` its pilots instead.
+    /// The participants of a study, or with `pilots` its pilots, ordered by number.
     pub async fn roster(
         &self,
         study_id: i64,
         pilots: bool,
     ) -> Result<Vec<RosterEntry>, StoreError> {
         self.read_long(move |db| {
-            // All rows of the table: an index that is damaged may miss some.
+            // Reads the table itself: a damaged index may miss rows.
             let people = db.choose("participant NOT INDEXED", "participant");
             let mut statement = db.prepare_cached(&format!(
                 "SELECT participant.number, participant.id, place, external_id, config_hash, import_hash IS NOT NULL, \
@@ -99,7 +100,7 @@ impl Store {
         .await
     }
 
-    /// How many trials of a participant were stored; none if the participant was deleted.
+    /// Number of stored trials of a participant; 0 if the participant was deleted.
     pub async fn stored_trials(&self, participant_id: &str) -> Result<i64, StoreError> {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| {

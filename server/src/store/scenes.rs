@@ -1,4 +1,4 @@
-//! The scenes that participants are to drive.
+//! The scenes of participants' plans.
 
 use super::StoreError;
 use super::sql::{self, Connection, OptionalExtension, Row, Rows, params};
@@ -12,11 +12,11 @@ use uuid::Uuid;
 pub struct PlannedRow {
     /// The id under which its trial is stored.
     pub trial_id: String,
-    /// Place in the whole plan, from 0.
+    /// Index in the whole plan, from 0.
     pub ordinal: i64,
     /// Its phase.
     pub phase: Phase,
-    /// Place within the phase, from 0.
+    /// Index within the phase, from 0.
     pub index: usize,
     /// 1; 2 if the scene is driven again because its first trial was interrupted.
     pub attempt: u32,
@@ -26,8 +26,9 @@ pub struct PlannedRow {
     pub stored: bool,
 }
 
-/// Ids for the trials of a plan. They are random and say nothing of the time; but they begin alike, so that they are
-/// neighbours in the database's index. A plan would otherwise change a page of it for each trial.
+/// Ids for the trials of a plan. They are random and independent of the time, but share a prefix,
+/// so that they are adjacent in the database's index. Otherwise, a plan would change one index page
+/// per trial.
 pub fn trial_ids() -> impl Iterator<Item = String> {
     let (plan, _) = Uuid::new_v4().as_u64_pair();
     std::iter::repeat_with(move || {
@@ -37,7 +38,7 @@ pub fn trial_ids() -> impl Iterator<Item = String> {
     })
 }
 
-/// The bytes with which the ids of a plan begin; ten bytes are left to chance.
+/// Length of the prefix that the ids of a plan share, bytes; the other ten bytes are random.
 const SHARED: usize = 6;
 
 /// The columns that [`scene_of`] reads.
@@ -90,7 +91,7 @@ pub(super) fn insert(
     Ok(db.execute_row_later(&INSERT, &[&planned.trial_id], row)?)
 }
 
-/// Adds the scene of a trial to the end of its participant's plan, as the next attempt.
+/// Appends the scene of a trial to its participant's plan, as the next attempt.
 pub(super) fn repeat(db: &Connection, trial_id: &str, new_id: &str) -> Result<(), StoreError> {
     db.prepare_cached(
         "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, attempt, human_x, \

@@ -1,4 +1,4 @@
-//! A new SQLite file for an export. The caller names its tables and columns.
+//! A new SQLite file for an export. The caller defines its tables and columns.
 
 use super::StoreError;
 use super::sql::{self, Connection, ToSql};
@@ -8,16 +8,16 @@ use sqlx::ConnectOptions;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use std::path::Path;
 
-/// Rows that are inserted with one statement.
+/// Rows per INSERT statement.
 const ROWS: usize = 64;
 
-/// A SQLite file that is being filled. It is not safe against a crash until it is finished.
+/// A SQLite file that is being filled. It does not survive a crash until it is finished.
 #[derive(Debug)]
 pub struct Snapshot {
     db: Connection,
 }
 
-/// What the values of a column are.
+/// Type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Type {
     /// INTEGER.
@@ -33,7 +33,7 @@ pub enum Type {
 pub enum Value<'a> {
     /// NULL.
     Null,
-    /// A whole number.
+    /// An integer.
     Whole(i64),
     /// A number.
     Number(f64),
@@ -44,7 +44,7 @@ pub enum Value<'a> {
 impl sql::ToSql for Value<'_> {
     fn value(&self) -> sql::Value<'_> {
         match *self {
-            // No type: SQLite needs none.
+            // The kind is irrelevant: SQLite needs no type for NULL.
             Self::Null => sql::Value::Null(sql::Kind::Text),
             Self::Whole(number) => sql::Value::Integer(number),
             Self::Number(number) => sql::Value::Real(number),
@@ -54,16 +54,16 @@ impl sql::ToSql for Value<'_> {
 }
 
 impl Snapshot {
-    /// Creates the file, which must not be there. Only this user can read it.
+    /// Creates the file, which must not exist. Only this user can read it.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses it.
+    /// [`StoreError`] if the file cannot be created.
     pub fn create(path: &Path) -> Result<Self, StoreError> {
-        // SQLite would fill a file that is there.
+        // SQLite would open an existing file.
         private::new_file(path).map_err(|error| StoreError::Unavailable(error.to_string()))?;
         let options = SqliteConnectOptions::new()
             .filename(path)
-            // A half file is thrown away, so nothing has to survive a crash.
+            // An incomplete file is deleted, so nothing must survive a crash.
             .journal_mode(SqliteJournalMode::Off)
             .synchronous(SqliteSynchronous::Off)
             .pragma("cache_size", "-8000")
@@ -73,10 +73,10 @@ impl Snapshot {
         Ok(Self { db })
     }
 
-    /// Creates a table. Rows are to be added in the order of its key.
+    /// Creates a table. Add rows in the order of its key.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses it.
+    /// [`StoreError`] if the table cannot be written.
     pub fn table(
         &mut self,
         name: &str,
@@ -102,7 +102,7 @@ impl Snapshot {
     /// Adds rows to a table with this number of columns.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses them, or two have the same key.
+    /// [`StoreError`] if the rows cannot be written, or two have the same key.
     pub fn add<'a, R: Iterator<Item = Value<'a>>>(
         &mut self,
         table: &str,
@@ -135,16 +135,16 @@ impl Snapshot {
         Ok(())
     }
 
-    /// Ends the file.
+    /// Finishes the file.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk refuses it.
+    /// [`StoreError`] if the file cannot be written.
     pub fn finish(self) -> Result<(), StoreError> {
         Ok(self.db.batch("COMMIT")?)
     }
 }
 
-/// A name in SQL.
+/// A quoted SQL identifier.
 fn quoted(name: &str) -> String {
     format!("\"{}\"", name.replace('"', "\"\""))
 }

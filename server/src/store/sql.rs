@@ -1,13 +1,14 @@
-//! SQL on two databases, through sqlx: what the store's operations see of a connection.
+//! SQL on two databases, through sqlx: the connection that the store's operations use.
 //!
-//! A statement is written once, in the subset that both databases understand, with numbered parameters (`$1`).
-//! Where they differ, [`Connection::choose`] picks the words. The subset: truth values are `TRUE` and `FALSE`,
-//! and `CAST(… AS BIGINT)` makes them numbers; a sum of numbers is cast to `BIGINT`; `IS DISTINCT FROM` compares
-//! what may be NULL; a table in `FROM (…)` has a name. The type of a parameter is that of the Rust value, also for
-//! NULL, so PostgreSQL guesses none.
+//! Each statement is written once, in the subset that both databases understand, with numbered
+//! parameters (`$1`). Where the dialects differ, [`Connection::choose`] picks one. The subset:
+//! Booleans are `TRUE` and `FALSE`, and `CAST(… AS BIGINT)` makes them integers; a sum is cast to
+//! `BIGINT`; nullable values are compared with `IS DISTINCT FROM`; a table in `FROM (…)` has an
+//! alias. The type of a parameter is that of the Rust value, even for NULL, so PostgreSQL never
+//! infers one.
 //!
-//! An operation is a plain function that blocks its thread for each answer. A request that is cancelled
-//! therefore never leaves a transaction half done: the thread goes on to its end.
+//! An operation is a plain function that blocks its thread for each query. Therefore a cancelled
+//! request never leaves a transaction half done: the thread runs the operation to its end.
 
 mod value;
 mod row;
@@ -32,7 +33,7 @@ pub(super) use value::{Kind, ToSql, Value};
 /// The error of a statement.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Error {
-    /// A row was expected and there is none.
+    /// A row was expected, but none was found.
     NoRow,
     /// Anything else.
     Store(StoreError),
@@ -62,7 +63,7 @@ impl From<sqlx::Error> for Error {
 /// The result of a statement.
 pub(super) type Result<T, E = Error> = core::result::Result<T, E>;
 
-/// Turns "there is no row" into `None`.
+/// Turns a missing row into `None`.
 pub(super) trait OptionalExtension<T> {
     /// The row, if there is one.
     fn optional(self) -> Result<Option<T>>;
@@ -131,25 +132,26 @@ pub(super) const DANGLING: &str = "SELECT \"table\" || ': row ' || coalesce(rowi
 #[derive(Debug)]
 pub(super) struct Connection {
     link: RefCell<Link>,
-    /// Rows that wait for the execution of their statement.
+    /// Rows of parameters whose statement is deferred.
     waiting: RefCell<Waiting>,
-    /// What was asked ahead.
+    /// Results of queries that were asked ahead.
     asked: RefCell<Asked>,
 }
 
 #[derive(Debug)]
 enum Link {
-    /// To a file. A thread of sqlx executes the statements.
+    /// A connection to a file. A thread of sqlx executes the statements.
     Sqlite(SqliteConnection),
-    /// To a server, whose answers a runtime waits for.
+    /// A connection to a server; the runtime waits for its answers.
     Postgres(Box<PoolConnection<Postgres>>, Handle),
-    /// To nothing any more.
+    /// Closed.
     Closed,
 }
 
 impl Drop for Connection {
     fn drop(&mut self) {
-        // sqlx would close the file some time later, on its own thread; whoever looks at it then would find its log.
+        // sqlx would close the file asynchronously on its own thread; until then, another process
+        // would find its log.
         if let Link::Sqlite(db) = self.link.replace(Link::Closed) {
             let _ = block_on(sqlx::Connection::close(db));
         }
@@ -174,7 +176,7 @@ impl Connection {
         Self::to(Link::Postgres(Box::new(session), runtime))
     }
 
-    /// The session, to be given back.
+    /// Takes the session, to return it to the pool.
     pub(super) fn into_session(self) -> Option<PoolConnection<Postgres>> {
         match self.link.replace(Link::Closed) {
             Link::Postgres(session, _) => Some(*session),
@@ -182,17 +184,17 @@ impl Connection {
         }
     }
 
-    /// Whether it is to a file.
+    /// Whether this is a connection to a SQLite file.
     pub(super) fn is_sqlite(&self) -> bool {
         matches!(*self.link.borrow(), Link::Sqlite(_))
     }
 
-    /// What this database says differently.
+    /// The text for this database's dialect.
     pub(super) fn choose<'a>(&self, sqlite: &'a str, postgres: &'a str) -> &'a str {
         if self.is_sqlite() { sqlite } else { postgres }
     }
 
-    /// Statements without parameters and rows.
+    /// Executes statements without parameters or results.
     pub(super) fn batch(&self, sql: &str) -> Result<()> {
         self.settle()?;
         let sql = raw_sql(AssertSqlSafe(sql));
@@ -206,7 +208,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Statements without parameters for PostgreSQL, of which the first has a row.
+    /// Executes statements without parameters on PostgreSQL; the first one returns a row.
     pub(super) fn batch_with_answer<T>(
         &self,
         sql: &'static str,
@@ -222,10 +224,11 @@ impl Connection {
         read(&Row::Postgres(rows.into_iter().next().ok_or(Error::NoRow)?))
     }
 
-    /// Executes a statement for one row of parameters, without a result: for many rows at once, before the next other
-    /// statement or when the transaction ends; an error comes then. The rows of one statement have different targets: what
-    /// it changes for one target does not depend on what it changes for another. Statements for rows are executed in the
-    /// order of their first rows.
+    /// Defers a statement for one row of parameters, without a result. Deferred rows of the same
+    /// statement are executed together before the next other statement, or at the end of the
+    /// transaction; errors are reported then. The rows of one statement have different targets: its
+    /// effect on one target is independent of the others. Statements are executed in the order of
+    /// their first rows.
     pub(super) fn execute_row_later(
         &self,
         rows: &'static Rows,
@@ -240,7 +243,7 @@ impl Connection {
         Ok(())
     }
 
-    /// Executes what was [put off](Self::execute_row_later).
+    /// Executes [deferred](Self::execute_row_later) statements.
     pub(super) fn settle(&self) -> Result<()> {
         let statements = self.waiting.borrow_mut().take();
         statements.into_iter().try_for_each(|(sql, values)| {
@@ -249,7 +252,7 @@ impl Connection {
         })
     }
 
-    /// The rows that a query finds for rows of parameters.
+    /// The rows that a query finds for several rows of parameters.
     pub(super) fn query_rows(
         &self,
         query: &Rows,
@@ -262,8 +265,9 @@ impl Connection {
         Ok(found)
     }
 
-    /// Asks several questions at once, of the same query, whose first parameter and first column are the target. The answers
-    /// are for [`Self::query_ahead`]. Of questions with the same target, the later ones depend on what the first one leads to.
+    /// Asks several questions of one query at once; its first parameter and first column are the
+    /// target. [`Self::query_ahead`] returns the results. If several questions have the same
+    /// target, only the first is asked ahead, since its operation may change the answers to the others.
     pub(super) fn ask_ahead(&self, questions: Vec<Question>) -> Result<()> {
         let Some((query, _)) = questions.first() else { return Ok(()) };
         let query: &Rows = query;
@@ -285,13 +289,14 @@ impl Connection {
         Ok(())
     }
 
-    /// What was asked ahead is out of date.
+    /// Discards results of queries that were asked ahead, which are out of date.
     pub(super) fn forget_asked(&self) {
         self.asked.borrow_mut().clear();
     }
 
-    /// The row that a query finds, whose first parameter is the target; before what was [put off](Self::execute_row_later) is
-    /// executed, unless that has this target.
+    /// The row that a query finds. The first parameter is the target.
+    /// [Deferred](Self::execute_row_later) statements are executed first only if they have this
+    /// target.
     pub(super) fn query_ahead<T, E: From<Error>>(
         &self,
         (query, values): Question,
@@ -313,14 +318,14 @@ impl Connection {
         found.as_ref().map(read).transpose()
     }
 
-    /// Undoes a transaction, or a part of it, with what was put off.
+    /// Rolls back a transaction or a savepoint, and discards deferred statements.
     pub(super) fn roll_back(&self, undo: &str) -> Result<()> {
         self.waiting.borrow_mut().take();
         self.forget_asked();
         self.batch(undo)
     }
 
-    /// What `sqlite` or `postgres` does with sqlx's own connection.
+    /// Calls `sqlite` or `postgres` with sqlx's connection.
     pub(super) fn with_link<T>(
         &self,
         sqlite: impl AsyncFnOnce(&mut SqliteConnection) -> T,
@@ -333,12 +338,12 @@ impl Connection {
         }
     }
 
-    /// A statement that will be used again: the connection keeps it prepared.
+    /// A statement that will be used again: the connection caches it prepared.
     pub(super) fn prepare_cached(&self, sql: &str) -> Result<Statement<'_>> {
         Ok(Statement { db: self, sql: sql.into() })
     }
 
-    /// The number of rows that a statement changes.
+    /// Executes a statement and returns the number of rows that it changed.
     pub(super) fn execute(&self, sql: &str, params: impl Params) -> Result<usize> {
         self.prepare_cached(sql)?.execute(params)
     }
@@ -353,7 +358,7 @@ impl Connection {
         self.prepare_cached(sql)?.query_row(params, read)
     }
 
-    /// Executes a statement and returns how many rows it changed.
+    /// Executes a statement and returns the number of rows that it changed.
     fn run(&self, sql: &Arc<str>, values: &[Value<'_>]) -> Result<u64> {
         let changed = match &mut *self.link.borrow_mut() {
             Link::Sqlite(db) => block_on(db.execute(query(sql, sqlite(values)?)))?.rows_affected(),
@@ -366,8 +371,8 @@ impl Connection {
         Ok(changed)
     }
 
-    /// Executes a statement that begins or ends a transaction or a part of one. Of such a one, SQLite tells the rows that
-    /// the statement before it has changed.
+    /// Executes a statement that begins or ends a transaction or a savepoint. For these, SQLite
+    /// reports the number of rows that the previous statement changed.
     pub(super) fn control(&self, sql: &'static str) -> Result<()> {
         self.run(&sql.into(), &[]).map(drop)
     }
@@ -388,7 +393,7 @@ impl Connection {
         })
     }
 
-    /// The first of them.
+    /// The first row that a statement finds.
     fn row(&self, sql: &Arc<str>, values: &[Value<'_>]) -> Result<Option<Row>> {
         self.settle()?;
         Ok(match &mut *self.link.borrow_mut() {
@@ -415,7 +420,7 @@ fn query<DB: Database>(
 where
     DB::Arguments: sqlx::IntoArguments<DB>,
 {
-    // Every text is the store's own: what others send goes into parameters.
+    // The statement's text is the store's own: user input is always bound as parameters.
     sqlx::query_with(AssertSqlSafe(Arc::clone(sql)), arguments)
 }
 
@@ -435,7 +440,7 @@ pub(super) struct Statement<'c> {
 }
 
 impl Statement<'_> {
-    /// The number of rows that it changes.
+    /// Executes it and returns the number of rows that it changed.
     pub(super) fn execute(&mut self, params: impl Params) -> Result<usize> {
         self.db.settle()?;
         let changed = self.db.run(&self.sql, &params.values())?;
@@ -456,7 +461,7 @@ impl Statement<'_> {
         read(&self.db.row(&self.sql, &params.values())?.ok_or(Error::NoRow)?)
     }
 
-    /// What `read` makes of each row.
+    /// The result of `read` for each row.
     pub(super) fn query_map<T>(
         &mut self,
         params: impl Params,
@@ -465,7 +470,7 @@ impl Statement<'_> {
         self.query_and_then(params, read)
     }
 
-    /// The same with an error of any kind.
+    /// The same for a `read` with any type of error.
     pub(super) fn query_and_then<T, E: From<Error>>(
         &mut self,
         params: impl Params,

@@ -1,4 +1,4 @@
-//! SQLite: a file, read by many connections and written by one thread.
+//! SQLite: a file with many readers and one writer thread.
 //!
 //! Reads (`readers`) and writes (`writer`) are separate: SQLite has only one writer at a time, and in
 //! WAL mode readers never wait.
@@ -43,20 +43,20 @@ pub use mark::Misplaced;
 pub(super) struct Sqlite {
     /// The file that the user named.
     named: DatabaseFile,
-    /// The file that is used: that one, or the copy of it.
+    /// The file in use: the named one, or a copy of it.
     file: DatabaseFile,
     original: Arc<Original>,
     readers: Arc<Readers>,
     writer: Writer,
     watch: Mutex<Option<Watch>>,
-    /// The lock of who uses the file alone.
+    /// The lock for exclusive use of the file.
     lock: Mutex<Option<File>>,
     #[expect(dead_code, reason = "it is deleted when this is dropped")]
     copy: Option<Copied>,
 }
 
 impl Sqlite {
-    /// Opens the file and applies missing migrations, if it may be changed.
+    /// Opens the file and applies missing migrations, unless it is opened to read.
     pub(super) fn open(named: DatabaseFile, purpose: Purpose) -> Result<Self, OpenError> {
         let name = || named.path().display().to_string();
         let is_alone = matches!(purpose, Purpose::Alone | Purpose::Copy);
@@ -90,7 +90,7 @@ impl Sqlite {
         if named.is_log_alone() {
             return Err(OpenError::LogAlone { database: name(), log: named.log().to_owned() });
         }
-        // An index that a killed process has left tells how many frames there were.
+        // The index that a killed process left behind shows how many frames the log had.
         let index = || Index::read(&File::open(named.index()).ok()?, false);
         if let Some(why) = mark::misplaced(&named, index).map_err(disk)? {
             let (database, log) = (name(), named.log().to_owned());
@@ -99,12 +99,12 @@ impl Sqlite {
                 why => OpenError::Misplaced { database, log, why },
             });
         }
-        // Servers of versions that knew no marks lock no index.
+        // Servers of versions without marks do not lock the index.
         let has_mark = matches!(mark::of_file(&named), Ok(Some(_)));
         if !is_alone && has_mark && !named.shares_index() {
             return Err(unusable(format!(
-                "a server uses it with another index of its write-ahead log than the one here, {}, which somebody deleted \
-                 or replaced; stop that server first",
+                "a server uses it with another index of its write-ahead log than {}: the server's index was deleted or \
+                 replaced; stop that server first",
                 named.index().display()
             )));
         }
@@ -118,7 +118,7 @@ impl Sqlite {
             }
             Purpose::Change | Purpose::Read => {}
         }
-        // A file that this program cannot use, or that another server uses, is not changed by a single byte.
+        // If this program cannot use the file, or another server does, not a single byte of it is changed.
         let untouching = connection::untouching(&named).map_err(refused)?;
         let checked = migrations::check(&untouching).and_then(|state| {
             if state != State::Empty && purpose != Purpose::Copy {
@@ -126,7 +126,7 @@ impl Sqlite {
             }
             Ok(state)
         });
-        // A copy that was made while a server wrote is of two states, and so is what becomes of it with a log.
+        // A copy made while a server was writing mixes two states; applying a log to it would not repair it.
         let is_left = checked.is_ok()
             && purpose != Purpose::Read
             && named.has_log()
@@ -147,7 +147,7 @@ impl Sqlite {
         }
         let is_current = state == State::Current;
         let lock = match (is_alone, purpose, is_current) {
-            // A server of an older version may use the file, which could not go on with a migrated one.
+            // A server of an older version may be using the file, and could not continue with a migrated one.
             (true, ..) | (_, Purpose::Create | Purpose::Change, false) => {
                 let lock = named.lock_soon().map_err(|error| unusable(error.to_string()))?;
                 Some(lock.ok_or_else(|| OpenError::Served(name()))?)
@@ -195,11 +195,11 @@ impl Sqlite {
         Ok(Self { named, file, original, readers, writer, watch, lock, copy })
     }
 
-    /// Whether a write could be made now.
+    /// Whether the database accepts writes now.
     pub(super) async fn ready(&self) -> Result<(), StoreError> {
         const PATIENCE: Duration = Duration::from_secs(2);
         self.original.check()?;
-        // Once the disk has refused something, only a write tells whether it takes any.
+        // After a refused write, only a real write shows whether the disk accepts writes again.
         let probe = match self.writer.has_failed() {
             true => "UPDATE mark SET text = text",
             false => "UPDATE mark SET text = text WHERE FALSE",
@@ -209,7 +209,7 @@ impl Sqlite {
         self.file.check_disk()
     }
 
-    /// The folder of the file, if it has room for a temporary file of this length.
+    /// The folder of the file, if it has enough space for a temporary file of this length.
     pub(super) fn room(&self, bytes: u64) -> Result<PathBuf, StoreError> {
         let enough = LEAST_FREE_BYTES.saturating_mul(16).saturating_add(bytes);
         if self.file.free_bytes()? < enough {
@@ -218,7 +218,7 @@ impl Sqlite {
         Ok(self.file.folder().to_owned())
     }
 
-    /// What tells this file from every other one, whatever it is called.
+    /// The identity of this file, independent of its name.
     pub(super) fn identity(&self) -> Result<Identity, StoreError> {
         self.named.identity()
     }
@@ -227,7 +227,7 @@ impl Sqlite {
         self.named.path().display().to_string()
     }
 
-    /// Writes all rows into a new file that only its owner can read.
+    /// Writes a snapshot into a new file that only its owner can read.
     pub(super) async fn write_snapshot(&self, out: &Path) -> Result<(), StoreError> {
         let (from, to) = (self.file.clone(), DatabaseFile::at(out));
         let writing = tokio::task::spawn_blocking(move || {
@@ -237,7 +237,7 @@ impl Sqlite {
             if copied == Err(StoreError::Full)
                 && let Some(what) = connection::damage(&connection::untouching(&from)?)?.pop()
             {
-                // SQLite takes some damage for a full disk.
+                // SQLite reports some kinds of damage as a full disk.
                 return Err(StoreError::Corrupt(what));
             }
             copied
@@ -245,7 +245,7 @@ impl Sqlite {
         writing.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
-    /// Damaged pages and references to nothing.
+    /// Damaged pages and dangling references.
     pub(super) async fn damage(&self) -> Result<Vec<String>, StoreError> {
         self.read_long(connection::damage).await
     }
@@ -254,7 +254,7 @@ impl Sqlite {
         self.writer.commits()
     }
 
-    /// Empties the write-ahead log, which still has what was deleted, as soon as no reader uses it.
+    /// Empties the write-ahead log, which still contains deleted data, as soon as no reader uses it.
     pub(super) fn forget_deleted(&self) {
         self.writer.empty_log();
     }
@@ -263,7 +263,7 @@ impl Sqlite {
         self.watch.lock().unwrap_or_else(PoisonError::into_inner).take();
         self.readers.close();
         self.writer.close();
-        // Last: closing any handle of the file gives up SQLite's locks on it.
+        // Last: closing any handle of the file releases SQLite's locks on it.
         self.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 
@@ -271,7 +271,7 @@ impl Sqlite {
         self.original.rescue_elsewhere();
     }
 
-    /// Why nothing is stored any more, if what was stored could not be rescued either.
+    /// Why nothing is stored any more, if stored data could not be rescued either.
     pub(super) fn unrescued(&self) -> Option<StoreError> {
         self.original.check().err().filter(|_| self.original.lacks_rescue())
     }
@@ -280,7 +280,7 @@ impl Sqlite {
         self.writer.observed()
     }
 
-    /// How many trials, other requests and jobs wait.
+    /// Number of waiting trials, other requests and jobs.
     pub(super) fn waiting(&self) -> [usize; 3] {
         self.writer.waiting()
     }
@@ -308,7 +308,7 @@ impl Sqlite {
         lane: Lane,
         work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        // It runs once: it has a savepoint.
+        // It runs once, since it has a savepoint.
         let mut work = Some(work);
         let once = move |db: &Connection| match work.take() {
             Some(work) => work(db),
@@ -317,7 +317,7 @@ impl Sqlite {
         self.writer.run(lane, None, once).await
     }
 
-    /// The same for a trial, whose work is done again if another one fails that was to be stored with it.
+    /// The same for a trial, which runs again if another trial of its transaction fails.
     pub(super) async fn write_trial<T: Send + 'static>(
         &self,
         question: Option<Question>,
@@ -331,7 +331,7 @@ impl Sqlite {
 mod tests {
     use super::*;
 
-    /// The writer closes its connection after an error of the disk, and has none when the file is deleted then.
+    /// After a disk error, the writer closes its connection; it has none when the file is deleted then.
     #[tokio::test(flavor = "multi_thread")]
     async fn a_deleted_file_is_rescued_through_a_reader() {
         let folder = tempfile::tempdir().unwrap();
@@ -358,7 +358,7 @@ mod tests {
         assert_eq!(rescued.read(kept).unwrap(), 1);
     }
 
-    /// While the log is written back, and after a crash or in a copy meanwhile, the file is of two states.
+    /// While the log is written back, and after a crash or in a copy made then, the file mixes two states.
     #[tokio::test(flavor = "multi_thread")]
     async fn a_torn_file_is_read_with_its_own_log_and_changed_with_no_other() {
         let folder = tempfile::tempdir().unwrap();
@@ -386,7 +386,7 @@ mod tests {
         let another = Sqlite::open(of("another.db"), Purpose::Alone).unwrap();
         grow(&another, 0..8).await;
         let others = bytes(of("another.db").log());
-        // Pages are written in their order: up to the one with the mark.
+        // Pages are written in order; here up to the one with the mark.
         let written = place.offset as usize + place.length;
         let torn = [&new[..written], old.get(written..).unwrap_or(&[])].concat();
         let kept = |db: &Connection| {
@@ -419,7 +419,8 @@ mod tests {
         }
     }
 
-    /// A power cut may leave half of the last transaction. Whatever else is not as SQLite wrote it is damage.
+    /// A power failure may truncate the last transaction. Every other difference from what SQLite
+    /// wrote is damage.
     #[tokio::test(flavor = "multi_thread")]
     async fn damage_of_a_log_is_told_from_a_power_cut() {
         use std::os::unix::fs::FileExt;
@@ -439,7 +440,7 @@ mod tests {
             let mut bytes = told.clone();
             match name {
                 "told.db" | "cut and told.db" => {}
-                // The page of its second frame.
+                // The page number of its second frame.
                 "indexed.db" => bytes[140..144].copy_from_slice(&[7; 4]),
                 _ => return None,
             }
@@ -457,7 +458,7 @@ mod tests {
         };
         assert_eq!(misplaced("whole.db", 0, 0), None);
         assert_eq!(misplaced("cut.db", length - 2_000, 2_000), None);
-        // A process that was killed leaves the index, which no power cut leaves ahead of the log.
+        // A killed process leaves the index behind; after a power failure, the index is never ahead of the log.
         assert_eq!(misplaced("told.db", 0, 0), None);
         for (name, at, bytes) in [
             ("cut and told.db", length - 2_000, 2_000),

@@ -1,8 +1,8 @@
 //! Studies and their configurations.
 //!
-//! A configuration is identified by the SHA-256 of its stored JSON. Only this file computes the hash,
-//! when it stores new JSON; other code reads it with the row. A configuration that an earlier version
-//! stored keeps its hash, although this version would write other JSON.
+//! A configuration is identified by the SHA-256 of its stored JSON. Only this file computes the
+//! hash, when it stores new JSON; other code reads it with the row. A configuration stored by an
+//! earlier version keeps its hash, even if this version would write different JSON.
 
 use super::audit::{self, NewEntry};
 use super::lanes::Lock;
@@ -17,7 +17,7 @@ use std::sync::{Arc, PoisonError};
 pub struct StoredStudy {
     /// The study's row.
     pub id: i64,
-    /// Name in addresses.
+    /// Name in URLs.
     pub slug: String,
     /// The configuration of new participants.
     pub config: Arc<StudyConfig>,
@@ -30,26 +30,27 @@ pub struct StoredStudy {
 pub struct StudyVersion {
     /// Its number within the study, from 1.
     pub number: u32,
-    /// The hash of the configuration: of the one that people enrolled under, if it was opened and closed.
+    /// The hash of the configuration. If it was stored with several statuses, the hash of the one that
+    /// people enrolled under.
     pub hash: String,
     /// The configuration, with the last status that it had.
     pub config: Arc<StudyConfig>,
-    /// From when new participants got it, ms since 1970.
+    /// Since when new participants get it, ms since 1970.
     pub since_ms: i64,
-    /// Whether the study file of a command said so.
+    /// Whether it came from the study file of a command.
     pub by_file: bool,
-    /// People who enrolled under it; without pilots.
+    /// Number of participants who enrolled under it, without pilots.
     pub participants: u64,
 }
 
 impl StudyVersion {
-    /// Whether this says the same study as `config`, whatever its status.
+    /// Whether this equals `config`, apart from its status.
     #[must_use]
     pub fn says(&self, config: &StudyConfig) -> bool {
         *self.config == StudyConfig { status: self.config.status, ..config.clone() }
     }
 
-    /// Becomes the same with another status.
+    /// Merges a later version that differs only in its status.
     fn take(&mut self, later: Self) {
         if self.participants == 0 || later.participants > 0 {
             self.hash = later.hash;
@@ -60,12 +61,12 @@ impl StudyVersion {
     }
 }
 
-/// What came of a change of a study.
+/// The outcome of changing a study.
 #[derive(Clone, Debug)]
 pub enum ChangeStudy {
     /// The study has the configuration.
     Stored(StoredStudy),
-    /// Somebody else has changed it; nothing was stored.
+    /// Another experimenter has changed it; nothing was stored.
     ChangedMeanwhile,
     /// There is no such study.
     Unknown,
@@ -78,8 +79,8 @@ impl Store {
         self.read(move |db| find(db, &slug)).await
     }
 
-    /// The configurations under which participants and pilots of a study enrolled, and the present one: hash
-    /// and JSON as they are stored, in the order of hashes.
+    /// The configurations under which participants and pilots of a study enrolled, and the current
+    /// one: hash and stored JSON, ordered by hash.
     pub async fn configurations(&self, study_id: i64) -> Result<Vec<(String, String)>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(
@@ -94,8 +95,8 @@ impl Store {
         .await
     }
 
-    /// The configurations that new participants of a study have got, oldest first. Opening and closing a
-    /// study makes no version.
+    /// The configurations that new participants of a study have been given, oldest first. Opening
+    /// and closing a study creates no version.
     pub async fn study_versions(&self, study_id: i64) -> Result<Vec<StudyVersion>, StoreError> {
         let store = self.clone();
         self.read(move |db| {
@@ -111,7 +112,7 @@ impl Store {
             let rows: Vec<_> = statement.query_map([study_id], row)?.collect::<Result<_, _>>()?;
             let mut versions: Vec<StudyVersion> = Vec::new();
             for (i, &(ref hash, since_ms, by_file, enrolled)) in rows.iter().enumerate() {
-                // Whoever took part under a configuration that came back is counted there.
+                // If a configuration is used again, its participants are counted at its last version.
                 let comes_back = rows[i + 1..].iter().any(|(later, ..)| later == hash);
                 let new = StudyVersion {
                     number: versions.len() as u32 + 1,
@@ -134,13 +135,13 @@ impl Store {
     /// The configuration with this hash.
     ///
     /// # Errors
-    /// [`StoreError`], also if it does not exist.
+    /// [`StoreError`], even if it does not exist.
     pub async fn config(&self, hash: &str) -> Result<Arc<StudyConfig>, StoreError> {
         let (store, hash) = (self.clone(), hash.to_owned());
         self.read(move |db| store.config_in(db, &hash)).await
     }
 
-    /// The configuration with this hash, which the store parses only once.
+    /// The configuration with this hash; the store parses each only once.
     pub(super) fn config_in(
         &self,
         db: &Connection,
@@ -156,7 +157,7 @@ impl Store {
         Ok(config)
     }
 
-    /// Creates a study as a study file says, or gives an existing study this configuration for new
+    /// Creates a study from a study file, or gives an existing study this configuration for new
     /// participants. Enrolled participants keep theirs.
     pub async fn put_study(
         &self,
@@ -167,10 +168,10 @@ impl Store {
         self.write([Lock::Studies], move |db| put(db, &new, now_ms, true)).await
     }
 
-    /// Creates a study, and notes who did; nothing if there is one of this name.
+    /// Creates a study, with an audit entry; none if the name is taken.
     ///
     /// # Errors
-    /// [`StoreError::Revoked`] if the key is not valid any more.
+    /// [`StoreError::Revoked`] if the key was revoked.
     pub async fn make_study(
         &self,
         new: &StudyConfig,
@@ -187,11 +188,11 @@ impl Store {
         .await
     }
 
-    /// Gives a study this configuration for new participants, and notes who did, if its configuration
-    /// is still the one with the hash `base`.
+    /// Gives a study this configuration for new participants, with an audit entry, if its current
+    /// configuration has the hash `base`.
     ///
     /// # Errors
-    /// [`StoreError::Revoked`] if the key is not valid any more.
+    /// [`StoreError::Revoked`] if the key was revoked.
     pub async fn change_study(
         &self,
         new: &StudyConfig,
@@ -246,12 +247,12 @@ pub(super) fn put(
     now_ms: i64,
     by_file: bool,
 ) -> Result<StoredStudy, StoreError> {
-    // Compared as values, since an earlier version may have written other JSON.
+    // Compares values, since an earlier version may have written different JSON.
     if let Some(known) = find(db, &new.slug)?
         && known.config == *new
     {
         if by_file {
-            // The version may be of the laboratory, or of a database that did not record its origin.
+            // The version may come from the laboratory, or from a database that did not record its origin.
             db.execute(
                 "UPDATE study_version SET by_file = TRUE WHERE study_id = $1 AND NOT by_file \
                      AND number = (SELECT max(number) FROM study_version WHERE study_id = $1)",

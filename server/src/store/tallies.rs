@@ -1,6 +1,6 @@
-//! Tallies: what chooses and sorts the participants of a list, one row each. Each follows from the stored
-//! participant, exclusions and trials; the list would be slow if it read them. Triggers of the database
-//! copy what concerns the participant; what concerns trials is counted here.
+//! Tallies: one row per participant with the values by which lists filter and sort. They are
+//! derived from the stored participant, exclusions and trials; computing them for each list would
+//! be slow. Database triggers copy the values of the participant; those of trials are counted here.
 
 use super::lanes::Lock;
 use super::sql::{Connection, Rows, params};
@@ -8,7 +8,7 @@ use super::{Store, StoreError};
 use sidestep::trial::{Flag, Outcome, Phase};
 use sidestep::vehicle::TurnInput;
 
-/// What is counted of a trial.
+/// The values of a trial that are counted.
 pub(super) struct Counted<'a> {
     /// Its participant.
     pub(super) participant_id: &'a str,
@@ -22,14 +22,14 @@ pub(super) struct Counted<'a> {
     pub(super) flags: &'a [Flag],
     /// Its outcome.
     pub(super) outcome: &'a Outcome,
-    /// A number that follows from the times of its key events, if there are enough.
+    /// A number derived from the times of its key events, if there are enough.
     pub(super) key_timing: Option<i64>,
-    /// How many further trials wait in the participant's browser.
+    /// Number of further trials that wait in the participant's browser.
     pub(super) waiting: u32,
 }
 
-/// Adds trials that are about to be stored. The columns of a row: participant, phase of the next scene, what to add to each
-/// count, number of the key times, waiting trials, study.
+/// Counts trials that are about to be stored. The columns of a row: participant, phase of the next
+/// scene, increment of each count, number of the key times, waiting trials, study.
 const ADD: Rows = Rows {
     before: "UPDATE tally SET \
                  next_phase = given.column2, \
@@ -50,7 +50,7 @@ const ADD: Rows = Rows {
     after: ") AS given WHERE tally.participant_id = given.column1",
 };
 
-/// Adds a trial that is about to be stored. Its scene is stored already.
+/// Counts a trial that is about to be stored. Its scene is stored already.
 pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result<(), StoreError> {
     let is_in = |phase| i64::from(trial.phase == phase);
     let counts = |holds: bool| i64::from(holds && trial.phase == Phase::Task);
@@ -72,21 +72,22 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
         trial.waiting,
         study_id,
     ];
-    // Of two trials with the same times, the later one must find the earlier.
+    // If two trials have the same key times, the later one must find the earlier.
     let timing = trial.key_timing.map(|timing| format!("timing {study_id} {timing}"));
     let targets: Vec<_> =
         [Some(trial.participant_id), timing.as_deref()].into_iter().flatten().collect();
     Ok(db.execute_row_later(&ADD, &targets, row)?)
 }
 
-/// Records how many further trials wait in the participant's browser, when a trial was uploaded again.
+/// Records the number of further trials that wait in the participant's browser, when a trial was
+/// uploaded again.
 pub(super) fn waits(db: &Connection, participant_id: &str, waiting: u32) -> Result<(), StoreError> {
     db.prepare_cached("UPDATE tally SET waiting = $2 WHERE participant_id = $1 AND waiting <> $2")?
         .execute(params![participant_id, waiting])?;
     Ok(())
 }
 
-/// A scene was added at the end of the plan.
+/// Records that a scene was appended to the plan.
 pub(super) fn goes_on(db: &Connection, trial_id: &str) -> Result<(), StoreError> {
     db.prepare_cached(
         "UPDATE tally SET next_phase = coalesce(next_phase, phase) FROM scene \
@@ -96,7 +97,7 @@ pub(super) fn goes_on(db: &Connection, trial_id: &str) -> Result<(), StoreError>
     Ok(())
 }
 
-/// What is counted of the scenes of somebody that have trials.
+/// The counts over a participant's scenes that have trials.
 const COUNTS: &str = "count(*) FILTER (WHERE phase = 'familiarisation') AS warm, \
     count(*) FILTER (WHERE phase = 'practice') AS practised, \
     count(*) FILTER (WHERE phase = 'task') AS tasks, \
@@ -106,7 +107,7 @@ const COUNTS: &str = "count(*) FILTER (WHERE phase = 'familiarisation') AS warm,
     count(*) FILTER (WHERE phase = 'task' AND avoidance_first IS NULL) AS never, \
     count(*) FILTER (WHERE phase = 'task' AND first_step_in_danger IS NOT NULL) AS danger";
 
-/// Counts all stored trials of a participant.
+/// Recounts all stored trials of a participant.
 pub(super) fn count(db: &Connection, participant_id: &str) -> Result<(), StoreError> {
     let straight =
         db.choose("instr(inputs, x'00') > 0", "position(CAST('\\x00' AS bytea) IN inputs) > 0");
@@ -132,14 +133,14 @@ pub(super) fn count(db: &Connection, participant_id: &str) -> Result<(), StoreEr
 }
 
 impl Store {
-    /// Counts the trials of a participant again, after some were lost.
+    /// Recounts the trials of a participant after some were lost.
     pub async fn count_again(&self, participant_id: &str) -> Result<(), StoreError> {
         let participant_id = participant_id.to_owned();
         let locks = [Lock::Participant(participant_id.clone())];
         self.write_behind(locks, move |db| count(db, &participant_id)).await
     }
 
-    /// The ids of participants whose tally does not follow from what is stored.
+    /// The ids of participants whose tally differs from the stored data.
     pub async fn wrong_tallies(&self) -> Result<Vec<String>, StoreError> {
         self.read_long(|db| {
             let mut statement = db.prepare_cached(&format!(

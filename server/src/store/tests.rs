@@ -1,5 +1,5 @@
-//! What every store must do, told by its operations alone: another database passes the same.
-//! The tests of the writer at the end are of this one.
+//! The tests that every back end must pass use only the store's operations. The tests at the end
+//! are for SQLite's writer.
 
 use super::audit::NewEntry;
 use super::enrolments::{Enrolment, Gate, NewParticipant};
@@ -27,8 +27,8 @@ use tempfile::TempDir;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
-/// A store of its own: in the cluster of PostgreSQL that `SIDESTEP_TEST_POSTGRES` names (an address with
-/// DATABASE in the place of its name), otherwise in a file.
+/// A separate store: in the PostgreSQL cluster that `SIDESTEP_TEST_POSTGRES` names (an address with
+/// DATABASE in place of the database name), otherwise in a file.
 pub(crate) async fn store() -> (TempDir, Store) {
     let (folder, url) = address().await;
     (folder, Store::open(&url, Purpose::Create).await.unwrap())
@@ -48,7 +48,7 @@ async fn address() -> (TempDir, String) {
     (folder, cluster.replace("DATABASE", &name))
 }
 
-/// A store in a file in a folder of its own.
+/// A store in a file in its own folder.
 pub(crate) async fn file_store() -> (TempDir, Store) {
     let folder = TempDir::new().unwrap();
     let url = format!("sqlite:{}", folder.path().join("test.db").display());
@@ -56,17 +56,17 @@ pub(crate) async fn file_store() -> (TempDir, Store) {
     (folder, store)
 }
 
-/// By what somebody who enrols may be known.
+/// Identifiers by which an enrolling participant may be recognised.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Known {
     pub(crate) external_key: Option<String>,
     pub(crate) request_hash: Option<[u8; 32]>,
 }
 
-/// Everybody may enrol.
+/// Everyone may enrol.
 const OPEN: Gate = Gate { is_open: true, quota: 0, away_before_ms: 0 };
 
-/// Somebody with a plan of two tasks, whose trials are called after them.
+/// Enrols a participant with a plan of two tasks, whose trials have the participant's name.
 pub(crate) async fn someone(store: &Store, name: &str, known: Known) -> Enrolment {
     let enrolled = arrives(store, name, known, OPEN, 1).await;
     let (human, robot) = (Pose::from([0.0, 0.0, 0.0]), Pose::from([15.0, 10.0, -2.0]));
@@ -86,7 +86,7 @@ pub(crate) async fn someone(store: &Store, name: &str, known: Known) -> Enrolmen
     enrolled
 }
 
-/// Somebody without a plan.
+/// Enrols a participant without a plan.
 async fn arrives(store: &Store, name: &str, known: Known, gate: Gate, now_ms: i64) -> Enrolment {
     let study = store.put_study(&StudyConfig::default(), 0).await.unwrap();
     let new = NewParticipant {
@@ -196,7 +196,8 @@ async fn trials_that_wait_together_are_stored_as_one_by_one() {
         let new = trial(&format!("{name}-{i}"), TurnInput::Left);
         store.put_trial(name, NewTrial { key_timing: Some(1), repeated_as, ..new }).await
     };
-    // While this holds the writer of a file, the others come together. Of PostgreSQL, they come at about the same time.
+    // While this holds the writer of a file, the others are queued together. On PostgreSQL, they
+    // arrive at about the same time.
     let first = store.write([], |_| {
         std::thread::sleep(Duration::from_millis(100));
         Ok(())
@@ -283,7 +284,7 @@ async fn whoever_is_known_keeps_their_plan() {
     assert_eq!(is(someone(&store, "b", named(Some("x"), None)).await), "a by name");
     assert_eq!(is(someone(&store, "c", named(None, Some("r"))).await), "a");
     assert_eq!(is(someone(&store, "d", named(Some("y"), Some("s"))).await), "new");
-    // Every token that was given speaks for them.
+    // Every token that was issued is valid for them.
     for name in ["a", "b", "c"] {
         let visitor = store.visitor(token(name)).await.unwrap().unwrap();
         assert_eq!(visitor.participant.id, "a");
@@ -345,11 +346,11 @@ async fn somebody_new_gets_the_lowest_free_place() {
     }
     store.withdraw("b", false, 11, None).await.unwrap();
     assert_eq!(comes("d", gate(0, 0), 20).await, Some(1));
-    // Without a quota, a place of somebody who stays away stays theirs.
+    // Without a quota, a participant who stays away keeps their place.
     assert_eq!(comes("e", gate(0, 15), 21).await, Some(3));
     store.withdraw("a", true, 22, None).await.unwrap();
     assert_eq!(comes("f", gate(0, 0), 23).await, Some(0));
-    // Four take part, c, d, e and f: c has stayed away since 10.
+    // Four participate, c, d, e and f: c has been away since 10.
     assert_eq!(comes("g", gate(4, 0), 30).await, None);
     assert_eq!(comes("g", gate(4, 15), 30).await, Some(2));
     assert_eq!(comes("h", gate(4, 15), 30).await, None);
@@ -357,7 +358,7 @@ async fn somebody_new_gets_the_lowest_free_place() {
         let result = ComprehensionResult { attempts, passed };
         store.check_understanding(id, None, result, most, now_ms).await
     };
-    // Who comes back counts again, and finds the same place.
+    // A participant who returns counts again, and keeps the same place.
     checks("c", 1, true, 0, 31).await.unwrap();
     assert_eq!(comes("i", gate(5, 15), 32).await, None);
     // Screened out after two wrong attempts; the place is free, and the result stays.
@@ -438,7 +439,7 @@ fn entry(action: Action) -> NewEntry {
     NewEntry { at_ms: 1, key_id, who, action, study: None, subject: None }
 }
 
-/// What a copy of a study has: the rows of each participant, hashed, and the trials in their order.
+/// Contents of a copied study: a hash of each participant's rows, and the trials in order.
 async fn copied(store: &Store, slug: &str) -> (Vec<[u8; 32]>, Vec<String>) {
     let study = store.study(slug).await.unwrap().unwrap();
     let [people, _] = store.copied_ids(study.id).await.unwrap();
@@ -486,7 +487,7 @@ async fn a_copy_has_everything_and_can_be_repeated() {
         assert_eq!(store.wrong_tallies().await.unwrap(), Vec::<String>::new());
     }
 
-    // An analysis at the destination keeps its participants when they are copied anew.
+    // An analysis at the destination keeps its participants when they are copied again.
     let study_id = to.study(&slugs[0]).await.unwrap().unwrap().id;
     to.ask_analysis("first".to_owned(), study_id, &Request::default(), entry()).await.unwrap();
     let job = to.begin_analysis("a server", 8).await.unwrap().unwrap();
@@ -500,7 +501,7 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     };
     assert_eq!(members().await, ["ada", "bob"]);
 
-    // Whoever has done more since is copied anew.
+    // A participant who has done more since is copied again.
     from.put_trial("ada", trial("ada-1", TurnInput::Right)).await.unwrap();
     let more = transfer::copy(&from, &to, &slugs, &stop, ignore).await.unwrap();
     assert_eq!((more.present, more.trials), (2, 4));
@@ -509,7 +510,7 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     assert_eq!(members().await, ["ada", "bob"]);
     assert!(to.note_progress(&job, [1, 2, 1], 8).await.unwrap());
 
-    // Whoever has done more there, or was deleted there, stays as they are there.
+    // A participant who has done more at the destination, or was deleted there, is left unchanged.
     let late = NewTrial { received_at_ms: 9, ..trial("cleo-0", TurnInput::Left) };
     assert!(matches!(to.put_trial("cleo", late).await, Ok(PutTrial::Withdrawn)));
     let seen = move |db: &Connection| {
@@ -530,7 +531,7 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     let refused = transfer::copy(&from, &to, &slugs, &stop, ignore).await;
     assert!(matches!(&refused, Err(TransferError::Ahead { id, .. }) if id == "bob"), "{refused:?}");
     assert!(to.trial_ids("bob").await.unwrap().is_empty());
-    // A deletion is copied, and the analyses that have the data begin anew.
+    // A deletion is copied, and analyses that use the data restart.
     for name in ["bob", "ada"] {
         from.withdraw(name, true, 20, None).await.unwrap();
     }
@@ -539,14 +540,14 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     assert!(!to.note_progress(&job, [1, 2, 1], 22).await.unwrap());
     assert_eq!(copied(&to, &slugs[0]).await, copied(&from, &slugs[0]).await);
 
-    // A study of that name that began at another time is another study.
+    // A study of the same name that was created at another time is another study.
     let (_folder, other) = file_store().await;
     other.put_study(&StudyConfig::default(), 99).await.unwrap();
     let refused = transfer::copy(&other, &to, &slugs, &stop, ignore).await;
     assert!(matches!(refused, Err(TransferError::OtherStudy(_))), "{refused:?}");
 }
 
-/// A command that was killed leaves no database that looks whole.
+/// A killed command leaves no database that seems complete.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_copy_that_was_not_finished_is_refused_until_it_is() {
     let (_folder, url) = address().await;
@@ -559,7 +560,7 @@ async fn a_copy_that_was_not_finished_is_refused_until_it_is() {
     someone(&store, "copied", Known::default()).await;
     store.end_copy().await.unwrap();
     store.close().await;
-    // Into a database that is in use, one may copy at any time.
+    // Copying into a database that is in use is always possible.
     for purpose in [Purpose::Copy, Purpose::Alone, Purpose::Read] {
         Store::open(&url, purpose).await.unwrap().close().await;
     }
@@ -639,7 +640,7 @@ async fn whoever_comes_back_is_kept() {
     assert_eq!(due.iter().map(|due| due.id.as_str()).collect::<Vec<_>>(), ["ann", "ben", "cid"]);
     let late = NewTrial { received_at_ms: 100, ..trial("ben-0", TurnInput::Left) };
     store.put_trial("ben", late).await.unwrap();
-    // Who opens the page again is there again.
+    // Opening the page again counts as presence.
     arrives(&store, "again", cid(), OPEN, 100).await;
     for (due, deleted) in due.iter().zip([true, false, false]) {
         let entry = entry(Action::ParticipantDeleted);
@@ -650,13 +651,13 @@ async fn whoever_comes_back_is_kept() {
     assert!(store.participants_due(study.id, Concern::Data, 100).await.unwrap().is_empty());
 }
 
-/// The first step of an operation: it waits in the queue, or is refused.
+/// Polls an operation once: it waits in the queue, or is refused.
 pub(crate) fn begun<T>(operation: &mut Pin<Box<impl Future<Output = T>>>) -> Poll<T> {
     operation.as_mut().poll(&mut Context::from_waker(Waker::noop()))
 }
 
 impl Store {
-    /// An operation that keeps the writer busy until it is told to go on.
+    /// An operation that blocks the writer until `wait` receives a message.
     pub(crate) async fn hold(&self, begin: oneshot::Sender<()>, wait: mpsc::Receiver<()>) {
         let work = move |_: &Connection| {
             let _ = begin.send(());
@@ -666,7 +667,7 @@ impl Store {
         let _ = self.write([], work).await;
     }
 
-    /// Keeps the writer busy until what is returned is dropped.
+    /// Blocks the writer until the returned sender is dropped.
     pub(crate) async fn held(&self) -> mpsc::Sender<()> {
         let (go, wait) = mpsc::channel::<()>();
         let (begin, began) = oneshot::channel();
@@ -684,7 +685,7 @@ impl Store {
         }
     }
 
-    /// As [`Self::held`], with a full queue of what nobody waits for any more.
+    /// As [`Self::held`], with a queue full of cancelled operations.
     pub(crate) async fn stuffed(&self) -> mpsc::Sender<()> {
         let held = self.held().await;
         while begun(&mut Box::pin(self.write([], |_| Ok(())))).is_pending() {}
@@ -706,7 +707,7 @@ async fn a_full_queue_is_refused_at_once() {
 
 type Order = Arc<Mutex<Vec<&'static str>>>;
 
-/// Operations that note in which order they run.
+/// Operations that record the order in which they run.
 fn noting() -> (Order, impl Fn(&'static str) -> Noted) {
     let order = Order::default();
     let noted = Arc::clone(&order);

@@ -1,26 +1,25 @@
-//! What several servers of one database count together.
+//! Rate limits that several servers of one database share.
 
 use super::sql::{Connection, OptionalExtension, params};
 use super::{Store, StoreError};
 
-/// How often somebody may do something: `burst_ms / pause_ms` times at once, and once more for each pause that
-/// passes.
+/// A rate limit: a burst of `burst_ms / pause_ms` turns, and one more turn for each `pause_ms` that passes.
 #[derive(Clone, Copy, Debug)]
 pub struct Allowance {
-    /// What is counted.
+    /// The kind of action.
     pub kind: &'static str,
-    /// After each turn, how much longer it takes until all are there again, ms.
+    /// Refill time of one turn, ms.
     pub pause_ms: i64,
-    /// The time in which all turns that were taken come back, ms.
+    /// Refill time of a whole burst, ms.
     pub burst_ms: i64,
 }
 
-/// The database's clock, ms: those of the servers may differ.
+/// The database's clock, ms: the servers' clocks may differ.
 const NOW: &str = "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)";
 
 impl Store {
-    /// Takes a turn of `who`, a hash. Returns how long to wait, ms, if there is none; then nothing is counted.
-    /// Only for a shared database. Nobody hears of this change.
+    /// Takes a turn of `who`, a hash. If there is none, returns how long to wait, ms, and counts
+    /// nothing. Only for a shared database. Watchers are not notified.
     pub async fn take_turn(
         &self,
         allowed: Allowance,
@@ -28,7 +27,7 @@ impl Store {
     ) -> Result<Result<(), i64>, StoreError> {
         let Allowance { kind, pause_ms, burst_ms } = allowed;
         self.read(move |db| {
-            // Nobody waits for the disk: after a power cut, somebody may try a few more times.
+            // Does not wait for the disk: after a power failure, a client may get a few extra turns.
             let take = format!(
                 "INSERT INTO throttle (kind, who, full_at_ms) SELECT $1, $2, {NOW} + $3 \
                      FROM set_config('synchronous_commit', 'off', TRUE) \
@@ -46,7 +45,7 @@ impl Store {
         .await
     }
 
-    /// Whether `who`, a hash, has no turn now. Only for a shared database.
+    /// Whether `who`, a hash, has no turn left. Only for a shared database.
     pub async fn has_no_turn(&self, allowed: Allowance, who: [u8; 32]) -> Result<bool, StoreError> {
         let Allowance { kind, pause_ms, burst_ms } = allowed;
         self.read(move |db| {
@@ -57,14 +56,14 @@ impl Store {
     }
 }
 
-/// How long it takes until all turns are there again, ms.
+/// Time until the burst is full again, ms.
 fn spent_ms(db: &Connection, kind: &str, who: [u8; 32]) -> Result<Option<i64>, StoreError> {
     let query = format!("SELECT full_at_ms - {NOW} FROM throttle WHERE kind = $1 AND who = $2");
     let spent = db.prepare_cached(&query)?.query_row(params![kind, who], |row| row.get(0));
     Ok(spent.optional()?)
 }
 
-/// Deletes a few rows that say nothing any more: twice as many as can be made meanwhile.
+/// Deletes a few expired rows: two for each one that a caller may add.
 fn forget(db: &Connection) -> Result<(), StoreError> {
     let old = format!(
         "DELETE FROM throttle WHERE (kind, who) IN \

@@ -19,23 +19,23 @@ use std::sync::Arc;
 pub struct NewTrial {
     /// The id of its planned scene.
     pub trial_id: String,
-    /// The recipe of the content hash.
+    /// How the content hash is computed.
     pub recipe: Recipe,
     /// Hash of the content.
     pub content_hash: [u8; 32],
     /// The current time.
     pub received_at_ms: i64,
-    /// What was driven.
+    /// The driven trial.
     pub content: Content,
     /// Its flags.
     pub flags: Vec<Flag>,
     /// Its outcome.
     pub outcome: Outcome,
-    /// A number that follows from the times of its key events, if there are enough.
+    /// A number derived from the times of its key events, if there are enough.
     pub key_timing: Option<i64>,
-    /// The id of a further trial in the same scene, if it is to be driven again.
+    /// The id of another trial in the same scene, if the scene must be driven again.
     pub repeated_as: Option<String>,
-    /// How many further trials wait in the participant's browser.
+    /// Number of further trials that wait in the participant's browser.
     pub waiting: u32,
 }
 
@@ -50,7 +50,7 @@ pub struct AssignedScene {
     pub scene: Scene,
 }
 
-/// What is known of an upload before its body is read: the participant and the assigned scene.
+/// Data about an upload that are known before its body is read: the participant and the assigned scene.
 #[derive(Clone, Debug)]
 pub struct Assignment {
     /// The participant.
@@ -64,21 +64,21 @@ pub struct Assignment {
 /// The outcome of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PutTrial {
-    /// It was stored now.
+    /// It was stored.
     Stored {
-        /// The trial that comes next; none after the last.
+        /// The next trial; none after the last.
         next: Option<String>,
     },
     /// The same content had been stored before.
     Same {
-        /// The trial that comes next; none after the last.
+        /// The next trial; none after the last.
         next: Option<String>,
     },
-    /// The trial was stored before with other content, which stays.
+    /// The trial was stored before with different content, which is kept.
     Different,
-    /// Another trial comes first.
+    /// Another trial must be stored first.
     OutOfOrder {
-        /// The trial that comes next.
+        /// The next trial.
         next: String,
     },
     /// The participant has withdrawn, so nothing was stored.
@@ -87,7 +87,7 @@ pub enum PutTrial {
     Unknown,
 }
 
-/// Which trial it is, and its outcome.
+/// Identity and outcome of a trial.
 #[derive(Clone, Debug)]
 pub struct TrialHead {
     /// Number of the trial in the order of storing; never used twice.
@@ -98,11 +98,11 @@ pub struct TrialHead {
     pub participant_id: String,
     /// The participant's number within the study, from 1.
     pub participant_number: i64,
-    /// Place in the participant's plan, from 0.
+    /// Index in the participant's plan, from 0.
     pub ordinal: i64,
     /// Its phase.
     pub phase: Phase,
-    /// Place within its phase, from 0.
+    /// Index within its phase, from 0.
     pub index: usize,
     /// 1; 2 if the scene was driven again because its first trial was interrupted.
     pub attempt: u32,
@@ -114,7 +114,7 @@ pub struct TrialHead {
     pub outcome: Outcome,
 }
 
-/// A stored trial, whole.
+/// A stored trial with its content.
 #[derive(Clone, Debug)]
 pub struct StoredTrial {
     /// As in a list.
@@ -125,9 +125,9 @@ pub struct StoredTrial {
     pub config_hash: String,
     /// The assigned scene.
     pub scene: Scene,
-    /// What was driven.
+    /// The driven trial.
     pub content: Content,
-    /// The recipe of the content hash.
+    /// How the content hash is computed.
     pub recipe: Recipe,
     /// Hash of the content, computed when it was stored.
     pub content_hash: [u8; 32],
@@ -138,12 +138,12 @@ pub struct StoredTrial {
 pub struct Unreadable {
     /// The trial.
     pub trial_id: String,
-    /// Why.
+    /// The reason.
     pub what: String,
 }
 
 impl StoredTrial {
-    /// Whether the display of the upload, or the imported file, says that a program drove.
+    /// Whether the upload's `display`, or the imported file, identifies the driver as a program.
     #[must_use]
     pub fn is_synthetic(&self) -> bool {
         #[derive(Deserialize)]
@@ -157,8 +157,8 @@ impl StoredTrial {
 }
 
 impl Store {
-    /// The participant with that token, and the scene assigned to them under `trial_id`; none for
-    /// an unknown token.
+    /// The participant with this token, and the scene assigned to them as `trial_id`; none for an
+    /// unknown token.
     pub async fn assignment(
         &self,
         token_hash: [u8; 32],
@@ -197,7 +197,7 @@ impl Store {
     /// Stores a participant's trial if it is the next one. A stored trial never changes.
     ///
     /// # Errors
-    /// [`StoreError`]; nothing was stored then.
+    /// [`StoreError`]; nothing was stored.
     pub async fn put_trial(
         &self,
         participant_id: &str,
@@ -209,7 +209,7 @@ impl Store {
         self.write_first(locks, Some(place), move |db| put(db, &participant_id, &trial)).await
     }
 
-    /// At most `limit` trials of a study, newest first, from before `before`; none of pilots.
+    /// At most `limit` trials of a study, newest first, with sequences below `before`; none of pilots.
     pub async fn trials_page(
         &self,
         study_id: i64,
@@ -234,8 +234,8 @@ impl Store {
         Ok(found.into_iter().next())
     }
 
-    /// The stored trials before and after one: of the same participant, else of the participants with the
-    /// next lower and higher numbers.
+    /// The stored trials before and after one: of the same participant, or of the participants with
+    /// the next lower and higher numbers.
     pub async fn neighbours(&self, trial_id: &str) -> Result<[Option<String>; 2], StoreError> {
         let trial_id = trial_id.to_owned();
         self.read(move |db| {
@@ -269,7 +269,7 @@ impl Store {
         .await
     }
 
-    /// The ids of all trials of a participant, in the plan's order.
+    /// The ids of all trials of a participant, in plan order.
     pub async fn trial_ids(&self, participant_id: &str) -> Result<Vec<String>, StoreError> {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| {
@@ -283,23 +283,23 @@ impl Store {
         .await
     }
 
-    /// All trials of a participant, in the plan's order.
+    /// All trials of a participant, in plan order.
     pub async fn trials_of(&self, participant_id: &str) -> Result<Vec<StoredTrial>, StoreError> {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| whole(db, "participant_id", &participant_id)).await
     }
 
-    /// As [`Self::trials_of`], also if some cannot be read: each of them is named.
+    /// As [`Self::trials_of`], with the ids of trials that cannot be read.
     ///
     /// # Errors
-    /// [`StoreError`] if not even their ids can be read.
+    /// [`StoreError`] if even their ids cannot be read.
     pub async fn each_trial_of(
         &self,
         participant_id: &str,
     ) -> Result<Vec<Result<StoredTrial, Unreadable>>, StoreError> {
         let all = participant_id.to_owned();
         match self.read_long(move |db| each(db, "participant_id", &all)).await {
-            // A damaged page ends a query.
+            // A damaged page aborts a query.
             Err(StoreError::Corrupt(_)) => {}
             read => return read,
         }
@@ -358,7 +358,7 @@ fn head_of(row: &Row) -> Result<TrialHead, StoreError> {
     })
 }
 
-/// The trials with this value in a column, in the plan's order.
+/// The trials with this value in a column, in plan order.
 pub(super) fn whole(
     db: &Connection,
     column: &'static str,
@@ -368,7 +368,7 @@ pub(super) fn whole(
     each(db, column, value)?.into_iter().map(|read| read.map_err(corrupt)).collect()
 }
 
-/// The same, also if some cannot be read.
+/// The same, with the ids of trials that cannot be read.
 fn each(
     db: &Connection,
     column: &'static str,
@@ -425,20 +425,20 @@ fn flags(words: &str) -> Result<Vec<Flag>, StoreError> {
     words.split(';').filter(|word| !word.is_empty()).map(known).collect()
 }
 
-/// The place of a trial in its plan, read under the write lock.
+/// The position of a trial in its plan, read under the write lock.
 struct Place {
     study_id: i64,
     withdrawn: bool,
     stored: Option<(i64, [u8; 32])>,
-    /// Whether the trial before it is stored, or there is none. Trials are stored in order, so then all
-    /// trials before it are stored.
+    /// Whether it is the first, or the trial before it is stored. Trials are stored in order, so
+    /// then all earlier trials are stored.
     its_turn: bool,
     next: Option<String>,
     phase: Phase,
     next_phase: Option<Phase>,
 }
 
-/// Where trials are in their participants' plans. The columns of a row: participant, trial.
+/// Positions of trials in their participants' plans. The columns of a row: participant, trial.
 const PLACE: Rows = Rows {
     before: "SELECT participant.id, participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
                  trial.content_version, trial.content_hash, \
@@ -456,7 +456,7 @@ const PLACE: Rows = Rows {
                  AND after.ordinal = scene.ordinal + 1",
 };
 
-/// The question where a trial is in its participant's plan.
+/// The query for the position of a trial in its participant's plan.
 fn place(participant_id: &str, trial_id: &str) -> Question {
     let text = |text: &str| Value::Text(text.to_owned().into());
     (&PLACE, vec![text(participant_id), text(trial_id)])
@@ -529,7 +529,7 @@ fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreErro
     Ok(found.optional()?.unwrap_or(false))
 }
 
-/// Whose trial it is, and where in their plan.
+/// The participant of a trial, and its position in the plan.
 struct Driven<'a> {
     /// The study's row.
     study_id: i64,

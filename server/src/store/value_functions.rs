@@ -1,4 +1,4 @@
-//! The bytes of value functions, and which functions give a configuration's safety levels.
+//! The encoded value functions, and which of them give a configuration's safety levels.
 
 use super::sql::{OptionalExtension, params};
 use super::{Store, StoreError};
@@ -13,16 +13,16 @@ pub struct NewValueFunction {
     pub evader: Evader,
     /// SHA-256 of the bytes.
     pub id: String,
-    /// Its encoded form.
+    /// The encoded function.
     pub bytes: Vec<u8>,
 }
 
 impl Store {
-    /// Stores value functions under their ids, and which safety levels of a configuration they give. An
-    /// existing function is never replaced.
+    /// Stores value functions under their ids, and the safety levels of a configuration that they
+    /// give. An existing function is never replaced.
     ///
     /// # Errors
-    /// [`StoreError`], also if the configuration does not exist.
+    /// [`StoreError`], even if the configuration does not exist.
     pub async fn put_value_functions(
         &self,
         config_hash: &str,
@@ -47,7 +47,7 @@ impl Store {
         .await
     }
 
-    /// The bytes with this id.
+    /// The encoded function with this id.
     pub async fn value_function(&self, id: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let id = id.to_owned();
         self.read_long(move |db| {
@@ -76,7 +76,7 @@ impl Store {
         .await
     }
 
-    /// Every configuration without its value functions, with its hash.
+    /// Every configuration without value functions, with its hash.
     pub async fn unsolved(&self) -> Result<Vec<(String, Arc<StudyConfig>)>, StoreError> {
         let store = self.clone();
         self.read(move |db| {

@@ -1,4 +1,4 @@
-//! Benchmarks beside their baselines and budgets, by the fastest samples of a run.
+//! Compares the fastest sample of each benchmark with its baseline and budget.
 
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
@@ -13,9 +13,9 @@ pub(crate) struct Fastest(Vec<Sample>);
 
 struct Sample {
     name: &'static str,
-    /// What one call works on: states, or 1 for a solve.
+    /// Items per call: states, or 1 for a solve.
     items: usize,
-    /// Of one call, s.
+    /// Time per call, s.
     seconds: f64,
 }
 
@@ -41,7 +41,7 @@ impl Fastest {
                 took
             });
         });
-        // A filter on the command line may have left it out.
+        // A filter on the command line may have skipped it.
         if seconds.is_finite() {
             self.0.push(Sample { name, items, seconds });
         }
@@ -51,9 +51,8 @@ impl Fastest {
         self.0.iter().find(|sample| sample.name == name)
     }
 
-    /// A table of all measurements: with `budgets`, what one item of some may take at most, s,
-    /// and with `ratios` between measurements and baselines. More than 1 is faster than the
-    /// baseline.
+    /// Prints a table of all measurements, with `budgets` (the most that one item may take, s) and
+    /// `ratios` of measurements to baselines. More than 1 is faster than the baseline.
     pub(crate) fn print_ratios(&self, ratios: &[(&str, &str)], budgets: &[(&str, f64)]) {
         let head = ["fastest sample", "time", "budget", "baseline", "ratio"];
         println!(
@@ -82,7 +81,7 @@ impl Fastest {
 }
 
 impl Sample {
-    /// Of one item, s.
+    /// Time per item, s.
     fn each(&self) -> f64 {
         self.seconds / self.items as f64
     }

@@ -1,4 +1,4 @@
-//! The air3D game and how a solution of it is measured: what `air3d` and `validate` share.
+//! The air3D game and the error measures of its solutions, shared by `air3d` and `validate`.
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -17,7 +17,7 @@ pub(crate) const MITCHELL: PursuitGame = {
     let vehicle = VehicleModel { speed_mps: 5.0, turn_rate_radps: 1.0 };
     PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 5.0 }
 };
-/// Seconds of the game that peers solve. Optimal play ends within π s.
+/// Horizon of the game that peers solve, s. Optimal play ends within π s.
 pub(crate) const HORIZON_S: f64 = 2.8;
 /// Volume of {V ≤ 0} of the closed form, m²·rad.
 pub(crate) const VOLUME: f64 = 885.81943;
@@ -43,7 +43,7 @@ pub(crate) fn solve_over(
     Ok(solve(&problem, settings, &mut |_| ControlFlow::Continue(()))?)
 }
 
-/// How far a set {V ≤ 0} on nodes is from the closed form's.
+/// Error of a set {V ≤ 0} on nodes against the closed form's.
 #[derive(Serialize)]
 pub(crate) struct Accuracy {
     /// Mean of |V| of the closed form at the zeros along the grid's lines of x and of y,

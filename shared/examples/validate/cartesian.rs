@@ -15,21 +15,21 @@ mod steepening;
 use self::steepening::{SECONDS, Steepening, exact};
 use crate::measure::{self, Accuracy, HORIZON_S, MITCHELL};
 
-/// The schemes by the names of the page.
+/// The schemes, with their names on the page.
 const SCHEMES: [(&str, Scheme); 4] = [
     ("upwind", Scheme::Upwind),
     ("ENO2", Scheme::Eno2),
     ("ENO3", Scheme::Eno3),
     ("WENO5", Scheme::Weno5),
 ];
-/// The name of the closed form's values on the nodes among the schemes.
+/// The name, among the schemes, of the closed form's values on the nodes.
 pub(crate) const EXACT: &str = "closed form";
 /// 25, 50, 75 and 100 spacings along x, the same lengths along y.
 const GRIDS: [[usize; 3]; 4] = [[26, 20, 25], [51, 40, 50], [76, 59, 75], [101, 79, 100]];
 /// Nodes of the smooth problem.
 const NODES: [usize; 5] = [80, 160, 320, 640, 1280];
 
-/// What was found.
+/// The results.
 #[derive(Serialize)]
 pub(crate) struct Check {
     horizon_s: f64,
@@ -46,17 +46,17 @@ pub(crate) struct Air3d {
     pub(crate) scheme: &'static str,
     nodes: [usize; 3],
     pub(crate) dx_m: f64,
-    /// Of a solve; the closed form has none.
+    /// Absent for the closed form, as are the steps.
     cfl: Option<f64>,
     steps: Option<usize>,
     pub(crate) accuracy: Accuracy,
 }
 
-/// Errors of a scheme on finer and finer grids.
+/// Errors of a scheme on successively finer grids.
 #[derive(Serialize)]
 pub(crate) struct Order {
     pub(crate) scheme: &'static str,
-    /// Share of the largest stable step; `advised` if it is the library's own choice.
+    /// Fraction of the largest stable step; `advised` if it is the library's default.
     cfl: f64,
     pub(crate) advised: bool,
     /// Spacing, rad, and mean error.
@@ -102,7 +102,7 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
     Ok(Check { horizon_s: HORIZON_S, air3d, converged, orders })
 }
 
-/// Mean errors of the smooth problem on finer and finer grids.
+/// Mean errors of the smooth problem on successively finer grids.
 fn order(name: &'static str, scheme: Scheme, cfl: f64) -> Result<Order, Box<dyn Error>> {
     let target = |[x]: [f64; 1]| cos(x);
     let mut errors: Vec<(f64, f64)> = Vec::new();

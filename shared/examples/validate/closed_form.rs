@@ -1,4 +1,5 @@
-//! The closed form against the equation that it must solve, and against what others found.
+//! Checks the closed form against the equation that it must solve and against an independent
+//! reference.
 
 use std::error::Error;
 
@@ -44,8 +45,8 @@ pub(crate) fn check(known: &Known) -> Result<Value, Box<dyn Error>> {
     Ok(json!({
         "game": known.name,
         "parameters": game,
-        // |min(r − R − V, H)|, m or m/s: with the closed form's gradient, and with central
-        // differences of V instead.
+        // |min(r − R − V, H)|, m or m/s: once with the closed form's gradient, once with central
+        // differences of V.
         "residual": Errors::of(residual),
         "residual_of_differences": Errors::of(differences),
         // States with V < r − R, where the equation is H = 0.

@@ -1,13 +1,12 @@
-//! Many errors in a few numbers, and the states at which they are taken.
+//! Summary statistics of errors, and the states at which they are measured.
 
 use serde::Serialize;
 use sidestep::math::{PI, SeededRng, sin_cos};
 
-/// How large errors are.
+/// Quantiles and maximum of errors.
 #[derive(Clone, Serialize)]
 pub(crate) struct Errors {
     pub(crate) count: usize,
-    /// Quantiles and the largest.
     pub(crate) p50: f64,
     pub(crate) p90: f64,
     pub(crate) p99: f64,
@@ -15,7 +14,7 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// Of a list that is not empty.
+    /// The quantiles of a non-empty list.
     pub(crate) fn of(mut errors: Vec<f64>) -> Self {
         errors.sort_by(f64::total_cmp);
         let quantile = |share: f64| errors[((errors.len() - 1) as f64 * share) as usize];
@@ -24,7 +23,7 @@ impl Errors {
     }
 }
 
-/// Pursuer's poses with range, bearing and heading each uniform.
+/// Poses of the pursuer with uniform range, bearing and heading.
 pub(crate) fn random_states(seed: u64, count: usize, range_m: f64) -> Vec<[f64; 3]> {
     let mut rng = SeededRng::new(seed);
     let mut state = || {

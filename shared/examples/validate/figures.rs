@@ -16,7 +16,7 @@ const PURPLE: Colour = colours::SERIES[3];
 
 /// {V = 0} in the evader's frame: whole, and enlarged around its farthest point.
 pub(crate) fn sliced(slices: &[Slice]) -> Drawing {
-    // The first lies under the others and is so wide that it shows on both sides of them.
+    // The first curve is drawn under the others and wide enough to show on both sides of them.
     let curves = [
         ("closed form", Pen::new(Colour::rgb([176, 196, 214]), 5.0)),
         ("Cartesian solver, WENO5, 51×40×50", Pen::new(BLUE, 1.5)),
@@ -61,7 +61,7 @@ pub(crate) fn sliced(slices: &[Slice]) -> Drawing {
     drawing
 }
 
-/// How many states have a larger error than …
+/// The share of states whose error exceeds a threshold, against that threshold.
 pub(crate) fn exceedance(checks: &[polar::Check]) -> Drawing {
     let errors = [(1e-4, "0.1 mm"), (1e-3, "1 mm"), (1e-2, "1 cm"), (1e-1, "10 cm"), (1.0, "1 m")];
     let labels = errors.map(|(at, label)| (at, label.to_owned())).into();
@@ -83,7 +83,7 @@ pub(crate) fn exceedance(checks: &[polar::Check]) -> Drawing {
     drawing
 }
 
-/// Errors above this, m, have this colour.
+/// The colour of errors above each level, m.
 const LEVELS: [(f64, [u8; 3]); 7] = [
     (0.0, [247, 246, 242]),
     (0.001, [253, 226, 182]),
@@ -94,7 +94,7 @@ const LEVELS: [(f64, [u8; 3]); 7] = [
     (0.05, [45, 10, 70]),
 ];
 
-/// Where the errors are: a map with a colour bar.
+/// A map of the errors, with a colour bar.
 pub(crate) fn error_map(map: &ErrorMap) -> Drawing {
     let x = Axis::linear("x ahead", "m", [-6.0, 15.0], 12);
     let y = Axis::linear("y to the left", "m", [-8.0, 8.0], 8);
@@ -131,7 +131,7 @@ pub(crate) fn error_map(map: &ErrorMap) -> Drawing {
     drawing
 }
 
-/// Row, first column and the one after the last of each stretch of errors of at least `level`.
+/// Row, first column and end column (exclusive) of each run of errors of at least `level`.
 fn runs(rows: &[Vec<f64>], level: f64) -> Vec<[usize; 3]> {
     let mut runs = Vec::new();
     for (j, row) in rows.iter().enumerate() {
@@ -176,7 +176,7 @@ pub(crate) fn convergence(check: &cartesian::Check) -> Drawing {
         smooth.add(Series::line(name, points, colour, 1.8).marked(mark));
         let points = centimetres(name);
         if let Some(first) = points.first() {
-            // Two lines end close to each other.
+            // Two lines end close to each other: their labels are moved apart.
             let below = match name {
                 "ENO3" => -5.0,
                 "WENO5" => 6.0,
@@ -203,7 +203,7 @@ pub(crate) fn convergence(check: &cartesian::Check) -> Drawing {
     drawing
 }
 
-/// How steep an order is: a triangle from a point to `times` its spacing.
+/// A triangle that shows the slope of an order, from a point to `times` its spacing.
 fn add_slope(chart: &mut Chart, order: i32, [x, y]: Point, times: f64) {
     let (far, up) = (x * times, (0..order).fold(y, |up, _| up * times));
     let points = vec![[x, y], [far, y], [far, up]];

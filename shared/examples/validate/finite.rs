@@ -1,5 +1,5 @@
-//! Finite horizons in polar coordinates: against the closed form where it holds, finer grids, and solutions
-//! on rectangular grids.
+//! Checks finite horizons in polar coordinates against the closed form where it holds, against finer grids,
+//! and against solutions on rectangular grids.
 
 use core::ops::ControlFlow;
 use std::error::Error;
@@ -16,13 +16,14 @@ use crate::polar::{ACCURACIES, STATES, counts};
 use crate::unequal::{CARTESIAN, GAME, HORIZON_S};
 use crate::{MITCHELL, solved};
 
-/// A faster pursuer that turns worse. Its value for [`HORIZON_S`] is not yet the converged one.
+/// A pursuer that is faster but turns worse. Its value has not converged at [`HORIZON_S`].
 const FASTER: PursuitGame = PursuitGame {
     evader: VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.7 },
     pursuer: VehicleModel { speed_mps: 2.4, turn_rate_radps: 0.4 },
     radius_m: 2.5,
 };
-/// Where the reference of the unequal pair differs by more than this, it is looked at again, m.
+/// States of the unequal pair that differ from the reference by more than this are checked again,
+/// m.
 const APART_M: f64 = 0.04;
 
 /// One accuracy of one game.
@@ -36,12 +37,13 @@ struct Check {
     errors: Errors,
 }
 
-/// Nodes of range and angle of the reference of [`FASTER`], and of a coarser solution that tells how exact it is.
+/// Nodes of range and angle of the reference of [`FASTER`], and of a coarser solution that estimates its error.
 const REFERENCE: [[usize; 2]; 2] = [[257, 704], [193, 528]];
-/// States of the reference.
+/// Number of states of the reference.
 const REFERENCE_STATES: usize = 2000;
 
-/// Prints the reference of [`FASTER`]: states near {V = 0}, V on the finest grid, and how far a coarser one is from it, m.
+/// Prints the reference of [`FASTER`]: states near {V = 0}, V on the finest grid, and its difference from a coarser
+/// one, m.
 pub(crate) fn reference() -> Result<(), Box<dyn Error>> {
     let fine = Options::default().with_horizon(HORIZON_S).with_accuracy(Accuracy::Fine);
     let Nodes::Polar { range_m, .. } = solved(FASTER, &fine)?.samples.nodes() else {
@@ -68,7 +70,7 @@ pub(crate) fn reference() -> Result<(), Box<dyn Error>> {
 
 /// Measures finite horizons.
 pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
-    // So long that the value is the converged one.
+    // Long enough for the value to converge.
     let horizon_s = 3.2;
     let exact = MITCHELL.exact()?;
     let states = random_states(3, STATES, 25.0).into_iter();
@@ -127,7 +129,7 @@ fn apart() -> Result<Value, Box<dyn Error>> {
     let twice = CARTESIAN.map(|nodes| 2 * nodes);
     let finer = solved(GAME, &options.with_grid(grid(twice)))?;
     let (mut differences, mut within) = (Vec::new(), 0);
-    // At states that are apart: the differences of both grids from the polar one.
+    // The differences of both grids from the polar solution, at the states that are checked again.
     let mut apart: Vec<[f64; 2]> = Vec::new();
     for row in numbers(include_str!("../../tests/data/states_unequal.csv"))? {
         let state = [row[0], row[1], row[2]];

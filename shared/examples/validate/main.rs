@@ -1,10 +1,10 @@
-//! How accurate the value functions of this library are; one JSON object of numbers and pictures.
-//! `cargo xtask validate` makes `docs/validation/reachability.md` of it.
+//! Measures the accuracy of this library's value functions and prints one JSON object of numbers
+//! and pictures, from which `cargo xtask validate` makes `docs/validation/reachability.md`.
 //!
 //! With the argument `reference` it prints `shared/tests/data/states_faster.csv` instead, which takes an hour.
 //!
-//! Nothing here is timed, and random states come from fixed seeds, so that the answer is
-//! the same every time. Lengths are in metres where no unit is named.
+//! The output is reproducible: nothing is timed, and random states come from fixed seeds. Lengths
+//! without a unit are in metres.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
@@ -28,7 +28,7 @@ use sidestep::vehicle::VehicleModel;
 
 use measure::MITCHELL;
 
-/// The game of the study: v = 2 m/s, ω = 0.5 rad/s, R = 3 m, both.
+/// The game of the study: v = 2 m/s and ω = 0.5 rad/s for both vehicles, R = 3 m.
 const PAPER: PursuitGame = {
     let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
     PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 }
@@ -40,7 +40,7 @@ struct Known {
     game: PursuitGame,
     /// Volume of {V ≤ 0} by the reference, m²·rad.
     volume: f64,
-    /// Points of the reference's barrier; its states with their values.
+    /// CSV of points on the reference's barrier; `states` is a CSV of its states with their values.
     barrier: &'static str,
     states: &'static str,
 }
@@ -104,7 +104,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The solution of `game` as `options` ask for it.
+/// The solution of `game` with `options`.
 fn solved(game: PursuitGame, options: &Options) -> Result<Solved, Box<dyn Error>> {
     Ok(solve(game, options, &mut |_| ControlFlow::Continue(()))?)
 }

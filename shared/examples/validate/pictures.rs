@@ -1,4 +1,4 @@
-//! What the page draws: curves and a map.
+//! Data of the page's figures: curves and a map.
 
 use std::error::Error;
 
@@ -28,7 +28,7 @@ pub(crate) struct Slice {
 /// |polar − closed form| of *paper* at ψ = π, standard accuracy.
 #[derive(Serialize)]
 pub(crate) struct ErrorMap {
-    /// Errors of all cells, m, and where the largest is.
+    /// Errors of all cells, m; `worst` is the position of the largest.
     errors: Errors,
     worst: [f64; 2],
     /// First x, first y (of the centres of square cells) and their side, m.
@@ -48,8 +48,8 @@ fn fineness() -> CurveSettings {
     CurveSettings::default().with_flatness(0.002).with_spacing(0.1)
 }
 
-/// How far curves that are traced through the grid of a solution are from its {V = 0}: |V|, m, on
-/// their points and midway between these, at 24 headings.
+/// Distance of the curves traced through a solution's grid from its {V = 0}: |V|, m, at their
+/// points and midway between them, at 24 headings.
 pub(crate) fn traced(solved: &Solved) -> Result<Errors, Box<dyn Error>> {
     let polar = &solved.function;
     let mut errors = Vec::new();
@@ -65,7 +65,7 @@ pub(crate) fn traced(solved: &Solved) -> Result<Errors, Box<dyn Error>> {
     Ok(Errors::of(errors))
 }
 
-/// Three slices, by the polar solver as it was solved before.
+/// Three slices; `polar` is the polar solver's solution.
 pub(crate) fn slices(polar: &Solved) -> Result<Vec<Slice>, Box<dyn Error>> {
     let grid = CartesianGrid::new([51, 40, 50], [-6.0, 20.0, -10.0, 10.0]);
     let options = Options::default().with_horizon(HORIZON_S).with_grid(grid);

@@ -1,4 +1,4 @@
-//! The solver in polar coordinates against the closed form.
+//! Checks the polar solver against the closed form.
 
 use core::f64::consts::LN_10;
 use std::error::Error;
@@ -18,32 +18,32 @@ use crate::{Known, PAPER, solved};
 pub(crate) struct Check {
     pub(crate) game: &'static str,
     pub(crate) accuracy: &'static str,
-    /// Nodes of range and of each angle's full turn.
+    /// Nodes of range, and of a full turn of each angle.
     nodes: [usize; 2],
     range_m: f64,
     sweeps: usize,
     drift_m: f64,
-    /// Errors at the states that count: between the nodes, and at them.
+    /// Errors at the states that count: between the nodes (`random`) and at them.
     random: Errors,
     at_nodes: Errors,
-    /// How much larger the volume of {V ≤ 0} is than the closed form's.
+    /// Excess of the volume of {V ≤ 0} over the closed form's, in percent.
     volume_percent: f64,
-    /// Of the random states: (error, share of the states with a larger one).
+    /// For the random states: (error, share of the states with a larger error).
     #[serde(skip)]
     pub(crate) exceedance: Vec<(f64, f64)>,
 }
 
-/// Random states, within 5 turning radii: {V = 0} reaches to 3.6 at most.
+/// Number of random states, within 5 turning radii: {V = 0} extends to 3.6 at most.
 pub(crate) const STATES: usize = 200_000;
 /// Only states this near to {V = 0} count, m.
 const NEAR_M: f64 = 0.5;
-/// And only if the range can be made this much smaller, m. Elsewhere V = r − R, which is
-/// stored exactly and would make the quantiles look better.
+/// Only states at which the pursuer can reduce the range by this much count, m. Elsewhere V = r −
+/// R, which is stored exactly and would make the quantiles look better.
 const CLOSING_M: f64 = 1e-6;
 
 pub(crate) const ACCURACIES: [(&str, Accuracy); 3] =
     [("draft", Accuracy::Draft), ("standard", Accuracy::Standard), ("fine", Accuracy::Fine)];
-/// The place of the standard accuracy among these.
+/// Index of the standard accuracy.
 pub(crate) const STANDARD: usize = 1;
 
 /// The converged value by the polar solver.
@@ -51,7 +51,7 @@ pub(crate) fn by_polar(game: PursuitGame, accuracy: Accuracy) -> Result<Solved, 
     solved(game, &Options::default().with_method(Method::Polar).with_accuracy(accuracy))
 }
 
-/// The same with each of the three accuracies.
+/// The converged value with each of the three accuracies.
 pub(crate) fn solutions(game: PursuitGame) -> Result<Vec<Solved>, Box<dyn Error>> {
     ACCURACIES.iter().map(|(_, accuracy)| by_polar(game, *accuracy)).collect()
 }
@@ -71,7 +71,7 @@ pub(crate) fn check(known: &Known, solutions: &[Solved]) -> Result<Vec<Check>, B
             counts(&game, state, truth).then(|| (solved.function.value(state) - truth).abs())
         };
         let errors: Vec<f64> = random.iter().filter_map(|state| error(*state)).collect();
-        // The stored numbers themselves.
+        // Errors of the stored values, at the nodes.
         let [ranges, bearings, headings] = solved.samples.nodes().coordinates();
         let mut deficits = solved.samples.deficit();
         let mut at_nodes = Vec::new();
@@ -109,7 +109,7 @@ pub(crate) fn counts(game: &PursuitGame, state: [f64; 3], value: f64) -> bool {
     value.abs() < NEAR_M && game.target(state) - value > CLOSING_M
 }
 
-/// Shares of the errors that are larger than 10⁻⁵ m, and so on to the largest, 16 to a decade.
+/// Shares of the errors that exceed each threshold: from 10⁻⁵ m upwards, 16 per decade.
 fn exceedance(errors: &[f64]) -> Vec<(f64, f64)> {
     let mut points = Vec::new();
     for step in 0..=80 {
@@ -123,8 +123,8 @@ fn exceedance(errors: &[f64]) -> Vec<(f64, f64)> {
     points
 }
 
-/// How slowly a long chase converges: sweeps and drift with standard accuracy, for equal speeds and
-/// for a pursuer that is a little faster.
+/// Convergence of a long chase: sweeps and drift with standard accuracy, for equal speeds and for a
+/// slightly faster pursuer.
 pub(crate) fn chase(equal: &Solved) -> Result<Value, Box<dyn Error>> {
     let faster = VehicleModel { speed_mps: 1.05 * PAPER.pursuer.speed_mps, ..PAPER.pursuer };
     let chase = by_polar(PursuitGame { pursuer: faster, ..PAPER }, Accuracy::Standard)?;

@@ -16,7 +16,7 @@ pub(crate) const GAME: PursuitGame = PursuitGame {
     radius_m: 3.0,
 };
 
-/// Of the finite horizon.
+/// Length of the finite horizon, s.
 pub(crate) const HORIZON_S: f64 = 6.0;
 /// Nodes of the rectangular grid.
 pub(crate) const CARTESIAN: [usize; 3] = [81, 81, 60];
@@ -45,15 +45,15 @@ pub(crate) fn check() -> Result<Value, Box<dyn Error>> {
         "parameters": GAME,
         "horizon_s": HORIZON_S,
         "nodes": CARTESIAN,
-        // Reference states, and those where the difference is within the reference's own estimate
-        // of its error.
+        // Number of reference states, and of those whose difference is within the reference's own
+        // error estimate.
         "states": rows.len(),
         "within": within,
         "differences": Errors::of(differences),
         // |standard − fine| of the polar solver where the fine |V| < 0.5 m, at random states.
         "standard_and_fine": Errors::of(near.collect()),
-        // How far the converged value (fine) exceeds that of the finite horizon, beyond the
-        // reference's estimate: only errors can make it positive.
+        // Excess of the converged value (fine) over the finite-horizon value, beyond the
+        // reference's estimate: positive only through errors.
         "above_finite": above_finite,
     }))
 }

@@ -1,4 +1,4 @@
-//! Every cell of the comparison against the reference's, and why some differ.
+//! Compares every cell with the reference's, and finds why some differ.
 
 use std::error::Error;
 
@@ -16,10 +16,11 @@ use crate::learning::lines;
 use crate::learning::ranks::{Reference, reference};
 use crate::learning::why::{Choice, Right, same_numbers, same_setting, why};
 
-/// Training and test rows of a person.
+/// Numbers of training and test rows of a person.
 const ROWS: [f64; 2] = [2000.0, 500.0];
 
-/// A setting of a cell that differs, by scikit-learn again (`tests/peers/learning_again.py`).
+/// A setting of a cell that differs, fitted again by scikit-learn
+/// (`tests/peers/learning_again.py`).
 #[derive(Deserialize)]
 struct Again {
     model: String,
@@ -35,8 +36,8 @@ struct Again {
     test_most: usize,
 }
 
-/// How many cells of each model have the same test accuracy as the reference's, and those that have
-/// not: under the setting that the reference chose, and under the one that we did.
+/// Counts the cells of each model whose test accuracy equals the reference's, and lists the others:
+/// under the setting that the reference chose, and under ours.
 pub(crate) fn check(
     comparison: &Comparison,
     people: &[ParticipantData],
@@ -81,7 +82,7 @@ pub(crate) fn check(
     }))
 }
 
-/// What a setting gets right: by our models, and by scikit-learn.
+/// The accuracy of a setting: by our models, and by scikit-learn.
 fn choice(
     hyperparameters: &str,
     ours: &Cell,
@@ -120,7 +121,7 @@ fn is(cell: &Cell, theirs: &Reference) -> bool {
         == (&theirs.model, theirs.experiment, &theirs.features, theirs.participant)
 }
 
-/// The cell as it is when nothing but this setting may be chosen.
+/// The cell when the grid contains only this setting.
 fn under(setting: &Value, cell: &Cell, person: &ParticipantData) -> Result<Cell, Box<dyn Error>> {
     let number = |name: &str| setting[name].as_f64().ok_or_else(|| format!("{setting}: no {name}"));
     let whole = |name: &str| setting[name].as_u64().map(|n| n as usize);

@@ -1,7 +1,8 @@
-//! How near the models, the comparison and its tests are to scikit-learn and scipy, measured; one
-//! JSON object. `cargo xtask validate learning` makes `docs/validation/learning.md` of it.
+//! Measures how closely the models, the comparison and its tests agree with scikit-learn and scipy,
+//! and prints one JSON object, from which `cargo xtask validate learning` makes
+//! `docs/validation/learning.md`.
 //!
-//! Nothing here is timed or random, so that the answer is the same every time.
+//! The output is reproducible: nothing is timed or random.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 

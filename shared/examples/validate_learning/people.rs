@@ -1,4 +1,4 @@
-//! The reference's synthetic people with its features, compared as `sidestep analyze` does.
+//! The reference's synthetic people with its features, compared as by `sidestep analyze`.
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -19,7 +19,7 @@ use crate::recorded::{self, TASKS};
 /// Steps of each task.
 const STEPS: usize = 50;
 
-/// The people of trials.csv. Their B_hrd is that of features.csv, which scikit-learn saw; other
+/// The people of trials.csv. Their B_hrd comes from features.csv, which scikit-learn used; other
 /// features are computed.
 fn people(
     parameters: &SceneParameters,

@@ -1,4 +1,4 @@
-//! Tables I and II beside the reference's.
+//! Compares Tables I and II with the reference's.
 
 use std::error::Error;
 
@@ -22,7 +22,7 @@ struct Row {
     reference: Vec<f64>,
 }
 
-/// A line of either reference table.
+/// A line of one of the reference tables.
 #[derive(Deserialize)]
 struct Line<T> {
     #[serde(flatten)]
@@ -55,7 +55,7 @@ struct Distance {
     convention: String,
 }
 
-/// The rows of one unit by its name, and the largest difference in them.
+/// A named table as JSON, with the largest difference between our values and the reference's.
 fn table((name, rows): (String, Vec<Row>)) -> Value {
     let largest = rows.iter().map(|row| furthest(&row.ours, &row.reference)).fold(0.0, f64::max);
     json!({ "name": name, "largest": largest, "rows": rows })

@@ -1,4 +1,4 @@
-//! Areas of tubes where straight is always admitted, against the closed form.
+//! Checks areas of tubes against the closed form, for bounds that always admit straight.
 
 use std::error::Error;
 
@@ -15,7 +15,7 @@ use crate::drives::{Kind, set};
 use crate::{Found, RATE_RADPS};
 
 const BOUNDS: usize = 1000;
-/// Steps at most.
+/// Most steps.
 const STEPS: usize = 15;
 const ACCURACY_M: f64 = 1e-5;
 
@@ -45,7 +45,8 @@ pub(crate) fn check() -> Found {
         // Largest difference, and as a share of the area where that is at least 0.1 m².
         "worst_m2": worst_m2,
         "worst_share": worst_share,
-        // Everything that can be reached in ten steps: of the polygon, and in closed form.
+        // Area that is reachable in ten steps under all turn rates: of the polygon, and in closed
+        // form.
         "everything_m2": everything_m2,
     }))
 }

@@ -1,5 +1,5 @@
-//! Do calibrated levels keep what they guarantee? Calibrations are drawn from a population
-//! whose shares are known, so that what a level holds is counted, not estimated.
+//! Do calibrated levels keep their guarantees? Calibrations are drawn from a population that is
+//! known as a whole, so the coverage of a level is counted, not estimated.
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -20,21 +20,21 @@ use crate::{Found, SPEED_MPS, STEP_S};
 const POPULATION: usize = 4000;
 const CALIBRATIONS: usize = 1000;
 const DELTA: f64 = 0.05;
-/// Levels that a fixed sequence tests.
+/// Number of levels that a fixed sequence tests.
 const LEVELS: usize = 21;
 
-/// Level i of a fixed sequence, rad/s, from the largest on.
+/// Level i of a fixed sequence, rad/s, in descending order.
 fn level(i: usize, most: f64) -> f64 {
     most * (LEVELS - 1 - i) as f64 / (LEVELS - 1) as f64
 }
 
-/// Which of the levels hold a drive, with `paper` roll-outs.
+/// Whether the set of each level contains the drive, with `paper` roll-outs.
 fn held(drive: &Trajectory, parameters: &SceneParameters) -> Result<Vec<bool>, Invalid> {
     let prediction = Prediction::new(parameters, &PREDICTED);
     let window = window(drive)?;
     let future: Vec<Pose> = window.future().iter().map(|state| state.human).collect();
     let holds = |i: usize| {
-        // A set that admits every turn rate holds everything by definition.
+        // A set that admits every turn rate contains everything by definition.
         if i == 0 {
             return Ok(true);
         }
@@ -48,10 +48,10 @@ fn held(drive: &Trajectory, parameters: &SceneParameters) -> Result<Vec<bool>, I
 }
 
 struct Everyone {
-    /// In rising order.
+    /// Scores in ascending order.
     sorted: Vec<f64>,
     held: Vec<Vec<bool>>,
-    /// Share of everyone that each level of a fixed sequence holds.
+    /// Coverage of each level of a fixed sequence in the population.
     shares: Vec<f64>,
 }
 
@@ -84,15 +84,15 @@ fn row(everyone: &Everyone, scores: &[f64], p: f64, n: usize) -> Result<Value, I
     Ok(json!({
         "p": p,
         "n": n,
-        // Share of the population that a conformal level holds: mean over the calibrations, its
-        // standard error, and what it is for scores without ties.
+        // Coverage of a conformal level in the population: mean over the calibrations, its standard
+        // error, and the expected value for scores without ties.
         "conformal_mean": mean,
         "conformal_error": ((squares / many - mean * mean) / many).sqrt(),
         "conformal_expected": Guarantee::Conformal.rank(n, p)? as f64 / (n + 1) as f64,
-        // Share of the calibrations whose level holds less than p; none where n is too small.
+        // Share of the calibrations whose level has a coverage below p; none where n is too small.
         "pac_failures": share(failed[0]),
         "fixed_failures": share(failed[1]),
-        // How many trajectories these need.
+        // Number of trajectories that PAC levels need.
         "pac_needs": pac_needs,
     }))
 }
@@ -120,8 +120,8 @@ pub(crate) fn check() -> Found {
         "calibrations": CALIBRATIONS,
         "delta": DELTA,
         "levels": LEVELS,
-        // Pairs of neighbouring levels of which the smaller holds a drive that the larger does
-        // not, over all drives: `paper` roll-outs are not nested.
+        // Over all drives, the pairs of neighbouring levels whose smaller set contains the drive
+        // and whose larger does not: `paper` roll-outs are not nested.
         "not_nested": not_nested,
         // The binomial error of a share DELTA of the calibrations.
         "failure_error": (DELTA * (1.0 - DELTA) / CALIBRATIONS as f64).sqrt(),

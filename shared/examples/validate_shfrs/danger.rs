@@ -1,4 +1,4 @@
-//! Bounds on the probability that the human comes too near, over made-up scenes.
+//! Checks bounds on the probability that the human enters the danger zone, on simulated scenes.
 
 use rayon::prelude::*;
 use serde_json::json;
@@ -23,7 +23,7 @@ type Scene = (f64, f64, bool);
 pub(crate) fn check() -> Found {
     let parameters = SceneParameters::default();
     let Population { drives, scores } = Population::new(SCENES, &parameters)?;
-    // Each scene has a calibration of its own, among the others.
+    // Each scene has its own calibration, drawn from the other scenes.
     let scene = |i: usize| -> Result<Scene, Invalid> {
         let mut rng = SeededRng::new(67 + i as u64);
         let other = |_| scores[(i + 1 + rng.below(SCENES - 1)) % SCENES];
@@ -57,7 +57,7 @@ pub(crate) fn check() -> Found {
     Ok(json!({
         "scenes": SCENES,
         "calibration": CALIBRATION,
-        // Means over the scenes: of the lower bound L, of how often the human entered, of the
+        // Means over the scenes: the lower bound L, the share in which the human entered, and the
         // upper bound U.
         "low": mean(&|scene| scene.0),
         "entered": share(&|scene| scene.2),

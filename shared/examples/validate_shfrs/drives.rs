@@ -1,4 +1,4 @@
-//! Random bounds of the kinds that matter, and random drives within them.
+//! Random bounds of four kinds, and random drives within them.
 
 use serde::Serialize;
 use sidestep::bounds::InputBounds;
@@ -9,14 +9,14 @@ use sidestep::vehicle::{Pose, dubins};
 
 use crate::{RATE_RADPS, SPEED_MPS, STEP_S};
 
-/// What bounds admit. Their geometry differs: a straight extremal needs that straight is
-/// admitted, and the rear needs more than one switch where it is not.
+/// The turn rates that bounds admit. The geometry differs: straight extremals exist only if
+/// straight is admitted, and otherwise the rear needs more than one switch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Kind {
     /// Every turn rate in every step.
     Everything,
-    /// Straight in every step, sometimes alone.
+    /// Straight in every step, sometimes as the only rate.
     Straight,
     /// Turns to one side only, the same in every step.
     #[serde(rename = "one side")]
@@ -31,7 +31,8 @@ pub(crate) const KINDS: [Kind; 4] = [Kind::Everything, Kind::Straight, Kind::One
 pub(crate) type Rates = (Vec<f64>, Vec<f64>);
 
 impl Kind {
-    /// Random bounds of `steps` steps. In half of the cases neighbouring steps often agree.
+    /// Random bounds of `steps` steps. In half of the cases, neighbouring steps often have equal
+    /// bounds.
     pub(crate) fn bounds(self, steps: usize, rng: &mut SeededRng) -> Rates {
         let (steady, side) = (rng.below(2) == 0, [-1.0, 1.0][rng.below(2)]);
         let mut held = None;
@@ -58,7 +59,7 @@ impl Kind {
     }
 }
 
-/// The set under such bounds.
+/// The reachable set under these bounds.
 pub(crate) fn set(start: impl Into<StartSet>, (lo, hi): &Rates) -> Result<ReachableSet, Invalid> {
     let bounds = InputBounds::new(lo.clone(), hi.clone(), (-RATE_RADPS, RATE_RADPS))?;
     ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S)
@@ -69,8 +70,8 @@ pub(crate) fn any_pose(rng: &mut SeededRng) -> Pose {
     Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.1, 3.1))
 }
 
-/// The states after each of `parts` parts of each step of a random drive: rates change now and
-/// then, also within a step; two thirds of the drives know the bounds only.
+/// The states after each of `parts` parts of each step of a random drive. Rates change at random,
+/// also within a step; two thirds of the drives use only the bounds themselves.
 pub(crate) fn drive(
     mut pose: Pose,
     (lo, hi): &Rates,

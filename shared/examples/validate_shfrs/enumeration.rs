@@ -1,4 +1,4 @@
-//! Every input that switches twice: does one of them end at each point of the boundary?
+//! Enumerates every input that switches twice: does one of them end at each point of the boundary?
 
 use serde_json::json;
 use sidestep::math::{SeededRng, hypot};
@@ -8,20 +8,20 @@ use sidestep::vehicle::{Pose, dubins};
 use crate::drives::{KINDS, Kind, Rates, set};
 use crate::{Found, SPEED_MPS, STEP_S};
 
-/// Steps, and the parts of each step between which the first inputs switch. Two switches suffice
-/// over three steps for any bounds, and over ten where straight is always admitted.
+/// Steps, and parts per step: the enumerated inputs switch between parts. Two switches suffice over
+/// three steps for any bounds, and over ten where straight is always admitted.
 const SHORT: (usize, usize) = (3, 12);
 const LONG: (usize, usize) = (10, 4);
-/// Bounds of a kind.
+/// Number of bounds of each kind.
 const BOUNDS: usize = 10;
-/// The switching times of the nearest inputs are then moved until an end is this near, m, or moves
-/// of this size, s, no longer help.
+/// The switching times of the nearest inputs are then refined until an end is within `NEAR_M` or
+/// moves of `LEAST_MOVE_S` no longer help.
 const NEAR_M: f64 = 1e-4;
 const LEAST_MOVE_S: f64 = 1e-5;
-/// How many sequences of rates are moved.
+/// Number of rate sequences that are refined.
 const NEAREST: usize = 6;
 
-/// Three rates one after the other, each lowest (0), highest (2) or as straight as admitted (1),
+/// Three successive rates, each the lowest (0), the highest (2) or the straightest admitted (1),
 /// and the two switching times, s.
 #[derive(Clone, Copy)]
 struct Input {
@@ -47,7 +47,7 @@ impl Input {
     }
 }
 
-/// Every sequence of rates, each with every pair of switching times between parts.
+/// Every sequence of rates with every pair of switching times between parts.
 fn enumerated(rates: &Rates, parts: usize) -> Vec<Vec<(Input, [f64; 2])>> {
     let parts_in_all = rates.0.len() * parts;
     let at = |part: usize| part as f64 * STEP_S / parts as f64;
@@ -63,7 +63,7 @@ fn enumerated(rates: &Rates, parts: usize) -> Vec<Vec<(Input, [f64; 2])>> {
     (0..27).map(sequence).collect()
 }
 
-/// Distance from `point` to the nearest end, m, after the switching times were moved.
+/// Distance from `point` to the nearest end, m, after refining the switching times.
 fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, part: f64) -> f64 {
     let from = |end: [f64; 2]| hypot(end[0] - point[0], end[1] - point[1]);
     let nearest = |inputs: &Vec<(Input, [f64; 2])>| {

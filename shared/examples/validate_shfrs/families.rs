@@ -1,4 +1,4 @@
-//! Coverage against area: SHFRS and what it is compared with, on drives of synthetic people.
+//! Coverage against area: SHFRS and the baselines, on drives of synthetic people.
 
 use std::error::Error;
 
@@ -22,14 +22,15 @@ const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
 const SPLITS: u64 = 12;
 const CONFIDENCE: f64 = 0.95;
 
-/// A family at the level calibrated for a target: area of the tube, m², share inside, and the lower
-/// and upper end of its interval.
+/// A family at the level calibrated for a target: area of the tube, m², coverage, and the lower and
+/// upper end of its interval.
 type Cell = [f64; 4];
 
-/// One family after the other, each with a cell a target.
+/// The families, each with one cell per target.
 type Table = Vec<(String, Vec<Cell>)>;
 
-/// Choices of actions, in the words of the page; the best is made on the training part.
+/// Choices of actions under their names on the page; the best of each is selected on the training
+/// part.
 fn choices() -> Vec<(&'static str, Vec<ActionChoice>)> {
     let (adaptive, schedules) = candidates(3, STEPS)
         .into_iter()
@@ -117,7 +118,7 @@ pub(crate) fn check() -> Found {
         "targets": TARGETS,
         "confidence": CONFIDENCE,
         "families": names.iter().enumerate().map(row).collect::<Vec<_>>(),
-        // The families of least area, and for which targets.
+        // The family of smallest area for each range of targets.
         "least": best.chunk_by(|a, b| a.0 == b.0).map(run).collect::<Vec<_>>(),
     }))
 }

@@ -1,8 +1,8 @@
-//! How accurate the reachable sets and their probabilities are; one JSON object.
-//! `cargo xtask validate` makes `docs/validation/shfrs.md` of it.
+//! Measures the accuracy of the reachable sets and their probabilities and prints one JSON object,
+//! from which `cargo xtask validate` makes `docs/validation/shfrs.md`.
 //!
-//! Nothing here is timed, and random numbers come from fixed seeds, so that the answer is
-//! the same every time. Names of numbers end with their unit.
+//! The output is reproducible: nothing is timed, and random numbers come from fixed seeds. Names of
+//! numbers end with their unit.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
@@ -32,10 +32,10 @@ const SPEED_MPS: f64 = 2.0;
 const RATE_RADPS: f64 = 0.5;
 const STEP_S: f64 = 0.2;
 
-/// What a part of the page needs.
+/// The result of one part of the page.
 type Found = Result<Value, Box<dyn Error>>;
 
-/// A part, by its name in the page's template.
+/// A part, with its name in the page's template.
 type Part = (&'static str, fn() -> Found);
 
 const PARTS: [Part; 9] = [

@@ -1,4 +1,4 @@
-//! Random admissible drives: is the state in which they end found to be reachable?
+//! Random admissible drives: does membership accept the state in which each ends?
 
 use serde_json::json;
 use sidestep::math::SeededRng;
@@ -9,7 +9,7 @@ use crate::drives::{KINDS, any_pose, drive, set};
 
 /// Steps ahead.
 const HORIZONS: [usize; 4] = [3, 10, 25, 50];
-/// Bounds of a kind and horizon, drives under each, and parts of a step.
+/// Bounds per kind and horizon, drives per bounds, and parts per step.
 const BOUNDS: usize = 125;
 const DRIVES: usize = 50;
 const PARTS: usize = 4;
@@ -39,7 +39,7 @@ pub(crate) fn check() -> Found {
                 "kind": kind,
                 "steps": steps,
                 "drives": BOUNDS * DRIVES,
-                // Drives whose last state is found outside, and how far outside at most.
+                // Drives whose last state is found outside, and the largest distance outside.
                 "outside": outside,
                 "farthest_m": farthest_m,
             }));

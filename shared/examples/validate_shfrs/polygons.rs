@@ -13,16 +13,16 @@ use crate::Found;
 use crate::drives::{KINDS, Kind, any_pose, drive, set};
 use crate::starts::pose_at;
 
-/// How the polygons are drawn, m; and the exact ones that they are compared with.
+/// Accuracy of the polygons, m, and of the exact ones for comparison.
 const ACCURACY_M: f64 = 1e-3;
 const EXACT_M: f64 = 1e-4;
-/// One of this many is compared, because exact polygons of uncertain starts take long.
+/// Every fifth polygon is compared, because exact polygons of uncertain starts are slow.
 const COMPARED: usize = 5;
-/// Bounds of a kind, drives under each, and parts of a step.
+/// Bounds per kind, drives per bounds, and parts per step.
 const BOUNDS: usize = 125;
 const DRIVES: usize = 200;
 const PARTS: usize = 5;
-/// Steps at most: up to here, fronts and rears are graphs.
+/// Most steps: up to here, fronts and rears are graphs.
 const STEPS: usize = 15;
 
 /// Bounds of one kind, from poses and from uncertain starts.
@@ -30,16 +30,15 @@ const STEPS: usize = 15;
 struct OfKind {
     kind: Kind,
     drives: usize,
-    /// Positions that were looked up in a polygon.
+    /// Positions that were tested against a polygon.
     positions: usize,
     /// Least distance of a position from the edge of its polygon, m; below 0 is outside.
     least_margin_m: f64,
     /// Polygons that were compared with exact ones.
     compared: usize,
-    /// How far a conservative polygon sticks out of the exact one at most, m.
+    /// Largest distance by which a conservative polygon exceeds the exact one, m.
     excess_m: f64,
-    /// By how much larger it is at most, m², and as a share of the exact area where that is
-    /// at least 0.1 m².
+    /// Largest excess area, m², and as a share of the exact area where that is at least 0.1 m².
     excess_m2: f64,
     excess_share: f64,
 }
@@ -59,7 +58,7 @@ impl OfKind {
     }
 }
 
-/// Half of the starts are poses; the others differ in position, heading or both.
+/// Half of the starts are poses; the others are uncertain in position, heading or both.
 fn start(rng: &mut SeededRng) -> Result<StartSet, Box<dyn Error>> {
     let pose = any_pose(rng);
     if rng.below(2) == 0 {
@@ -76,7 +75,7 @@ fn start(rng: &mut SeededRng) -> Result<StartSet, Box<dyn Error>> {
     Ok(StartSet::new(pose, position, rng.uniform(0.0, 0.5))?)
 }
 
-/// A pose of the start; corners and rims are as likely as all the rest.
+/// A pose in the start set; each coordinate is extreme with probability ½.
 fn begin(start: &StartSet, rng: &mut SeededRng) -> Pose {
     let mut signed = || {
         let share = rng.uniform(-1.0, 1.0);

@@ -1,5 +1,5 @@
-//! Made-up people who turn away from a robot that comes near: their probabilities are known,
-//! and any number of them can be made.
+//! Simulated people who turn away from a robot that comes near: their probabilities are known, and
+//! any number of them can be generated.
 
 use rayon::prelude::*;
 use sidestep::bounds::{ActionChoice, ActionModel};
@@ -14,13 +14,13 @@ use sidestep::vehicle::{Pose, dubins};
 
 use crate::{RATE_RADPS, STEP_S};
 
-/// Steps of a drive, and of what is predicted of it.
+/// Steps of a drive and of its prediction.
 pub(crate) const STEPS: usize = 10;
 
 /// The right, straight and left turn rates, rad/s.
 const ACTIONS: [f64; 3] = [-RATE_RADPS, 0.0, RATE_RADPS];
 
-/// Someone to whom a robot is near at this distance, m.
+/// A human who starts to react to the robot at this distance, m.
 pub(crate) struct Reacting {
     pub(crate) near_m: f64,
 }
@@ -40,10 +40,10 @@ impl ActionModel for Reacting {
     }
 }
 
-/// What is predicted: everyone finds a robot near at 5 m.
+/// The prediction model: everyone reacts at 5 m.
 pub(crate) const PREDICTED: Reacting = Reacting { near_m: 5.0 };
 
-/// Which actions count.
+/// The choice of actions.
 pub(crate) fn choice() -> ActionChoice {
     ActionChoice::Adaptive { tau: 0.2, steps: STEPS }
 }
@@ -59,7 +59,7 @@ fn drive(rng: &mut SeededRng) -> Result<Trajectory, Invalid> {
     for _ in 0..STEPS {
         let mut probabilities = [0.0; 3];
         person.probabilities(&states, &mut probabilities);
-        // They do not decide again in every step, and do not steer exactly.
+        // People neither decide anew in every step nor steer exactly.
         if rng.unit() < 0.4 {
             let drawn = rng.unit();
             let [right, straight, _] = probabilities;
@@ -84,7 +84,7 @@ pub(crate) struct Population {
 }
 
 impl Population {
-    /// `count` drives.
+    /// Draws `count` drives.
     pub(crate) fn new(count: usize, parameters: &SceneParameters) -> Result<Self, Invalid> {
         let mut rng = SeededRng::new(65);
         let drives: Vec<Trajectory> =

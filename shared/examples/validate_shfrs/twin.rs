@@ -1,9 +1,9 @@
-//! The level-set solver as an independent twin: what a vehicle reaches within two seconds
-//! from a small set of poses, on finer and finer grids.
+//! The level-set solver as an independent twin: the set that a vehicle reaches within two seconds
+//! from a small set of poses, on successively finer grids.
 //!
-//! A level set on a grid needs an initial set of a few cells, so the start is a disc with
-//! headings to both sides. What the twin finds is a function of (x, y, ψ); its shadow in
-//! the plane is where V ≤ 0 for some ψ. The exact set is that of an uncertain start.
+//! A level set on a grid needs an initial set of a few cells, so the start is a disc with headings
+//! to both sides. The twin's result is a function V of (x, y, ψ); its shadow in the plane is the
+//! set where V ≤ 0 for some ψ. The exact set is computed for the same uncertain start.
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -29,7 +29,7 @@ const GRIDS: [(f64, usize); 4] = [(0.15, 40), (0.1, 60), (0.075, 80), (0.05, 120
 /// Turn rates that are admitted throughout.
 const BOUNDS: [(f64, f64); 3] = [(-0.5, 0.5), (-0.15, 0.4), (0.1, 0.5)];
 
-/// The twin's shadow: positions of nodes, and the least V over the headings.
+/// The twin's shadow: positions of nodes, and the smallest V over the headings.
 fn shadow(solution: &Solution<f32, 3>) -> Vec<([f64; 2], f64)> {
     let headings = solution.grid.axes[2].nodes;
     let least = |values: &[f32]| values.iter().copied().fold(f32::INFINITY, f32::min);
@@ -78,8 +78,8 @@ fn twin(turn_rate: (f64, f64), tube: &[[f64; 2]], (spacing_m, headings): (f64, u
         // Of the twin's shadow, and of the exact tube.
         "area_m2": reached.len() as f64 * spacing_m * spacing_m,
         "exact_m2": signed_area(tube),
-        // How far a node of the twin's shadow lies outside the exact tube at most; below 0 if all
-        // of them are inside.
+        // Largest distance of a node of the twin's shadow outside the exact tube; negative if all
+        // are inside.
         "outside_m": outside.fold(f64::NEG_INFINITY, f64::max),
     }))
 }

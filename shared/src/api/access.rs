@@ -1,9 +1,9 @@
-//! Who may do what in the laboratory, and who did it.
+//! Access rights in the laboratory, and the audit trail.
 
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
-/// What an experimenter's key may do; each right includes those before it.
+/// Access level of an experimenter's key; each level includes those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -17,7 +17,7 @@ pub enum Access {
 }
 
 impl Access {
-    /// All of them, from the smallest.
+    /// All levels, from the lowest.
     pub const ALL: [Self; 3] = [Self::Read, Self::Export, Self::Manage];
 
     /// The word in JSON and in the database.
@@ -31,15 +31,15 @@ impl Access {
     }
 }
 
-/// Answer to a sign-in, and to a check of the session.
+/// Response to a sign-in, and to a check of the session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Session {
-    /// Always true: without a session the answer is 401.
+    /// Always true: without a session the server responds with 401.
     pub signed_in: bool,
     /// The name of the key that signed in.
     pub name: String,
-    /// What that key may do.
+    /// Access level of that key.
     pub access: Access,
 }
 
@@ -51,10 +51,10 @@ const MAX_KEY_NAME_CHARS: usize = 64;
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NewKey {
-    /// Who or what will use it, such as `Ada` or `nightly export`: 1 to 64 characters, no other key's.
+    /// User of the key, such as `Ada` or `nightly export`: 1 to 64 characters, unique among keys.
     #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = 64)))]
     pub name: String,
-    /// What it may do.
+    /// Access level.
     pub access: Access,
 }
 
@@ -70,7 +70,7 @@ impl NewKey {
                 format!("1 to {MAX_KEY_NAME_CHARS} characters without spaces around them");
             return Err(Invalid::new("name", expected, format!("{count} characters")));
         }
-        // The audit trail names keys: two names that look the same would be one to its readers.
+        // The audit trail identifies keys by name, so names that look the same would be confused.
         let fits = |c: char| c.is_alphanumeric() || " -_.,:@/&'’()".contains(c);
         if !self.name.chars().all(fits) {
             let expected = "letters, digits, spaces and -_.,:@/&'’() only";
@@ -84,13 +84,13 @@ impl NewKey {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct KeySummary {
-    /// Its number in addresses.
+    /// Id in URLs.
     pub id: i64,
-    /// Who or what uses it.
+    /// User of the key.
     pub name: String,
-    /// What it may do.
+    /// Access level.
     pub access: Access,
-    /// When it was made, ms since 1970.
+    /// When it was created, ms since 1970.
     pub created_at_ms: i64,
     /// When it was last used, to the minute, ms since 1970; absent if never.
     pub last_used_at_ms: Option<i64>,
@@ -98,32 +98,32 @@ pub struct KeySummary {
     pub revoked_at_ms: Option<i64>,
 }
 
-/// Answer to the request for a new key.
+/// Response to the request for a new key.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct KeyMade {
     /// Its entry in the list.
     pub key: KeySummary,
-    /// The key itself, which no later answer contains.
+    /// The key itself; no later response contains it.
     pub secret: String,
 }
 
-/// What was done, in the audit trail.
+/// An action in the audit trail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Action {
-    /// Somebody signed in to the laboratory.
+    /// A user signed in to the laboratory.
     SignedIn,
-    /// A key was made; the subject is its name.
+    /// A key was created; the subject is its name.
     KeyMade,
     /// A key was revoked; the subject is its name.
     KeyRevoked,
-    /// Data left the server; the subject is what and in which format.
+    /// Data were exported; the subject names the data and the format.
     Exported,
-    /// A study was made.
+    /// A study was created.
     StudyMade,
-    /// A study has another configuration, or another status; the subject is the fields that changed.
+    /// A study's configuration or status changed; the subject lists the changed fields.
     StudyChanged,
     /// All pilots of a study were deleted; the subject is their number.
     PilotsDeleted,
@@ -131,11 +131,12 @@ pub enum Action {
     NoteAdded,
     /// A note about a participant was deleted; the subject is the participant's number.
     NoteDeleted,
-    /// Analyses leave a participant out; the subject is the participant's number.
+    /// A participant was excluded from analyses; the subject is the participant's number.
     Excluded,
-    /// Analyses use a participant again; the subject is the participant's number.
+    /// A participant was included in analyses again; the subject is the participant's number.
     Included,
-    /// A participant's data were deleted, on their request or after its time; the subject is the participant's number.
+    /// A participant's data were deleted, on request or after the retention period; the subject is the participant's
+    /// number.
     ParticipantDeleted,
     /// An analysis was requested; the subject is its id.
     AnalysisRequested,
@@ -143,11 +144,12 @@ pub enum Action {
     AnalysisCancelled,
     /// An analysis was deleted; the subject is its id.
     AnalysisDeleted,
-    /// Who a participant is was deleted after its time; the subject is the participant's number.
+    /// A participant's identity was deleted after its retention period; the subject is the
+    /// participant's number.
     IdentityDeleted,
     /// Old entries of this trail were deleted; the subject is their number.
     AuditShortened,
-    /// The key's right did not suffice; the subject is the method and the route's pattern.
+    /// The key's access level was too low; the subject is the HTTP method and the route's pattern.
     Refused,
 }
 
@@ -210,11 +212,11 @@ pub struct AuditEntry {
     pub at_ms: i64,
     /// The name of the key.
     pub who: String,
-    /// What was done.
+    /// The action.
     pub action: Action,
     /// The study, if it concerns one.
     pub study: Option<String>,
-    /// To what, if the action does not say it.
+    /// The action's subject, if it has one.
     pub subject: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Analyses on the server: requested by a [`Request`], queued, run, kept.
+//! Analyses on the server: requested by a [`Request`], queued, run and stored.
 
 use crate::comparison::Request;
 use crate::recording::Exclusion;
@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum AnalysisState {
-    /// It waits for other analyses to end.
+    /// It is waiting for other analyses to end.
     Queued,
-    /// It is running. After a restart of the server it is queued again, and continues with
-    /// what was computed before.
+    /// It is running. After a restart of the server it is queued again and resumes from the work
+    /// already done.
     Running,
     /// It is done; its files can be fetched.
     Done,
@@ -22,7 +22,7 @@ pub enum AnalysisState {
     Failed,
     /// The experimenter cancelled it.
     Cancelled,
-    /// Its files are deleted, because a participant whose data they hold withdrew.
+    /// Its files were deleted because a participant whose data they contain withdrew.
     Withdrawn,
 }
 
@@ -31,7 +31,7 @@ impl AnalysisState {
     pub const ALL: [Self; 6] =
         [Self::Queued, Self::Running, Self::Done, Self::Failed, Self::Cancelled, Self::Withdrawn];
 
-    /// The word that is stored and sent.
+    /// The word in JSON and in the database.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -63,7 +63,7 @@ impl AnalysisState {
 pub struct AnalysisProgress {
     /// Pieces of work that are done.
     pub done: u64,
-    /// All pieces of work; they take about equally long.
+    /// All pieces of work; they take about the same time.
     pub of: u64,
     /// Estimated time left, s; absent before anything is computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -74,20 +74,20 @@ pub struct AnalysisProgress {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisResult {
-    /// Participants who were compared.
+    /// Number of compared participants.
     pub participants: usize,
-    /// Participants who were excluded, and why.
+    /// Excluded participants, with reasons.
     pub excluded: Vec<ExcludedParticipant>,
     /// The number of compared trials with each flag that casts doubt on them, by its word.
     pub flagged: BTreeMap<String, usize>,
     /// Compared participants whose trials equal those of another participant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub same_trials: Vec<String>,
-    /// The quality of both safety levels over the steps that are compared; absent in analyses
-    /// of an earlier version.
+    /// The quality of both safety levels over the compared steps; absent in analyses of an earlier
+    /// version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyQuality>,
-    /// Rows of cells.csv: the better SVM repeats another row.
+    /// Rows of cells.csv; the better SVM's row repeats another.
     pub cells: usize,
     /// Models that were trained and tested; absent in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -95,15 +95,14 @@ pub struct AnalysisResult {
     /// The version of Sidestep that computed it; absent in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
-    /// The numbers of the study's versions under which the compared participants enrolled; none in analyses of
-    /// an earlier version.
+    /// The study's versions under which the compared participants enrolled; empty in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub study_versions: Vec<u32>,
     /// SHA-256 of the trials that were compared; absent in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub data_sha256: Option<String>,
-    /// Mean test accuracies, as in the report's first table. Lists of analyses and analyses of an
-    /// earlier version have none.
+    /// Mean test accuracies, as in the report's first table. Empty in lists of analyses and in
+    /// analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accuracies: Vec<MeanAccuracy>,
     /// Why the data are known to be synthetic, if they are.
@@ -114,7 +113,7 @@ pub struct AnalysisResult {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct MeanAccuracy {
-    /// What predicts: `svm`, `dt` or `lr`.
+    /// The model: `svm`, `dt` or `lr`.
     pub model: String,
     /// 1: right, straight or left; 2: turn or not.
     pub experiment: u8,
@@ -146,7 +145,7 @@ impl From<&Exclusion> for ExcludedParticipant {
 pub struct AnalysisSummary {
     /// The analysis.
     pub id: String,
-    /// The study's name in addresses.
+    /// The study's name in URLs.
     pub study: String,
     /// The request.
     pub request: Request,
@@ -169,8 +168,8 @@ pub struct AnalysisSummary {
     /// Its outcome in brief, once it is done.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub result: Option<AnalysisResult>,
-    /// Whether the study's data have changed since it began: trials came, or participants were excluded or
-    /// included. False until it is done.
+    /// Whether the study's data have changed since it began: trials were added, or participants excluded
+    /// or included. False until it is done.
     #[serde(default)]
     pub stale: bool,
 }
@@ -186,13 +185,13 @@ pub struct AnalysisPage {
     pub next_before: Option<i64>,
 }
 
-/// A file of an analysis, by the name that `sidestep analyze` gives it.
+/// A file of an analysis, under the name that `sidestep analyze` gives it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisFile {
-    /// Such as `report.html` or `models/lr-1-hrd-1.json`.
+    /// File name, such as `report.html` or `models/lr-1-hrd-1.json`.
     pub name: String,
-    /// Its length.
+    /// Size, bytes.
     pub octets: u64,
 }
 
@@ -203,6 +202,6 @@ pub struct AnalysisDetail {
     /// As in the list.
     #[serde(flatten)]
     pub summary: AnalysisSummary,
-    /// By name; empty unless it is done.
+    /// Sorted by name; empty unless it is done.
     pub files: Vec<AnalysisFile>,
 }

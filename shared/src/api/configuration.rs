@@ -3,64 +3,65 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The present configuration of a study.
+/// The current configuration of a study.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Configuration {
-    /// The study's name in addresses.
+    /// The study's name in URLs.
     pub study: String,
     /// SHA-256 of the configuration.
     pub hash: String,
-    /// A study file (TOML) that says it: what differs from the paper's protocol, without comments.
+    /// The configuration as a study file (TOML): only the differences from the paper's protocol,
+    /// without comments.
     pub toml: String,
-    /// People who enrolled in the study, under whatever configuration; without pilots.
+    /// People who enrolled in the study under any configuration; without pilots.
     pub participants: u64,
-    /// The configurations that the study has had, newest first; the first is the present one.
+    /// All configurations of the study, newest first; the first is the current one.
     pub versions: Vec<ConfigurationVersion>,
 }
 
-/// One of the configurations that a study has had.
+/// A current or former configuration of a study.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ConfigurationVersion {
     /// Its number within the study, from 1.
     pub number: u32,
-    /// SHA-256 of the configuration that people enrolled under. A study that goes back to an earlier
-    /// configuration has two versions of the same hash; opening and closing it makes no version.
+    /// SHA-256 of the configuration that people enrolled under. A study that returns to an earlier
+    /// configuration has two versions with the same hash; opening or closing it creates no version.
     pub hash: String,
     /// The experimenter's label: `version` in the study file.
     pub label: String,
-    /// From when new participants got it, ms since 1970.
+    /// Start of its use for new participants, ms since 1970.
     pub since_ms: i64,
-    /// People who enrolled under it; without pilots. If the configuration came back, they are counted in its
-    /// last version.
+    /// People who enrolled under it; without pilots. If the configuration was used again later, they count
+    /// in its last version.
     pub participants: u64,
-    /// A study file (TOML) that says it.
+    /// The configuration as a study file (TOML).
     pub toml: String,
     /// Paths of the fields in which it differs from the version before it; none for the first.
     pub changed: Vec<String>,
 }
 
-/// A study file that somebody is writing.
+/// A draft of a study file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Draft {
     /// The text (TOML).
     pub toml: String,
-    /// The hash of the configuration that was edited; absent for a new study. If the study has another
-    /// one by now, the draft is not stored.
+    /// The hash of the configuration that was edited; absent for a new study. If the study's
+    /// configuration has changed since, the draft is not stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
 }
 
-/// A study that somebody is writing in a form.
+/// A draft of a study in a form.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FormDraft {
-    /// The study: an object with the fields of a study file, as in [`DraftChecked`]. Fields that are
-    /// missing take the paper's values.
+    /// The study: an object with the fields of a study file, as in [`DraftChecked`]. Missing fields
+    /// default to the paper's values.
     pub config: Value,
     /// As in [`Draft`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -87,45 +88,45 @@ pub struct Remark {
 pub struct Change {
     /// Its path, such as `trials.countdown_s`.
     pub field: String,
-    /// Its value as JSON in the present configuration; absent if it is not there.
+    /// Its value as JSON in the current configuration; absent if it has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub before: Option<String>,
-    /// Its value as JSON in the draft; absent if it is not there.
+    /// Its value as JSON in the draft; absent if it has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub after: Option<String>,
 }
 
-/// What a draft would be.
+/// The result of checking a draft.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct DraftChecked {
-    /// Why it is no study; absent if it is one.
+    /// The error in the draft; absent if it is valid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub complaint: Option<Remark>,
-    /// What an experimenter should know.
+    /// Warnings for the experimenter.
     pub warnings: Vec<Remark>,
-    /// The differences from the present configuration of the study of this name; none for a new study.
+    /// The differences from the current configuration of the study of this name; empty for a new study.
     pub changes: Vec<Change>,
-    /// The study as a form shows it: an object with all fields of a study file. It is there also for a draft
-    /// with a complaint, unless it could not be read as a study at all.
+    /// The study as a form shows it: an object with all fields of a study file. Also present if the draft
+    /// has an error, unless it could not be parsed as a study.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub config: Option<Value>,
-    /// The study file (TOML) that a form's values make; absent for a draft that is a text itself.
+    /// The study file (TOML) generated from a form; absent for a draft that is a text.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub toml: Option<String>,
-    /// The languages that this server has.
+    /// The languages that this server offers.
     #[serde(default)]
     pub languages: Vec<String>,
-    /// How its scenes are spread, as SVG.
+    /// The distribution of its scenes, as SVG.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
 }
 
-/// Whether people can take part, as it is to be from now on.
+/// A change of a study's status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NewStatus {
-    /// The status.
+    /// The new status.
     pub status: crate::study::Status,
 }

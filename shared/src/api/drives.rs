@@ -1,4 +1,5 @@
-//! What a participant drove, compactly: what the laboratory's explorer predicts and counts on.
+//! A participant's drives in a compact form, for the predictions and counts of the laboratory's
+//! explorer.
 
 use crate::invalid::Invalid;
 use crate::playback::Recorded;
@@ -11,15 +12,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Drives {
-    /// The study's name in addresses.
+    /// The study's name in URLs.
     pub study: String,
-    /// The participant's number within the study, from 1; pilots have numbers of their own.
+    /// The participant's number within the study, from 1; pilots are numbered separately.
     pub number: i64,
     /// Whether this is a pilot.
     pub pilot: bool,
     /// Whether the participant's data were deleted.
     pub data_deleted: bool,
-    /// Why analyses leave the participant out, if an experimenter has them do so.
+    /// Why an experimenter excluded the participant from analyses; absent if not excluded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub excluded: Option<String>,
     /// Whether this is a program, not a person; see [`ParticipantDetail`](super::ParticipantDetail).
@@ -47,7 +48,7 @@ pub struct Drive {
     pub scene: Scene,
     /// The input held in each step: `L`, `S` or `R`.
     pub inputs: String,
-    /// Before each step, and after the last: x (m), y (m) and heading (rad) of the human, then of the robot.
+    /// States before each step and after the last: x (m), y (m) and heading (rad) of the human, then of the robot.
     pub states: Vec<[f64; 6]>,
 }
 
@@ -95,13 +96,13 @@ impl Drive {
         self.states.iter().map(state).collect()
     }
 
-    /// As something to look at.
+    /// The drive as a recorded trial for playback.
     #[must_use]
     pub fn recorded(&self, parameters: SceneParameters) -> Recorded {
         Recorded { parameters, scene: self.scene, inputs: self.inputs(), states: self.states() }
     }
 
-    /// As something to count on.
+    /// The drive as a trajectory for predictions.
     ///
     /// # Errors
     /// The errors of [`Trajectory::driven`].

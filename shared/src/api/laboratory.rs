@@ -1,4 +1,4 @@
-//! What experimenters see.
+//! Wire types of the laboratory.
 
 use super::{first, is_first};
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
@@ -20,38 +20,38 @@ pub struct SignIn {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct StudySummary {
-    /// Name in addresses.
+    /// Name in URLs.
     pub slug: String,
     /// Name shown to people.
     pub title: String,
-    /// Whether it takes people.
+    /// Whether it accepts participants.
     pub status: Status,
-    /// Whether synthetic participants take part, and no people.
+    /// Whether its participants are synthetic.
     #[serde(default)]
     pub synthetic: bool,
     /// People who enrolled or were imported, without pilots.
     pub participants: u64,
-    /// Those of them who have a completion code.
+    /// Of these, those with a completion code.
     pub complete: u64,
-    /// Those of them who are under way and of whom something was stored in the last ten minutes.
+    /// Of these, those under way for whom the server stored something in the last ten minutes.
     pub active: u64,
-    /// Those of them whose data should be looked at: they steered in no task or in every step of each,
-    /// or their keys have the times of an earlier trial, as if a program had driven. Without those who
-    /// are excluded already.
+    /// Of these, those whose data should be checked: they steered in no task or in every step of each,
+    /// or their key times repeat those of an earlier trial, as if a program had driven. Without those
+    /// already excluded.
     pub doubtful: u64,
     /// Their stored trials.
     pub trials: u64,
     /// Pilots.
     pub pilots: u64,
-    /// When something of a participant was last stored, ms since 1970; absent if never.
+    /// When data of a participant were last stored, ms since 1970; absent if never.
     pub last_seen_at_ms: Option<i64>,
 }
 
-/// Answer to the deletion of a study's pilots.
+/// Response to the deletion of a study's pilots.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PilotsDeleted {
-    /// How many there were.
+    /// Number of deleted pilots.
     pub deleted: usize,
 }
 
@@ -71,13 +71,13 @@ pub struct TrialPage {
 pub struct TrialSummary {
     /// The trial.
     pub trial_id: String,
-    /// Who drove it.
+    /// The participant who drove it.
     pub participant_id: String,
     /// The participant's number within the study, from 1.
     pub participant_number: i64,
     /// Its phase.
     pub phase: Phase,
-    /// Place within its phase, from 0.
+    /// Index within its phase, from 0.
     pub index: usize,
     /// 1; 2 if the scene was driven again because its first trial was interrupted.
     #[serde(default = "first", skip_serializing_if = "is_first")]
@@ -86,7 +86,7 @@ pub struct TrialSummary {
     pub received_at_ms: i64,
     /// Its outcome.
     pub outcome: Outcome,
-    /// What an analyst should know.
+    /// Flags for the analyst.
     pub flags: Vec<Flag>,
 }
 
@@ -98,8 +98,8 @@ impl TrialSummary {
     }
 }
 
-/// What people call a scene: its phase, its number in the phase from 1, and the attempt, if it is not the
-/// first. `index` is from 0.
+/// Display name of a scene: its phase, its number in the phase from 1, and the attempt, if it is not the
+/// first. `index` counts from 0.
 #[must_use]
 pub fn scene_words(phase: Phase, index: usize, attempt: u32) -> String {
     let scene = format!("{} {}", phase.word(), index + 1);
@@ -109,22 +109,22 @@ pub fn scene_words(phase: Phase, index: usize, attempt: u32) -> String {
     }
 }
 
-/// What pages and figures call a trial: its study, the participant's number, the scene in words, and whether a
-/// program drove.
+/// Heading of a trial on pages and in figures: its study, the participant's number, the scene in words, and
+/// whether a program drove.
 #[must_use]
 pub fn trial_heading(study: &str, number: i64, scene: &str, synthetic: bool) -> String {
     let mark = if synthetic { " (synthetic)" } else { "" };
     format!("{study} / participant {number} / {scene}{mark}")
 }
 
-/// A stored trial, whole.
+/// A stored trial in full.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialDetail {
     /// As in the list.
     #[serde(flatten)]
     pub summary: TrialSummary,
-    /// The study's name in addresses.
+    /// The study's name in URLs.
     pub study: String,
     /// Whether a program drove.
     #[serde(default)]
@@ -144,11 +144,11 @@ pub struct TrialDetail {
     pub value_function_hr: Option<String>,
     /// Id of the value function V_RH; null while the server has none.
     pub value_function_rh: Option<String>,
-    /// The stored trial before this one: of the same participant, else the last of the participant with the
-    /// next lower number; null for the first. Test runs are among themselves.
+    /// The previous stored trial: of the same participant, otherwise the last one of the participant with
+    /// the next lower number; null for the first. Pilots have their own sequence.
     #[serde(default)]
     pub previous: Option<String>,
-    /// The stored trial after this one, likewise; null for the last.
+    /// The next stored trial, likewise; null for the last.
     #[serde(default)]
     pub next: Option<String>,
 }
@@ -170,33 +170,33 @@ impl TrialDetail {
 pub struct SelfCheck {
     /// Seed of the random trials.
     pub seed: u64,
-    /// How many.
+    /// Number of random trials.
     pub trials: usize,
     /// SHA-256 of all their states.
     pub fingerprint: String,
 }
 
-/// How far the check of the stored data is.
+/// State of the check of the stored data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DataCheckState {
-    /// None since the server has started.
+    /// Not yet run since the server started.
     #[default]
     Waiting,
-    /// It is under way; what was found last stays.
+    /// It is running; the previous findings remain.
     Running,
     /// It is done.
     Done,
-    /// It could not be done, or its backup could not be written.
+    /// It failed, or its backup could not be written.
     Failed,
 }
 
-/// What the server found when it last checked its data: the file, and every stored trial by replaying it.
+/// Findings of the server's last data check: of the database file, and of every stored trial by replaying it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct DataCheck {
-    /// How far it is.
+    /// State of the check.
     pub state: DataCheckState,
     /// When it ended, ms since 1970; null before the first.
     pub at_ms: Option<i64>,
@@ -204,9 +204,9 @@ pub struct DataCheck {
     pub trials: Option<u64>,
     /// The number of faults that were found.
     pub fault_count: u64,
-    /// The first of them, in words.
+    /// Descriptions of the first faults.
     pub faults: Vec<String>,
-    /// Why it could not be done, if so.
+    /// Why it failed, if it did.
     pub message: Option<String>,
     /// The newest backup in the folder of this server.
     pub backup: Option<Backup>,
@@ -218,8 +218,8 @@ pub struct DataCheck {
 pub struct Backup {
     /// The name of its file, in the folder of `serve --backups`.
     pub name: String,
-    /// When it was done, ms since 1970.
+    /// When it was completed, ms since 1970.
     pub at_ms: i64,
-    /// Its length, bytes.
+    /// Size, bytes.
     pub bytes: u64,
 }

@@ -1,4 +1,4 @@
-//! From the enrolment to the completion code.
+//! Wire types of a participation, from enrolment to completion code.
 
 #[cfg(feature = "openapi")]
 use super::MAX_NAME_CHARS;
@@ -18,29 +18,28 @@ use serde_json::Value;
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ComprehensionResult {
-    /// How often the participant answered all questions.
+    /// Number of times the participant answered all questions.
     #[cfg_attr(feature = "openapi", schemars(range(min = 1, max = 1_000)))]
     pub attempts: usize,
     /// Whether all answers of the last attempt were right.
     pub passed: bool,
 }
 
-/// Answer to the result of the check of understanding.
+/// Response to the result of the check of understanding.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ComprehensionStored {
-    /// The participation has ended: the answers were wrong too often.
+    /// Whether the participation has ended after too many wrong attempts.
     pub screened_out: bool,
-    /// What follows a wrong answer, if it has not ended.
+    /// What follows a wrong answer, if the participation continues.
     #[serde(default)]
     pub after_wrong: AfterWrong,
-    /// Where to go, if it has ended and the study names an address.
+    /// Return URL, if the participation has ended and the study sets one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
 }
 
-/// Body of the answers to the questions after the last scene. `V` is what answers are: any JSON, as the
-/// server reads them.
+/// Body of the answers to the questions after the last scene. `V` is the type of an answer: any JSON on the server.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -49,21 +48,21 @@ pub struct ComprehensionStored {
     schemars(rename = "Answers", description = "Answers to the questions after the last scene.")
 )]
 pub struct Answers<V = Value> {
-    /// By the question's name: a string for a text, an option's value for a choice, a whole number for
-    /// a scale. Questions that were not answered are absent.
+    /// Keyed by question name: a string for a text, an option's value for a choice, a whole number for
+    /// a scale. Unanswered questions are absent.
     pub answers: Object<V>,
 }
 
-/// Answer to a withdrawal.
+/// Response to a withdrawal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Withdrawn {
-    /// Where to go, if the study names an address.
+    /// Return URL, if the study sets one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
 }
 
-/// Body of an enrolment. `V` is what the facts about the screen are, as in
+/// Body of an enrolment. `V` is the type of the screen facts, as in
 /// [`TrialUpload`](super::TrialUpload).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
@@ -76,7 +75,7 @@ pub struct Enrolment<V = Value> {
     /// The participant agreed to take part; must be true.
     #[cfg_attr(feature = "openapi", schemars(extend("const" = true)))]
     pub consent: bool,
-    /// Who this is at the recruiting service; the same id resumes.
+    /// The person's id at the recruiting service; the same id resumes the participation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(
         feature = "openapi",
@@ -86,16 +85,15 @@ pub struct Enrolment<V = Value> {
         )
     )]
     pub external_id: Option<String>,
-    /// A secret name that the client draws for this enrolment, such as a random UUID: sent again
-    /// after a lost answer, it is the same participant.
+    /// Secret idempotency key that the client generates for this enrolment, such as a random UUID:
+    /// a retry after a lost response returns the same participant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = MAX_NAME_CHARS)))]
     pub request_id: Option<String>,
-    /// Parameters of the address that the study stores, by name.
+    /// URL parameters that the study stores, by name.
     #[serde(default, skip_serializing_if = "Object::is_empty")]
     pub parameters: Object<String>,
-    /// A pilot: kept apart from the data; its completion code begins with `PILOT-`, and it has no return
-    /// link.
+    /// A pilot: stored separately from the data; its completion code begins with `PILOT-`, and it has no return URL.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub pilot: bool,
     /// Language in which the participant read the consent text, such as `en` or `zh-CN`.
@@ -108,7 +106,7 @@ pub struct Enrolment<V = Value> {
 }
 
 impl<V: Serialize> Enrolment<V> {
-    /// Accepts an enrolment with consent and sensible texts.
+    /// Accepts an enrolment with consent and valid texts.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -133,7 +131,7 @@ impl<V: Serialize> Enrolment<V> {
         if let Some(id) = &self.request_id {
             check_name("request_id", id)?;
             if id.len() < MIN_REQUEST_ID_BYTES {
-                let expected = format!("{MIN_REQUEST_ID_BYTES} bytes or more that nobody guesses");
+                let expected = format!("at least {MIN_REQUEST_ID_BYTES} unguessable bytes");
                 return Err(Invalid::new("request_id", expected, format!("{} bytes", id.len())));
             }
         }
@@ -141,19 +139,19 @@ impl<V: Serialize> Enrolment<V> {
     }
 }
 
-/// Answer to an enrolment.
+/// Response to an enrolment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Enrolled {
-    /// Who the participant is here.
+    /// Id of the participant.
     pub participant_id: String,
-    /// Bearer token for everything that follows.
+    /// Bearer token for all further requests.
     pub token: String,
-    /// What to drive.
+    /// The scenes to drive.
     pub plan: Plan,
 }
 
-/// What a participant drives.
+/// The scenes of a participant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Plan {
@@ -172,7 +170,7 @@ impl Plan {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PlannedPhase {
-    /// Which phase.
+    /// The phase.
     pub phase: Phase,
     /// Whether the danger zone is drawn around the robot.
     pub show_danger_zone: bool,
@@ -186,7 +184,7 @@ pub struct PlannedPhase {
 pub struct PlannedScene {
     /// The id under which its trial is stored.
     pub trial_id: String,
-    /// Place within its phase, from 0.
+    /// Index within its phase, from 0.
     pub index: usize,
     /// 1; 2 if the scene is driven again because its first trial was interrupted.
     #[serde(default = "first", skip_serializing_if = "is_first")]
@@ -211,31 +209,31 @@ impl PlannedScene {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Progress {
-    /// Who the participant is here.
+    /// Id of the participant.
     pub participant_id: String,
-    /// The study's name in addresses.
+    /// The study's name in URLs.
     pub study: String,
-    /// What to drive.
+    /// The scenes to drive.
     pub plan: Plan,
-    /// Ids of the trials that are safely stored, in the plan's order.
+    /// Ids of the stored trials, in the plan's order.
     pub stored: Vec<String>,
-    /// The trial that comes next; absent when all are stored.
+    /// The next trial; absent when all are stored.
     pub next: Option<String>,
     /// The code, once the participation is complete.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub completion_code: Option<String>,
-    /// Where to go once the participation is complete, if the study names an address: with the code, or
-    /// without it for a token that may not see it.
+    /// Return URL once the participation is complete, if the study sets one; without the code if this
+    /// token may not see it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
-    /// Whether the participation is complete. The code is absent although it is if this token was given
-    /// to somebody who knew only the external id.
+    /// Whether the participation is complete. If this token was obtained with the external id alone,
+    /// the code is absent even then.
     #[serde(default)]
     pub complete: bool,
     /// Whether the check of understanding was passed.
     #[serde(default)]
     pub understood: bool,
-    /// How often the check of understanding was answered.
+    /// Number of attempts at the check of understanding.
     #[serde(default)]
     pub comprehension_attempts: usize,
     /// Whether the questions after the last scene were answered.
@@ -244,19 +242,18 @@ pub struct Progress {
     /// Whether this is a pilot.
     #[serde(default)]
     pub pilot: bool,
-    /// Whether this token may withdraw the participation: one that was given to somebody who knew only
-    /// the external id may not.
+    /// Whether this token may withdraw the participation; a token obtained with the external id alone may not.
     #[serde(default)]
     pub may_withdraw: bool,
 }
 
-/// Answer to a completion.
+/// Response to a completion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Completed {
     /// Proof that every trial is stored.
     pub completion_code: String,
-    /// Where to go with the code, if the study names an address.
+    /// Return URL with the code, if the study sets one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
 }

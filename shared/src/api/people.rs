@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// How far a participant is.
+/// Stage of a participation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     /// Enrolled, before the first scene: reads instructions.
     Joined,
-    /// The next scene is one of the familiarisation.
+    /// The next scene is a familiarisation scene.
     Familiarisation,
-    /// The next scene is one of the practice.
+    /// The next scene is a practice scene.
     Practice,
     /// The next scene is a task.
     Task,
-    /// Every scene is stored, and the participation is not complete: answers questions.
+    /// All scenes are stored, but the participation is not complete: answers questions.
     Closing,
     /// Has a completion code.
     Complete,
@@ -62,14 +62,13 @@ impl Stage {
     }
 }
 
-/// What an experimenter should look at: numbers of the participant's stored tasks, first and further
-/// attempts, and of wrong answers.
+/// Data quality: counts of the participant's stored tasks, including further attempts, and of wrong answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Quality {
     /// Tasks with a late sample.
     pub late_sample: u32,
-    /// Tasks in which the page lost the focus or was hidden.
+    /// Tasks in which the page lost focus or was hidden.
     pub focus_lost: u32,
     /// Tasks that were interrupted.
     pub interrupted: u32,
@@ -79,10 +78,9 @@ pub struct Quality {
     pub always_steered: u32,
     /// Tasks in which the human entered the danger zone.
     pub danger_entered: u32,
-    /// Tasks whose keys were pressed and released at the very times of an earlier trial of the study: a
-    /// program drove.
+    /// Tasks whose key events have exactly the times of an earlier trial of the study: a program drove.
     pub same_timing: u32,
-    /// Answers to the check of understanding that were wrong.
+    /// Wrong answers to the check of understanding.
     #[serde(default)]
     pub failed_checks: u32,
 }
@@ -93,38 +91,38 @@ pub struct Quality {
 pub struct ParticipantSummary {
     /// The participant.
     pub participant_id: String,
-    /// Their number within the study, from 1; pilots have numbers of their own.
+    /// Their number within the study, from 1; pilots are numbered separately.
     pub number: i64,
     /// Whether this is a pilot.
     pub pilot: bool,
-    /// The recruiting service's id, as it came; for keys that may export.
+    /// The recruiting service's id, unchanged; only for keys with export access.
     pub external_id: Option<String>,
-    /// How far they are.
+    /// Their stage.
     pub stage: Stage,
-    /// The completion code, if they completed; for keys that may export.
+    /// The completion code, if they completed; only for keys with export access.
     pub completion_code: Option<String>,
-    /// How often they answered the check of understanding.
+    /// Number of their attempts at the check of understanding.
     pub comprehension_attempts: u32,
     /// Whether they passed it.
     pub understood: bool,
     /// Stored trials.
     pub stored: u32,
-    /// Planned scenes, further attempts too.
+    /// Planned scenes, including further attempts.
     pub planned: u32,
-    /// Driven trials that waited in the participant's browser when the server last stored one.
+    /// Driven trials still queued in the participant's browser when the server last stored one.
     #[serde(default)]
     pub waiting: u32,
     /// When they enrolled, ms since 1970.
     pub enrolled_at_ms: i64,
-    /// When the server last stored something of them, ms since 1970.
+    /// When the server last stored data of them, ms since 1970.
     pub last_seen_at_ms: i64,
-    /// What to look at.
+    /// Data quality.
     pub quality: Quality,
-    /// Whether analyses leave them out.
+    /// Whether they are excluded from analyses.
     pub excluded: bool,
 }
 
-/// Why analyses leave a participant out.
+/// Why a participant is excluded from analyses.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ExcludedBy {
@@ -136,11 +134,11 @@ pub struct ExcludedBy {
     pub who: String,
 }
 
-/// What an experimenter wrote about a participant.
+/// An experimenter's note about a participant.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Note {
-    /// Its number in addresses.
+    /// Id in URLs.
     pub id: i64,
     /// The text.
     pub text: String,
@@ -160,7 +158,7 @@ pub struct NewNote {
     pub text: String,
 }
 
-/// The request to leave a participant out of analyses.
+/// The request to exclude a participant from analyses.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -193,7 +191,7 @@ impl NewExclusion {
 fn check_text(field: &str, text: &str, most: usize, also: fn(char) -> bool) -> Result<(), Invalid> {
     let count = text.chars().count();
     if text.trim().is_empty() || count > most {
-        let expected = format!("1 to {most} characters, not spaces alone");
+        let expected = format!("1 to {most} characters, not only spaces");
         return Err(Invalid::new(field, expected, format!("{count} characters")));
     }
     if text.chars().any(|c| c.is_control() && !also(c)) {
@@ -206,11 +204,11 @@ fn check_text(field: &str, text: &str, most: usize, also: fn(char) -> bool) -> R
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialPicture {
-    /// As in a list.
+    /// As in lists.
     #[serde(flatten)]
     pub summary: TrialSummary,
-    /// Positions of the human's vehicle every second step, with the first and the last: x and y, m, to the
-    /// centimetre, in the scene's frame.
+    /// Positions of the human's vehicle at every second step, including the first and the last: x and y,
+    /// m, rounded to centimetres, in the scene's frame.
     pub human: Vec<[f64; 2]>,
     /// Positions of the robot at the same times.
     pub robot: Vec<[f64; 2]>,
@@ -218,52 +216,52 @@ pub struct TrialPicture {
     pub inputs: String,
 }
 
-/// A participant, whole.
+/// A participant in full.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ParticipantDetail {
     /// As in the list.
     #[serde(flatten)]
     pub summary: ParticipantSummary,
-    /// The study's name in addresses.
+    /// The study's name in URLs.
     pub study: String,
     /// SHA-256 of the configuration under which they enrolled.
     pub configuration: String,
-    /// Whether this is a program, not a person: their study takes synthetic participants only, or a
-    /// trial says that a program drove.
+    /// Whether this is a program, not a person: their study has only synthetic participants, or a
+    /// trial reports that a program drove.
     #[serde(default)]
     pub synthetic: bool,
-    /// The number of this configuration among those that the study has had; none if it is none of them.
+    /// Version number of this configuration within the study; absent if the study never had it.
     #[serde(default)]
     pub configuration_number: Option<u32>,
-    /// Its label, which experimenters choose.
+    /// The experimenter's label of this configuration.
     #[serde(default)]
     pub configuration_label: String,
-    /// Its radius of the danger zone, m.
+    /// Radius of the danger zone, m.
     pub danger_radius_m: f64,
     /// When they withdrew, ms since 1970.
     pub withdrawn_at_ms: Option<i64>,
     /// Whether their data were deleted.
     pub data_deleted: bool,
-    /// Their answers by the question's name; for keys that may export.
+    /// Their answers by question name; only for keys with export access.
     pub answers: BTreeMap<String, Value>,
-    /// The recorded parameters of their link; for keys that may export.
+    /// The recorded URL parameters of their link; only for keys with export access.
     pub parameters: BTreeMap<String, String>,
-    /// Why analyses leave them out, if they do.
+    /// Why they are excluded from analyses, if they are.
     pub exclusion: Option<ExcludedBy>,
-    /// The oldest first.
+    /// Oldest first.
     pub notes: Vec<Note>,
     /// The stored trials in the order of the plan.
     pub trials: Vec<TrialPicture>,
 }
 
-/// How many participants are at a stage.
+/// The number of participants at a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct StageCount {
     /// The stage.
     pub stage: Stage,
-    /// How many, whatever the page's filter.
+    /// Their number, regardless of the page's filter.
     pub participants: u64,
 }
 
@@ -273,9 +271,9 @@ pub struct StageCount {
 pub struct ParticipantPage {
     /// The participants of this page.
     pub participants: Vec<ParticipantSummary>,
-    /// How many pass the filter, on all pages.
+    /// Number of participants that match the filter, on all pages.
     pub total: u64,
-    /// The stages that somebody is at.
+    /// The stages with at least one participant.
     pub stages: Vec<StageCount>,
 }
 

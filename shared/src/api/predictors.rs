@@ -1,4 +1,4 @@
-//! Predictors: the models of analyses, and what a replay predicts with.
+//! Predictors: the models of analyses, and those of replays.
 
 use crate::predict::PredictorFile;
 use crate::shfrs::baselines::EmpiricalSets;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PredictorSummary {
-    /// Its file among those of the analysis: a `predictor.json`.
+    /// Its file in the analysis: a `predictor.json`.
     pub file: String,
     /// The number of the participant whose tasks trained it.
     pub participant: i64,
@@ -21,21 +21,20 @@ pub struct PredictorSummary {
     pub features: String,
     /// The names of the features in it.
     pub columns: Vec<String>,
-    /// Mean over folds of cross-validation of the share of steps predicted right, from 0 to 1.
+    /// Share of steps predicted right, mean over the folds of cross-validation, from 0 to 1.
     pub cv_accuracy: f64,
     /// Share of the steps of the test tasks predicted right, from 0 to 1.
     pub test_accuracy: f64,
-    /// The last task of the participant that is stored, to replay it with this model; absent if the
-    /// participant has none.
+    /// The participant's last stored task, for a replay with this model; absent if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub newest_task: Option<String>,
 }
 
-/// What the models of an analysis can be chosen by.
+/// Filter options for the models of an analysis.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PredictorChoices {
-    /// The numbers of all participants with models, rising.
+    /// The numbers of all participants with models, ascending.
     pub participants: Vec<i64>,
     /// The kinds of model.
     pub models: Vec<String>,
@@ -51,9 +50,9 @@ pub struct PredictorChoices {
 pub struct PredictorPage {
     /// The models of this page.
     pub predictors: Vec<PredictorSummary>,
-    /// How many pass the filter, on all pages.
+    /// Number of models that match the filter, on all pages.
     pub total: u64,
-    /// What the analysis has, whatever the filter; nothing unless it is done.
+    /// All options of the analysis, regardless of the filter; empty unless it is done.
     pub choices: PredictorChoices,
 }
 
@@ -65,9 +64,9 @@ pub struct TrainedPredictor {
     pub predictor: PredictorFile,
     /// The number of trials that it was trained on.
     pub trials: usize,
-    /// Why it is not the learned model; none if it is.
+    /// Why the learned model could not be used; absent if it was.
     pub fallback: Option<String>,
-    /// The ids of these trials: on them, its predictions look better than they are.
+    /// The ids of these trials: on them, accuracy is overestimated.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trained_on: Vec<String>,
     /// The analysis that trained it; absent if it was trained on the participant's earlier trials.
@@ -83,26 +82,26 @@ pub struct LearnedSets {
     pub sets: EmpiricalSets,
     /// The number of trials that they are learned from.
     pub trials: usize,
-    /// How often they hold the future of the participant's other tasks; null if there is none.
+    /// Their coverage on the participant's other tasks; null if there are none.
     pub held: Option<Probabilities>,
 }
 
-/// Which model of an analysis a predictor is.
+/// The analysis and model that a predictor comes from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PredictorSource {
     /// The analysis.
     pub analysis: String,
-    /// The name of its study in addresses.
+    /// Its study's name in URLs.
     pub study: String,
     /// As in the list of the analysis.
     #[serde(flatten)]
     pub summary: PredictorSummary,
-    /// What it has to do with the trial.
+    /// How the training used the trial.
     pub trial: TrialUse,
 }
 
-/// What the training of a model had to do with a trial.
+/// How the training of a model used a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]

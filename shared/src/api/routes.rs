@@ -1,6 +1,6 @@
 //! Every route, relative to the server's origin.
 
-/// What a participant needs to know.
+/// The study as the participant's page needs it.
 #[must_use]
 pub fn study(slug: &str) -> String {
     format!("/api/v1/studies/{slug}")
@@ -35,7 +35,7 @@ pub fn value_function(id: &str) -> String {
 }
 /// Signing in and out of the laboratory.
 pub const SESSION: &str = "/api/v1/admin/session";
-/// The experimenters' keys; a POST makes another one.
+/// The experimenters' keys; a POST creates one.
 pub const ADMIN_KEYS: &str = "/api/v1/admin/keys";
 /// One key; a DELETE revokes it.
 #[must_use]
@@ -64,21 +64,21 @@ pub fn admin_status(slug: &str) -> String {
 /// A POST checks a draft of a study file.
 pub const ADMIN_DRAFTS: &str = "/api/v1/admin/drafts";
 
-/// Checks a study that somebody is writing in a form, and writes it as a study file.
+/// A POST checks a draft in a form and converts it to a study file.
 pub const ADMIN_FORM_DRAFTS: &str = "/api/v1/admin/drafts/form";
-/// Server-sent events: one whenever something that the server stores has changed.
+/// Server-sent events: one for every change of stored data.
 pub const CHANGES: &str = "/api/v1/admin/changes";
-/// The participants of a study, without the query that names the format.
+/// The participants of a study, without the query for the format.
 #[must_use]
 pub fn admin_participants(slug: &str) -> String {
     format!("/api/v1/admin/studies/{slug}/participants")
 }
-/// One participant, whole; a DELETE deletes their data on their request.
+/// One participant in full; a DELETE deletes their data on their request.
 #[must_use]
 pub fn admin_participant(id: &str) -> String {
     format!("/api/v1/admin/participants/{id}")
 }
-/// The tasks of a participant, compactly.
+/// The tasks of a participant in a compact form.
 #[must_use]
 pub fn admin_drives(id: &str) -> String {
     format!("/api/v1/admin/participants/{id}/drives")
@@ -93,7 +93,7 @@ pub fn admin_notes(id: &str) -> String {
 pub fn admin_note(id: &str, note: &str) -> String {
     format!("/api/v1/admin/participants/{id}/notes/{note}")
 }
-/// A PUT has analyses leave a participant out; a DELETE has them use the participant again.
+/// A PUT excludes a participant from analyses; a DELETE includes them again.
 #[must_use]
 pub fn admin_exclusion(id: &str) -> String {
     format!("/api/v1/admin/participants/{id}/exclusion")
@@ -108,18 +108,17 @@ pub fn admin_pilots(slug: &str) -> String {
 pub fn admin_trials(slug: &str) -> String {
     format!("/api/v1/admin/studies/{slug}/trials")
 }
-/// One stored trial, whole.
+/// One stored trial in full.
 #[must_use]
 pub fn admin_trial(trial_id: &str) -> String {
     format!("/api/v1/admin/trials/{trial_id}")
 }
-/// The predictor trained on this participant's trials before this one, without the query that names a
-/// model of an analysis.
+/// The predictor trained on this participant's earlier trials; a query can select a model of an analysis instead.
 #[must_use]
 pub fn admin_predictor(trial_id: &str) -> String {
     format!("/api/v1/admin/trials/{trial_id}/predictor")
 }
-/// Sets that are learned from this participant's trials before this one, without the query that names the family.
+/// Sets learned from this participant's earlier trials, without the query for the family.
 #[must_use]
 pub fn admin_sets(trial_id: &str) -> String {
     format!("/api/v1/admin/trials/{trial_id}/sets")
@@ -139,7 +138,7 @@ pub fn admin_analysis(id: &str) -> String {
 pub fn cancel_analysis(id: &str) -> String {
     format!("/api/v1/admin/analyses/{id}/cancel")
 }
-/// The models of an analysis, without the query that filters them.
+/// The models of an analysis, without the query for filters.
 #[must_use]
 pub fn analysis_predictors(id: &str) -> String {
     format!("/api/v1/admin/analyses/{id}/predictors")
@@ -151,13 +150,14 @@ pub fn analysis_file(id: &str, name: &str) -> String {
 }
 /// The description of all routes, as OpenAPI.
 pub const OPENAPI: &str = "/api/openapi.json";
-/// The same as a page.
+/// The OpenAPI description as a page.
 pub const DOCS: &str = "/api/docs";
 /// The server's own simulation fingerprint.
 pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
-/// What the server found when it last checked its data, and its last backup.
+/// The findings of the server's last data check, and its last backup.
 pub const DATA_CHECK: &str = "/api/v1/admin/data-check";
-/// A study's data, without the query that names format and filters: then its steps as one CSV file.
+/// A study's data, without the query for format and filters; the default is its steps as one CSV
+/// file.
 #[must_use]
 pub fn exports(slug: &str) -> String {
     format!("/api/v1/admin/studies/{slug}/export")

@@ -1,27 +1,28 @@
-//! What a participant's page needs to know of a study, and all that it says.
+//! A study as the participant's page needs it, and all texts of that page.
 
 use super::{Object, SCHEMA_VERSION};
 use crate::scene::SceneParameters;
 use crate::study::{PhaseConfig, QuestionKind, Status, StudyConfig, TrialSettings};
 use serde::{Deserialize, Serialize};
 
-/// What a participant needs to know of a study.
+/// A study as the participant's page needs it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct StudyInfo {
     /// See [`SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// Name in addresses.
+    /// Name in URLs.
     pub slug: String,
     /// Name shown to people.
     pub title: String,
     /// Vehicles, danger radius and clock.
     pub parameters: SceneParameters,
-    /// What will be driven.
+    /// The phases and their scenes.
     pub phases: Vec<PhaseConfig>,
-    /// Whether the person who asks can take part; without an external id, somebody new.
+    /// Whether the requesting person can take part; without an external id, whether a new person
+    /// can.
     pub admission: Admission,
-    /// Where the person goes who cannot, if the study names an address.
+    /// URL for people who cannot take part, if the study sets one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
     /// The course of every trial.
@@ -29,20 +30,20 @@ pub struct StudyInfo {
     /// After this many attempts at the check of understanding with a wrong answer, the participation
     /// ends; 0: never.
     pub comprehension_attempts: usize,
-    /// Whether the check of understanding is drawn for each participant: whoever has enrolled asks for the
-    /// texts again.
+    /// Whether the check of understanding is drawn for each participant; if so, the client fetches the
+    /// texts again after enrolment.
     #[serde(default)]
     pub draws_check: bool,
-    /// Parameters of the address that may hold the person's external id.
+    /// URL parameters that may hold the person's external id.
     pub external_id_parameters: Vec<String>,
-    /// Parameters of the address that are stored with the participant.
+    /// URL parameters that are stored with the participant.
     pub recorded_parameters: Vec<String>,
-    /// Whether somebody new needs an external id.
+    /// Whether a new participant needs an external id.
     pub requires_external_id: bool,
 }
 
 impl StudyInfo {
-    /// What a participant needs to know of a study.
+    /// A study as the participant's page needs it.
     #[must_use]
     pub fn of(study: &StudyConfig, admission: Admission) -> Self {
         Self {
@@ -70,7 +71,7 @@ impl StudyInfo {
 pub enum Admission {
     /// Yes.
     Open,
-    /// No: as many people take part as were wanted.
+    /// No: the study has reached its target number of participants.
     Full,
     /// No: the study is closed; participants who have begun can finish.
     Closed,
@@ -95,7 +96,7 @@ impl From<Status> for Admission {
     }
 }
 
-/// All that a participant reads, in one language.
+/// All texts that a participant reads, in one language.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Texts {
@@ -111,7 +112,7 @@ pub struct Texts {
     /// Facts about the study by key (`investigator`, `institution`, `contact`, `ethics`, `retention`);
     /// only those that the researcher gave.
     pub facts: Vec<(String, String)>,
-    /// The check of understanding; empty: there is none.
+    /// The check of understanding; empty if there is none.
     pub check: Vec<CheckForm>,
     /// The questions after the last scene.
     pub questions: Vec<QuestionForm>,
@@ -138,7 +139,7 @@ pub struct CheckForm {
     pub text: String,
     /// The answers.
     pub options: Vec<String>,
-    /// Place of the right answer, from 0.
+    /// Index of the right answer, from 0.
     pub answer: usize,
 }
 
@@ -148,7 +149,7 @@ pub struct CheckForm {
 pub struct QuestionForm {
     /// Name of the answer.
     pub name: String,
-    /// What an answer is.
+    /// Type of the answer.
     pub kind: QuestionKind,
     /// The question.
     pub text: String,
@@ -158,7 +159,7 @@ pub struct QuestionForm {
     pub options: Vec<(String, String)>,
     /// Lowest and highest number of a scale.
     pub range: (i64, i64),
-    /// What the lowest and highest number mean.
+    /// Labels of the lowest and highest number.
     pub ends: (String, String),
     /// Longest text, characters.
     pub max_chars: usize,

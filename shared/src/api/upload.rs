@@ -1,4 +1,4 @@
-//! A trial, as the participant's page sends it.
+//! A trial as the client uploads it.
 
 use super::{
     MAX_KEY_EVENTS, MAX_NAME_CHARS, MAX_PAGE_EVENTS, Object, check_object, first, is_first,
@@ -17,15 +17,15 @@ use serde_json::Value;
 pub struct KeyEvent {
     /// Time after the scene's start, ms; negative for keys that were already held.
     pub t_ms: f64,
-    /// The key's name, such as `ArrowLeft`; `blur` when the window lost its keys.
+    /// The key's name, such as `ArrowLeft`; `blur` when the window lost focus.
     #[cfg_attr(feature = "openapi", schemars(length(max = MAX_NAME_CHARS)))]
     pub key: String,
     /// Down or up.
     pub down: bool,
 }
 
-/// Body of a trial's upload. `V` is what the facts about the display are: any JSON, as the server reads
-/// it, or the numbers that a page measured.
+/// Body of a trial's upload. `V` is the type of the display facts: any JSON on the server, numbers in
+/// the client that measures them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -34,7 +34,7 @@ pub struct KeyEvent {
     schemars(rename = "TrialUpload", description = "Body of a trial's upload.")
 )]
 pub struct TrialUpload<V = Value> {
-    /// Start of the scene by the participant's clock, ms since 1970. A clock can be wrong, which is flagged.
+    /// Start of the scene by the participant's clock, ms since 1970. A wrong clock is flagged.
     pub started_at_ms: f64,
     /// The input held in each step.
     pub inputs: Vec<TurnInput>,
@@ -45,11 +45,11 @@ pub struct TrialUpload<V = Value> {
     /// Key events, in order of time.
     #[cfg_attr(feature = "openapi", schemars(length(max = MAX_KEY_EVENTS)))]
     pub key_events: Vec<KeyEvent>,
-    /// What happened to the page during the scene, in order of time.
+    /// Page events during the scene, in order of time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[cfg_attr(feature = "openapi", schemars(length(max = MAX_PAGE_EVENTS)))]
     pub page_events: Vec<PageEvent>,
-    /// How often the scene was shown to the participant, this time included.
+    /// Number of times the scene was shown to the participant, including this one.
     #[serde(default = "first", skip_serializing_if = "is_first")]
     #[cfg_attr(feature = "openapi", schemars(range(min = 1)))]
     pub exposures: u32,
@@ -58,8 +58,8 @@ pub struct TrialUpload<V = Value> {
 }
 
 impl<V: Serialize> TrialUpload<V> {
-    /// Accepts a body that can be a trial of this study: as many steps, states that can be drawn, and no more of
-    /// anything than is kept. Whatever else is odd about it is evidence, which
+    /// Accepts a body that can be a trial of this study: the right number of steps, states that can be drawn,
+    /// and nothing beyond the size limits. Anything else unusual is evidence, which
     /// [`flags`](crate::trial::flags) and [`Record`](crate::trial::Record) flag.
     ///
     /// # Errors
@@ -100,12 +100,12 @@ impl<V: Serialize> TrialUpload<V> {
     }
 }
 
-/// Answer to a trial's upload.
+/// Response to a trial's upload.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialStored {
     /// The trial.
     pub trial_id: String,
-    /// The trial that comes next; absent after the last.
+    /// The next trial; absent after the last.
     pub next: Option<String>,
 }

@@ -13,14 +13,14 @@ pub struct PredictedBounds {
     pub sets: Vec<InputBounds>,
     /// The bounds before widening, of each step, rad/s.
     pub raw: Vec<(f64, f64)>,
-    /// The states of the roll-out along the low bounds, from now: T + 1.
+    /// The T + 1 states of the roll-out along the low bounds, the present one first.
     pub low: Vec<JointState>,
-    /// The states of the roll-out along the high bounds, from now: T + 1.
+    /// The T + 1 states of the roll-out along the high bounds, the present one first.
     pub high: Vec<JointState>,
 }
 
-/// Algorithm 1 of the paper with its working memory: after one run, runs with no more states,
-/// steps, sets and actions allocate nothing.
+/// Algorithm 1 of the paper with its buffers: after a first run, runs with no more states, steps,
+/// sets and actions do not allocate.
 #[derive(Clone, Debug, Default)]
 pub struct Algorithm1 {
     /// Past and predicted states, along the low and along the high bounds.
@@ -33,16 +33,15 @@ pub struct Algorithm1 {
 impl Algorithm1 {
     /// Bounds on the human's turn rate for each coming step and each set.
     ///
-    /// `history` is every joint state of the trial up to now, at least one.
-    /// `robot_action` gives the robot's turn rate, rad/s, from the states so far
-    /// (`getRobotAction`); like the model, it is evaluated along both roll-outs, and returns the
-    /// same value for the same states. Indices count from the present step.
+    /// `history` is every joint state of the trial up to now, at least one. `robot_action` returns the robot's
+    /// turn rate, rad/s, from the states so far (`getRobotAction`); like the model, it is evaluated along both
+    /// roll-outs and must be deterministic. Indices count from the present step.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no state; a coordinate is not finite; a part of `motion` is
-    /// wrong; an action of the human or the robot is outside the vehicle's turn rate; the model's
-    /// number of actions differs from the settings'; or its probabilities are not
-    /// numbers ≥ 0 that sum to 1 within 10⁻⁶.
+    /// [`Invalid`] if there is no state; a coordinate is not finite; a field of `motion` is
+    /// invalid; an action of the human or the robot is outside the vehicle's turn rate; the model's
+    /// number of actions differs from the settings'; or its probabilities are not numbers ≥ 0 that
+    /// sum to 1 within 10⁻⁶.
     pub fn run(
         &mut self,
         history: &[JointState],
@@ -87,13 +86,13 @@ impl Algorithm1 {
         Ok(&self.found)
     }
 
-    /// What the last run found; nothing before the first. After an error it is incomplete.
+    /// The result of the last run: empty before the first run, incomplete after an error.
     #[must_use]
     pub fn found(&self) -> &PredictedBounds {
         &self.found
     }
 
-    /// Empties everything but its memory.
+    /// Clears all buffers, keeping their capacity, and copies `history`.
     fn start(&mut self, history: &[JointState], sets: usize) {
         for path in [&mut self.low, &mut self.high] {
             path.clear();
@@ -141,7 +140,7 @@ fn check(
     }
     motion.check().map_err(|invalid| invalid.within("motion"))?;
     if actions.len() != settings.actions {
-        let expected = format!("{} actions, as the settings say", settings.actions);
+        let expected = format!("{} actions, as in the settings", settings.actions);
         return Err(Invalid::new("actions", expected, actions.len()));
     }
     let (least, most) = motion.human_turn_rate;
@@ -176,10 +175,10 @@ fn advance(path: &mut Vec<JointState>, human_turn: f64, robot_turn: f64, motion:
     }
 }
 
-/// How far the sum of probabilities may be from 1.
+/// Largest deviation of the sum of probabilities from 1.
 const SUM_TOLERANCE: f64 = 1e-6;
 
-/// Finds the actions that count (getTopKPredictedHumanActions).
+/// Finds the likely actions (getTopKPredictedHumanActions).
 #[derive(Clone, Debug, Default)]
 struct LikelyActions {
     probabilities: Vec<f64>,
@@ -187,7 +186,7 @@ struct LikelyActions {
 }
 
 impl LikelyActions {
-    /// Lowest and highest turn rate among the actions that count at coming step `i`.
+    /// Lowest and highest turn rate among the likely actions at coming step `i`.
     fn range(
         &mut self,
         model: &impl ActionModel,
@@ -214,8 +213,8 @@ impl LikelyActions {
         Ok(likely.fold(none, |(lo, hi), (&rate, _)| (lo.min(rate), hi.max(rate))))
     }
 
-    /// Least probability that counts. Rounding, as of a softmax or of numbers in a file, does not separate
-    /// probabilities that are equal: those up to [`TIE`] less count too.
+    /// The lowest probability of a likely action. It is reduced by [`TIE`], so that rounding
+    /// by a softmax or a file does not separate equal probabilities.
     fn threshold(&mut self, choice: &ActionChoice, i: usize) -> f64 {
         let least = match choice {
             ActionChoice::Adaptive { tau, .. } => {
@@ -238,7 +237,7 @@ mod tests {
     use super::*;
     use crate::vehicle::Pose;
 
-    /// The same probabilities everywhere.
+    /// The same probabilities in every state.
     struct Fixed<'a>(&'a [f64], &'a [f64]);
 
     impl ActionModel for Fixed<'_> {
@@ -281,7 +280,7 @@ mod tests {
         assert_eq!(raw([0.2, 0.6, 0.2], 1), (0.0, 0.0));
         // The second likeliest has probability 0, so all actions tie with it.
         assert_eq!(raw([1.0, 0.0, 0.0], 2), (-0.5, 0.5));
-        // Thirds that a file or a softmax has rounded, each to another side.
+        // Thirds, rounded in different directions by a file or a softmax.
         for last in [0.3333333333333334, 1.0 / 3.0, 0.3333333333333332] {
             assert_eq!(raw([1.0 / 3.0, 1.0 / 3.0, last], 1), (-0.5, 0.5), "{last}");
         }
@@ -293,14 +292,14 @@ mod tests {
         let adaptive = |p, tau| run(p, &[0.0], ActionChoice::Adaptive { tau, steps: 1 }).raw[0];
         assert_eq!(adaptive([0.1, 0.6, 0.3], 0.25), (0.0, 0.5));
         assert_eq!(adaptive([0.05, 0.9, 0.05], 0.25), (0.0, 0.0));
-        // Where nothing reaches τ the most likely one counts, with its ties.
+        // If no action reaches τ, the most likely one counts, with its ties.
         assert_eq!(adaptive([0.5, 0.3, 0.2], 1.0), (-0.5, -0.5));
         assert_eq!(adaptive([0.4, 0.2, 0.4], 0.9), (-0.5, 0.5));
         // 0.1 + 0.2 is 0.30000000000000004.
         assert_eq!(adaptive([0.3, 0.6, 0.1], 0.1 + 0.2), (-0.5, 0.0));
     }
 
-    /// Five actions and a turn rate that is not the same to both sides.
+    /// Five actions and an asymmetric turn rate.
     #[test]
     fn any_actions_within_any_turn_rate() {
         let motion =
@@ -333,7 +332,7 @@ mod tests {
             input_bounds(&history, &parameters, &model, toward, &settings.unwrap()).unwrap();
         assert!(found.low[4].human.y < 0.0 && found.high[4].human.y > 0.0);
         let turned = |path: &[JointState]| crate::math::wrap_angle(path[4].robot.psi - 3.0);
-        // The first answer is for the same state in both: y = 0 counts as left.
+        // At first both roll-outs are in the same state: y = 0 counts as left.
         assert!((turned(&found.high) - 0.4).abs() < 1e-12, "{}", turned(&found.high));
         assert!((turned(&found.low) + 0.2).abs() < 1e-12, "{}", turned(&found.low));
     }

@@ -2,20 +2,20 @@
 
 use crate::math::ln;
 
-/// What an axis shows.
+/// An axis: quantity, ends and ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// What is along it.
+    /// The quantity.
     pub name: String,
-    /// Its unit; empty for none.
+    /// Its unit; may be empty.
     pub unit: String,
     /// The numbers at its ends: left and right, or bottom and top.
     pub ends: [f64; 2],
-    /// Whether equal lengths are equal ratios.
+    /// Whether the scale is logarithmic.
     pub logarithmic: bool,
-    /// Whether its ticks are categories, whose middles are at 0.5, 1.5, ….
+    /// Whether its ticks are categories, centred at 0.5, 1.5, ….
     pub of_categories: bool,
-    /// Numbers along it with their labels.
+    /// The ticks: numbers with their labels.
     pub labels: Vec<(f64, String)>,
 }
 
@@ -24,14 +24,14 @@ pub struct Axis {
 pub struct Tick {
     /// The number, in the axis's unit.
     pub value: f64,
-    /// Where it is: 0 at the axis's beginning, 1 at its end.
+    /// Its position: 0 at the start of the axis, 1 at its end.
     pub share: f64,
-    /// What stands beside it.
+    /// Its label.
     pub label: String,
 }
 
 impl Axis {
-    /// From end to end, with at most `most` steps between round numbers.
+    /// A linear axis with round ticks and at most `most` steps between them.
     #[must_use]
     pub fn linear(name: &str, unit: &str, ends: [f64; 2], most: usize) -> Self {
         let ends = proper(ends);
@@ -39,7 +39,7 @@ impl Axis {
         Self::ticked(name, unit, ends, multiples(ends, step, 1.0))
     }
 
-    /// Around all of `range`, widened to round numbers, with at most `most` + 1 steps.
+    /// A linear axis that covers `range`, widened to round numbers, with at most `most` + 1 steps.
     #[must_use]
     pub fn round(name: &str, unit: &str, range: [f64; 2], most: usize) -> Self {
         let [low, high] = proper(range);
@@ -50,8 +50,8 @@ impl Axis {
         Self::ticked(name, unit, ends, multiples(ends, step, 1.0))
     }
 
-    /// Time from end to end, in s. Ticks are round numbers of seconds, minutes or hours, whichever
-    /// suits the duration.
+    /// A time axis, s. Ticks are round numbers of seconds, minutes or hours, depending on the
+    /// duration.
     #[must_use]
     pub fn time(name: &str, ends_s: [f64; 2], most: usize) -> Self {
         let ends = proper(ends_s);
@@ -65,8 +65,8 @@ impl Axis {
         Self::ticked(name, unit, ends, multiples(ends, step, seconds))
     }
 
-    /// A logarithmic axis between positive ends: ticks at powers of ten, or at 1, 2 and 5 times
-    /// these where there are few.
+    /// A logarithmic axis between positive ends: ticks at powers of ten, also at 2 and 5 times
+    /// these if there are few.
     #[must_use]
     pub fn logarithmic(name: &str, unit: &str, ends: [f64; 2]) -> Self {
         let low = if ends[0] > 0.0 { ends[0] } else { f64::MIN_POSITIVE };
@@ -80,7 +80,7 @@ impl Axis {
         Self { logarithmic: true, ..Self::ticked(name, unit, ends, labels) }
     }
 
-    /// One place for each category, in their order.
+    /// An axis with one place per category, in order.
     #[must_use]
     pub fn categories(name: &str, categories: impl IntoIterator<Item = impl Into<String>>) -> Self {
         let label = |(i, name): (usize, _)| (i as f64 + 0.5, Into::into(name));
@@ -89,14 +89,14 @@ impl Axis {
         Self { of_categories: true, ..Self::ticked(name, "", ends, labels) }
     }
 
-    /// The other way round: the first category of an upward axis is then at the top.
+    /// Reversed: the first category of a vertical axis is then at the top.
     #[must_use]
     pub fn downwards(mut self) -> Self {
         self.ends.reverse();
         self
     }
 
-    /// With these ticks.
+    /// A linear axis with these ticks.
     #[must_use]
     pub fn ticked(name: &str, unit: &str, ends: [f64; 2], labels: Vec<(f64, String)>) -> Self {
         let (name, unit) = (name.to_owned(), unit.to_owned());
@@ -113,7 +113,7 @@ impl Axis {
         }
     }
 
-    /// Where a number is: 0 at the beginning of the axis, 1 at its end.
+    /// The position of a number: 0 at the start of the axis, 1 at its end.
     #[must_use]
     pub fn share(&self, value: f64) -> f64 {
         let place = |value: f64| if self.logarithmic { ln(value) } else { value };
@@ -121,7 +121,7 @@ impl Axis {
         (place(value) - from) / (to - from)
     }
 
-    /// The ticks, from the beginning on.
+    /// The ticks, from the start of the axis.
     pub fn ticks(&self) -> impl Iterator<Item = Tick> + '_ {
         self.labels.iter().map(|(value, label)| Tick {
             value: *value,
@@ -131,13 +131,13 @@ impl Axis {
     }
 }
 
-/// Ends that are finite and apart.
+/// Makes ends finite, ordered and distinct.
 fn proper([low, high]: [f64; 2]) -> [f64; 2] {
     if !(low.is_finite() && high.is_finite()) {
         return [0.0, 1.0];
     }
     let [low, high] = if low <= high { [low, high] } else { [high, low] };
-    // Ends that numbers can hardly tell apart have no round number between them.
+    // Ends that differ by little more than rounding have no round number between them.
     let least = 1e-9 * low.abs().max(high.abs()).max(1e-9);
     if high - low < least {
         [low - 0.5 * least.max(1.0), high + 0.5 * least.max(1.0)]
@@ -146,11 +146,11 @@ fn proper([low, high]: [f64; 2]) -> [f64; 2] {
     }
 }
 
-/// 1, 2 or 5 times a power of ten, the least of which `most` are as long as `length`.
+/// The smallest 1, 2 or 5 times a power of ten of which at most `most` steps cover `length`.
 #[must_use]
 pub fn round_step(length: f64, most: usize) -> f64 {
     let least = length.clamp(1e-300, 1e300) / most.max(1) as f64;
-    // The decimal form says the power of ten, and keeps 0.1 what it is.
+    // The decimal form gives the power of ten and keeps 0.1 exact.
     let text = format!("{least:e}");
     let power = text.split_once('e').map_or("0", |(_, power)| power);
     let factors = ["1", "2", "5", "10"].map(|factor| format!("{factor}e{power}"));
@@ -163,7 +163,7 @@ fn multiples([low, high]: [f64; 2], step: f64, unit: f64) -> Vec<(f64, String)> 
     let (first, last) = ((low / unit / step - 1e-6).ceil(), (high / unit / step + 1e-6).floor());
     let is_whole = |number: f64| (number - number.round()).abs() < 1e-6 * number;
     let places = (0..12).find(|places| is_whole(step * ten(*places)));
-    // Far more steps than were asked for are a mistake of rounding.
+    // Guards against rounding errors, which could cause far too many steps.
     let count = (last - first).clamp(-1.0, 1000.0);
     let tick = |i: i32| (first + f64::from(i)) * step;
     let label = |value: f64| match places {
@@ -177,7 +177,7 @@ fn ten(power: u32) -> f64 {
     (0..power).fold(1.0, |product, _| 10.0 * product)
 }
 
-/// With that many decimal places and a typographer's minus; never −0.
+/// The number with `places` decimal places and a typographic minus; never −0.
 #[must_use]
 pub fn fixed(number: f64, places: usize) -> String {
     let text = format!("{number:.places$}");
@@ -188,7 +188,7 @@ pub fn fixed(number: f64, places: usize) -> String {
     }
 }
 
-/// Words for a number that is not zero, but would be printed as zero with that many decimal places.
+/// Words for a nonzero number that would be printed as zero with `places` decimal places.
 #[must_use]
 pub fn beside_zero(number: f64, places: usize) -> Option<&'static str> {
     let is_printed_as_zero = fixed(number, places).chars().all(|c| "0.".contains(c));
@@ -196,7 +196,7 @@ pub fn beside_zero(number: f64, places: usize) -> Option<&'static str> {
     (number != 0.0 && is_printed_as_zero).then_some(words)
 }
 
-/// To six significant digits, without zeros that say nothing: "0.25", "−3", "2·10⁻⁷".
+/// The number to six significant digits, without trailing zeros: "0.25", "−3", "2·10⁻⁷".
 #[must_use]
 pub fn number(value: f64) -> String {
     let text = format!("{:.5e}", value.abs());
@@ -218,7 +218,7 @@ pub fn number(value: f64) -> String {
         '1' => '¹',
         '2' => '²',
         '3' => '³',
-        // The other superscripts follow each other.
+        // The other superscripts are contiguous in Unicode.
         _ => c.to_digit(10).and_then(|digit| char::from_u32('⁰' as u32 + digit)).unwrap_or(c),
     };
     let power: String = power.to_string().chars().map(raised).collect();
@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn ticks_are_round_for_any_duration() {
-        // 8 s once had the ticks 0 1 2 2 3 4 5 6 6 7 8.
+        // Regression: 8 s had the ticks 0 1 2 2 3 4 5 6 6 7 8.
         let eight = Axis::time("time", [0.0, 8.0], 10);
         assert_eq!(labels(&eight), ["0", "1", "2", "3", "4", "5", "6", "7", "8"]);
         assert_eq!(labels(&Axis::time("time", [0.0, 10.0], 10)).len(), 11);
@@ -255,7 +255,7 @@ mod tests {
         assert_eq!((day.unit.as_str(), labels(&day)), ("h", vec!["0", "5", "10", "15", "20"]));
     }
 
-    /// Steps are 1, 2 or 5 times a power of ten; at most as many as asked for; labels differ.
+    /// Steps are 1, 2 or 5 times a power of ten and no more than requested; labels differ.
     #[test]
     fn ticks_are_round_for_any_range() {
         let mut rng = crate::math::SeededRng::new(20);

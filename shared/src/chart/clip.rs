@@ -1,13 +1,13 @@
-//! The part of a curve that is within a rectangle: left, top, right, bottom.
+//! Clips curves to a rectangle: left, top, right, bottom.
 
 use super::drawing::{Drawing, Form, Point, Shape};
 use crate::math::{TAU, sin_cos};
 
-/// Corners of a circle that the edge of a drawing cuts.
+/// Vertices of a circle that the edge of the drawing clips.
 const CORNERS: usize = 96;
 
 impl Drawing {
-    /// Cuts off what is outside of its size; words stay if their anchor is inside.
+    /// Clips all shapes to its size; words stay if their anchor is inside.
     pub fn cut(&mut self) {
         let frame @ [_, _, right, bottom] = [0.0, 0.0, self.size[0], self.size[1]];
         let is_inside = |[x, y]: Point| (0.0..=right).contains(&x) && (0.0..=bottom).contains(&y);
@@ -48,7 +48,7 @@ impl Drawing {
         }));
     }
 
-    /// The area and the edge one after the other, for the frame is no edge.
+    /// Clips area and edge separately, because the frame is not part of the edge.
     fn cut_polygon(&mut self, points: &[Point], shape: &Shape, frame: [f64; 4]) {
         let inside = polygon_inside(points, frame);
         if inside.len() > 2 {
@@ -61,13 +61,13 @@ impl Drawing {
     }
 }
 
-/// The pieces of a line inside (Liang and Barsky). Points that are not finite part it.
+/// The pieces of a line inside (Liang and Barsky). Non-finite points split it.
 pub(super) fn line_inside(line: &[Point], [left, top, right, bottom]: [f64; 4]) -> Vec<Vec<Point>> {
     let mut pieces: Vec<Vec<Point>> = Vec::new();
     let mut joined = false;
     for (from, to) in line.iter().zip(line.iter().skip(1)) {
         let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-        // Shares of the way at which it enters and leaves each side.
+        // Fractions of the segment at which it enters and leaves each side.
         let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
         for (speed, room) in [
             (-dx, from[0] - left),
@@ -98,13 +98,13 @@ pub(super) fn line_inside(line: &[Point], [left, top, right, bottom]: [f64; 4]) 
     pieces
 }
 
-/// The polygon inside (Sutherland and Hodgman); empty if nothing is.
+/// The part of a polygon inside (Sutherland and Hodgman); empty if all of it is outside.
 pub(super) fn polygon_inside(
     polygon: &[Point],
     [left, top, right, bottom]: [f64; 4],
 ) -> Vec<Point> {
     let mut inside: Vec<Point> = polygon.to_vec();
-    // Axis, limit, and whether what is above the limit stays.
+    // Axis, limit, and whether the part above the limit stays.
     for (axis, limit, above) in
         [(0, left, true), (0, right, false), (1, top, true), (1, bottom, false)]
     {
@@ -195,7 +195,7 @@ mod tests {
         let cut = polygon_inside(&square, FRAME);
         assert_eq!(cut, [[5.0, 5.0], [10.0, 5.0], [10.0, 10.0], [5.0, 10.0]]);
         assert!(polygon_inside(&[[11.0, 1.0], [12.0, 1.0], [12.0, 2.0]], FRAME).is_empty());
-        // All of the frame is inside of this.
+        // This polygon contains the whole frame.
         let around = [[-9.0, -9.0], [99.0, -9.0], [99.0, 99.0], [-9.0, 99.0]];
         assert_eq!(polygon_inside(&around, FRAME).len(), 4);
     }

@@ -3,21 +3,21 @@
 //! `static/style.css` and `static/lab.css` declare the same colours under the same names as custom
 //! properties; a test compares them.
 
-/// A colour: one of the design, with its value on light and on dark ground, or any other.
+/// A colour: a design colour, with its values on light and dark backgrounds, or any other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour {
     /// Its custom property in the style sheet, without the dashes.
     pub name: Option<&'static str>,
-    /// Red, green and blue on light ground.
+    /// Red, green and blue on a light background.
     pub light: [u8; 3],
-    /// Red, green and blue on dark ground.
+    /// Red, green and blue on a dark background.
     pub dark: [u8; 3],
 }
 
 /// A colour with an opacity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ink {
-    /// Which colour.
+    /// The colour.
     pub colour: Colour,
     /// 0 to 1.
     pub opacity: f64,
@@ -31,7 +31,7 @@ const fn named(name: &'static str, light: u32, dark: u32) -> Colour {
     Colour { name: Some(name), light: rgb(light), dark: rgb(dark) }
 }
 
-/// What charts are drawn on.
+/// Background of charts.
 pub const SURFACE: Colour = named("surface", 0xff_ffff, 0x1d_2024);
 /// Frames and zero lines.
 pub const LINE: Colour = named("line", 0xe4_e2dd, 0x30_343a);
@@ -39,16 +39,16 @@ pub const LINE: Colour = named("line", 0xe4_e2dd, 0x30_343a);
 pub const GRID: Colour = named("grid", 0xef_edea, 0x21_2429);
 /// Words.
 pub const TEXT: Colour = named("text", 0x1c_1e22, 0xec_eef1);
-/// Words and lines of less weight.
+/// Secondary words and lines.
 pub const MUTED: Colour = named("muted", 0x6a_6d73, 0x9a_a0a8);
-/// What stands out.
+/// Highlights.
 pub const ACCENT: Colour = named("accent", 0x2d_6fe0, 0x7a_a7ff);
 /// The human's vehicle.
 pub const HUMAN: Colour = named("human", 0x2d_6fe0, 0x6e_a0ff);
 /// The robot's vehicle.
 pub const ROBOT: Colour = named("robot", 0xe0_453a, 0xff_6a5e);
-/// Predicted regions from the innermost outwards: red, yellow, green, blue, purple, as in the
-/// paper.
+/// Predicted regions from the innermost to the outermost: red, yellow, green, blue, purple, as in
+/// the paper.
 pub const REGIONS: [Colour; 5] = [
     named("region-1", 0xe2_504a, 0xe4_574f),
     named("region-2", 0xe6_bd3c, 0xdf_b73f),
@@ -56,8 +56,8 @@ pub const REGIONS: [Colour; 5] = [
     named("region-4", 0x44_77d3, 0x45_76d0),
     named("region-5", 0x93_67cf, 0x86_59c4),
 ];
-/// The same for all eyes: tones of viridis (van der Walt and Smith 2015), from dark to bright, which
-/// differ in lightness alone too.
+/// Predicted regions for colour-blind readers: tones of viridis (van der Walt and Smith 2015), from
+/// dark to bright, which also differ in lightness.
 pub const SAFE_REGIONS: [Colour; 5] = [
     Colour::rgb(rgb(0x44_0154)),
     Colour::rgb(rgb(0x3b_528b)),
@@ -66,7 +66,7 @@ pub const SAFE_REGIONS: [Colour; 5] = [
     Colour::rgb(rgb(0xfd_e725)),
 ];
 /// Series that are compared: blue, vermilion, green, purple, ochre and slate after Okabe and Ito
-/// (2008), dark enough for words on light ground. Most people tell them apart.
+/// (2008), dark enough for words on a light background. Most people can distinguish them.
 pub const SERIES: [Colour; 6] = [
     named("series-1", 0x00_72b2, 0x5c_b8f0),
     named("series-2", 0xc0_5600, 0xf0_a13c),
@@ -79,13 +79,13 @@ pub const SERIES: [Colour; 6] = [
 pub const MAP: Colour = named("map", 0x6a_3fb0, 0xb7_9bf0);
 
 impl Colour {
-    /// A colour that is not of the design, such as a tone of a shaded surface.
+    /// A colour outside the design, such as a tone of a shaded surface.
     #[must_use]
     pub const fn rgb([red, green, blue]: [u8; 3]) -> Self {
         Self { name: None, light: [red, green, blue], dark: [red, green, blue] }
     }
 
-    /// The colour that is `share` (0 to 1) of the way to another.
+    /// Interpolates towards another colour by `share` (0 to 1).
     #[must_use]
     pub fn towards(self, other: Self, share: f64) -> Self {
         let mix = |a: [u8; 3], b: [u8; 3]| {
@@ -97,7 +97,7 @@ impl Colour {
         Self { name: None, light: mix(self.light, other.light), dark: mix(self.dark, other.dark) }
     }
 
-    /// With an opacity from 0 to 1.
+    /// This colour with an opacity from 0 to 1.
     #[must_use]
     pub const fn at(self, opacity: f64) -> Ink {
         Ink { colour: self, opacity }
@@ -110,14 +110,14 @@ impl From<Colour> for Ink {
     }
 }
 
-/// The colour of region `j`, from 0, of `count`: red inside, purple outside; blends of neighbours
-/// where there are more regions than colours.
+/// The colour of region `j`, from 0, of `count`: red inside, purple outside; interpolated if there
+/// are more regions than colours.
 #[must_use]
 pub fn region(j: usize, count: usize) -> Colour {
     blend(&REGIONS, j, count)
 }
 
-/// Likewise for all eyes: dark inside, bright outside.
+/// Likewise for colour-blind readers: dark inside, bright outside.
 #[must_use]
 pub fn safe_region(j: usize, count: usize) -> Colour {
     blend(&SAFE_REGIONS, j, count)
@@ -143,7 +143,8 @@ mod tests {
 
     #[test]
     fn the_style_sheet_has_the_same_colours() {
-        // Participants do not load the colours that only charts and the laboratory have.
+        // Colours that only charts and the laboratory use are in a separate sheet, which
+        // participants do not load.
         let sheets = [
             (include_str!("../../../static/style.css"), "*, *::before"),
             (include_str!("../../../static/lab.css"), ".home"),
@@ -177,7 +178,7 @@ mod tests {
         assert_eq!(region(2, 3), REGIONS[2]);
     }
 
-    /// How people see who lack the cones for red, green or blue: linear RGB to linear RGB, rows first
+    /// Vision without the cones for red, green or blue, from linear RGB to linear RGB, row by row
     /// (Machado, Oliveira and Fernandes 2009, severity 1).
     const VISIONS: [[[f64; 3]; 3]; 4] = [
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -198,7 +199,7 @@ mod tests {
         ],
     ];
 
-    /// CIE L*, a* and b* of an sRGB colour in somebody's eyes.
+    /// CIE L*, a* and b* of an sRGB colour under a type of vision.
     fn seen(colour: [u8; 3], vision: [[f64; 3]; 3]) -> [f64; 3] {
         let linear = colour.map(|channel| match f64::from(channel) / 255.0 {
             low if low <= 0.040_45 => low / 12.92,
@@ -208,7 +209,7 @@ mod tests {
             m.map(|row| row.iter().zip(v).map(|(a, b)| a * b).sum::<f64>())
         };
         let rgb = times(vision, linear).map(|channel| channel.clamp(0.0, 1.0));
-        // To XYZ over the white of D65.
+        // To XYZ relative to the D65 white point.
         let to_xyz = [
             [0.4124 / 0.9505, 0.3576 / 0.9505, 0.1805 / 0.9505],
             [0.2126, 0.7152, 0.0722],
@@ -224,7 +225,7 @@ mod tests {
     #[test]
     fn safe_colours_differ_for_all_eyes() {
         for vision in VISIONS {
-            // Neighbours differ in lightness alone: in print without colours too.
+            // Neighbours differ in lightness, so they also differ in greyscale print.
             let lightness = SAFE_REGIONS.map(|colour| seen(colour.light, vision)[0]);
             for (inner, outer) in lightness.iter().zip(&lightness[1..]) {
                 assert!(outer - inner > 12.0, "{lightness:?}");

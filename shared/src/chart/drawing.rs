@@ -1,4 +1,4 @@
-//! Lines, areas and words in pixels from the top left corner.
+//! Drawings: lines, areas and words in pixels from the top left corner.
 
 use super::colours::{Colour, Ink, SURFACE};
 use crate::math::sin_cos;
@@ -6,40 +6,40 @@ use crate::math::sin_cos;
 /// [right, down], px; in a chart's own units [x, y].
 pub type Point = [f64; 2];
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pen {
     /// Its colour.
     pub ink: Ink,
     /// px.
     pub width: f64,
-    /// Lengths of dashes and of gaps, px.
+    /// Lengths of dashes and gaps, px.
     pub dash: Option<[f64; 2]>,
-    /// How far a seam in the colour of the surface shows on both sides of the line, px.
+    /// Width of the halo in the background colour on each side of the line, px.
     pub halo: f64,
 }
 
 impl Pen {
-    /// A solid line.
+    /// A solid pen.
     #[must_use]
     pub fn new(ink: impl Into<Ink>, width: f64) -> Self {
         Self { ink: ink.into(), width, dash: None, halo: 0.0 }
     }
 
-    /// In dashes and gaps of these lengths, px.
+    /// This pen with dashes and gaps of these lengths, px.
     #[must_use]
     pub const fn dashed(self, dash: f64, gap: f64) -> Self {
         Self { dash: Some([dash, gap]), ..self }
     }
 
-    /// With a seam of that width, px, so that it shows on any ground.
+    /// This pen with a halo of that width, px, so that the line shows on any background.
     #[must_use]
     pub const fn halo(self, width: f64) -> Self {
         Self { halo: width, ..self }
     }
 }
 
-/// Which end of a line of text is at its anchor.
+/// Alignment of a line of text at its anchor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
     /// The text begins there.
@@ -53,29 +53,29 @@ pub enum Align {
 /// A line of text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text {
-    /// What it says.
+    /// The words.
     pub text: String,
-    /// Its anchor, at half the height of its capitals.
+    /// Its anchor, at half the cap height.
     pub at: Point,
     /// px.
     pub size: f64,
     /// Bold or regular.
     pub bold: bool,
-    /// Which end is at the anchor.
+    /// Alignment at the anchor.
     pub align: Align,
-    /// Whether a seam in the colour of the surface parts it from lines below.
+    /// Whether a halo in the background colour separates it from lines below.
     pub halo: bool,
 }
 
 impl Text {
-    /// How far below its anchor the base line is, px.
+    /// y of the baseline, px.
     #[must_use]
     pub fn base_line(&self) -> f64 {
         self.at[1] + 0.365 * self.size
     }
 }
 
-/// The form of something drawn.
+/// The geometry of a shape.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Form {
     /// A line through points.
@@ -89,40 +89,40 @@ pub enum Form {
         /// px.
         radius: f64,
     },
-    /// Upright rectangles without a seam between neighbours: left, top, right, bottom.
+    /// Axis-aligned rectangles without gaps between neighbours: left, top, right, bottom.
     Boxes(Vec<[f64; 4]>),
     /// Words.
     Text(Text),
 }
 
-/// Something drawn.
+/// A shape in a drawing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// Its form.
+    /// Its geometry.
     pub form: Form,
-    /// What fills it.
+    /// Fill colour, if any.
     pub fill: Option<Ink>,
-    /// How its edge is drawn.
+    /// Style of its edge, if any.
     pub stroke: Option<Pen>,
-    /// What appears under a pointer; empty for nothing.
+    /// Tooltip; may be empty.
     pub says: String,
 }
 
-/// A picture: shapes, the first one at the bottom.
+/// A picture: shapes from bottom to top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
     /// Width and height, px.
     pub size: [f64; 2],
-    /// Its name.
+    /// Its title.
     pub title: String,
-    /// What it shows, for readers who do not see it; may be empty.
+    /// Description for screen readers; may be empty.
     pub description: String,
-    /// What is drawn.
+    /// The shapes.
     pub shapes: Vec<Shape>,
 }
 
 impl Drawing {
-    /// An empty one.
+    /// An empty drawing.
     #[must_use]
     pub fn new(title: &str, description: &str, size: [f64; 2]) -> Self {
         let (title, description) = (title.to_owned(), description.to_owned());
@@ -162,14 +162,14 @@ impl Drawing {
         self.add(Form::Circle { centre, radius }, fill, edge);
     }
 
-    /// Upright rectangles: left, top, right, bottom.
+    /// Axis-aligned rectangles: left, top, right, bottom.
     pub fn boxes(&mut self, boxes: Vec<[f64; 4]>, ink: impl Into<Ink>) {
         if !boxes.is_empty() {
             self.add(Form::Boxes(boxes), Some(ink.into()), None);
         }
     }
 
-    /// A line of text, its capitals centred on the anchor.
+    /// A line of text whose capitals are vertically centred on the anchor.
     pub fn text(&mut self, text: &str, at: Point, size: f64, ink: impl Into<Ink>, align: Align) {
         self.words(text, at, size, ink, align, false);
     }
@@ -194,21 +194,21 @@ impl Drawing {
         }
     }
 
-    /// Lets the last text stand out from the lines below it.
+    /// Gives the last text a halo.
     pub fn with_halo(&mut self) {
         if let Some(Shape { form: Form::Text(text), .. }) = self.shapes.last_mut() {
             text.halo = true;
         }
     }
 
-    /// Lets the last shape say something under a pointer.
+    /// Gives the last shape a tooltip.
     pub fn saying(&mut self, says: &str) {
         if let Some(shape) = self.shapes.last_mut() {
             says.clone_into(&mut shape.says);
         }
     }
 
-    /// A vehicle, as participants see it. `angle` is counter-clockwise from the right.
+    /// A vehicle in the shape that participants see. `angle` is counter-clockwise from the right.
     pub fn vehicle(&mut self, middle: Point, angle: f64, length: f64, colour: Colour) {
         let shape = [[0.6, 0.0], [-0.4, 0.38], [-0.2, 0.0], [-0.4, -0.38]];
         let points = turned(&shape, middle, angle, length);
@@ -222,7 +222,7 @@ impl Drawing {
         self.polygon(head, Some(colour.into()), None);
     }
 
-    /// Everything of another drawing, its top left corner at `corner`.
+    /// Adds all shapes of another drawing, with its top left corner at `corner`.
     pub fn place(&mut self, other: &Self, corner: Point) {
         let moved = |[x, y]: Point| [x + corner[0], y + corner[1]];
         self.shapes.extend(other.shapes.iter().cloned().map(|mut shape| {

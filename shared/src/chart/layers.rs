@@ -1,4 +1,4 @@
-//! What stands between the axes, in their units.
+//! Layers of a chart, in the units of its axes.
 
 use super::colours::{Colour, Ink};
 use super::drawing::{Align, Drawing, Pen, Point};
@@ -7,19 +7,19 @@ use crate::math::{TAU, sin_cos};
 /// A layer of a chart; later ones cover earlier ones.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Layer {
-    /// Points joined by a line, marked, or both.
+    /// Points with a line, marks or both.
     Series(Series),
-    /// Many numbers for each category.
+    /// Dots for the numbers of each category.
     Swarm(Swarm),
     /// A closed curve.
     Area(Area),
-    /// Cells of a map in one tone.
+    /// Cells of a map in one colour.
     Cells(Cells),
     /// Words or a sign at a point.
     Note(Note),
 }
 
-/// A form that marks a point: colour is not all that tells series apart.
+/// Shape of a marker, so that series differ not only by colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// ●
@@ -33,7 +33,7 @@ pub enum Mark {
 }
 
 impl Mark {
-    /// Around a point, about as large as a circle of that radius, px.
+    /// Draws the mark around a point, about as large as a circle of radius `radius`, px.
     pub fn draw(
         self,
         drawing: &mut Drawing,
@@ -42,7 +42,7 @@ impl Mark {
         ink: Ink,
         edge: Option<Pen>,
     ) {
-        // Corners, eighths of a turn from the right to the first one, and size.
+        // Number of corners, angle of the first one from the right in eighths of a turn, and size.
         let (corners, first, size) = match self {
             Self::Circle => return drawing.circle([x, y], radius, Some(ink), edge),
             Self::Square => (4, 1.0, 1.25),
@@ -60,20 +60,20 @@ impl Mark {
 /// A point of a series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Datum {
-    /// Where it is.
+    /// Its position.
     pub at: Point,
-    /// Of its mark, px.
+    /// Radius of its mark, px.
     pub radius: f64,
-    /// What appears under a pointer; empty for nothing.
+    /// Tooltip; may be empty.
     pub says: String,
 }
 
-/// Points joined by a line, marked, or both. One with a name is in the legend and the table.
+/// Points with a line, marks or both. Named series appear in the legend and the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// In the legend and the table; empty for a line that only helps the eye.
+    /// Name in the legend and the table; empty for a guide line.
     pub name: String,
-    /// Its points. One that is not finite parts the line.
+    /// Its points. A non-finite point splits the line.
     pub points: Vec<Datum>,
     /// The line through the points.
     pub line: Option<Pen>,
@@ -82,7 +82,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// A line of that width, px.
+    /// A line of width `width`, px.
     #[must_use]
     pub fn line(
         name: &str,
@@ -93,7 +93,7 @@ impl Series {
         Self::drawn(name, points, Pen::new(ink, width))
     }
 
-    /// A line drawn with that pen.
+    /// A line drawn with `pen`.
     #[must_use]
     pub fn drawn(name: &str, points: impl IntoIterator<Item = Point>, pen: Pen) -> Self {
         let datum = |at| Datum { at, radius: 3.2, says: String::new() };
@@ -101,20 +101,20 @@ impl Series {
         Self { name: name.to_owned(), points, line: Some(pen), mark: None }
     }
 
-    /// Marks of the line's colour at its points.
+    /// Adds marks in the line's colour at its points.
     #[must_use]
     pub fn marked(self, mark: Mark) -> Self {
         let ink = self.line.map_or(super::colours::TEXT.into(), |pen| pen.ink);
         Self { mark: Some((mark, ink)), ..self }
     }
 
-    /// Marks alone.
+    /// Removes the line and keeps the marks.
     #[must_use]
     pub fn without_line(self) -> Self {
         Self { line: None, ..self }
     }
 
-    /// With what each point says under a pointer.
+    /// Sets the tooltip of each point.
     #[must_use]
     pub fn saying(mut self, says: impl Fn(Point) -> String) -> Self {
         self.points.iter_mut().for_each(|datum| datum.says = says(datum.at));
@@ -125,67 +125,67 @@ impl Series {
 /// The numbers of a category.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// One dot each, always in the same place of the category.
+    /// One dot per number, always at the same horizontal offset.
     pub values: Vec<f64>,
-    /// Their mean, or what else the swarm says.
+    /// Their mean, or the statistic in [`Swarm::centre`].
     pub centre: f64,
-    /// Its interval.
+    /// Interval of the centre.
     pub interval: Option<[f64; 2]>,
 }
 
-/// Dots for every number of each category of the axis that has categories, and a sign for their
-/// centre.
+/// Dots for all numbers of each category, and a sign for their centre. One axis must have
+/// categories.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Swarm {
-    /// What a dot is, in the legend.
+    /// Meaning of a dot in the legend.
     pub name: String,
-    /// As many as the axis has categories.
+    /// One per category of the axis.
     pub groups: Vec<Group>,
-    /// The dots' form.
+    /// The dots' shape.
     pub mark: Mark,
     /// The dots' colour.
     pub ink: Ink,
-    /// What the centres are, such as "mean".
+    /// Name of the centres' statistic, such as "mean".
     pub centre: &'static str,
-    /// What their intervals are, such as "95 % interval"; a centre is then a diamond on its interval. None
-    /// for bars without intervals.
+    /// Name of their intervals, such as "95 % interval"; a centre is then a diamond on its interval.
+    /// `None` draws bars without intervals.
     pub interval: Option<&'static str>,
-    /// Decimal places of the numbers that dots say.
+    /// Decimal places of the numbers in tooltips.
     pub places: usize,
 }
 
-/// A closed curve, filled, outlined or both. One with a name is in the legend.
+/// A closed curve, filled, outlined or both. Named areas appear in the legend.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Area {
-    /// In the legend; empty for none.
+    /// Name in the legend; may be empty.
     pub name: String,
     /// The last point joins the first one.
     pub points: Vec<Point>,
-    /// What fills it.
+    /// Fill colour, if any.
     pub fill: Option<Ink>,
-    /// How its edge is drawn.
+    /// Style of its edge, if any.
     pub edge: Option<Pen>,
 }
 
-/// Upright rectangles in one tone.
+/// Axis-aligned rectangles in one colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cells {
     /// Their colour.
     pub ink: Ink,
-    /// Two opposite corners each: x, y, x, y.
+    /// Two opposite corners of each: x, y, x, y.
     pub boxes: Vec<[f64; 4]>,
 }
 
-/// What a note is.
+/// Type of a note.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sign {
-    /// Words of that size, px.
+    /// Words, their size, px, and alignment.
     Words(String, f64, Align),
-    /// A vehicle that heads along an angle, counter-clockwise from the right, of that length, px.
+    /// A vehicle: heading, counter-clockwise from the right, and length, px.
     Vehicle(f64, f64),
-    /// An arrow along an angle, of that length, px.
+    /// An arrow: direction and length, px.
     Arrow(f64, f64),
-    /// A number on a disc that is legible on every colour.
+    /// A number on a disc, legible on every colour.
     Numeral(usize),
 }
 
@@ -194,16 +194,16 @@ pub enum Sign {
 pub struct Note {
     /// The point.
     pub at: Point,
-    /// From there to the anchor, [right, down] in px.
+    /// Offset of the anchor from the point, [right, down] in px.
     pub offset: Point,
     /// Its colour.
     pub colour: Colour,
-    /// What it is.
+    /// Words or sign.
     pub sign: Sign,
 }
 
 impl Note {
-    /// Words of the usual size at a point, which part from lines below them.
+    /// Words of the default size at a point, with a halo.
     #[must_use]
     pub fn words(text: &str, at: Point, offset: Point, colour: Colour, align: Align) -> Self {
         Self { at, offset, colour, sign: Sign::Words(text.to_owned(), 11.5, align) }
@@ -234,7 +234,7 @@ impl Sign {
     }
 }
 
-/// Of the disc below a numeral, px.
+/// Radius of the disc below a numeral, px.
 pub(super) const NUMERAL_RADIUS: f64 = 6.4;
 
 /// The points of a circle in the axes' units.

@@ -1,4 +1,4 @@
-//! What the signs of charts mean.
+//! Legends of charts.
 
 use super::Colour;
 use super::colours::{ACCENT, Ink, MUTED, SURFACE, TEXT};
@@ -6,18 +6,18 @@ use super::drawing::{Align, Drawing, Pen};
 use super::layers::{Layer, Mark, Sign, Swarm};
 use super::text::width_of;
 
-/// A sign and what it means.
+/// A sign and its meaning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LegendItem {
     /// The sign, 26 px × 12 px.
     pub sign: Drawing,
-    /// What it means.
+    /// Its meaning.
     pub text: String,
 }
 
 /// Size of a sign, px.
 const SIGN: [f64; 2] = [26.0, 12.0];
-/// From a sign to its text, from there to the next sign, and from row to row, px.
+/// Distances from a sign to its text, from there to the next sign, and between rows, px.
 const GAP: f64 = 8.0;
 const APART: f64 = 22.0;
 const ROW: f64 = 24.0;
@@ -31,7 +31,7 @@ impl LegendItem {
         Self { sign, text: text.to_owned() }
     }
 
-    /// A line and a mark, or one of them.
+    /// A line, a mark or both.
     #[must_use]
     pub fn line(text: &str, line: Option<Pen>, mark: Option<(Mark, Ink)>) -> Self {
         Self::of(text, |sign| {
@@ -79,7 +79,7 @@ impl LegendItem {
         Self::of(text, |sign| sign.circle([13.0, 6.0], 7.0, fill, Some(edge)))
     }
 
-    /// Of the layers that have names, each name once.
+    /// The legend of the named layers, each name once.
     pub fn of_layers<'a>(layers: impl IntoIterator<Item = &'a Layer>) -> Vec<Self> {
         let mut items: Vec<Self> = Vec::new();
         for layer in layers {
@@ -112,8 +112,8 @@ impl LegendItem {
 }
 
 impl Drawing {
-    /// Draws items in one row, or in equal columns and as few rows as `width` (px) allows. `at` is
-    /// the left end of the first row, half way up. Returns the height of all rows, px.
+    /// Draws items in one row, or in equal columns and the fewest rows that fit `width` (px). `at`
+    /// is the left end of the first row, half way up. Returns the height of all rows, px.
     pub fn legend(&mut self, items: &[LegendItem], [left, top]: [f64; 2], width: f64) -> f64 {
         let lengths =
             items.iter().map(|item| SIGN[0] + GAP + width_of(&item.text, LETTERS, false) + APART);

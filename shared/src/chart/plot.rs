@@ -1,4 +1,4 @@
-//! A chart: two axes and what is between them.
+//! A chart: two axes and the layers between them.
 
 use super::axis::{Axis, Tick, beside_zero, fixed, number};
 use super::clip::{line_inside, polygon_inside};
@@ -12,39 +12,39 @@ use serde::Serialize;
 /// A chart as data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// Above it.
+    /// Title above it.
     pub title: String,
-    /// What it shows, for readers who do not see it.
+    /// Description for screen readers.
     pub description: String,
-    /// To the right.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// Vertical axis.
     pub y: Axis,
-    /// From the lowest to the topmost.
+    /// The layers from bottom to top.
     pub layers: Vec<Layer>,
 }
 
-/// Where the axes of a chart are in a drawing, px.
+/// Position of a chart's axes in a drawing, px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// From the left of the drawing.
+    /// Distance from the left of the drawing.
     pub left: f64,
-    /// From its top.
+    /// Distance from the top of the drawing.
     pub top: f64,
-    /// Of the x axis.
+    /// Length of the x axis.
     pub width: f64,
-    /// Of the y axis.
+    /// Length of the y axis.
     pub height: f64,
 }
 
-/// Numbers as text, for readers who do not see a chart.
+/// The numbers of a chart as text, for readers who cannot see it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Table {
     /// The chart's title.
     pub caption: String,
     /// Names of the columns, with their units.
     pub columns: Vec<String>,
-    /// As many entries each as there are columns; the first one heads the row.
+    /// One entry per column; the first is the row's header.
     pub rows: Vec<Vec<String>>,
 }
 
@@ -54,19 +54,19 @@ const NAME_LETTERS: f64 = 11.5;
 const TITLE_LETTERS: f64 = 13.0;
 
 impl Chart {
-    /// With axes and nothing between them.
+    /// A chart with axes and no layers.
     #[must_use]
     pub fn new(title: &str, description: &str, x: Axis, y: Axis) -> Self {
         let (title, description) = (title.to_owned(), description.to_owned());
         Self { title, description, x, y, layers: Vec::new() }
     }
 
-    /// A layer on top of the others.
+    /// Adds a layer on top of the others.
     pub fn add(&mut self, layer: impl Into<Layer>) {
         self.layers.push(layer.into());
     }
 
-    /// A drawing of this size, px, with just the room that the labels need.
+    /// A drawing of this size, px, with the smallest margins that fit the labels.
     #[must_use]
     pub fn drawing(&self, size: [f64; 2]) -> Drawing {
         let mut drawing = Drawing::new(&self.title, &self.description, size);
@@ -90,7 +90,7 @@ impl Chart {
         Frame { left, top: above, width: width - left - right, height: height - above - below }
     }
 
-    /// What title, names and labels need above and below the frame, px.
+    /// Space for title, names and labels above and below the frame, px.
     #[must_use]
     pub fn room(&self) -> [f64; 2] {
         let title = if self.title.is_empty() { 0.0 } else { 20.0 };
@@ -153,7 +153,7 @@ impl Chart {
         drawing.text(&self.y.title(), [left, top - 12.0], NAME_LETTERS, MUTED, Align::Left);
     }
 
-    /// Draws the layers alone, cut off at the frame.
+    /// Draws only the layers, clipped to the frame.
     pub fn draw_layers(&self, drawing: &mut Drawing, frame: Frame) {
         for layer in &self.layers {
             match layer {
@@ -166,7 +166,7 @@ impl Chart {
         }
     }
 
-    /// Where a point of the axes is in the drawing, px.
+    /// Converts a point from the units of the axes to px in the drawing.
     #[must_use]
     pub fn place(&self, frame: Frame, [x, y]: Point) -> Point {
         [
@@ -277,14 +277,13 @@ impl Chart {
         }
     }
 
-    /// What the named layers' signs mean.
+    /// The legend of the named layers.
     #[must_use]
     pub fn legend(&self) -> Vec<LegendItem> {
         LegendItem::of_layers(&self.layers)
     }
 
-    /// The numbers of swarms and of series with names: a row for each category or number of the x
-    /// axis, in ascending order.
+    /// The numbers of swarms and named series: one row per category or x value, in ascending order.
     #[must_use]
     pub fn table(&self) -> Table {
         let swarms: Vec<&Swarm> = self
@@ -370,7 +369,7 @@ impl Frame {
         [self.left, self.top, self.left + self.width, self.top + self.height]
     }
 
-    /// Whether a point is inside or at an edge.
+    /// Whether a point is inside or on an edge.
     #[must_use]
     pub fn holds(&self, [x, y]: Point) -> bool {
         const ROUNDING: f64 = 1e-6;
@@ -380,7 +379,7 @@ impl Frame {
     }
 }
 
-/// To four significant digits.
+/// A number to four significant digits.
 fn brief(value: f64) -> String {
     if value.is_finite() {
         number(format!("{value:.3e}").parse().unwrap_or(value))
@@ -389,12 +388,13 @@ fn brief(value: f64) -> String {
     }
 }
 
-/// From −1 to 1, so that dots do not hide each other: the same for a number's place everywhere.
+/// Horizontal offset of a dot, from −1 to 1, so that dots do not hide each other. It depends only
+/// on the dot's index.
 fn spread(place: usize, count: usize) -> f64 {
     if count < 2 {
         return 0.0;
     }
-    // Neighbours far apart.
+    // Permutes the indices, so that neighbours are far apart.
     let place = (place * 5 + place / 7) % count;
     2.0 * place as f64 / (count - 1) as f64 - 1.0
 }
@@ -454,7 +454,7 @@ mod tests {
             }
         }
         assert!(points.len() > 100 && points.iter().all(|point| frame().holds(*point)));
-        // Both marks were outside, and so was a cell.
+        // Both marks and a cell were outside.
         assert_eq!(drawing.shapes.len(), 4);
     }
 

@@ -4,28 +4,28 @@ use super::colours::{Colour, Ink, SURFACE};
 use super::drawing::{Align, Drawing, Form, Pen, Point, Shape};
 use core::fmt::{self, Display, Formatter, Write};
 
-/// The fonts of a file: the first one is also embedded in the program, for PNG.
+/// Fonts of a file; the first is also embedded in the program, for PNG.
 const FONTS: &str = "DejaVu Sans, Verdana, sans-serif";
 
-/// How colours are written.
+/// Encoding of colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColourStyle {
-    /// As on light ground: for files.
+    /// Values for a light background, for files.
     Light,
-    /// As custom properties of the page's style sheet, which follows the reader's preference.
+    /// Custom properties of the page's style sheet, which follows the reader's preference.
     Properties,
 }
 
-/// An element of SVG: what a page turns into a node of its own.
+/// An SVG element, which a page can turn into a DOM node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Element {
-    /// Such as `polyline`.
+    /// Tag name, such as `polyline`.
     pub name: &'static str,
     /// Names and values, not escaped.
     pub attributes: Vec<(&'static str, String)>,
     /// Its text, not escaped.
     pub text: String,
-    /// Elements inside.
+    /// Child elements.
     pub children: Vec<Element>,
 }
 
@@ -45,7 +45,7 @@ impl Element {
 }
 
 impl Drawing {
-    /// The text of an SVG file with a surface of its own, as on light ground.
+    /// The text of an SVG file with its own light background.
     #[must_use]
     pub fn svg(&self) -> String {
         let mut root = self.element(ColourStyle::Light);
@@ -61,7 +61,7 @@ impl Drawing {
         format!("{root}\n")
     }
 
-    /// The element `svg` without a size of its own, for a page.
+    /// The element `svg` without a fixed size, for a page.
     #[must_use]
     pub fn element(&self, style: ColourStyle) -> Element {
         let [width, height] = self.size.map(short);
@@ -79,7 +79,7 @@ impl Drawing {
     }
 }
 
-/// The elements of shapes. Neighbours that look the same share a group that says how.
+/// The elements of shapes. Consecutive shapes with the same style share a group that carries it.
 fn elements(shapes: &[Shape], style: ColourStyle) -> Vec<Element> {
     let look = |shape: &Shape| paint(shape, style);
     let alike = shapes.chunk_by(|a, b| look(a) == look(b));
@@ -98,7 +98,7 @@ fn elements(shapes: &[Shape], style: ColourStyle) -> Vec<Element> {
     alike.flat_map(group).collect()
 }
 
-/// The attributes that say how a shape looks, wherever it is.
+/// The style attributes of a shape, without its geometry.
 fn paint(shape: &Shape, style: ColourStyle) -> Vec<(&'static str, String)> {
     let mut paint = Vec::new();
     if let Some(Ink { colour, opacity }) = shape.fill {
@@ -142,7 +142,7 @@ fn paint(shape: &Shape, style: ColourStyle) -> Vec<(&'static str, String)> {
     paint
 }
 
-/// The element of a shape without its look.
+/// The element of a shape, without its style.
 fn geometry(shape: &Shape) -> Element {
     let mut element = match &shape.form {
         Form::Line(points) => Element::new("polyline").with("points", listed(points)),
@@ -191,7 +191,7 @@ fn hex([r, g, b]: [u8; 3]) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Hundredths, without zeros that say nothing.
+/// Rounds to hundredths, without trailing zeros.
 fn short(number: f64) -> String {
     let text = format!("{number:.2}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -219,7 +219,7 @@ impl Display for Element {
     }
 }
 
-/// Text in which nothing is markup. Characters that XML forbids become U+FFFD.
+/// Text escaped for XML. Characters that XML forbids become U+FFFD.
 struct Escaped<'a>(&'a str);
 
 impl Display for Escaped<'_> {

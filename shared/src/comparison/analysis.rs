@@ -1,5 +1,5 @@
-//! An analysis: a comparison with everything that is computed from it. Reports, tables and pages
-//! only print what is here.
+//! An analysis: a comparison and everything computed from it. Reports, tables and pages only print
+//! its content.
 
 use super::cell::{Baseline, Experiment};
 use super::copies::{CopiedTrials, copied_trials, same_trials};
@@ -26,91 +26,90 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 
-/// A comparison with everything that is computed from it.
+/// A comparison and everything computed from it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
-    /// The data that were compared.
+    /// Summary of the compared data.
     pub data: DataSummary,
-    /// The sets and grids that were compared.
+    /// The compared feature sets and grids.
     pub settings: Settings,
     /// The cells.
     pub comparison: Comparison,
     /// The paper's tests of differences between feature sets.
     pub tests: Vec<Test>,
-    /// Families of tests beside the paper's: the body frame over the safety levels, the safety
-    /// levels beside the body frame, and B_hrd over the commonest input.
+    /// Families of tests beyond the paper's: the body frame over the safety levels, the safety
+    /// levels in addition to the body frame, and B_hrd over the commonest input.
     pub families: [GainFamily; 3],
-    /// The baseline, and what a body frame explains.
+    /// The baseline, and the gain from a body frame.
     pub ablation: Vec<Ablation>,
-    /// The test rows of all participants together, for the baseline and each cell of the tables.
+    /// The pooled test rows of all participants, for the baseline and each cell of the tables.
     pub pooled: Vec<Pooled>,
     /// Roll-outs of predictors.
     pub rollouts: Vec<RolloutsOf>,
-    /// What a split by time step would claim; empty unless it was asked for.
+    /// The accuracy that a split by time step would claim; empty unless requested.
     pub leakage: Vec<Leakage>,
-    /// What the participants did.
+    /// The participants' behaviour.
     pub behaviour: Behaviour,
-    /// How models do with fewer tasks to learn from.
+    /// Accuracy with fewer training tasks.
     pub learning: Vec<LearningPoint>,
-    /// How models do with people whom they have not seen.
+    /// Accuracy on people whose data the models have not seen.
     pub unseen: Vec<Unseen>,
-    /// What models lose without each feature.
+    /// Loss of accuracy without each feature.
     pub importance: Vec<Importance>,
-    /// What the models decide, a map for each feature set and relative heading.
+    /// The models' decisions: a map for each feature set and relative heading.
     pub maps: Vec<DecisionMap>,
-    /// The facts that a report puts into words.
+    /// Findings that a report puts into words.
     pub findings: Findings,
 }
 
-/// What the data of an analysis are.
+/// Summary of an analysis's data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DataSummary {
-    /// Tasks of all participants who are compared, those for training included.
+    /// Number of tasks of all compared participants, including training tasks.
     pub trials: usize,
-    /// The vehicles, steps and danger radius of all of them.
+    /// Their vehicles, steps and danger radius.
     pub scene: SceneParameters,
-    /// How the data are known to be synthetic, if they are.
+    /// Evidence that the data are synthetic, if any.
     pub synthetic: Option<String>,
-    /// Whether some of the people who are compared are not known to be synthetic, and others are.
+    /// Whether some of the compared participants are known to be synthetic and others are not.
     pub is_mixed: bool,
-    /// The participants who are excluded.
+    /// The excluded participants.
     pub exclusions: Vec<Exclusion>,
-    /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
+    /// Number of compared trials with each flag that casts doubt on them, by the flag's word.
     pub flagged: BTreeMap<String, usize>,
-    /// The participants who are compared and have the same trials as another one: one person under
-    /// several names would count several times.
+    /// The compared participants whose trials are identical to another's: one person under several
+    /// names would count several times.
     pub same_trials: Vec<String>,
-    /// The participants who are compared and have the same trial several times.
+    /// The compared participants who have copies of one of their own trials.
     pub copied_trials: Vec<CopiedTrials>,
-    /// SHA-256 of the trials that are compared, as hexadecimal digits: two analyses with the same number
-    /// used the same data.
+    /// SHA-256 of the compared trials, in hexadecimal: two analyses with the same hash used the
+    /// same data.
     pub sha256: String,
-    /// When the first and the last of them started, ms since 1970 by the participants' clocks; none
-    /// where the data do not say.
+    /// Start times of the first and last of these trials, ms since 1970 by the participants'
+    /// clocks; none if the data do not record them.
     pub driven_at_ms: Option<[f64; 2]>,
-    /// How both safety levels came about, and how much they differ over the steps that are
-    /// compared; none where it is not known.
+    /// Quality of both safety levels over the compared steps; none if unknown.
     pub safety: Option<SafetyQuality>,
 }
 
-/// The sizes of the data and of the comparison.
+/// Sizes of the data and of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Participants who are compared.
+    /// Compared participants.
     pub participants: usize,
     /// Tasks that models are tested on.
     pub test_trials: usize,
     /// Steps of these tasks.
     pub test_steps: usize,
-    /// Models that were trained; the better SVM is no further one.
+    /// Trained models; the better SVM does not count again.
     pub models: usize,
 }
 
-/// Compares the participants of a recording of tasks, with the features of `given` in place of
-/// computed ones. Participants whose data cannot be used are excluded.
+/// Compares the participants of a recording of tasks. Features in `given` replace the computed
+/// ones. Participants with unusable data are excluded.
 ///
 /// # Errors
-/// [`AnalysisError`] if nobody is left to compare, or `progress` stops it.
+/// [`AnalysisError`] if no participant is left, or `progress` cancels.
 pub fn analyse(
     recording: &Recording,
     given: Option<&GivenFeatures>,
@@ -163,8 +162,8 @@ pub fn analyse(
 }
 
 impl Analysis {
-    /// Computes everything else from `results`, `behaviour` and `maps`, which were found from `data` with
-    /// `settings`. The exclusions are those of `data`.
+    /// Computes everything else from `results`, `behaviour` and `maps`, which the caller computed
+    /// from `data` with `settings`. The exclusions are those of `data`.
     ///
     /// # Errors
     /// [`Invalid`] if there is no participant.
@@ -222,7 +221,7 @@ impl Analysis {
         })
     }
 
-    /// The sizes of the data and of the comparison.
+    /// Sizes of the data and of the comparison.
     #[must_use]
     pub fn counts(&self) -> Counts {
         let participants = &self.comparison.participants;
@@ -235,8 +234,7 @@ impl Analysis {
         }
     }
 
-    /// The test rows of all participants together for a model (none is the baseline) on a feature
-    /// set.
+    /// The pooled test rows of all participants for a model (none: the baseline) on a feature set.
     #[must_use]
     pub fn pooled(
         &self,
@@ -247,8 +245,8 @@ impl Analysis {
         self.pooled.iter().find(|of| of.is(model, experiment, set))
     }
 
-    /// The gains in accuracy of one feature set over another, experiment I before II; empty where
-    /// the two are not compared.
+    /// The gains in accuracy of one feature set over another, experiment I before II; empty if the
+    /// two are not compared.
     #[must_use]
     pub fn gains(&self, first: &str, second: &str) -> Vec<&Gain> {
         let is = |a: &str, b: &str| (a, b) == (first, second);
@@ -261,7 +259,7 @@ impl Analysis {
         gains
     }
 
-    /// The mean over participants of the test accuracy of the commonest input, in per cent.
+    /// The mean over participants of the commonest input's test accuracy, in per cent.
     #[must_use]
     pub fn baseline_accuracy(&self, experiment: Experiment) -> f64 {
         let is = |row: &&Ablation| row.model.is_none() && row.experiment == experiment;
@@ -274,8 +272,8 @@ fn baseline_accuracies(baselines: &[Baseline], experiment: Experiment) -> Vec<f6
     own.map(|baseline| 100.0 * baseline.test.accuracy()).collect()
 }
 
-/// All participants' test rows together: for the baseline, then each model, experiment and
-/// feature set.
+/// Pools all participants' test rows: the baseline first, then each model, experiment and feature
+/// set.
 fn pooled(comparison: &Comparison, baselines: &[Baseline]) -> Vec<Pooled> {
     let mut pooled = Vec::new();
     for experiment in Experiment::ALL {
@@ -296,7 +294,7 @@ fn pooled(comparison: &Comparison, baselines: &[Baseline]) -> Vec<Pooled> {
     pooled
 }
 
-/// The hash of these participants' trials, in the order of names.
+/// Hash of these participants' trials, in the order of names.
 fn hash(participants: &[&RecordedParticipant]) -> String {
     let mut hash = Sha256::new();
     for participant in participants {
@@ -316,7 +314,7 @@ fn hash(participants: &[&RecordedParticipant]) -> String {
     hex::encode(hash.finalize())
 }
 
-/// When the first and the last of these participants' trials started, by clocks that can be right.
+/// Start times of the first and last of these participants' trials, ignoring implausible clocks.
 fn driven_at_ms(participants: &[&RecordedParticipant]) -> Option<[f64; 2]> {
     let trials = participants.iter().flat_map(|participant| &participant.trials);
     let told = || trials.clone().filter_map(|trial| trial.started_at_ms);
@@ -324,7 +322,7 @@ fn driven_at_ms(participants: &[&RecordedParticipant]) -> Option<[f64; 2]> {
     Some([started().reduce(f64::min)?, started().reduce(f64::max)?])
 }
 
-/// How much both safety levels of these participants' steps can be trusted.
+/// Quality of both safety levels over these participants' steps.
 fn quality(people: &[ParticipantData], safety: &SafetyLevels) -> SafetyQuality {
     let levels = |name: &str| -> Vec<f64> {
         let column = |person: &ParticipantData| {

@@ -9,7 +9,7 @@ use crate::predict::PredictorFile;
 use crate::vehicle::TurnInput;
 use serde::{Deserialize, Serialize};
 
-/// What is predicted.
+/// The prediction task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(into = "u8", try_from = "u8")]
 pub enum Experiment {
@@ -20,7 +20,7 @@ pub enum Experiment {
 }
 
 impl Experiment {
-    /// Both.
+    /// Both experiments.
     pub const ALL: [Self; 2] = [Self::TurnDirection, Self::Avoidance];
 
     /// 1 or 2.
@@ -29,7 +29,7 @@ impl Experiment {
         self.into()
     }
 
-    /// The paper's: I or II.
+    /// The paper's numeral: I or II.
     #[must_use]
     pub fn numeral(self) -> &'static str {
         match self {
@@ -38,7 +38,7 @@ impl Experiment {
         }
     }
 
-    /// What can be predicted, in rising order.
+    /// The classes, in ascending order.
     #[must_use]
     pub fn classes(self) -> &'static [i8] {
         match self {
@@ -81,38 +81,39 @@ impl TryFrom<u8> for Experiment {
 /// One participant's model and its predictions of the test rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// What predicts.
+    /// The model.
     pub model: ModelName,
-    /// What is predicted.
+    /// The experiment.
     pub experiment: Experiment,
     /// The name of the feature set.
     pub features: String,
-    /// Which participant, by place.
+    /// Index of the participant.
     pub participant: usize,
-    /// Mean over folds of the share predicted right, with the hyper-parameters that were chosen.
+    /// Mean over folds of the accuracy, with the chosen hyper-parameters.
     pub cv_accuracy: f64,
     /// The hyper-parameters, as a JSON object.
     pub hyperparameters: String,
-    /// The predictions of the model, trained anew on all training tasks.
+    /// The test predictions of the model after retraining on all training tasks.
     pub test: Predictions,
     /// The model.
     pub predictor: PredictorFile,
 }
 
-/// What a model must beat: always the commonest class of the training rows, with the classes' frequencies there (with
-/// one more row of each, so that nothing is impossible) as probabilities.
+/// The reference that a model must beat. It always predicts the commonest class of the training
+/// rows; its probabilities are the class frequencies there, with one row of each class added so
+/// that none is zero.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Baseline {
-    /// What is predicted.
+    /// The experiment.
     pub experiment: Experiment,
-    /// Which participant, by place.
+    /// Index of the participant.
     pub participant: usize,
     /// Its predictions of the test rows.
     pub test: Predictions,
 }
 
 impl Baseline {
-    /// Of one participant's rows.
+    /// The baseline of one participant's rows.
     #[must_use]
     pub fn of(data: &Dataset, split: &Split, experiment: Experiment, participant: usize) -> Self {
         let classes = experiment.classes();
@@ -121,7 +122,7 @@ impl Baseline {
         let counts: Vec<usize> = classes.iter().map(count).collect();
         let total = (split.training.len() + classes.len()) as f64;
         let shares: Vec<f64> = counts.iter().map(|&count| (count + 1) as f64 / total).collect();
-        // The first on a tie.
+        // On a tie, the first class.
         let most = (0..counts.len()).reduce(|a, b| if counts[b] > counts[a] { b } else { a });
         let predicted = most.map_or(0, |most| classes[most]);
         let test = Predictions {

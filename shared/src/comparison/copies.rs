@@ -1,5 +1,4 @@
-//! Drives that are the same to the last bit: one person under several names, and trials that were copied
-//! within one person.
+//! Bit-identical drives: one person under several names, and copies among one person's trials.
 
 use super::tables::ComparedParticipant;
 use crate::recording::{RecordedParticipant, RecordedTrial};
@@ -7,15 +6,14 @@ use crate::scene::JointState;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Trials of one participant that are the same to the last bit: inputs and states.
+/// Bit-identical trials (inputs and states) of one participant.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct CopiedTrials {
     /// The participant's name or number in the data.
     pub participant: String,
-    /// The numbers of trials that are the same, a list for each drive, each of two or more.
+    /// The numbers of identical trials: one list per drive, with two or more numbers each.
     pub trials: Vec<Vec<u64>>,
-    /// How many of the tasks that models are tested on are the same as one that trained them: they leak
-    /// into the test.
+    /// The number of test tasks that are identical to a training task, and so leak into the test.
     pub leaking: usize,
 }
 
@@ -25,7 +23,7 @@ fn bits(trial: &RecordedTrial) -> Vec<u64> {
     inputs.chain(poses.flat_map(<[f64; 3]>::from)).map(f64::to_bits).collect()
 }
 
-/// The places of equal keys, for each that there is more than once.
+/// The indices of equal keys, one list per key that occurs more than once.
 fn alike<K: Ord>(keys: impl IntoIterator<Item = K>) -> Vec<Vec<usize>> {
     let mut places: BTreeMap<K, Vec<usize>> = BTreeMap::new();
     for (place, key) in keys.into_iter().enumerate() {
@@ -55,7 +53,7 @@ pub(super) fn same_trials(
     places.into_iter().map(|place| compared[place].name.clone()).collect()
 }
 
-/// The participants with identical trials among their own.
+/// The participants who have identical trials among their own.
 pub(super) fn copied_trials(
     all: &[&RecordedParticipant],
     compared: &[ComparedParticipant],
@@ -99,7 +97,7 @@ mod tests {
         }
     }
 
-    /// Of the tasks 0 to 4 the last one tests; it is task 1 again, and 3 is 0 again.
+    /// Of tasks 0 to 4, the last is for testing. Task 4 repeats task 1, and task 3 repeats task 0.
     #[test]
     fn trials_that_were_copied_are_found_and_those_that_leak_are_counted() {
         use TurnInput::{Left, Right};

@@ -12,34 +12,34 @@ use crate::safety::SafetyLevels;
 use crate::scene::{Evader, JointState};
 use crate::vehicle::Pose;
 
-/// The probability of a turn by the models, for each position of the robot around the human.
-/// Positions are in the human's frame, who is at the origin and heads along "ahead".
+/// The models' probability of a turn for each position of the robot around the human. Positions are
+/// in the frame of the human, who is at the origin and heads along "ahead".
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecisionMap {
     /// The name of the models' feature set.
     pub features: &'static str,
     /// The robot's heading relative to the human, rad, counter-clockwise from the human's own.
     pub heading: f64,
-    /// The same in words.
+    /// Name of that encounter.
     pub encounter: &'static str,
-    /// In each cell of a square of [`Self::SIDE`] × [`Self::SIDE`], by rows from behind to ahead
-    /// and in each from right to left: mean over participants and eight headings in the world (the
-    /// paper's features depend on them) of the probability of a turn.
+    /// Mean probability of a turn in each cell of a square of [`Self::SIDE`] × [`Self::SIDE`], in
+    /// rows from behind to ahead, each from right to left. The mean is over participants and eight
+    /// headings in the world, because the paper's features depend on them.
     pub probabilities: Vec<f64>,
     /// {V_HR = 0}: closed curves of [ahead, left], m. Inside, the robot could force a collision.
     pub boundary: Vec<Vec<[f64; 2]>>,
 }
 
-/// The model whose maps are drawn.
+/// The model of the maps.
 const MAPPED_MODEL: ModelName = ModelName::Svm;
-/// The experiment whose maps are drawn.
+/// The experiment of the maps.
 const MAPPED_EXPERIMENT: Experiment = Experiment::Avoidance;
 
 const SETS: [&str; 2] = ["hrd", "d"];
 const ENCOUNTERS: [(f64, &str); 2] = [(PI, "head-on"), (0.5 * PI, "crossing from the right")];
 
-/// The human's headings in the world. Turned by half a circle nothing changes in the paper's
-/// features, so that these four stand for eight.
+/// The human's headings in the world. Half a turn does not change the paper's features, so these
+/// four stand for eight.
 const WORLD_HEADINGS: [f64; 4] = [0.0, 0.25 * PI, 0.5 * PI, 0.75 * PI];
 
 impl DecisionMap {
@@ -47,12 +47,12 @@ impl DecisionMap {
     pub const SIDE: usize = 32;
     /// Side of a cell, m.
     pub const CELL_M: f64 = 0.75;
-    /// How far the first row is ahead of the human, m.
+    /// Position of the first row, m ahead of the human.
     pub const BEHIND_M: f64 = -8.0;
-    /// How far the first column is to the left of the human, m.
+    /// Position of the first column, m to the left of the human.
     pub const RIGHT_M: f64 = -12.0;
 
-    /// The middle of a cell: [ahead, left], m.
+    /// The centre of a cell: [ahead, left], m.
     #[must_use]
     pub fn middle(cell: usize) -> [f64; 2] {
         let (row, column) = (cell / Self::SIDE, cell % Self::SIDE);
@@ -81,7 +81,7 @@ pub(super) fn decision_maps(
     Ok(maps)
 }
 
-/// The cells of a map, a mean over participants each; empty where there is no such model.
+/// The cells of a map, each a mean over participants; empty if there is no such model.
 fn probabilities(
     comparison: &Comparison,
     features: &str,
@@ -107,12 +107,12 @@ fn probabilities(
         let each = predictors.iter().flat_map(|of| states.map(|state| turns(of, state)));
         Ok(each.sum::<f64>() / (predictors.len() * states.len()) as f64)
     };
-    // Each cell is summed in the same order, whatever the number of threads.
+    // Each cell is summed in the same order, regardless of the number of threads.
     let cells: Vec<usize> = (0..DecisionMap::SIDE * DecisionMap::SIDE).collect();
     parallel_map(&cells, mean)
 }
 
-/// The human at the origin, heading along `world`, and the robot [ahead, left] of them.
+/// The human at the origin, heading along `world`, and the robot at [ahead, left] of the human.
 fn state([ahead, left]: [f64; 2], heading: f64, world: f64) -> JointState {
     let (sin, cos) = sin_cos(world);
     let robot = Pose::new(ahead * cos - left * sin, ahead * sin + left * cos, world + heading);

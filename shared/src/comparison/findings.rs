@@ -1,4 +1,4 @@
-//! What was found: the facts that a report puts into words.
+//! Findings: the results that a report puts into words.
 
 use super::cell::{Cell, Experiment};
 use super::gains::{Gain, GainFamily, Power, Test};
@@ -10,17 +10,17 @@ use super::tables::{Comparison, Metric, Pooled};
 use crate::stats::rank::is_shown;
 use serde::Serialize;
 
-/// How sure an answer is.
+/// Strength of the evidence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// p below 5 % in some of the tests, after correction for all of their family.
+    /// p below 5 % in at least one test, after correction over its whole family.
     Shown,
-    /// p below 5 % in some of the tests, but in none after correction.
+    /// p below 5 % in at least one test, but in none after correction.
     Hint,
     /// No p below 5 %.
     NotShown,
-    /// In every test, fewer participants differ than it needs.
+    /// In every test, fewer participants differ than the test needs.
     TooFew,
 }
 
@@ -39,31 +39,31 @@ impl Verdict {
     }
 }
 
-/// What some tests say together.
+/// The joint result of several tests.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Answer {
-    /// How sure it is.
+    /// Strength of the evidence.
     pub verdict: Verdict,
-    /// The gains in each model, experiment I before II; at least one.
+    /// The gain of each model, experiment I before II; at least one.
     pub gains: Vec<Gain>,
-    /// What the tests could have shown.
+    /// The power of the tests.
     pub power: Power,
 }
 
 impl Answer {
-    /// None if there is no gain.
+    /// None if there are no gains.
     fn of(power: Power, gains: Vec<Gain>) -> Option<Self> {
         let verdict = Verdict::of(gains.iter());
         (!gains.is_empty()).then_some(Self { verdict, gains, power })
     }
 }
 
-/// Whether safety levels help beside distance, with the main comparison in full.
+/// Whether safety levels help in addition to distance, with the main comparison in full.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SafetyOverDistance {
     /// All models and experiments.
     pub answer: Answer,
-    /// The first model in experiment I.
+    /// The test of the first model in experiment I.
     pub main: Test,
     /// Its mean accuracies with safety levels and with distance alone, in per cent.
     pub accuracies: [f64; 2],
@@ -72,35 +72,35 @@ pub struct SafetyOverDistance {
 /// Whether safety levels change how well the start and end of avoidance are found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StartAndEnd {
-    /// Over both.
+    /// Verdict over both.
     pub verdict: Verdict,
-    /// The first steps of avoidance.
+    /// Result for the first steps of avoidance.
     pub start: Answer,
-    /// The last steps.
+    /// Result for the last steps.
     pub end: Answer,
 }
 
-/// How a driver fares at the furthest horizon.
+/// A driver's results at the longest horizon.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Furthest {
-    /// A model's word or a simple driver's.
+    /// The word of a model or of a simple driver.
     pub driver: &'static str,
     /// The name of its feature set; empty for a simple driver.
     pub features: &'static str,
-    /// Share of windows that were right.
+    /// Share of correct windows.
     pub accuracy: f64,
-    /// Points of accuracy over driving straight on.
+    /// Gain in accuracy over driving straight on, in percentage points.
     pub over_straight: f64,
-    /// Mean distance of the predicted position, m.
+    /// Mean error of the predicted position, m.
     pub distance_m: f64,
 }
 
-/// How many drivers do better than both holding the last input and driving straight on.
+/// The number of drivers that beat both holding the last input and driving straight on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Beaten {
-    /// Drivers who name the input more often right.
+    /// Drivers with a higher accuracy.
     pub more_often_right: usize,
-    /// Drivers who come closer to where the person was.
+    /// Drivers with a smaller position error.
     pub closer: usize,
     /// All drivers.
     pub of: usize,
@@ -118,20 +118,20 @@ impl Beaten {
     }
 }
 
-/// Roll-outs at the furthest horizon.
+/// Roll-outs at the longest horizon.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RolloutFacts {
-    /// How many steps ahead.
+    /// The horizon, in steps.
     pub steps: usize,
     /// Windows of each driver.
     pub windows: usize,
     /// The paper's models on B_hrd.
     pub papers: Vec<Furthest>,
-    /// How they do against the simple drivers.
+    /// The paper's models against the simple drivers.
     pub papers_beaten: Beaten,
     /// The models of [`BEYOND`] that were trained.
     pub beyond: Vec<Furthest>,
-    /// How they do against the simple drivers.
+    /// These models against the simple drivers.
     pub beyond_beaten: Beaten,
     /// Holding the last input.
     pub held: Furthest,
@@ -139,36 +139,36 @@ pub struct RolloutFacts {
     pub straight: Furthest,
 }
 
-/// How well the probabilities on B_hrd are calibrated.
+/// Calibration of the probabilities on B_hrd.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CalibrationFacts {
-    /// For each experiment and model of the paper.
+    /// One entry per experiment and model of the paper.
     pub entries: Vec<(ModelName, Experiment, Calibration)>,
-    /// The least and the largest calibration error of them.
+    /// The smallest and largest of their calibration errors.
     pub errors: [f64; 2],
 }
 
-/// A model whose C is often the greatest that was tried, so that a greater one may do better.
+/// A model that often chose the largest C of its grid, so that a larger one may do better.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GridEdge {
     /// The model.
     pub model: ModelName,
-    /// The greatest C of its grid.
+    /// The largest C of its grid.
     pub greatest: f64,
-    /// How many of its cells chose it.
+    /// Number of its cells that chose this C.
     pub chosen: usize,
-    /// All of its cells.
+    /// Number of its cells.
     pub of: usize,
 }
 
-/// All answers; none where there is nothing to answer from.
+/// All findings; a field is none if its data are missing.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Findings {
     /// B_hrd over B_d.
     pub safety_over_distance: Option<SafetyOverDistance>,
     /// The body frame instead of the safety levels.
     pub body_frame_instead: Option<Answer>,
-    /// The safety levels beside the body frame.
+    /// The safety levels in addition to the body frame.
     pub body_frame_too: Option<Answer>,
     /// B_hrd over the person's commonest input.
     pub over_baseline: Option<Answer>,
@@ -178,14 +178,14 @@ pub struct Findings {
     pub which_level: Option<Answer>,
     /// Roll-outs of predictors.
     pub rollouts: Option<RolloutFacts>,
-    /// Whether the probabilities can be believed.
+    /// Calibration of the probabilities.
     pub calibration: Option<CalibrationFacts>,
-    /// Grids that may be too short.
+    /// Grids that may end too early.
     pub grid_edges: Vec<GridEdge>,
 }
 
 impl Findings {
-    /// From everything that was computed.
+    /// Derives the findings from all results.
     pub(super) fn of(
         comparison: &Comparison,
         tests: &[Test],
@@ -219,12 +219,12 @@ impl Findings {
     }
 }
 
-/// The tests of one metric and pair, and how many are in the metric's family.
+/// The tests of one metric and pair, and the size of the metric's family.
 fn of_pair<'a>(tests: &'a [Test], metric: Metric, pair: (&str, &str)) -> (Vec<&'a Test>, usize) {
     let family = tests.iter().filter(|test| test.gain.metric == metric);
     let of_pair = family.clone().filter(|test| (test.first, test.second) == pair);
     let mut of_pair: Vec<&Test> = of_pair.collect();
-    // In the order in which everything else is told.
+    // Experiments are always listed in this order.
     of_pair.sort_by_key(|test| test.gain.experiment);
     (of_pair, family.count())
 }
@@ -306,7 +306,7 @@ fn grid_edges(comparison: &Comparison, grids: &Grids) -> Vec<GridEdge> {
         };
         let cells = || comparison.cells.iter().filter(|cell| cell.model == model);
         let (chosen, of) = (cells().filter(chosen).count(), cells().count());
-        // More often than if all five or so values did equally well.
+        // More often than by chance among five equally good values.
         (5 * chosen > of).then_some(GridEdge { model, greatest, chosen, of })
     });
     edges.collect()

@@ -94,11 +94,11 @@ pub(super) struct Chosen {
     predictor: Predictor,
 }
 
-/// Some rows to train on: gathered, with labels 0, 1, … for the classes that occur.
+/// Training rows, with labels 0, 1, … for the classes that occur.
 struct Rows {
     values: Vec<f64>,
     labels: Vec<usize>,
-    /// The classes that occur, in rising order.
+    /// The classes that occur, in ascending order.
     classes: Vec<i8>,
 }
 
@@ -142,9 +142,9 @@ impl<'a> Problem<'a> {
         found
     }
 
-    /// The share of held-out rows that each of several models gets right, a mean over folds.
-    /// `models` trains the models on the other rows of a fold, and `says` gives the place of the
-    /// class that a model predicts. Where the other rows have one class only, it is predicted.
+    /// The accuracy of several models on held-out rows, a mean over folds. `models` trains the
+    /// models on the other rows of a fold, and `says` returns the index of the class that a model
+    /// predicts. If the other rows have only one class, that class is predicted.
     fn validated<M>(
         &self,
         count: usize,
@@ -185,7 +185,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The place of the best setting of a grid, the first on a tie.
+/// The index of the best setting of a grid; on a tie the first.
 fn best(accuracy: &[f64]) -> Result<usize, Invalid> {
     highest(accuracy).ok_or_else(|| Invalid::new("grid", "at least one setting", "none"))
 }

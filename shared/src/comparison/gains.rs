@@ -1,5 +1,5 @@
-//! How much better one of two feature sets is, participant by participant, and how sure that is: the
-//! paper's tests, the families of tests beside them, and the ablation.
+//! How much better one of two feature sets is, per participant, and how strong the evidence is: the
+//! paper's tests, further families of tests, and the ablation.
 
 use super::cell::Experiment;
 use super::models::ModelName;
@@ -12,36 +12,35 @@ use serde::Serialize;
 pub use super::power::Power;
 pub use crate::stats::rank::LEVEL;
 
-/// How much better the first of two lists of numbers is, a number each participant.
+/// How much better the first of two lists is, with one number per participant in each.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Paired {
-    /// The gain of each participant, in order; positive where the first is better.
+    /// The gain of each participant, in order; positive if the first list is better.
     pub gains: Vec<f64>,
     /// Mean over participants.
     pub mean: f64,
-    /// How many participants gain or lose. The paired test, the typical gain, its interval and the
-    /// effect size are of these; the others do equally well with both.
+    /// The number of participants with a gain or a loss. The paired test, the typical gain, its
+    /// interval and the effect size ignore the others, who do equally well with both.
     pub differing: usize,
-    /// The typical gain (Hodges–Lehmann), which the paired test is about.
+    /// The typical gain (Hodges–Lehmann estimate), which the paired test concerns.
     pub typical: f64,
-    /// The typical gains that the paired test does not reject at 5 %; none where too few participants
-    /// differ for it to reject anything. It contains [`Self::typical`], and 0 exactly if the test does
-    /// not reject.
+    /// The typical gains that the paired test does not reject at 5 %; none if too few participants
+    /// differ for any rejection. It always contains [`Self::typical`], and contains 0 exactly if
+    /// the test does not reject.
     pub interval: Option<[f64; 2]>,
     /// p-value of Wilcoxon's signed-rank test, two-sided.
     pub p: f64,
-    /// The effect size that belongs to the test, from −1 to 1: the matched-pairs rank-biserial
-    /// correlation.
+    /// The test's effect size, from −1 to 1: the matched-pairs rank-biserial correlation.
     pub rank_biserial: f64,
-    /// How many participants gain.
+    /// Number of participants with a gain.
     pub better: usize,
-    /// Whether p is below [`LEVEL`] and the mean points the other way than the test, as large changes
-    /// of a few participants can turn it.
+    /// Whether p is below [`LEVEL`] but the mean has the opposite sign from the test. Large changes
+    /// of a few participants can cause this.
     pub contrary: bool,
 }
 
 impl Paired {
-    /// Of these numbers of the same participants, more being better.
+    /// Compares two lists for the same participants; larger numbers are better.
     ///
     /// # Errors
     /// [`Invalid`] if there is no participant, or the lists differ in length.
@@ -65,7 +64,7 @@ impl Paired {
         })
     }
 
-    /// What the test says with this p-value, its own or a corrected one.
+    /// The test's conclusion for this p-value, raw or corrected.
     fn direction(&self, p: f64) -> Direction {
         match is_shown(p) {
             true if self.rank_biserial > 0.0 => Direction::Better,
@@ -75,7 +74,7 @@ impl Paired {
     }
 }
 
-/// What a test says of a gain.
+/// A test's conclusion about a gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
@@ -90,23 +89,23 @@ pub enum Direction {
 /// The gain of one feature set over another in one model and experiment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Gain {
-    /// What predicts.
+    /// The model.
     pub model: ModelName,
-    /// What is predicted.
+    /// The experiment.
     pub experiment: Experiment,
-    /// What is compared: points of accuracy, or steps.
+    /// The compared quantity: accuracy or a distance in steps.
     pub metric: Metric,
-    /// The gains of the participants, and the paired test of them.
+    /// The gains of the participants, with their paired test.
     pub paired: Paired,
     /// The test's p-value after Holm's correction over its family.
     pub holm: f64,
-    /// What the test says before the correction.
+    /// The conclusion before correction.
     pub before: Direction,
-    /// What it says after the correction.
+    /// The conclusion after correction.
     pub after: Direction,
 }
 
-/// Gains whose tests are corrected together, by model, experiment and metric.
+/// Corrects these gains' tests together.
 pub(super) fn corrected(of: Vec<(ModelName, Experiment, Metric, Paired)>) -> Vec<Gain> {
     let p_values: Vec<f64> = of.iter().map(|(.., paired)| paired.p).collect();
     let gain = |((model, experiment, metric, paired), holm): ((_, _, _, Paired), f64)| {
@@ -116,20 +115,20 @@ pub(super) fn corrected(of: Vec<(ModelName, Experiment, Metric, Paired)>) -> Vec
     of.into_iter().zip(holm(&p_values)).map(gain).collect()
 }
 
-/// Tests that are corrected together: one feature set over another.
+/// Tests of one feature set over another that are corrected together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GainFamily {
-    /// The set whose gain it is.
+    /// The set that may be better.
     pub first: &'static str,
-    /// The set that it is compared with; `none` for the commonest input.
+    /// The reference set; `none` for the commonest input.
     pub second: &'static str,
-    /// A gain for each experiment and model of the paper.
+    /// One gain per experiment and model of the paper.
     pub gains: Vec<Gain>,
 }
 
 impl GainFamily {
-    /// The gains in accuracy of `first` over `second`. `accuracies` gives the accuracy of each
-    /// participant by model, experiment and set.
+    /// The gains in accuracy of `first` over `second`. `accuracies` returns each participant's
+    /// accuracy by model, experiment and set.
     ///
     /// # Errors
     /// [`Invalid`] if there is no participant.
@@ -153,26 +152,26 @@ impl GainFamily {
 /// How two feature sets differ in one model, experiment and metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Test {
-    /// The set whose gain it is.
+    /// The set that may be better.
     pub first: &'static str,
-    /// The set that it is compared with.
+    /// The reference set.
     pub second: &'static str,
-    /// The gain with the paired test over participants, the one that fits this design. Holm's
-    /// correction is over all tests of the metric.
+    /// The gain with the paired test over participants, which fits this design. Holm's correction
+    /// is over all tests of the metric.
     pub gain: Gain,
     /// p-value of the Mann–Whitney test over participants.
     pub mann_whitney_persons: f64,
     /// p-value of the Mann–Whitney test over the test trajectories of all participants, which are
     /// not independent.
     pub mann_whitney_trajectories: f64,
-    /// [`Self::mann_whitney_persons`] after Holm.
+    /// [`Self::mann_whitney_persons`] after Holm's correction.
     pub mann_whitney_persons_holm: f64,
-    /// [`Self::mann_whitney_trajectories`] after Holm.
+    /// [`Self::mann_whitney_trajectories`] after Holm's correction.
     pub mann_whitney_trajectories_holm: f64,
 }
 
-/// The pairs of sets that the paper's claims are about: each set with a safety level against
-/// distance alone, both levels against both and distance, and the one level against the other.
+/// The pairs of sets in the paper's claims: each set with a safety level against distance alone,
+/// both levels against both with distance, and one level against the other.
 pub const PAIRS: [(&str, &str); 8] = [
     ("hrd", "d"),
     ("hr", "d"),
@@ -184,8 +183,8 @@ pub const PAIRS: [(&str, &str); 8] = [
     ("h", "r"),
 ];
 
-/// Tests of every model, experiment, metric and pair of [`PAIRS`]. Those of a metric are corrected
-/// together.
+/// Tests of every model, experiment, metric and pair of [`PAIRS`]. The tests of one metric are
+/// corrected together.
 ///
 /// # Errors
 /// [`Invalid`] if there is no participant.
@@ -233,14 +232,14 @@ pub fn papers_tests(comparison: &Comparison) -> Result<Vec<Test>, Invalid> {
     Ok(tests)
 }
 
-/// The paired test of `first` over `second`, with the difference of their means: tables show the
-/// means beside it.
+/// The paired test of `first` over `second`. Its mean is the difference of the means, to agree with
+/// the means in tables.
 fn paired(first: &[f64], second: &[f64]) -> Result<Paired, Invalid> {
     let [one, other] = [first, second].map(|of| mean(of.iter().copied()));
     Ok(Paired { mean: untied(one - other), ..Paired::of(first, second)? })
 }
 
-/// A mean without what rounding leaves of none.
+/// A mean with rounding errors around 0 removed.
 fn untied(mean: f64) -> f64 {
     if mean.abs() > TIE { mean } else { 0.0 }
 }
@@ -248,9 +247,9 @@ fn untied(mean: f64) -> f64 {
 /// A model on a feature set, beside the same model on B_d; or the baseline.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ablation {
-    /// What predicts; none for the baseline.
+    /// The model; none for the baseline.
     pub model: Option<ModelName>,
-    /// What is predicted.
+    /// The experiment.
     pub experiment: Experiment,
     /// The set's name; `none` for the baseline.
     pub features: String,
@@ -258,16 +257,16 @@ pub struct Ablation {
     pub accuracy: f64,
     /// Mean over participants of the balanced test accuracy, in per cent.
     pub balanced: f64,
-    /// Over all test rows, nats.
+    /// Log loss over all test rows, nats.
     pub log_loss: f64,
-    /// Points of accuracy over the same model on B_d, and the paired p-value over people of that
-    /// gain; nothing for the baseline and for B_d itself.
+    /// Gain in accuracy over the same model on B_d, in percentage points, with its paired p-value
+    /// over people; none for the baseline and for B_d itself.
     pub over_d: Option<(f64, f64)>,
 }
 
 /// The baseline, then for each model and experiment B_d and B_hrd, each without and with the
-/// robot's position in the human's body frame, and every set that was added. `accuracies` and `balanced`
-/// give the accuracy of each participant by model, experiment and set.
+/// robot's position in the human's body frame, and every added set. `accuracies` and `balanced`
+/// return each participant's accuracy by model, experiment and set.
 ///
 /// # Errors
 /// [`Invalid`] if there is no participant.
@@ -313,8 +312,8 @@ mod tests {
     use super::*;
     use crate::stats::rank::wilcoxon;
 
-    /// Of 21 means of pairs none can be excluded with six participants, so that the interval is
-    /// the range of the gains.
+    /// With six participants none of the 21 pairwise means can be excluded, so the interval is the
+    /// range of the gains.
     #[test]
     fn with_six_participants_the_interval_is_the_range() {
         let gains = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
@@ -338,7 +337,7 @@ mod tests {
         assert!(!Paired::of(&[1.0, 1.0, -30.0], &[0.0; 3]).unwrap().contrary);
     }
 
-    /// The interval holds just what a test of each shift does not reject.
+    /// The interval contains exactly the shifts that the test does not reject.
     #[test]
     fn the_interval_is_what_the_test_does_not_reject() {
         let gains = [3.0, -1.0, 2.5, 7.0, 0.5, 4.2, 3.3, 1.9, -0.4, 6.1];
@@ -350,7 +349,7 @@ mod tests {
         }
     }
 
-    /// 18 of 24 people do equally well with both sets, all others gain: p = 2/2⁶.
+    /// 18 of 24 people do equally well with both sets; all others gain: p = 2/2⁶.
     #[test]
     fn the_direction_is_that_of_the_test() {
         let gains: Vec<f64> =

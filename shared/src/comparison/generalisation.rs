@@ -1,4 +1,4 @@
-//! How models do with fewer tasks to learn from, and with people whom they have not seen.
+//! Accuracy with fewer training tasks, and on people whose data the models have not seen.
 
 use super::cell::{Cell, Experiment};
 use super::gains::{Gain, Paired, corrected};
@@ -12,16 +12,16 @@ use serde::Serialize;
 /// A point of a learning curve.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LearningPoint {
-    /// What predicts.
+    /// The model.
     pub model: ModelName,
-    /// What is predicted.
+    /// The experiment.
     pub experiment: Experiment,
     /// The name of the feature set.
     pub features: String,
-    /// The number of tasks that trained; the mean over participants for all of them.
+    /// The number of training tasks; for all tasks, the mean over participants.
     pub tasks: f64,
-    /// How many participants it is a mean over: others have fewer tasks, or these do not show both
-    /// turning and driving straight on.
+    /// The number of participants in the mean. Others have fewer tasks, or their first tasks do not
+    /// contain both turning and driving straight on.
     pub people: usize,
     /// Mean test accuracy, in per cent.
     pub accuracy: f64,
@@ -62,7 +62,7 @@ impl LearningPoint {
                 }
             }
         }
-        // All tasks alone make no curve.
+        // The point of all tasks alone is no curve.
         if few.is_empty() {
             return Vec::new();
         }
@@ -71,26 +71,26 @@ impl LearningPoint {
     }
 }
 
-/// Models that other people trained, beside models of each person's own.
+/// Models trained on other people's data, compared with each person's own models.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Unseen {
     /// The name of the feature set.
     pub features: String,
-    /// For each participant, the test accuracy of the model that others trained, in per cent.
+    /// For each participant, the test accuracy of the model trained on others, in per cent.
     pub accuracies: Vec<f64>,
-    /// Their mean.
+    /// The mean of these accuracies.
     pub mean: f64,
-    /// The mean of the test accuracies of the people's own models, in per cent.
+    /// The mean test accuracy of each person's own model, in per cent.
     pub own_mean: f64,
-    /// The mean balanced accuracy of these, in per cent.
+    /// The mean balanced accuracy of the models trained on others, in per cent.
     pub balanced: f64,
-    /// How much better the model of the person's own is, in points of accuracy on the same test tasks.
+    /// The gain of the person's own model, in percentage points of accuracy on the same test tasks.
     pub own: Gain,
 }
 
 impl Unseen {
-    /// Of every model, experiment and feature set; their tests are corrected together. Nothing if there
-    /// is one participant only.
+    /// One entry per model, experiment and feature set; their tests are corrected together. Empty
+    /// if there is only one participant.
     ///
     /// # Errors
     /// [`Invalid`] if there is no participant.

@@ -1,5 +1,6 @@
-//! What a model loses if one of its features says nothing (permutation importance: Breiman, Machine
-//! Learning 45, 2001; the form for any model: Fisher, Rudin and Dominici, JMLR 20, 2019).
+//! The accuracy that a model loses when one of its features carries no information (permutation
+//! importance: Breiman, Machine Learning 45, 2001; for any model: Fisher, Rudin and Dominici, JMLR
+//! 20, 2019).
 
 use super::cell::{Cell, Experiment};
 use super::models::ModelName;
@@ -13,37 +14,37 @@ use crate::parallel::parallel_map;
 use crate::predict::Predictor;
 use serde::Serialize;
 
-/// Sets whose features are permuted.
+/// Sets with permuted features.
 const SETS: [&str; 2] = ["hrd", "hrd_body"];
 
-/// How often each feature is permuted.
+/// Number of permutations of each feature.
 const TIMES: usize = 5;
 
-/// Features that say the same are permuted together: one of them alone would still say it.
+/// Features with the same information are permuted together; one alone would still reveal it.
 const TOGETHER: [&str; 3] = ["dpsi", "cos_dpsi", "sin_dpsi"];
 
-/// Any number: the same data give the same permutations.
+/// An arbitrary seed: the same data give the same permutations.
 const SEED: u64 = 20_010_801;
 
-/// What models lose without a feature.
+/// The loss of accuracy without a feature.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Importance {
-    /// What predicts.
+    /// The model.
     pub model: ModelName,
-    /// What is predicted.
+    /// The experiment.
     pub experiment: Experiment,
     /// The name of the feature set.
     pub features: String,
-    /// The features that are permuted, joined by `+`.
+    /// The permuted features, joined by `+`.
     pub permuted: String,
-    /// For each participant, by how many points the test accuracy falls if the values of the features
-    /// are exchanged at random between the test rows; a mean over several permutations.
+    /// For each participant, the loss of test accuracy, in percentage points, when the features'
+    /// values are permuted between test rows; a mean over several permutations.
     pub losses: Vec<f64>,
     /// Mean over participants.
     pub mean: f64,
 }
 
-/// Of the paper's models of both experiments.
+/// Importance for the paper's models in both experiments.
 ///
 /// # Errors
 /// [`Invalid`] for a cell whose predictor cannot be read.
@@ -86,7 +87,7 @@ pub(super) fn importance(
     Ok(found)
 }
 
-/// The loss by group of features, in the order of the set.
+/// The loss per group of features, in the order of the set.
 fn losses(data: &Dataset, cell: &Cell) -> Result<Vec<(String, f64)>, Invalid> {
     let predictor = Predictor::try_from(cell.predictor.clone())?;
     let data = data.select(predictor.features())?;
@@ -115,7 +116,7 @@ fn losses(data: &Dataset, cell: &Cell) -> Result<Vec<(String, f64)>, Invalid> {
     Ok(found)
 }
 
-/// The columns that are permuted together, with their names.
+/// The columns to permute together, with their names.
 fn groups(data: &Dataset) -> Vec<(String, Vec<usize>)> {
     let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
     for (column, feature) in data.features.features().enumerate() {

@@ -1,47 +1,46 @@
-//! How good predictions are: row by row, and when avoidance begins and ends.
+//! Quality of predictions: per row, and for the start and end of avoidance.
 
 use crate::math::ln;
 use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
-/// A model's predictions of some rows, and the truth.
+/// A model's predictions of some rows, and the true classes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Predictions {
-    /// The classes, in rising order.
+    /// The classes, in ascending order.
     pub classes: Vec<i8>,
     /// The true class of each row.
     pub truth: Vec<i8>,
-    /// The class that the model predicts for each row.
+    /// The predicted class of each row.
     pub predicted: Vec<i8>,
-    /// Row after row, the probability of each class.
+    /// The probabilities of the classes, row by row.
     pub probabilities: Vec<f64>,
 }
 
-/// Summaries over some rows.
+/// Summary statistics over some rows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Mean −ln of the probability of the true class, nats; no probability counts as less than
-    /// 10⁻¹⁵.
+    /// Mean −ln of the probability of the true class, nats; probabilities are at least 10⁻¹⁵.
     pub log_loss: f64,
     /// Brier's score (Monthly Weather Review 78, 1950): the mean over rows of the sum over classes
-    /// of (probability − truth)², where truth is 1 for the true class and else 0; from 0 to 2.
+    /// of (probability − truth)², where truth is 1 for the true class and 0 otherwise; from 0 to 2.
     pub brier: f64,
-    /// Expected calibration error: rows are put into ten bins by their highest probability; the
-    /// mean over bins, weighted by rows, of the distance between the mean of these probabilities and
-    /// the share of rows in which the likeliest class was the true one.
+    /// Expected calibration error. Rows are put into ten bins by their highest probability; this is
+    /// the mean over bins, weighted by rows, of the difference between the mean of these
+    /// probabilities and the share of rows whose likeliest class was correct.
     pub calibration_error: f64,
 }
 
 /// One bin of a calibration curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Bin {
-    /// Rows in it.
+    /// Number of rows.
     pub rows: usize,
     /// Sum of their highest probabilities.
     pub confidence: f64,
-    /// In how many of them that class was right.
+    /// The number of rows in which the likeliest class was correct.
     pub right: usize,
 }
 
@@ -50,19 +49,19 @@ pub const BINS: usize = 10;
 
 const LEAST_PROBABILITY: f64 = 1e-15;
 
-/// The place of the highest number, the first on a tie; none of no numbers.
+/// The index of the highest number, the first on a tie; none if there are no numbers.
 pub(super) fn highest(numbers: &[f64]) -> Option<usize> {
     (0..numbers.len()).reduce(|best, i| if numbers[i] > numbers[best] { i } else { best })
 }
 
 impl Predictions {
-    /// How many rows.
+    /// Number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.truth.len()
     }
 
-    /// Rows in which the predicted class was right.
+    /// Number of rows with a correct prediction.
     #[must_use]
     pub fn right(&self) -> usize {
         self.truth
@@ -72,21 +71,22 @@ impl Predictions {
             .count()
     }
 
-    /// Their share, from 0 to 1; 0 without rows.
+    /// The share of correct rows, from 0 to 1; 0 without rows.
     #[must_use]
     pub fn accuracy(&self) -> f64 {
         self.right() as f64 / self.rows().max(1) as f64
     }
 
-    /// The mean over the classes that occur of the share of their rows that was predicted right, from 0
-    /// to 1; 0 without rows. Always predicting one class gives one half of two classes that occur, a
-    /// third of three, however common it is.
+    /// The mean over the classes that occur of the share of their rows predicted correctly, from 0
+    /// to 1; 0 without rows. Always predicting one class gives one half if two classes occur and a
+    /// third if three do, however common it is.
     #[must_use]
     pub fn balanced_accuracy(&self) -> f64 {
         let confusion = self.confusion();
         let totals = confusion.iter().map(|row| row.iter().sum::<usize>());
         let recalls = confusion.iter().enumerate().zip(totals).filter(|(_, total)| *total > 0);
-        // A class that the model does not know has no row of its own, and none of it is right.
+        // A class that the model does not know has no row in the confusion matrix, and is never
+        // predicted.
         let mut unknown: Vec<i8> = self.truth.clone();
         unknown.retain(|class| !self.classes.contains(class));
         unknown.sort_unstable();
@@ -104,7 +104,7 @@ impl Predictions {
         self.probabilities.chunks_exact(self.classes.len())
     }
 
-    /// Those of some of the rows.
+    /// The predictions of some of the rows.
     ///
     /// # Panics
     /// If there are fewer rows.
@@ -119,7 +119,7 @@ impl Predictions {
         }
     }
 
-    /// All of them as one.
+    /// Concatenates predictions.
     #[must_use]
     pub fn together<'a>(classes: &[i8], parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut all = Self {
@@ -140,7 +140,7 @@ impl Predictions {
         all
     }
 
-    /// How good the probabilities are.
+    /// Quality of the probabilities.
     #[must_use]
     pub fn calibration(&self) -> Calibration {
         let rows = self.rows();
@@ -152,7 +152,7 @@ impl Predictions {
                 brier += (p - so) * (p - so);
                 of_truth += so * p;
             }
-            // A class that the model does not know counts as predicted with probability 0.
+            // A class that the model does not know has probability 0.
             brier += f64::from(u8::from(!self.classes.contains(truth)));
             loss -= ln(of_truth.max(LEAST_PROBABILITY));
         }
@@ -176,7 +176,7 @@ impl Predictions {
         bins
     }
 
-    /// How often each class (rows) was predicted as each (columns).
+    /// The number of rows of each class (rows) that were predicted as each class (columns).
     #[must_use]
     pub fn confusion(&self) -> Vec<Vec<usize>> {
         let count = |truth: &i8, predicted: &i8| {
@@ -188,17 +188,17 @@ impl Predictions {
     }
 }
 
-/// First and last step of one trajectory in which somebody avoids, human or model.
+/// First and last step of avoidance in one trajectory, by the human or by a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Avoidance {
-    /// The first step; none if there is no avoidance.
+    /// The first step; none without avoidance.
     pub first: Option<usize>,
     /// The last step.
     pub last: Option<usize>,
 }
 
 impl Avoidance {
-    /// Of one trajectory; `avoids` says for each step whether it avoids.
+    /// The avoidance in one trajectory; `avoids` yields a bool for each step.
     #[must_use]
     pub fn of(avoids: impl Iterator<Item = bool>) -> Self {
         let mut steps = avoids.enumerate().filter_map(|(step, avoids)| avoids.then_some(step));
@@ -207,14 +207,14 @@ impl Avoidance {
     }
 }
 
-/// How far the model's first or last steps of avoidance are from the human's, in steps.
+/// The error of the model's first or last step of avoidance, in steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distance {
-    /// Mean over all trajectories; a trajectory without avoidance counts as one step past the last
-    /// one at the start, and as step −1 at the end.
+    /// Mean over all trajectories; without avoidance, a trajectory's start counts as one step past
+    /// the last and its end as step −1.
     pub penalised: f64,
-    /// Mean over the trajectories in which both avoid; none where there is no such. Without the
-    /// number of these it rewards a model that never predicts avoidance.
+    /// Mean over the trajectories in which both avoid; none if there are none. Report it with the
+    /// number of these trajectories: alone, it rewards a model that never predicts avoidance.
     pub both: Option<f64>,
 }
 
@@ -225,14 +225,14 @@ pub struct Distances {
     pub start: Distance,
     /// D_end.
     pub end: Distance,
-    /// In how many trajectories both avoid.
+    /// Number of trajectories in which both avoid.
     pub both: usize,
-    /// All trajectories.
+    /// Number of trajectories.
     pub trajectories: usize,
 }
 
 impl Distances {
-    /// Over trajectories of `steps` steps, each with the human's avoidance and the model's.
+    /// Over trajectories of `steps` steps, each with the human's and the model's avoidance.
     #[must_use]
     pub fn of(steps: usize, trajectories: &[(Avoidance, Avoidance)]) -> Self {
         let both: Vec<_> = trajectories
@@ -269,7 +269,7 @@ mod tests {
         }
     }
 
-    /// By hand.
+    /// Expected values computed by hand.
     #[test]
     fn summaries_of_four_rows() {
         let found =

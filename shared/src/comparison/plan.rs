@@ -1,4 +1,4 @@
-//! Which models a comparison fits: one fit for each participant, feature set and model.
+//! The fits of a comparison: one for each participant, feature set and model.
 
 use super::models::{CURVE_MODELS, Grids, ModelName, UNSEEN_MODELS};
 use super::sets::NamedSet;
@@ -15,16 +15,16 @@ use crate::vehicle::TurnInput;
 use sha2::{Digest, Sha256};
 use std::borrow::Cow;
 
-/// A participant's tasks, ready to be learned from.
+/// A participant's tasks, ready for learning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParticipantData {
     /// The participant's name or number in the data.
     pub name: String,
-    /// The line of their first row, in a file.
+    /// Line of their first row in the file, if there is a file.
     pub line: Option<u64>,
     /// The number of each task, in order.
     pub numbers: Vec<u64>,
-    /// The rows of the tasks, with every feature that is compared.
+    /// The rows of the tasks, with every compared feature.
     pub data: Dataset,
     /// The tasks as they were driven.
     pub trajectories: Vec<Trajectory>,
@@ -33,16 +33,16 @@ pub struct ParticipantData {
 /// Why a participant's data cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DataError {
-    /// A trial is wrong.
+    /// A trial is invalid.
     #[error("{0}")]
     Trials(Fault),
-    /// The given features do not go with the trials.
+    /// The given features do not match the trials.
     #[error("{0}")]
     Features(Fault),
 }
 
 impl DataError {
-    /// As the reason to exclude the participant.
+    /// The error as a reason to exclude the participant.
     pub(super) fn exclusion(&self, participant: &str) -> Exclusion {
         match self {
             Self::Trials(fault) => Exclusion::of_fault(participant, fault),
@@ -52,11 +52,10 @@ impl DataError {
 }
 
 impl ParticipantData {
-    /// The trials of `recorded`, which are tasks, with the features of `given` in place of
-    /// computed ones.
+    /// The trials of `recorded`, which are tasks; features in `given` replace the computed ones.
     ///
     /// # Errors
-    /// [`DataError`] if a trial is wrong, or features do not go with the trials.
+    /// [`DataError`] if a trial is invalid, or features do not match the trials.
     pub fn of(
         recorded: &RecordedParticipant,
         scene: &SceneParameters,
@@ -77,12 +76,12 @@ impl ParticipantData {
         })
     }
 
-    /// The tasks that test.
+    /// The test tasks.
     pub(super) fn test_trajectories(&self) -> &[Trajectory] {
         &self.trajectories[first_test_task(self.trajectories.len())..]
     }
 
-    /// What the tables say about the participant.
+    /// The participant's entry in the tables.
     pub(super) fn compared(&self) -> ComparedParticipant {
         let (training, test) = self.numbers.split_at(first_test_task(self.numbers.len()));
         ComparedParticipant {
@@ -97,7 +96,7 @@ impl ParticipantData {
         Exclusion { first_line: self.line, ..Exclusion::new(&self.name, reason) }
     }
 
-    /// Why no model can be trained on these tasks, if so.
+    /// Why no model can be trained on these tasks, if none can.
     fn reason_against(&self, split: &Split) -> Option<String> {
         let tasks = self.trajectories.len();
         if tasks < LEAST_TASKS {
@@ -107,78 +106,78 @@ impl ParticipantData {
         let first = inputs().next()?;
         if inputs().all(|input| input == first) {
             let word = first.word();
-            return Some(format!("one kind of input only in the training tasks ({word})"));
+            return Some(format!("only one kind of input in the training tasks ({word})"));
         }
         let always = inputs().all(|input| input != TurnInput::Straight);
         always.then(|| "a turn in every step of the training tasks".to_owned())
     }
 }
 
-/// The order of names: numbers by size, then other names.
+/// Sort key of names: numbers by value, then other names.
 pub(super) fn order(name: &str) -> (bool, Option<u64>, &str) {
     let number = name.parse().ok();
     (number.is_none(), number, name)
 }
 
-/// Everything that is to be fitted.
+/// All fits.
 pub(super) struct Plan<'a> {
     /// The participants in the order of their names, with their splits.
     pub(super) participants: Vec<Planned<'a>>,
-    /// The fits: those for participants that others train, then participant by participant.
+    /// The fits: first those of models trained on other people, then participant by participant.
     pub(super) fits: Vec<Fit<'a>>,
-    /// Whose data train and test the models of [`Purpose::Unseen`].
+    /// The data that train and test the models of [`Purpose::Unseen`].
     pub(super) everybody: Option<Everybody>,
-    /// The participants whose data cannot be learned from.
+    /// The participants with unusable data.
     pub(super) exclusions: Vec<Exclusion>,
 }
 
 /// A participant of a plan.
 pub(super) struct Planned<'a> {
     pub(super) data: &'a ParticipantData,
-    /// Whole trials held back.
+    /// The split by whole trials.
     pub(super) split: Split,
-    /// Single steps held back, to show what leaks.
+    /// The split by single steps, which shows the leakage.
     leaking: Split,
 }
 
-/// One model to be fitted for one participant on one feature set.
+/// One model to fit for one participant on one feature set.
 pub(super) struct Fit<'a> {
-    /// The participant's place in the plan.
+    /// The participant's index in the plan.
     pub(super) participant: usize,
     pub(super) set: &'a NamedSet,
     pub(super) model: ModelName,
     pub(super) purpose: Purpose,
 }
 
-/// What a fit is for.
+/// The purpose of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
     /// The tables.
     Tables,
     /// Roll-outs only: models beyond the paper.
     Rollouts,
-    /// Showing what leaks.
+    /// Leakage of a split by time step.
     Leakage,
-    /// Showing what more tasks are worth: only the first ones train, this number.
+    /// Learning curves: only this number of first tasks train.
     Learning(usize),
-    /// Showing what a model can say of people whom it has not seen: those of the group with the fit's
-    /// number, whom the others' tasks train.
+    /// Predictions for unseen people: the others' tasks train a model that is tested on the group
+    /// with the fit's number.
     Unseen,
 }
 
-/// Numbers of training tasks of learning curves, besides all.
+/// Numbers of training tasks in learning curves, besides all.
 pub(super) const FIRST_TASKS: [usize; 3] = [5, 10, 20];
 
-/// Sets of models that learn from fewer tasks, or from other people.
+/// The feature sets of models that learn from fewer tasks, or from other people.
 pub(super) const COMPARED_SETS: [&str; 3] = ["hrd", "d", "hrd_body"];
 
-/// Most groups of people: with more people than that, a group has several.
+/// Maximum number of groups of people. With more people than that, a group has several.
 pub(super) const MOST_GROUPS: usize = 20;
 
 /// The rows of all participants of a plan, one after the other.
 pub(super) struct Everybody {
     data: Dataset,
-    /// By group: the others' rows train, and the test tasks of the group test.
+    /// By group: the other groups' rows train, and the group's test tasks test.
     splits: Vec<Split>,
 }
 
@@ -211,7 +210,7 @@ impl Everybody {
                 }
                 let rows = of.data.data.labels.len();
                 split.training.extend(*offset..offset + rows);
-                // A person is held back whole, where there are enough.
+                // With enough people, each fold holds back whole people.
                 let fold = |row: usize| match participants.len() > FOLDS {
                     true => others % FOLDS,
                     false => fold_of(of.data.data.trials[row]),
@@ -225,7 +224,7 @@ impl Everybody {
         Some(Self { data, splits })
     }
 
-    /// How many groups; none of one participant.
+    /// Number of groups; 0 for a single participant.
     pub(super) fn groups(&self) -> usize {
         self.splits.len()
     }
@@ -250,7 +249,7 @@ impl<'a> Plan<'a> {
                 |set: &&NamedSet| !settings.paper_only && COMPARED_SETS.contains(&&set.name[..]);
             settings.sets.iter().filter(is)
         };
-        // These take longest.
+        // The slowest fits come first.
         for participant in 0..plan.everybody.as_ref().map_or(0, Everybody::groups) {
             for set in compared() {
                 let fit = |model| Fit { participant, set, model, purpose: Purpose::Unseen };
@@ -293,7 +292,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The rows of a fit, and how they are split for it.
+    /// The rows of a fit, and their split.
     pub(super) fn rows(&self, fit: &Fit<'_>) -> (&Dataset, Cow<'_, Split>) {
         if let (Purpose::Unseen, Some(everybody)) = (fit.purpose, &self.everybody) {
             return (&everybody.data, Cow::Borrowed(&everybody.splits[fit.participant]));
@@ -308,7 +307,7 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Results depend on what this names too: to be changed with anything that changes them.
+/// Version of the method. Change it with anything that changes results.
 const METHOD: &str = "sidestep-comparison/3";
 
 /// A hash of everything that the cells of a fit depend on.
@@ -333,8 +332,7 @@ pub(super) fn key(model: ModelName, data: &Dataset, split: &Split, grids: &Grids
 
 /// Fails if no participant is left.
 ///
-/// # Errors
-/// [`Invalid`] with everybody's reason.
+/// # Errors [`Invalid`] with the reason for each participant.
 pub(super) fn somebody_left(left: usize, exclusions: &[Exclusion]) -> Result<(), Invalid> {
     if left > 0 {
         return Ok(());
@@ -342,5 +340,5 @@ pub(super) fn somebody_left(left: usize, exclusions: &[Exclusion]) -> Result<(),
     let reasons: Vec<String> =
         exclusions.iter().map(|e| format!("{}: {}", e.participant, e.reason)).collect();
     let found = if reasons.is_empty() { "nobody".to_owned() } else { reasons.join("; ") };
-    Err(Invalid::new("participants", "somebody whose data can be learned from", found))
+    Err(Invalid::new("participants", "a participant with usable data", found))
 }

@@ -1,41 +1,42 @@
-//! What a number of participants can show.
+//! What a number of participants can show: the power of the paired test.
 
 use crate::stats::power::PowerCurve;
 use crate::stats::rank::is_shown;
 use serde::Serialize;
 use std::sync::OnceLock;
 
-/// What the paired test can show with some number of participants: at all, and with which probability.
+/// Power of the paired test with some number of participants.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Power {
-    /// How many participants there are.
+    /// Number of participants.
     pub participants: usize,
-    /// How many tests are corrected together.
+    /// Number of tests that are corrected together.
     pub family: usize,
-    /// The smallest p-value that the test can give.
+    /// The smallest possible p-value of the test.
     pub least_p: f64,
     /// The same after Holm's correction over the family.
     pub least_p_after_holm: f64,
-    /// The fewest participants with whom that is below [`LEVEL`](crate::stats::rank::LEVEL). They are not enough.
+    /// The fewest participants for whom that is below [`LEVEL`](crate::stats::rank::LEVEL). This is
+    /// a lower bound, not a sufficient number.
     pub needed: usize,
     /// The probability that these participants show an effect of [`Self::EFFECT`] in one test.
     pub shown: f64,
     /// The same after Holm's correction, if no other test of the family shows anything.
     pub shown_after_holm: f64,
-    /// The same of [`Self::needed`] participants.
+    /// The same with [`Self::needed`] participants.
     pub needed_shown: f64,
-    /// The fewest participants who show it after the correction with a probability of
-    /// [`Self::AIM`]; none if more than [`Self::MOST`] are needed.
+    /// The fewest participants who show it after the correction with probability [`Self::AIM`];
+    /// none if that takes more than [`Self::MOST`].
     pub enough: Option<usize>,
 }
 
 impl Power {
-    /// The effect that power is stated for: d_z, the mean gain over the standard deviation of gains.
-    /// 0.8 is called large (Cohen, Statistical Power Analysis for the Behavioral Sciences, 1988).
+    /// The effect size of the power statements: d_z, the mean gain over the standard deviation of
+    /// gains. Cohen calls 0.8 large (Statistical Power Analysis for the Behavioral Sciences, 1988).
     pub const EFFECT: f64 = 0.8;
-    /// The power that studies commonly aim at.
+    /// The power that studies commonly aim for.
     pub const AIM: f64 = 0.8;
-    /// Participants for whom power is computed at most.
+    /// Maximum number of participants for the power computation.
     pub const MOST: usize = 100;
 
     /// For this number of participants and a family of this number of tests.
@@ -79,13 +80,13 @@ mod tests {
         assert!(Power::of(11, 48).least_p_after_holm < LEVEL);
     }
 
-    /// All eleven must gain: Φ(0.8)¹¹ = 0.073. Eleven can show something, but hardly ever do.
+    /// All eleven must gain: Φ(0.8)¹¹ = 0.073. Eleven can show an effect, but rarely do.
     #[test]
     fn eleven_people_are_not_enough() {
         let eleven = Power::of(11, 48);
         assert!((eleven.shown_after_holm - 0.073).abs() < 0.01, "{eleven:?}");
         assert_eq!(eleven.needed_shown, eleven.shown_after_holm);
-        // As a reviewer measured with draws of his own: 0.61 in one test, 0.75 of 30 people after Holm.
+        // An independent simulation gave 0.61 in one test, and 0.75 for 30 people after Holm.
         assert!((eleven.shown - 0.61).abs() < 0.03, "{eleven:?}");
         assert!((Power::of(30, 48).shown_after_holm - 0.75).abs() < 0.03);
         assert!(eleven.enough.is_some_and(|enough| enough > 30), "{eleven:?}");

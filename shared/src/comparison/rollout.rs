@@ -1,9 +1,9 @@
-//! Roll-outs: predictors judged several steps ahead, where each prediction builds on those before.
+//! Roll-outs: predictions several steps ahead, each built on those before.
 //!
-//! Next-step accuracy flatters a predictor that knows the last input: keys are held for many
-//! steps, so "the same again" is right nearly always and does not say when the human begins or
-//! ends to avoid. Here a predictor sees the trajectory up to some step and then only its own
-//! prediction of it: the human drives on with the most likely action, the robot straight on.
+//! Next-step accuracy flatters a predictor that knows the last input: keys are held for many steps,
+//! so "the same again" is nearly always right, but does not predict when the human starts or stops
+//! avoiding. Here a predictor sees the trajectory up to some step and from then on only its own
+//! predictions: the human drives on with the most likely action, the robot straight on.
 
 use super::metrics::highest;
 use crate::bounds::{ActionModel, Motion};
@@ -14,23 +14,23 @@ use crate::shfrs::window::{Trajectory, Window};
 use crate::vehicle::dubins;
 use serde::Serialize;
 
-/// How predictions for one number of steps ahead fared, over the windows of all target steps.
+/// The accuracy of predictions a fixed number of steps ahead, over the windows of all target steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Horizon {
-    /// Windows.
+    /// Number of windows.
     pub windows: usize,
-    /// In how many of them the most likely action was what the human did.
+    /// Number of windows in which the most likely action was the human's.
     pub right: usize,
-    /// Sum of −ln of the probability of what the human did, nats; below 10⁻¹⁵ counts as that. The
-    /// probability is the one at the end of the likeliest path, the driver's own; it is not the
-    /// probability of the step `h` ahead, which would be a mean over all paths.
+    /// Sum of −ln of the probability of the human's action, nats; probabilities are at least 10⁻¹⁵.
+    /// This is the probability at the end of the driver's likeliest path, not the probability of
+    /// the step `h` ahead, which would be a mean over all paths.
     pub log_loss: f64,
-    /// Sum of the distances of the predicted position from the human's after the step, m.
+    /// Sum of the distances between the predicted and the true position after the step, m.
     pub distance_m: f64,
 }
 
 impl Horizon {
-    /// Share of windows that were right.
+    /// Share of correct windows.
     #[must_use]
     pub fn accuracy(&self) -> f64 {
         self.right as f64 / self.windows.max(1) as f64
@@ -42,13 +42,13 @@ impl Horizon {
         self.log_loss / self.windows.max(1) as f64
     }
 
-    /// Mean distance of the predicted position, m.
+    /// Mean error of the predicted position, m.
     #[must_use]
     pub fn mean_distance_m(&self) -> f64 {
         self.distance_m / self.windows.max(1) as f64
     }
 
-    /// How much better than `other`, which was judged on the same windows.
+    /// The skill over `other`, which was evaluated on the same windows.
     #[must_use]
     pub fn over(&self, other: &Self) -> Skill {
         Skill {
@@ -65,20 +65,20 @@ impl Horizon {
     }
 }
 
-/// How much better one driver does than another on the same target steps.
+/// How much better one driver is than another on the same target steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skill {
-    /// Points of accuracy more; 0 for a driver who knows nothing.
+    /// Gain in accuracy, in percentage points; 0 for a driver without information.
     pub accuracy_points: f64,
-    /// The mean distance as a share of the other's; 1 for a driver who knows nothing. None where the
-    /// other is always where the human is.
+    /// The mean distance as a share of the other driver's; 1 for a driver without information. None
+    /// if the other driver makes no error.
     pub distance_share: Option<f64>,
 }
 
-/// What predicts the human's next input.
+/// A predictor of the human's next input.
 pub trait Driver {
-    /// Given the joint states up to now and the turn rates held so far, rad/s: the turn rate
-    /// that the human is most likely to hold next, and how likely `truth` is.
+    /// Given the joint states so far and the turn rates held so far, rad/s: the most likely next
+    /// turn rate, and the probability of `truth`.
     fn next(&self, history: &[JointState], held: &[f64], truth: f64) -> (f64, f64);
 }
 
@@ -106,7 +106,7 @@ pub enum Simple {
     Straight,
 }
 
-/// The probability that a simple driver gives to each action that it does not expect.
+/// The probability that a simple driver assigns to each action that it does not expect.
 pub const DOUBT: f64 = 0.05;
 
 impl Simple {
@@ -131,12 +131,13 @@ impl Driver for Simple {
     }
 }
 
-/// Roll-outs of `steps` steps: the first entry is about the next step, the last about the one `steps`
+/// Roll-outs of `steps` steps: the first entry is for the next step, the last for the one `steps`
 /// ahead.
 ///
-/// Every entry is about the same *target steps*, those with at least `steps` steps up to them: the entry for
-/// h predicts each of them from h − 1 steps before its input was held. People turn more often early in a trial than
-/// late, so if each h had its own target steps, their difference would pass for one of the horizons.
+/// All entries cover the same *target steps*, those preceded by at least `steps` − 1 others: the
+/// entry for h predicts each of them from h − 1 steps before its input was held. People turn more
+/// often early in a trial than late; with different target steps for each h, that difference would
+/// look like an effect of the horizon.
 ///
 /// # Errors
 /// [`Invalid`] if there is no step to predict.
@@ -183,7 +184,7 @@ pub fn rollouts(
     Ok(all)
 }
 
-/// The sum of the roll-outs of several people.
+/// The sum of several people's roll-outs.
 #[must_use]
 pub fn together(parts: &[Vec<Horizon>]) -> Vec<Horizon> {
     let mut all = vec![Horizon::default(); parts.iter().map(Vec::len).max().unwrap_or(0)];
@@ -219,7 +220,8 @@ mod tests {
         let straight = of(&Simple::Straight, &[Straight; 12], 10);
         assert_eq!((straight.len(), straight[9].windows), (10, 3));
         assert!(straight.iter().all(|h| h.accuracy() == 1.0 && h.mean_distance_m() < 1e-12));
-        // The targets are the last three steps. Only from the very first step is the held input unknown.
+        // The targets are the last three steps. Only a prediction from the very first step has no
+        // held input.
         let held = of(&Simple::Held, &[Left; 12], 10);
         assert!(held[..9].iter().all(|h| (h.windows, h.right) == (3, 3)));
         assert_eq!((held[9].windows, held[9].right), (3, 2));
@@ -228,8 +230,9 @@ mod tests {
         assert!((held[9].mean_log_loss() - loss).abs() < 1e-12);
     }
 
-    /// Somebody turns in the first steps and drives straight from then on, as people do. Who never turns is right
-    /// about the same target steps from wherever, so no horizon may seem easier than another.
+    /// The human turns in the first steps and then drives straight, as people do. A driver that
+    /// never turns is equally accurate at the same target steps from any distance, so all horizons
+    /// must agree.
     #[test]
     fn a_driver_who_looks_at_nothing_fares_the_same_at_every_horizon() {
         use TurnInput::{Left, Straight};
@@ -242,16 +245,16 @@ mod tests {
         assert!(found.iter().all(|h| (h.mean_log_loss() - log_loss).abs() < 1e-12));
     }
 
-    /// Inputs in runs of four steps: h steps ahead of a step in the run, the held input is right for the targets
-    /// whose place in their run, from 0, is at least h. So of four places 4 − h are right, and none from 4 to 7
-    /// ahead, when it is the other run's turn; 8 ahead it is the same as 0 ahead again, and so on.
+    /// Inputs in runs of four steps: the held input, h steps ahead, is right for targets whose
+    /// index in their run is at least h. So 4 − h of four targets are right, and none from 4 to 7
+    /// ahead, in the opposite run; 8 ahead is the same as 0 ahead, and so on.
     #[test]
     fn what_is_ever_harder_to_foresee_is_less_often_right() {
         use TurnInput::{Left, Straight};
         let inputs: Vec<TurnInput> =
             (0..40).map(|i| if i / 4 % 2 == 0 { Left } else { Straight }).collect();
         let found = of(&Simple::Held, &inputs, 4);
-        // 37 targets, the steps 3 to 39: place 3 of the first run, then nine whole runs.
+        // 37 targets, steps 3 to 39: index 3 of the first run, then nine whole runs.
         let right = |ahead: usize| {
             (3..40)
                 .filter(|target| ahead <= *target && inputs[target - ahead] == inputs[*target])
@@ -273,7 +276,7 @@ mod tests {
         );
     }
 
-    /// Turns left once it has driven straight for three steps, by its own account.
+    /// Turns left after three straight steps in its own history.
     struct Impatient;
 
     impl ActionModel for Impatient {
@@ -287,7 +290,7 @@ mod tests {
         }
     }
 
-    /// From the first step of three it must come to the turn on its own.
+    /// From the first of three steps, it must predict the turn from its own predictions.
     #[test]
     fn predictors_are_fed_with_what_they_said() {
         use TurnInput::{Left, Straight};

@@ -1,4 +1,5 @@
-//! The whole comparison: [`Plan`] what to fit, execute it on all threads, assemble the results.
+//! Runs a comparison: plans the fits ([`Plan`]), executes them on all threads, assembles the
+//! results.
 
 use super::cell::{Baseline, Cell, Experiment};
 use super::fit::fit;
@@ -29,22 +30,22 @@ pub struct Results {
     pub baselines: Vec<Baseline>,
     /// Roll-outs of every model, and of simple drivers.
     pub rollouts: Vec<RolloutsOf>,
-    /// What leaks on the first feature set; empty unless it was asked for.
+    /// Leakage on the first feature set; empty unless requested.
     pub leakage: Vec<Leakage>,
-    /// Cells of models that the first tasks alone trained.
+    /// Cells of models trained on the first tasks only.
     pub few_tasks: Vec<FewTasks>,
-    /// Cells of models that other people trained.
+    /// Cells of models trained on other people.
     pub unseen: Vec<Cell>,
-    /// What models lose without each feature.
+    /// Loss of accuracy without each feature.
     pub importance: Vec<Importance>,
-    /// The participants who are excluded.
+    /// The excluded participants.
     pub exclusions: Vec<Exclusion>,
 }
 
 /// The roll-outs of one driver.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RolloutsOf {
-    /// A model's word or a simple driver's.
+    /// The word of a model or of a simple driver.
     pub driver: String,
     /// The name of its feature set; empty for a simple driver.
     pub features: String,
@@ -52,21 +53,21 @@ pub struct RolloutsOf {
     pub horizons: Vec<Horizon>,
 }
 
-/// A cell whose model the first tasks alone trained.
+/// A cell of a model trained on the first tasks only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FewTasks {
     /// The number of these tasks.
     pub tasks: usize,
-    /// The cell, with the same test tasks as any.
+    /// The cell, with the usual test tasks.
     pub cell: Cell,
 }
 
-/// What a split by time step claims.
+/// The accuracy that a split by time step would claim.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Leakage {
-    /// What predicts.
+    /// The model.
     pub model: ModelName,
-    /// What is predicted.
+    /// The experiment.
     pub experiment: Experiment,
     /// Mean over participants of the test accuracy when whole trials are held back, in per cent.
     pub grouped: f64,
@@ -74,43 +75,43 @@ pub struct Leakage {
     pub leaking: f64,
 }
 
-/// How many of the fits are done.
+/// Progress of the fits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// Fits that are done.
+    /// Number of finished fits.
     pub done: usize,
-    /// All fits. They take about equally long.
+    /// Total number of fits. They take about equally long.
     pub of: usize,
 }
 
-/// Keeps cells under a key that names everything they were computed from.
+/// Stores cells under a key that covers all their inputs.
 pub trait Cache: Sync {
-    /// The cells under this key, if they were kept.
+    /// The cells under this key, if stored.
     fn get(&self, key: &str) -> Option<Vec<Cell>>;
 
-    /// Keeps cells, if that is possible.
+    /// Stores cells, if possible.
     fn put(&self, key: &str, cells: &[Cell]);
 }
 
-/// Why there is no analysis.
+/// Why an analysis failed.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AnalysisError {
-    /// The first participant's data, if nobody's can be used.
+    /// The error of the first participant, if all participants' data are unusable.
     #[error(transparent)]
     Data(#[from] DataError),
     /// Something else is wrong with the data or the settings.
     #[error(transparent)]
     Invalid(#[from] Invalid),
-    /// `progress` stopped it.
+    /// `progress` cancelled the analysis.
     #[error("stopped")]
     Stopped,
 }
 
-/// Compares. Participants are taken in the order of their names (numbers by size), and the same
-/// results come out whatever the order they are given in.
+/// Runs the comparison. Participants are sorted by name (numbers by value), so the results do not
+/// depend on their order.
 ///
 /// # Errors
-/// [`AnalysisError`] if nobody is left to compare, or `progress` stops it.
+/// [`AnalysisError`] if no participant is left, or `progress` cancels.
 pub fn run(
     participants: &[ParticipantData],
     scene: &SceneParameters,
@@ -128,7 +129,7 @@ pub fn run(
 /// The cells of a fit, or why it failed.
 type Fitted = Result<Vec<Cell>, Invalid>;
 
-/// Does every fit of the plan, in its order.
+/// Executes every fit of the plan, in order.
 fn execute(
     plan: &Plan<'_>,
     settings: &Settings,
@@ -138,7 +139,7 @@ fn execute(
     let done = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
     parallel_map(&plan.fits, |fit| {
-        // Fits that still wait for a thread would otherwise be done first.
+        // Otherwise fits that still wait for a thread would run first.
         if stopped.load(Ordering::Relaxed) {
             return Err(AnalysisError::Stopped);
         }
@@ -154,7 +155,7 @@ fn execute(
     })
 }
 
-/// The cells of one fit, from the cache if they are there.
+/// The cells of one fit, from the cache if it has them.
 fn fitted(
     plan: &Plan<'_>,
     planned: &Fit<'_>,
@@ -166,7 +167,7 @@ fn fitted(
     let data = data.select(&set.features)?;
     let key = key(model, &data, &split, &settings.grids);
     if let Some(mut cells) = cache.and_then(|cache| cache.get(&key)) {
-        // Names and places are no part of what was computed.
+        // The cached cells do not depend on the participant's index or the set's name.
         for cell in &mut cells {
             cell.participant = participant;
             cell.features.clone_from(&set.name);
@@ -180,8 +181,8 @@ fn fitted(
     Ok(cells)
 }
 
-/// Puts the results together. Participants with a fit that failed are excluded whole, so that all
-/// means are over the same participants.
+/// Assembles the results. If a fit of a participant failed, the participant is excluded from all
+/// results, so that all means are over the same participants.
 fn assemble(
     plan: &Plan<'_>,
     found: Vec<Fitted>,
@@ -192,7 +193,7 @@ fn assemble(
     let failed = failures(plan, &found);
     let mut exclusions = plan.exclusions.clone();
     let mut kept = Vec::new();
-    // The place of each participant of the plan in the results, if they are not excluded.
+    // The index of each planned participant in the results; none if excluded.
     let mut places = Vec::new();
     for (planned, failed) in plan.participants.iter().zip(failed) {
         places.push(failed.is_none().then_some(kept.len()));
@@ -245,8 +246,8 @@ fn assemble(
     })
 }
 
-/// The cells of each person of a group that others trained: its test rows are those of one person after
-/// the other.
+/// Splits a group's cell, whose model others trained, into one cell per person. Its test rows are
+/// ordered by person.
 fn by_person(plan: &Plan<'_>, cell: &Cell, places: &[Option<usize>]) -> Vec<Cell> {
     let groups = plan.everybody.as_ref().map_or(1, |everybody| everybody.groups().max(1));
     let mut begin = 0;
@@ -262,7 +263,7 @@ fn by_person(plan: &Plan<'_>, cell: &Cell, places: &[Option<usize>]) -> Vec<Cell
     cells
 }
 
-/// The first model of each participant that could not be fitted, and why.
+/// The first failed model of each participant, with its error.
 fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
     let mut failed = vec![None; plan.participants.len()];
     let own = |(fit, _): &(&Fit<'_>, &Fitted)| fit.purpose != Purpose::Unseen;
@@ -275,7 +276,7 @@ fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
     failed
 }
 
-/// Adds the better of both SVMs, and puts the cells in order.
+/// Adds the better of both SVMs, and sorts the cells.
 fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     let place = |cell: &Cell| {
         let set = settings.sets.iter().position(|set| set.name == cell.features);
@@ -293,7 +294,7 @@ fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     cells.sort_by_key(|cell| (cell.model, place(cell)));
 }
 
-/// What the cells of single steps held back claim, beside those of the comparison.
+/// Accuracy with single steps held back, beside that of the comparison.
 fn leakage(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings) -> Vec<Leakage> {
     if leaking.is_empty() {
         return Vec::new();
@@ -314,10 +315,10 @@ fn leakage(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings)
     models.flat_map(|model| Experiment::ALL.map(|experiment| both((model, experiment)))).collect()
 }
 
-/// The sets on which the paper's models are rolled out.
+/// The sets for roll-outs of the paper's models.
 const ROLLED_OUT: [&str; 4] = ["hrd", "d", "hrd_body", "d_body"];
 
-/// Roll-outs of the paper's models in experiment I on the [`ROLLED_OUT`] sets, of those beyond
+/// Roll-outs of the paper's models in experiment I on the [`ROLLED_OUT`] sets, of the models beyond
 /// the paper, and of simple drivers.
 fn all_rollouts(
     people: &[&ParticipantData],

@@ -4,37 +4,37 @@ use crate::features::{FeatureSet, HISTORY_SET};
 use crate::invalid::Invalid;
 use serde::Serialize;
 
-/// A choice of features with its name.
+/// A named feature set.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct NamedSet {
     /// Its name in tables.
     pub name: String,
-    /// What is in it.
+    /// Its features.
     pub features: FeatureSet,
 }
 
-/// Letters of the paper's seven sets, in the order of its tables.
+/// Letters of the paper's seven sets, in table order.
 pub const PAPERS_SETS: [&str; 7] = ["hrd", "hr", "hd", "rd", "h", "r", "d"];
 
-/// Sets that show what the robot's position in the human's body frame explains: it tells the side,
-/// which absolute differences in the world frame do not.
+/// Sets that show how much the robot's position in the human's body frame explains. It contains the
+/// side, which absolute differences in the world frame do not.
 pub const BODY_FRAME_SETS: [(&str, &str); 2] = [("hrd_body", "hrd"), ("d_body", "d")];
 
 impl NamedSet {
     /// The paper's seven.
     ///
     /// # Errors
-    /// Never: the names are those of the table.
+    /// Never: the table has these names.
     pub fn papers() -> Result<Vec<Self>, Invalid> {
         let set =
             |name: &str| Ok(Self { name: name.to_owned(), features: FeatureSet::subset(name)? });
         PAPERS_SETS.into_iter().map(set).collect()
     }
 
-    /// Two of them with the robot's position in the human's body frame.
+    /// Two of the paper's sets, with the robot's position in the human's body frame.
     ///
     /// # Errors
-    /// Never: the names are those of the table.
+    /// Never: the table has these names.
     pub fn with_body_frame() -> Result<Vec<Self>, Invalid> {
         let set = |(name, papers): (&str, _)| {
             let mut names: Vec<String> = FeatureSet::subset(papers)?.into();
@@ -47,7 +47,7 @@ impl NamedSet {
     /// [`HISTORY_SET`].
     ///
     /// # Errors
-    /// Never: the names are those of the table.
+    /// Never: the table has these names.
     pub fn with_history() -> Result<Self, Invalid> {
         Ok(Self { name: HISTORY_SET.to_owned(), features: FeatureSet::with_history()? })
     }

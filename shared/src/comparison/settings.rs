@@ -1,4 +1,4 @@
-//! What a comparison is asked for: feature sets, grids, and whether leakage is shown.
+//! Settings of a comparison: feature sets, grids, and whether to show leakage.
 
 use super::models::{BEYOND, Beyond, Grids, ModelName};
 use super::sets::NamedSet;
@@ -7,29 +7,30 @@ use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What a comparison fits and reports.
+/// What to fit and report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Feature sets: the paper's seven among them.
+    /// Feature sets, including the paper's seven.
     pub sets: Vec<NamedSet>,
     /// Hyper-parameters to try.
     pub grids: Grids,
-    /// Whether models are fitted to a split by time step too, to show what leaks.
+    /// Whether to fit models to a split by time step too, to show the leakage.
     pub leakage: bool,
-    /// Whether learning curves, models for unseen people and the importance of features are left out,
-    /// which the paper does not have.
+    /// Whether to skip what is not in the paper: learning curves, models for unseen people and the
+    /// importance of features.
     pub paper_only: bool,
     /// Steps of roll-outs, at least 1.
     pub horizon: usize,
-    /// The feature set of models with a memory.
+    /// The feature set of models with history.
     pub history: NamedSet,
 }
 
 impl Settings {
-    /// The protocol's: the paper's sets, two of them with the body frame, its grids, T = 10.
+    /// The protocol's settings: the paper's sets, two of them with the body frame, its grids, T =
+    /// 10.
     ///
     /// # Errors
-    /// Never: the names are those of the table.
+    /// Never: the table has these names.
     pub fn new() -> Result<Self, Invalid> {
         let mut sets = NamedSet::papers()?;
         sets.extend(NamedSet::with_body_frame()?);
@@ -52,34 +53,34 @@ impl Settings {
     }
 }
 
-/// The request for a comparison as JSON; every field may be left out.
+/// The request for a comparison as JSON; all fields are optional.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Whether models are fitted to a split by time step too, to show how much it overstates.
+    /// Whether to fit models to a split by time step too, to show how much it overstates accuracy.
     pub leakage: bool,
-    /// Whether learning curves, models for unseen people and the importance of features are left out,
-    /// to save a third of the time.
+    /// Whether to skip learning curves, models for unseen people and the importance of features,
+    /// which saves a third of the time.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub paper_only: bool,
-    /// Whether the report is to say that the data are synthetic. Files of `sidestep simulate` say
-    /// so themselves.
+    /// Whether the report should state that the data are synthetic. Files of `sidestep simulate`
+    /// already contain this.
     pub synthetic: bool,
-    /// Further feature sets beside the paper's: a name, and the names of its features.
+    /// Feature sets in addition to the paper's: a name, and the names of its features.
     pub sets: BTreeMap<String, Vec<String>>,
-    /// Hyper-parameters to try; the protocol's where left out.
+    /// Hyper-parameters to try; omitted grids are the protocol's.
     pub grids: Grids,
 }
 
-/// Most further sets.
+/// Maximum number of additional sets.
 const MOST_SETS: usize = 32;
 
 impl Request {
-    /// The settings that this asks for: the protocol's where it asks for nothing.
+    /// The requested settings; defaults are the protocol's.
     ///
     /// # Errors
-    /// [`Invalid`] naming the set or grid that is wrong.
+    /// [`Invalid`] that names the wrong set or grid.
     pub fn settings(&self) -> Result<Settings, Invalid> {
         let protocol = Settings::new()?;
         if self.sets.len() > MOST_SETS {

@@ -1,6 +1,6 @@
-//! Which trials train the models, and which are held back.
+//! The split into training and test trials.
 //!
-//! Always whole trials: neighbouring steps are so alike that a model which has seen one of them
+//! Whole trials are held back: neighbouring steps are so alike that a model trained on one of them
 //! knows the other.
 
 use crate::dataset::Dataset;
@@ -8,17 +8,17 @@ use crate::dataset::Dataset;
 /// Folds of cross-validation.
 pub const FOLDS: usize = 5;
 
-/// Fewer tasks leave no trial for each fold.
+/// With fewer tasks, some fold would have no trial.
 pub const LEAST_TASKS: usize = FOLDS;
 
-/// The first of a participant's `tasks` tasks that are for testing: the last fifth, at least one
-/// where there is any.
+/// Index of the first of a participant's `tasks` tasks that is for testing. The last fifth is, and
+/// at least one if there are any.
 #[must_use]
 pub fn first_test_task(tasks: usize) -> usize {
     tasks - (tasks / 5).max(1).min(tasks)
 }
 
-/// The fold in which the task with this index is held back.
+/// The fold that holds back the task with this index.
 #[must_use]
 pub fn fold_of(task: usize) -> usize {
     task % FOLDS
@@ -27,16 +27,16 @@ pub fn fold_of(task: usize) -> usize {
 /// The rows of one participant's tasks, split.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Split {
-    /// Rows to train on, ascending.
+    /// Training rows, ascending.
     pub training: Vec<usize>,
-    /// The fold of each of them.
+    /// The fold of each training row.
     pub folds: Vec<usize>,
-    /// Rows to test on, ascending.
+    /// Test rows, ascending.
     pub test: Vec<usize>,
 }
 
 impl Split {
-    /// Splits by whole tasks: the last fifth tests, the others are dealt to the folds in turn.
+    /// Splits by whole tasks: the last fifth is for testing, the others go to the folds in turn.
     #[must_use]
     pub fn grouped(data: &Dataset) -> Self {
         let tasks = data.trials.iter().max().map_or(0, |last| last + 1);
@@ -47,7 +47,7 @@ impl Split {
         Self { training, folds, test }
     }
 
-    /// As [`Self::grouped`], but only the first `tasks` tasks train.
+    /// Like [`Self::grouped`], but only the first `tasks` tasks train.
     #[must_use]
     pub fn of_first_tasks(data: &Dataset, tasks: usize) -> Self {
         let all = Self::grouped(data);
@@ -57,8 +57,8 @@ impl Split {
         Self { training, folds, test: all.test }
     }
 
-    /// Split by time step, whatever trial it is in: every fifth row tests, and folds are dealt
-    /// out by row. This is **wrong**, and here to show by how much.
+    /// Splits by time step, regardless of trials: every fifth row is for testing, and rows go to
+    /// the folds in turn. This is **wrong**; it is here to show by how much.
     #[must_use]
     pub fn leaking(data: &Dataset) -> Self {
         let (test, training): (Vec<usize>, Vec<usize>) =
@@ -67,7 +67,7 @@ impl Split {
         Self { training, folds, test }
     }
 
-    /// The training rows outside `fold`, and those in it, as places in [`Self::training`].
+    /// The training rows outside `fold`, and those in it, as indices into [`Self::training`].
     #[must_use]
     pub fn fold(&self, fold: usize) -> (Vec<usize>, Vec<usize>) {
         (0..self.training.len()).partition(|&place| self.folds[place] != fold)

@@ -1,20 +1,20 @@
-//! The paper's tables from cells.
+//! Computes the paper's tables from cells.
 
 use super::cell::{Cell, Experiment};
 use super::metrics::{Avoidance, BINS, Bin, Calibration, Distances, Predictions};
 use super::models::ModelName;
 use serde::Serialize;
 
-/// A participant whose models are compared.
+/// A compared participant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ComparedParticipant {
     /// The participant's name or number in the data.
     pub name: String,
-    /// The numbers of the tasks that models are tested on.
+    /// The numbers of the test tasks.
     pub test_trials: Vec<u64>,
-    /// The numbers of the tasks that train them.
+    /// The numbers of the training tasks.
     pub training_trials: Vec<u64>,
-    /// Steps of each of these tasks.
+    /// Number of steps of each task.
     pub steps: usize,
 }
 
@@ -23,20 +23,20 @@ pub struct ComparedParticipant {
 pub struct Comparison {
     /// The participants, in the order of the cells' numbers.
     pub participants: Vec<ComparedParticipant>,
-    /// In the order of models, experiments, feature sets and participants.
+    /// The cells, ordered by model, experiment, feature set and participant.
     pub cells: Vec<Cell>,
 }
 
 /// Accuracy, or one of the two distances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Metric {
-    /// Share of steps predicted right, in per cent; more is better.
+    /// Share of steps predicted correctly, in per cent; higher is better.
     #[serde(rename = "accuracy")]
     Accuracy,
-    /// Distance of the first steps of avoidance, penalised, in steps; less is better.
+    /// Distance of the first steps of avoidance, penalised, in steps; lower is better.
     #[serde(rename = "D_start")]
     Start,
-    /// Distance of the last steps, penalised, in steps; less is better.
+    /// Distance of the last steps, penalised, in steps; lower is better.
     #[serde(rename = "D_end")]
     End,
 }
@@ -52,7 +52,7 @@ impl Metric {
         }
     }
 
-    /// Whether less of it is better.
+    /// Whether lower is better.
     #[must_use]
     pub fn less_is_better(self) -> bool {
         self != Self::Accuracy
@@ -97,7 +97,7 @@ impl Comparison {
     }
 
     /// Accuracy (per cent), `D_start` or `D_end` (penalised, steps) of each participant's model.
-    /// The distances are those of experiment II.
+    /// The distances are from experiment II.
     #[must_use]
     pub fn person_metric(
         &self,
@@ -144,13 +144,13 @@ impl Comparison {
         Distances::of(self.steps(), &all)
     }
 
-    /// The number of steps of a trajectory; all have the same.
+    /// Number of steps of a trajectory; the same for all.
     #[must_use]
     pub fn steps(&self) -> usize {
         self.participants.iter().map(|person| person.steps).max().unwrap_or(0)
     }
 
-    /// When human and model avoid in each test trajectory.
+    /// The human's and the model's avoidance in each test trajectory.
     fn avoidances(&self, cell: &Cell) -> Vec<(Avoidance, Avoidance)> {
         let steps = self.participants[cell.participant].steps;
         let of = |classes: &[i8]| Avoidance::of(classes.iter().map(|&class| class != 0));
@@ -179,20 +179,20 @@ impl Comparison {
     }
 }
 
-/// A model's predictions of the test rows of all participants, summed up.
+/// A model's predictions of all participants' test rows, summarised.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pooled {
-    /// What predicts; none for the baseline.
+    /// The model; none for the baseline.
     pub model: Option<ModelName>,
-    /// What is predicted.
+    /// The experiment.
     pub experiment: Experiment,
     /// The name of the feature set; `none` for the baseline.
     pub features: String,
-    /// How good the probabilities are.
+    /// Quality of the probabilities.
     pub calibration: Calibration,
     /// The calibration curve.
     pub bins: [Bin; BINS],
-    /// How often each class (rows) was predicted as each (columns).
+    /// The number of rows of each class (rows) that were predicted as each class (columns).
     pub confusion: Vec<Vec<usize>>,
 }
 
@@ -219,14 +219,13 @@ impl Pooled {
     }
 }
 
-/// Which of a row's numbers are the best: all that are equal to the best one, none if there is no
-/// number.
+/// For each number of a row, whether it is the best. Ties are all best; missing numbers never are.
 #[must_use]
 pub fn are_best(numbers: &[Option<f64>], less_is_better: bool) -> Vec<bool> {
     let sign = if less_is_better { -1.0 } else { 1.0 };
     let of = |number: &Option<f64>| number.map(|number| sign * number).filter(|n| n.is_finite());
     let best = numbers.iter().filter_map(of).fold(f64::NEG_INFINITY, f64::max);
-    // Means of equal shares may differ in their last digits.
+    // Rounding may make means of equal shares differ in their last digits.
     numbers.iter().map(|number| of(number).is_some_and(|number| best - number < 1e-9)).collect()
 }
 

@@ -1,10 +1,11 @@
-//! What somebody meant who wrote a name that there is not.
+//! Suggestions for unknown names.
 
-/// Of the known names, those that a wrong one most likely stands for; none rather than a bad guess.
+/// The known names that an unknown one most likely means; empty rather than a bad guess.
 ///
-/// They are the ones with the fewest typing errors (Damerau and Levenshtein's distance): at most one in five
-/// characters, two in eleven, else three; capitals, hyphens and spaces are none. If no name is so near, they are
-/// those that have the given words among theirs, as `danger_radius_m` has `radius`. More than three are no help.
+/// These are the names with the fewest typing errors (Damerau–Levenshtein distance): at most one in five
+/// characters, two in eleven, three in longer names; differences in case, hyphens and spaces do not count. If no
+/// name is close enough, these are the names that contain all given words, as `danger_radius_m` contains
+/// `radius`. More than three matches yield none.
 #[must_use]
 pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     const MOST: usize = 3;
@@ -18,7 +19,7 @@ pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Vec
     if names.len() > MOST { Vec::new() } else { names }
 }
 
-/// The same as the end of a complaint: `; did you mean kind?`, or nothing.
+/// The suggestions as the end of an error message: `; did you mean kind?`, or nothing.
 #[must_use]
 pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     match &nearest(wrong, known)[..] {
@@ -27,7 +28,7 @@ pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -
     }
 }
 
-/// How badly a name fits: the number of typing errors, or more than any for one that only has the words.
+/// Distance of a name: the number of typing errors, or the maximum if it only contains the words.
 fn misfit(wrong: &str, name: &str) -> Option<usize> {
     const HAS_THE_WORDS: usize = usize::MAX;
     let [wrong, name] = [words(wrong), words(name)];
@@ -84,7 +85,7 @@ mod tests {
             ("maxchars", "max_chars"),
             ("radius", "danger_radius_m"),
             ("danger_radius", "danger_radius_m"),
-            // Nothing is near: "kind" is as far from it as any.
+            // Nothing is close, not even "kind".
             ("id", ""),
             ("answer", ""),
             ("x", ""),

@@ -15,19 +15,19 @@ pub struct Feature {
     pub name: &'static str,
     /// Unit; "1" for a pure number.
     pub unit: &'static str,
-    /// What it means, in a few words.
+    /// Short description.
     pub meaning: &'static str,
-    /// Its value.
+    /// How to compute it.
     pub compute: Compute,
 }
 
-/// How a feature is computed from the joint states so far, one for each step; the last one is the
-/// current state.
+/// How a feature is computed from the joint states so far, one per step, ending with the current
+/// one.
 #[non_exhaustive]
 pub enum Compute {
     /// From the states alone.
     FromMotion(fn(&[JointState]) -> f64),
-    /// From the states and the game that the vehicles play: its speeds and safety levels.
+    /// From the states and the game between the vehicles: its speeds and safety levels.
     FromGame(fn(&[JointState], &SafetyLevels) -> f64),
 }
 
@@ -42,11 +42,11 @@ impl Feature {
     }
 }
 
-/// Every feature there is: name, unit, meaning, and how it is computed.
+/// All features: name, unit, description, and how to compute it.
 pub static FEATURES: &[Feature] = &[
     of_motion("abs_dx", "m", "|Δx|, world frame", |h| (now(h).human.x - now(h).robot.x).abs()),
     of_motion("abs_dy", "m", "|Δy|, world frame", |h| (now(h).human.y - now(h).robot.y).abs()),
-    of_motion("dpsi", "rad", "human's heading less the robot's, in (−π, π]", heading_difference),
+    of_motion("dpsi", "rad", "human's heading minus the robot's, in (−π, π]", heading_difference),
     of_motion("cos_dpsi", "1", "cosine of the heading difference", |h| cos(heading_difference(h))),
     of_motion("sin_dpsi", "1", "sine of the heading difference", |h| sin(heading_difference(h))),
     of_game("v_h", "m", "V_HR, the human's safety level", |h, v| v.human_level(now(h))),
@@ -149,12 +149,14 @@ fn now(history: &[JointState]) -> &JointState {
     &history[history.len() - 1]
 }
 
-/// ∂V_HR by the robot's place ahead of and to the left of the human, and by its heading.
+/// ∂V_HR with respect to the robot's position ahead of and to the left of the human, and its
+/// heading.
 fn human_slopes(history: &[JointState], safety: &SafetyLevels) -> [f64; 3] {
     safety.human.state(now(history).robot_seen_by_human()).gradient
 }
 
-/// ∂V_RH by the human's place ahead of and to the left of the robot, and by its heading.
+/// ∂V_RH with respect to the human's position ahead of and to the left of the robot, and its
+/// heading.
 fn robot_slopes(history: &[JointState], safety: &SafetyLevels) -> [f64; 3] {
     safety.robot.state(now(history).human_seen_by_robot()).gradient
 }
@@ -164,18 +166,18 @@ fn heading_difference(history: &[JointState]) -> f64 {
     wrap_angle(state.human.psi - state.robot.psi)
 }
 
-/// How far the human turned left in the step before, rad; 0 before the first one.
+/// The human's turn to the left in the previous step, rad; 0 before the first.
 pub(super) fn last_turn(history: &[JointState]) -> f64 {
     turned(history, 0, 1)
 }
 
-/// How far the human turned left between two states, rad.
+/// The human's turn to the left between two states, rad.
 fn turn(before: JointState, after: JointState) -> f64 {
     wrap_angle(after.human.psi - before.human.psi)
 }
 
-/// How far the human turned left from `first` to `last` steps ago, rad. A vehicle turns by less than
-/// half a circle in one step, so the sum counts full circles.
+/// The human's turn to the left from `first` to `last` steps ago, rad. A vehicle turns by less than
+/// half a circle per step, so the sum counts full circles.
 fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
     let recent = history.iter().rev().skip(first).take(last - first + 1);
     let pairs = recent.clone().zip(recent.skip(1));
@@ -194,15 +196,15 @@ struct ClosestApproach {
 /// Vehicles drive side by side if their relative speed is below this share of the sum of both speeds.
 const SIDE_BY_SIDE: f64 = 1e-6;
 
-/// The speeds are those of the game in which the human evades.
+/// Uses the speeds of the game in which the human evades.
 fn closest_approach(history: &[JointState], safety: &SafetyLevels) -> ClosestApproach {
     let game = safety.human.game();
     let [x, y, psi] = now(history).robot_seen_by_human();
     let robot = game.pursuer.speed_mps;
     let (vx, vy) = (robot * cos(psi) - game.evader.speed_mps, robot * sin(psi));
     let square = vx * vx + vy * vy;
-    // Vehicles side by side stay as close as they are now. A relative speed that is only a rounding
-    // error would give a time of about 10¹⁶ s.
+    // Vehicles side by side are always closest now. A relative speed that is only a rounding error
+    // would give a time of about 10¹⁶ s.
     let least = SIDE_BY_SIDE * (robot + game.evader.speed_mps);
     let time_s = if square > least * least { (-(x * vx + y * vy) / square).max(0.0) } else { 0.0 };
     ClosestApproach { time_s, ahead_m: x + vx * time_s, left_m: y + vy * time_s }
@@ -233,7 +235,7 @@ mod tests {
         }
     }
 
-    /// Against the least distance along densely sampled straight drives.
+    /// Compares with the least distance along densely sampled straight drives.
     #[test]
     fn the_closest_approach_is_the_least_distance_of_straight_drives() {
         let mut parameters = SceneParameters::default();
@@ -259,7 +261,8 @@ mod tests {
         }
     }
 
-    /// Three turns of 0.1 rad end beside a robot at 0.3 rad but for rounding.
+    /// After three turns of 0.1 rad the human drives parallel to a robot at 0.3 rad, up to
+    /// rounding.
     #[test]
     fn vehicles_side_by_side_are_closest_now() {
         let parameters = SceneParameters::default();
@@ -276,7 +279,7 @@ mod tests {
         assert!(apart.abs() < 1e-12, "{apart}");
     }
 
-    /// Against differences of V along the axes that the names tell.
+    /// Compares with differences of V along the named axes.
     #[test]
     fn gradients_are_slopes() {
         let safety = safety(&SceneParameters::default());

@@ -1,4 +1,4 @@
-//! What a solver misses of the closed form.
+//! Error of a solver against the closed form.
 
 use super::map::Map;
 use super::scale::Scale;
@@ -11,15 +11,15 @@ const COLUMNS: usize = 150;
 /// Headings at which errors are summarised.
 const HEADINGS: u32 = 24;
 
-/// The solver's V less that of the closed form, over a window.
+/// The solver's V minus the closed form's, over a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     window: Window,
-    /// At all headings: the greatest size, m, where it is, and the mean size, m.
+    /// Largest absolute error at all headings, m.
     pub greatest_m: f64,
-    /// (x, y, ψ) of the greatest one, m, m, rad.
+    /// (x, y, ψ) of the largest error, m, m, rad.
     pub greatest_at: [f64; 3],
-    /// Mean size at all headings, m.
+    /// Mean absolute error at all headings, m.
     pub mean_m: f64,
     scale: Scale,
 }
@@ -29,9 +29,9 @@ pub struct Difference {
 pub struct AtHeading {
     /// The picture.
     pub map: Map,
-    /// Greatest size in it, m.
+    /// Largest absolute error in it, m.
     pub greatest_m: f64,
-    /// Mean size in it, m.
+    /// Mean absolute error in it, m.
     pub mean_m: f64,
 }
 
@@ -56,7 +56,7 @@ impl Difference {
         Self { window, greatest_m, greatest_at, mean_m: sum / count, scale }
     }
 
-    /// The error at the heading `psi`, rad, in a picture of this width, px. Every heading has the same tones.
+    /// The error at the heading `psi`, rad, in a picture of this width, px. All headings use the same colour scale.
     #[must_use]
     pub fn at(
         &self,
@@ -78,7 +78,7 @@ impl Difference {
     }
 }
 
-/// The middles of the cells of a grid with that many columns, row by row from the bottom.
+/// The cell centres of a grid with `columns` columns, row by row from the bottom.
 fn grid(window: Window, columns: usize) -> impl Iterator<Item = [f64; 2]> {
     let [wide, high] = [0, 1].map(|d| window.high[d] - window.low[d]);
     let rows = ((columns as f64 * high / wide).round() as usize).max(1);

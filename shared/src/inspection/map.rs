@@ -9,7 +9,7 @@ use crate::math::{TAU, hypot};
 use crate::picture::Window;
 use crate::reachability::{CurveSettings, Nodes, ValueFunction};
 
-/// Left of the axes, between them and the colour bar, the bar, and at the right edge, px.
+/// Widths of the left margin, the gap before the colour bar, the bar, and the right margin, px.
 const LEFT: f64 = 40.0;
 const GAP: f64 = 58.0;
 const BAR: f64 = 18.0;
@@ -25,7 +25,7 @@ pub struct Map {
 }
 
 /// The part of the plane that maps of a function show: {V ≤ R/3} at every heading and the danger disc
-/// with room around them, as far as the function's nodes reach.
+/// with a margin, within the function's nodes.
 #[must_use]
 pub fn domain(function: &ValueFunction) -> Window {
     const HEADINGS: u32 = 24;
@@ -41,7 +41,7 @@ pub fn domain(function: &ValueFunction) -> Window {
     }
     let [wide, high] = [0, 1].map(|d| window.high[d] - window.low[d]);
     let room = 0.05 * wide.max(high);
-    // Maps are neither slits nor towers.
+    // Limits the aspect ratio of a map.
     let [more_wide, more_high] =
         [(0.9 * high - wide).max(0.0), (0.62 * wide - high).max(0.0)].map(|more| 0.5 * more + room);
     let low = [window.low[0] - more_wide, window.low[1] - more_high];
@@ -63,8 +63,8 @@ pub fn domain(function: &ValueFunction) -> Window {
 }
 
 impl Map {
-    /// V at the heading `psi`, rad, in a picture of this width, px: a tone between each two levels, the
-    /// levels with their numbers, {V = 0} as the strongest line, the danger disc dashed.
+    /// V at the heading `psi`, rad, in a picture of this width, px: one tone between neighbouring
+    /// levels, labelled levels, {V = 0} as the strongest line, the danger disc dashed.
     #[must_use]
     pub fn of_value(
         function: &ValueFunction,
@@ -82,16 +82,16 @@ impl Map {
             spacing_m: (4.0 / metre_px).max(0.05 * radius_m),
         };
         map.ground(function, window, scale.tone(scale.levels.len()).into());
-        // A level that no state can have is drawn as nothing.
+        // A level that no state attains has no curves.
         let of_level = |level| function.level_curves(psi, level, settings).unwrap_or_default();
         let curves: Vec<(f64, Vec<Vec<Point>>)> =
             scale.levels.iter().map(|&level| (level, of_level(level))).collect();
-        // The largest set first: each lies within the next level's.
+        // Draws the largest set first: each is a subset of the next level's.
         for (band, (level, curves)) in curves.iter().enumerate().rev() {
             let mut sized: Vec<_> = curves.iter().map(|curve| (area(curve), curve)).collect();
             sized.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
             for (area, points) in sized {
-                // A hole, which runs clockwise, shows what is above the level.
+                // A hole, which runs clockwise, has the tone above the level.
                 let tone = scale.tone(if area < 0.0 { band + 1 } else { band });
                 let edge = (*level != 0.0).then(|| Pen::new(LIGHT.at(0.55), 1.0));
                 let (name, fill) = (String::new(), Some(tone.into()));
@@ -108,7 +108,7 @@ impl Map {
         map.finish("V", scale)
     }
 
-    /// The colour of the highest values, wherever the function has nodes.
+    /// Fills the area of the function's nodes with the colour of the highest values.
     fn ground(&mut self, function: &ValueFunction, window: Window, ink: Ink) {
         let [x, y] = [0, 1].map(|d| [window.low[d], window.high[d]]);
         let corner_m = hypot(x[0].abs().max(x[1].abs()), y[0].abs().max(y[1].abs()));
@@ -142,7 +142,7 @@ impl Map {
         for (row, values) in values.chunks(columns.max(1)).enumerate() {
             let y = [row, row + 1].map(|row| window.low[1] + row as f64 * size[1]);
             let mut begin = 0;
-            // Neighbours of one tone are one box.
+            // Merges neighbours of one tone into one box.
             while begin < values.len() {
                 let band = scale.band(values[begin]);
                 let same = values[begin..].iter().take_while(|v| scale.band(**v) == band).count();
@@ -157,7 +157,7 @@ impl Map {
         map
     }
 
-    /// Draws what it has, and the colour bar.
+    /// Draws the chart and the colour bar.
     pub(super) fn finish(mut self, name: &str, scale: &Scale) -> Self {
         let Frame { left, top, width, height } = self.frame;
         self.chart.draw(&mut self.drawing, self.frame);
@@ -186,7 +186,7 @@ impl Map {
         self.chart.add(Area { name: String::new(), points, fill: None, edge: Some(pen) });
     }
 
-    /// Puts each level's number where its curve is far from the numbers before.
+    /// Places each level's label where its curve is far from the previous labels.
     fn label(&mut self, curves: &[(f64, Vec<Vec<Point>>)], scale: &Scale) {
         const ROOM: f64 = 16.0;
         let mut placed: Vec<Point> = Vec::new();
@@ -198,7 +198,8 @@ impl Map {
             });
             let apart = |[x, y]: Point| {
                 let distances = placed.iter().map(|[a, b]| hypot(x - a, y - b));
-                // As far as half the map is far enough; of such places, one above is read best.
+                // Half the map's width is far enough; among such places, a higher one is easier to
+                // read.
                 distances.fold(0.5 * (right - left), f64::min) - 0.05 * y
             };
             let best = inside.max_by(|(_, a), (_, b)| apart(*a).total_cmp(&apart(*b)));
@@ -210,13 +211,13 @@ impl Map {
         }
     }
 
-    /// Where a state is in the picture, px.
+    /// Converts a state, m, to a position in the picture, px.
     #[must_use]
     pub fn to_px(&self, at: Point) -> Point {
         self.chart.place(self.frame, at)
     }
 
-    /// The state, m, at a place in the picture, px; none outside the axes.
+    /// Converts a position in the picture, px, to a state, m; `None` outside the axes.
     #[must_use]
     pub fn at_px(&self, px: Point) -> Option<Point> {
         let along = |axis: &Axis, share: f64| axis.ends[0] + share * (axis.ends[1] - axis.ends[0]);
@@ -227,7 +228,7 @@ impl Map {
             .then(|| [along(&self.chart.x, share[0]), along(&self.chart.y, share[1])])
     }
 
-    /// A picture of the same size and axes with these layers alone, to be laid over the map.
+    /// A picture with the same size and axes and only these layers, to overlay on the map.
     #[must_use]
     pub fn over(&self, layers: Vec<Layer>) -> Drawing {
         let mut drawing = Drawing::new("", "", self.drawing.size);

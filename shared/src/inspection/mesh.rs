@@ -4,16 +4,16 @@ use crate::math::TAU;
 use crate::picture::Window;
 use crate::reachability::{Sampling, Surface, ValueFunction};
 
-/// Triangles with normals, as graphics processors take them.
+/// Triangles with normals, in the layout that GPUs expect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Six numbers a vertex: x, y, m, ψ, rad, and the normal in metres as drawn, outwards, of length 1.
+    /// Six numbers per vertex: x and y, m, ψ, rad, and the outward unit normal in drawn metres.
     pub vertices: Vec<f32>,
-    /// Three vertices a triangle, counter-clockwise seen from outside.
+    /// Three vertices per triangle, counter-clockwise seen from outside.
     pub indices: Vec<u32>,
 }
 
-/// V over a window on the nodes on which solids of any level are found.
+/// V over a window, sampled on nodes from which the solid of any level is extracted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tubes {
     window: Window,
@@ -40,12 +40,12 @@ impl Tubes {
     }
 }
 
-/// Cosine of the angle, 25°, at which the surface counts as bent and not as round.
+/// Cosine of 25°, the angle between triangles above which their edge is sharp.
 const BENT: f64 = 0.906;
 
 impl Mesh {
-    /// The mesh of a surface over `window`. Triangles that meet nearly flat share the mean of their normals, so
-    /// that the surface is round there; at a ridge a vertex is there for each side.
+    /// The mesh of a surface over `window`. Triangles that meet at a small angle share the mean of their
+    /// normals, which looks smooth; a ridge has a separate vertex for each side.
     #[must_use]
     pub fn new(surface: &Surface, window: Window) -> Self {
         let per_radian = height_m(window) / TAU;
@@ -54,8 +54,7 @@ impl Mesh {
             let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
             normal.map(|part| part / length)
         };
-        // The sides that meet at each vertex: the normal of the first triangle, the sum of all, and the number
-        // of the mesh's vertex.
+        // The smooth sides at each vertex: the normal of the first triangle and the index of the mesh's vertex.
         let mut sides: Vec<Vec<([f64; 3], usize)>> = vec![Vec::new(); surface.vertices.len()];
         let mut corners: Vec<([f64; 3], [f64; 3])> = Vec::new();
         let mut indices = Vec::with_capacity(3 * surface.triangles.len());
@@ -90,7 +89,7 @@ impl Mesh {
     }
 }
 
-/// Height of a full turn, in metres as drawn.
+/// Height of a full turn, in drawn metres.
 pub(super) fn height_m(window: Window) -> f64 {
     let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
     0.8 * sides[0].max(sides[1])
@@ -125,7 +124,7 @@ mod tests {
                 walls += 1;
             }
         }
-        // The rims belong to both.
+        // Vertices on the rims count for both.
         assert!(walls + lids > surface.vertices.len() + 60, "{walls} {lids}");
     }
 }

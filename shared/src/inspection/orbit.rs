@@ -1,4 +1,4 @@
-//! {V ≤ c} as a solid: ψ upwards over x and y, seen from any side, without perspective.
+//! {V ≤ c} as a solid: ψ upwards over x and y, in orthographic projection from any side.
 
 use super::mesh::{Mesh, height_m};
 use super::slices::caption;
@@ -7,11 +7,11 @@ use crate::math::{PI, TAU, sin_cos};
 use crate::picture::Window;
 use crate::reachability::ValueFunction;
 
-/// The box around a solid, and from where it is seen.
+/// The box around a solid, and the view of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     window: Window,
-    /// As many metres of height as a radian of ψ takes.
+    /// Height of one radian of ψ, in drawn metres.
     per_radian: f64,
     /// Width and height of the picture, px.
     size: [f64; 2],
@@ -23,8 +23,8 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// A box over `window`, seen from `turned_deg` around it and above the plane, in a picture of this size,
-    /// px, `zoom` times as large as it fits from every side.
+    /// A box over `window`, seen from azimuth and elevation `turned_deg`, in a picture of this size, px,
+    /// `zoom` times as large as fits from every side.
     #[must_use]
     pub fn new(window: Window, turned_deg: [i16; 2], zoom: f64, size: [f64; 2]) -> Self {
         let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
@@ -46,13 +46,13 @@ impl Orbit {
         }
     }
 
-    /// From the middle of the box, in metres as drawn.
+    /// Position relative to the box's centre, in drawn metres.
     fn metres(&self, [x, y, psi]: [f64; 3]) -> [f64; 3] {
         let middle = [0, 1].map(|d| 0.5 * (self.window.low[d] + self.window.high[d]));
         [x - middle[0], y - middle[1], (psi - PI) * self.per_radian]
     }
 
-    /// Where a state is in the picture, px.
+    /// Projects a state into the picture, px.
     #[must_use]
     pub fn place(&self, state: [f64; 3]) -> [f64; 2] {
         let at = self.metres(state);
@@ -62,7 +62,7 @@ impl Orbit {
         ]
     }
 
-    /// From (x, y, ψ, 1) to clip coordinates, column by column.
+    /// Matrix from (x, y, ψ, 1) to clip coordinates, column by column.
     #[must_use]
     pub fn matrix(&self) -> [f32; 16] {
         let origin = self.metres([0.0; 3]);
@@ -84,7 +84,7 @@ impl Orbit {
         matrix
     }
 
-    /// The direction from which light falls, of length 1: above the left shoulder of who looks.
+    /// Unit vector towards the light: above the viewer's left shoulder.
     #[must_use]
     pub fn light(&self) -> [f32; 3] {
         let from = [0, 1, 2].map(|d| self.towards[d] + 0.55 * self.up[d] - 0.75 * self.right[d]);
@@ -97,7 +97,7 @@ impl Orbit {
     pub fn walls(&self, title: &str) -> Drawing {
         let mut drawing = Drawing::new(title, "", self.size);
         let ends = [0, 1].map(|d| [self.window.low[d], self.window.high[d]]);
-        // Behind the solid is the far end of each axis.
+        // The walls are at the far end of each axis, behind the solid.
         let far = |d: usize| usize::from(self.towards[d] < 0.0);
         let [back_x, back_y] = [0, 1].map(|d| ends[d][far(d)]);
         let [front_x, front_y] = [0, 1].map(|d| ends[d][1 - far(d)]);
@@ -133,7 +133,7 @@ impl Orbit {
         drawing
     }
 
-    /// The solid in its box, for a file: what is nearer is drawn later.
+    /// The solid in its box, for a file, drawn from back to front.
     #[must_use]
     pub fn drawing(&self, mesh: &Mesh, title: &str) -> Drawing {
         let mut drawing = self.walls(title);
@@ -142,7 +142,7 @@ impl Orbit {
         for triangle in mesh.indices.chunks_exact(3) {
             let corners = [0, 1, 2].map(|n| mesh.vertex(triangle[n]));
             let flat = corners.map(|(state, _)| self.place(state));
-            // Downwards on the page, what runs clockwise is seen from inside.
+            // With y downwards, a clockwise triangle faces away.
             let [[ax, ay], [bx, by], [cx, cy]] = flat;
             if (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) >= 0.0 {
                 continue;
@@ -154,7 +154,7 @@ impl Orbit {
             let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
             tiles.push((depth, Tile::Face(flat, shade(dot(normal, light) / length))));
             if let Some(ends) = ring(corners.map(|(state, _)| state)) {
-                // Over its own triangle and those beside it.
+                // Drawn over its own triangle and the neighbouring ones.
                 let nearer = 0.01 * self.size[0].min(self.size[1]) / self.scale;
                 tiles.push((depth + nearer, Tile::Ring(ends.map(|state| self.place(state)))));
             }
@@ -162,7 +162,7 @@ impl Orbit {
         tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, tile) in tiles {
             match tile {
-                // An edge of the same colour, so that no ground shows between neighbours.
+                // An edge of the same colour closes gaps between neighbours.
                 Tile::Face(flat, colour) => {
                     drawing.polygon(flat, Some(colour.into()), Some(Pen::new(colour, 0.6)));
                 }
@@ -172,8 +172,8 @@ impl Orbit {
         drawing
     }
 
-    /// The numbers and names of the axes, along the edges in front. Names come first; a number that would lie on
-    /// another is left out, as where an axis is seen from its end.
+    /// The numbers and names of the axes, along the front edges. Names are placed first; a number that would
+    /// overlap another label is omitted, for example where an axis is seen end-on.
     fn numbers(
         &self,
         drawing: &mut Drawing,
@@ -183,7 +183,7 @@ impl Orbit {
     ) {
         let centre = self.place([0.5 * (front_x + back_x), 0.5 * (front_y + back_y), floor]);
         let [x, y] = [0, 1].map(|d| [self.window.low[d], self.window.high[d]]);
-        // ψ stands at the upright edge that is seen farthest to the left.
+        // ψ is labelled at the leftmost vertical edge.
         let edges = [(front_x, back_y), (back_x, front_y)];
         let left = if self.place([edges[0].0, edges[0].1, 0.0])[0]
             <= self.place([edges[1].0, edges[1].1, 0.0])[0]
@@ -202,7 +202,7 @@ impl Orbit {
         for (words, edge, beside) in
             [("x ahead (m)", edge_x, beside_x), ("y to the left (m)", edge_y, beside_y)]
         {
-            // Beyond the numbers, whichever way the edge runs, and within the picture.
+            // Outside the numbers for any direction of the edge, and within the picture.
             let half = [0.5 * width_of(words, 11.5, false), 8.0];
             let away = 30.0 + beside[0].abs() * half[0];
             let at = [0, 1].map(|d| {
@@ -226,9 +226,8 @@ impl Orbit {
     }
 }
 
-/// Away from the middle of the floor, across an edge of it: of length 1. An edge that is seen from its end has
-/// no across; then it is straight away from the middle. On a floor that is seen from its side it is away from the
-/// box.
+/// Unit vector perpendicular to an edge of the floor, away from the floor's centre. For an edge seen end-on, it
+/// points straight away from the centre; for a floor seen edge-on, away from the box.
 fn outwards([a, b]: [[f64; 2]; 2], centre: [f64; 2], floor: f64) -> [f64; 2] {
     let [along, from] =
         [[0, 1].map(|d| b[d] - a[d]), [0, 1].map(|d| 0.5 * (a[d] + b[d]) - centre[d])];
@@ -244,14 +243,14 @@ fn outwards([a, b]: [[f64; 2]; 2], centre: [f64; 2], floor: f64) -> [f64; 2] {
     across.map(|part| part * side.signum())
 }
 
-/// An edge so short, px, is seen from its end.
+/// An edge shorter than this, px, counts as seen end-on.
 const END_ON: f64 = 8.0;
 
-/// The labels that stand: left, top, right and bottom of each, px.
+/// The placed labels: left, top, right and bottom of each, px.
 struct Labels(Vec<[f64; 4]>);
 
 impl Labels {
-    /// Writes a label unless it would lie on one that stands.
+    /// Writes a label unless it would overlap a placed one.
     fn add(&mut self, drawing: &mut Drawing, words: &str, at: [f64; 2], size: f64, align: Align) {
         let width = width_of(words, size, false);
         let left = if matches!(align, Align::Right) { at[0] - width } else { at[0] - 0.5 * width };
@@ -273,13 +272,13 @@ pub const TONES: [Colour; 3] = [
     Colour::rgb([0xf7, 0xb3, 0xa6]),
 ];
 
-/// What a solid is drawn with.
+/// A triangle or a ring segment of a solid.
 enum Tile {
     Face([[f64; 2]; 3], Colour),
     Ring([[f64; 2]; 2]),
 }
 
-/// Where a triangle is cut by a plane of a multiple of 45°, if it is.
+/// The intersection of a triangle with a plane at a multiple of 45°, if any.
 fn ring(corners: [[f64; 3]; 3]) -> Option<[[f64; 3]; 2]> {
     let lowest = corners.iter().map(|[.., psi]| *psi).fold(f64::INFINITY, f64::min);
     let psi = (lowest / RING).floor() * RING + RING;
@@ -293,7 +292,7 @@ fn ring(corners: [[f64; 3]; 3]) -> Option<[[f64; 3]; 2]> {
     ends.try_into().ok()
 }
 
-/// The tone of a surface on which light falls with this cosine.
+/// The tone of a surface for the cosine between its normal and the light.
 fn shade(lit: f64) -> Colour {
     let [shadow, middle, bright] = TONES;
     let lit = (0.16 + 0.84 * lit.max(0.0)).min(1.0);
@@ -302,7 +301,8 @@ fn shade(lit: f64) -> Colour {
     if share < 1.0 { shadow.towards(middle, share) } else { middle.towards(bright, share - 1.0) }
 }
 
-/// A figure of {V ≤ `level_m`} with what it is of, for a file; `mesh` is that of the function and the level.
+/// A figure of {V ≤ `level_m`} with a description of the game, for a file; `mesh` is that of the function
+/// and the level.
 #[must_use]
 pub fn tube(function: &ValueFunction, level_m: f64, mesh: &Mesh, orbit: &Orbit) -> Drawing {
     let title = match level_m {
@@ -318,12 +318,12 @@ pub fn tube(function: &ValueFunction, level_m: f64, mesh: &Mesh, orbit: &Orbit) 
     drawing
 }
 
-/// Between two rings on a solid, rad.
+/// Spacing of the rings on a solid, rad.
 pub const RING: f64 = PI / 4.0;
 
-/// Around the box, px.
+/// Margin around the box, px.
 const MARGIN: f64 = 16.0;
-/// How much deeper than wide the space is in which depths are told apart.
+/// Depth range of the clip space, relative to its width.
 const DEEP: f64 = 2.0;
 
 /// Round numbers along an axis.
@@ -345,7 +345,7 @@ mod tests {
         Orbit::new(window, turned_deg, 1.0, [640.0, 480.0])
     }
 
-    /// The graphics processor puts a state where the walls have it.
+    /// The GPU's matrix and the drawn walls place states equally.
     #[test]
     fn the_matrix_places_states_as_the_walls_do() {
         for turned in [[0, 0], [-52, 26], [170, -40], [33, 90]] {
@@ -403,7 +403,7 @@ mod tests {
                 }
             }
         }
-        // Where both axes are seen well, nothing is left out.
+        // Where both axes are clearly visible, no label is omitted.
         let numbers = 5 + ticks([-6.0, 14.0]).len() + ticks([-9.0, 9.0]).len();
         assert_eq!(labels([-52, 26]).len(), 3 + numbers);
     }

@@ -6,7 +6,7 @@ use crate::reachability::ValueFunction;
 use crate::vehicle::Pose;
 use crate::vehicle::dubins::{arc, relative_state};
 
-/// A game that both played optimally, up to half a turn after they were closest.
+/// A game of optimal play by both vehicles, up to half a turn after they are closest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Play {
     /// Time between two states, s.
@@ -17,40 +17,40 @@ pub struct Play {
     pub pursuer: Vec<Pose>,
     /// The pursuer in the evader's frame: x, y, m, and ψ, rad.
     pub relative: Vec<[f64; 3]>,
-    /// The state at the start as it was given.
+    /// The given initial state.
     pub start: [f64; 3],
     /// V at the start, m.
     pub value_m: f64,
-    /// The number of the state at which they were closest.
+    /// Index of the state at which they are closest.
     pub closest: usize,
-    /// The number of the first state within the danger radius, if there is one.
+    /// Index of the first state within the danger radius, if any.
     pub caught: Option<usize>,
-    /// Whether it was broken off while the pursuer still came closer.
+    /// Whether the simulation was cut off while the pursuer was still coming closer.
     pub goes_on: bool,
 }
 
-/// Length of a step in radians of the faster turn, and as a share of the radius at the closing speed.
+/// Length of a step: in radians of the faster turn, and as a share of the radius at the closing speed.
 const STEP: f64 = 0.004;
 /// The longest game in radians of the slower turn: chases may take several turns.
 const LONGEST: f64 = 8.0 * PI;
-/// They come closer only if by more than this share of the radius: two that drive on side by side do so for
-/// ever by rounding alone.
+/// Smallest approach that counts, as a share of the radius: for two vehicles side by side, rounding alone
+/// reduces the distance forever.
 const CLOSER: f64 = 1e-4;
 /// Most steps of a game.
 const MOST_STEPS: usize = 20_000;
 
-/// Optimal play from the pursuer's pose in the evader's frame (x, y, m; ψ, rad), each with the turn rate
-/// that [`ValueFunction::state`] gives, renewed at every step.
+/// Optimal play from the pursuer's pose in the evader's frame (x, y, m; ψ, rad), with the turn rates
+/// from [`ValueFunction::state`], updated at every step.
 ///
 /// # Errors
 /// [`Invalid`] for a state that is not finite, and for a function of a finite horizon: its turns are
-/// optimal at the start only, because with less time left another function decides.
+/// optimal only at the start, because the value changes with the remaining time.
 pub fn play(function: &ValueFunction, start: [f64; 3]) -> Result<Play, Invalid> {
     crate::invalid::all_finite("at", &start)?;
     if let ValueFunction::Sampled(samples) = function
         && samples.horizon_s().is_finite()
     {
-        let expected = "inf for optimal play, which needs V for every time that is left";
+        let expected = "inf: optimal play needs V for every remaining time";
         return Err(Invalid::new("horizon", expected, samples.horizon_s()));
     }
     let game = function.game();
@@ -59,7 +59,7 @@ pub fn play(function: &ValueFunction, start: [f64; 3]) -> Result<Play, Invalid> 
     let closing = game.evader.speed_mps + game.pursuer.speed_mps;
     let step_s = (STEP / rates[0].max(rates[1])).min(STEP * game.radius_m / closing);
     let most = ((LONGEST / slower / step_s) as usize).min(MOST_STEPS);
-    // So long after they were closest, no further approach is expected.
+    // Number of steps without an approach after which the play ends.
     let patience = (PI / slower / step_s) as usize;
 
     let mut evader = vec![Pose::new(0.0, 0.0, 0.0)];
@@ -92,13 +92,13 @@ impl Play {
         hypot(x, y)
     }
 
-    /// When they were closest, s.
+    /// When they are closest, s.
     #[must_use]
     pub fn closest_s(&self) -> f64 {
         self.closest as f64 * self.step_s
     }
 
-    /// When the distance first was the danger radius or less, s.
+    /// When the distance first falls to the danger radius or less, s.
     #[must_use]
     pub fn caught_s(&self) -> Option<f64> {
         self.caught.map(|step| step as f64 * self.step_s)

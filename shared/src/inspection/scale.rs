@@ -1,4 +1,4 @@
-//! Levels of a quantity, and the tones between them.
+//! Colour scales: levels of a quantity, and the tones between them.
 
 use crate::chart::{
     Align, Axis, Cells, Chart, Colour, Drawing, Frame, Pen, colours, fixed, round_step,
@@ -7,19 +7,19 @@ use crate::math::TAU;
 use crate::picture::Window;
 use crate::reachability::ValueFunction;
 
-/// Lines that show on every tone, on light and on dark ground.
+/// Colours of lines that are visible on every tone.
 pub(super) const LIGHT: Colour = Colour::rgb([0xff, 0xff, 0xff]);
 pub(super) const DARK: Colour = Colour::rgb([0x16, 0x10, 0x24]);
 
 /// Most bands of a scale.
 const MOST: usize = 13;
 
-/// Rising levels with a tone below each, and one above the last.
+/// Ascending levels with a tone below each and one above the last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
     /// The levels between two tones.
     pub levels: Vec<f64>,
-    /// The least and the greatest value that it shows.
+    /// The smallest and the largest value on the scale.
     pub ends: [f64; 2],
     /// Decimal places of its numbers.
     pub places: usize,
@@ -36,7 +36,7 @@ const DIVERGING: [Colour; 5] = [
 ];
 
 impl Scale {
-    /// From the least to the greatest value at round levels, in tones of viridis.
+    /// A scale with round levels between `ends`, in tones of viridis.
     #[must_use]
     pub fn rising(ends: [f64; 2]) -> Self {
         let axis = Axis::linear("", "", ends, MOST - 1);
@@ -45,7 +45,7 @@ impl Scale {
         Self { places: places(&levels), levels, ends, tones: colours::SAFE_REGIONS }
     }
 
-    /// For V of a function over a window: from −R to what nine tenths of the map are below.
+    /// The scale for V of a function over a window: from −R to the 90 % quantile on the map.
     #[must_use]
     pub fn of(function: &ValueFunction, window: Window) -> Self {
         const SIDE: u32 = 20;
@@ -65,7 +65,8 @@ impl Scale {
         Self::rising([-radius_m, most.max(0.5 * radius_m)])
     }
 
-    /// From −`most` to `most` at round levels, white in the middle, blue below and red above.
+    /// A scale from −`most` to `most` with round levels, white in the middle, blue below and red
+    /// above.
     #[must_use]
     pub fn around_zero(most: f64) -> Self {
         let step = round_step(most.max(1e-9), 5);
@@ -75,7 +76,7 @@ impl Scale {
         Self { places: places(&levels), levels, ends, tones: DIVERGING }
     }
 
-    /// The number of the band that a value is in: 0 below the first level.
+    /// Index of the band that contains a value: 0 below the first level.
     #[must_use]
     pub fn band(&self, value: f64) -> usize {
         self.levels.partition_point(|level| *level < value)
@@ -107,7 +108,7 @@ impl Scale {
             chart.add(Cells { ink: self.tone(band).into(), boxes: vec![[0.0, low, 1.0, high]] });
         }
         chart.draw(drawing, frame);
-        // It ends with the bar, since there is more room to the left.
+        // Right-aligned with the bar, because there is more room to the left.
         let at = [frame.left + frame.width, frame.top - 12.0];
         drawing.text(&format!("{name} (m)"), at, 11.5, colours::MUTED, Align::Right);
         if self.levels.contains(&0.0) {
@@ -119,7 +120,7 @@ impl Scale {
     }
 }
 
-/// As many decimal places as the levels need.
+/// The number of decimal places that the levels need.
 fn places(levels: &[f64]) -> usize {
     let is_exact = |places: &usize| {
         let power = (0..*places).fold(1.0, |power, _| 10.0 * power);

@@ -8,7 +8,7 @@ use crate::math::PI;
 use crate::picture::Window;
 use crate::reachability::{CurveSettings, ValueFunction};
 
-/// Left and right of a panel, px.
+/// Space left and right of a panel, px.
 const ROOM: [f64; 2] = [44.0, 16.0];
 
 type Curves = Vec<Vec<[f64; 2]>>;
@@ -19,7 +19,7 @@ pub fn slices(function: &ValueFunction, psi_deg: &[f64], levels: &[f64]) -> Draw
     let curves: Vec<Vec<Curves>> = psi_deg
         .iter()
         .map(|psi| {
-            // A level that no state can have is drawn as nothing.
+            // A level that no state attains has no curves.
             let curves = |level: &f64| {
                 let settings = CurveSettings::default();
                 function.level_curves(psi * PI / 180.0, *level, settings).unwrap_or_default()
@@ -63,7 +63,7 @@ pub fn slices(function: &ValueFunction, psi_deg: &[f64], levels: &[f64]) -> Draw
     drawing
 }
 
-/// The lowest level that is not negative has the first colour.
+/// Colour of a level; the lowest non-negative level has the first colour.
 fn colour(level: usize, levels: &[f64]) -> Colour {
     let negative = levels.iter().filter(|level| **level < 0.0).count();
     let all = colours::REGIONS.len();
@@ -80,7 +80,8 @@ fn dashed() -> Pen {
     Pen::new(colours::MUTED, 1.2).dashed(4.0, 4.0)
 }
 
-/// What part of the plane all panels show. No slits: one metre is as long along both axes.
+/// The part of the plane that all panels show, with a limited aspect ratio, because both axes have
+/// the same scale.
 fn window_of(curves: &[Vec<Curves>], radius_m: f64) -> Window {
     let mut window = Window::square(radius_m);
     for point in curves.iter().flatten().flatten().flatten() {
@@ -102,7 +103,7 @@ fn sides(window: &Window) -> [f64; 2] {
     [0, 1].map(|d| window.high[d] - window.low[d])
 }
 
-/// One heading.
+/// The panel of one heading.
 fn panel(
     psi_deg: f64,
     curves: &[Curves],
@@ -118,7 +119,7 @@ fn panel(
     let most = (most * high / wide).ceil();
     let y = Axis::linear("y to the left", "m", along(1), most as usize);
     let mut chart = Chart::new(&format!("ψ = {}°", number(psi_deg)), "", x, y);
-    // The largest set first: each lies within the next level's.
+    // Draws the largest set first: each is a subset of the next level's.
     for (level, curves) in curves.iter().enumerate().rev() {
         for points in curves {
             let edge = Some(Pen::new(colour(level, levels), 2.0));
@@ -147,7 +148,7 @@ fn legend(levels: &[f64]) -> Vec<LegendItem> {
     items
 }
 
-/// One line that says which function it is.
+/// One line that describes the function.
 #[must_use]
 pub fn caption(function: &ValueFunction) -> String {
     let game = function.game();

@@ -1,51 +1,51 @@
-//! Which value function is looked at, and how: everything that a link to it holds.
+//! The view of a value function, as a link encodes it.
 
 use crate::document::decimal;
 use crate::invalid::{Invalid, positive};
 use crate::reachability::{ACCURACIES, Accuracy, METHODS, Method, Options, PursuitGame};
 use crate::vehicle::VehicleModel;
 
-/// What is shown of a value function.
+/// The displayed aspect of a value function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// V at one relative heading.
     Value,
-    /// What a solver misses of the closed form, at one relative heading.
+    /// Error of a solver against the closed form, at one relative heading.
     Error,
     /// {V ≤ c} over x, y and ψ.
     Tube,
 }
 
 impl Shown {
-    /// Each with its word in links.
+    /// All variants with their words in links.
     pub const ALL: [(&'static str, Self); 3] =
         [("value", Self::Value), ("error", Self::Error), ("tube", Self::Tube)];
 }
 
-/// A value function and how it is looked at.
+/// A value function and its view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// The game.
     pub game: PursuitGame,
-    /// How it is solved; none for the best way.
+    /// Solution method; `None` selects the best one.
     pub method: Option<Method>,
-    /// Seconds of the game; infinite for the converged value.
+    /// Horizon of the game, s; infinite for the converged value.
     pub horizon_s: f64,
     /// The grid's accuracy.
     pub accuracy: Accuracy,
-    /// What is shown.
+    /// The displayed aspect.
     pub shown: Shown,
     /// Relative heading of the maps, whole degrees from 0 up to 359.
     pub psi_deg: u16,
     /// The level c of the tube, m.
     pub level_m: f64,
-    /// Where the cross-hair is, m.
+    /// Position of the cross-hair, m.
     pub at_m: [f64; 2],
     /// Whether optimal play from the cross-hair is shown.
     pub plays: bool,
-    /// From where the tube is seen, whole degrees: around it, and above the plane.
+    /// Azimuth and elevation of the view of the tube, whole degrees.
     pub turned_deg: [i16; 2],
-    /// How large the tube is seen, per cent of what fits from every side.
+    /// Zoom of the tube, per cent of the size that fits from every side.
     pub zoom_percent: u16,
 }
 
@@ -68,14 +68,14 @@ impl Default for View {
     }
 }
 
-/// Farthest place of the cross-hair, m.
+/// Largest coordinate of the cross-hair, m.
 const FARTHEST_M: f64 = 1e4;
 
-/// The least and the greatest zoom, per cent.
+/// The smallest and the largest zoom, per cent.
 pub const ZOOM_PERCENT: [u16; 2] = [50, 400];
 
 impl View {
-    /// The names of a link that [`Self::set`] takes.
+    /// The query parameters that [`Self::set`] accepts.
     pub const NAMES: [&str; 16] = [
         "evader-speed",
         "evader-turn-rate",
@@ -95,8 +95,8 @@ impl View {
         "zoom",
     ];
 
-    /// The view that the names and values of a query describe, as far as they are valid, and the first
-    /// complaint about one that is not. What is not named is as usual; other names are another's business.
+    /// The view that a query describes, and the error of its first invalid value. Missing and invalid
+    /// parameters keep their defaults; unknown names are ignored.
     pub fn of_query<'a>(
         query: impl IntoIterator<Item = (&'a str, &'a str)>,
     ) -> (Self, Option<Invalid>) {
@@ -110,10 +110,10 @@ impl View {
         (view, refused)
     }
 
-    /// Takes one value of such a query. The parameters have the names of the command line's flags.
+    /// Sets one parameter of such a query. The parameters are named like the command line's flags.
     ///
     /// # Errors
-    /// [`Invalid`] with the name of a value that is not valid.
+    /// [`Invalid`] with the name of an invalid parameter.
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), Invalid> {
         let refuse = |expected: &str| Invalid::new(name, expected, found(value));
         let above_zero = || match decimal(value) {
@@ -182,8 +182,7 @@ impl View {
         Ok(())
     }
 
-    /// Names and values that differ from what is usual, `&` between them: part of a link. They need no
-    /// escapes.
+    /// The query of the parameters that differ from the defaults, joined by `&`. It needs no escaping.
     #[must_use]
     pub fn query(&self) -> String {
         let usual = Self::default();
@@ -213,7 +212,7 @@ impl View {
         parts.join("&")
     }
 
-    /// What decides the value function: names and values, as a link has them.
+    /// The parameters that determine the value function, named as in links.
     #[must_use]
     pub fn parameters(&self) -> [(&'static str, String); 8] {
         let PursuitGame { evader, pursuer, radius_m } = self.game;
@@ -236,7 +235,7 @@ impl View {
     /// The method that solves this game.
     ///
     /// # Errors
-    /// [`Invalid`] with the name of a parameter that does not go with the others.
+    /// [`Invalid`] with the name of a parameter that is incompatible with the others.
     pub fn chosen(&self) -> Result<Method, Invalid> {
         let options =
             Options { method: self.method, horizon_s: self.horizon_s, ..Options::default() };
@@ -252,7 +251,7 @@ impl View {
     }
 }
 
-/// What the command line and links call a parameter of a game or a solve; another field keeps its name.
+/// Name of a game's or solver's field on the command line and in links; other fields keep their names.
 #[must_use]
 pub fn parameter(field: &str) -> &str {
     match field {
@@ -267,12 +266,12 @@ pub fn parameter(field: &str) -> &str {
     }
 }
 
-/// A number that [`decimal`] reads as the same number.
+/// Formats a number so that [`decimal`] parses it back exactly.
 fn plain(number: f64) -> String {
     number.to_string()
 }
 
-/// What was entered, in words if that is nothing.
+/// The entered value; "nothing" if it is blank.
 fn found(value: &str) -> &str {
     if value.trim().is_empty() { "nothing" } else { value }
 }

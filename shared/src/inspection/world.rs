@@ -10,15 +10,14 @@ use crate::chart::{
 use crate::picture::Window;
 use crate::vehicle::Pose;
 
-/// Left and right of the axes, px.
+/// Space left and right of the axes, px.
 const LEFT: f64 = 40.0;
 const RIGHT: f64 = 8.0;
 /// Most points of a path.
 const POINTS: usize = 400;
 
 impl Play {
-    /// The pursuer's path in the evader's frame, to be laid over a map with [`Map::over`]: strong until
-    /// they are closest, faint after.
+    /// The pursuer's path in the evader's frame, for [`Map::over`]: strong until they are closest, faint after.
     #[must_use]
     pub fn relative_path(&self) -> Vec<Layer> {
         let points: Vec<Point> = self.relative.iter().map(|[x, y, _]| [*x, *y]).collect();
@@ -38,8 +37,8 @@ impl Play {
         layers
     }
 
-    /// Both paths in the world in a picture of this width, px: the vehicles where they start and where they
-    /// are closest, with the danger disc there.
+    /// Both paths in the world, in a picture of this width, px, with the vehicles at the start and at their
+    /// closest, and the danger disc there.
     #[must_use]
     pub fn world(&self, radius_m: f64, width: f64) -> Drawing {
         let paths = [(&self.evader, colours::HUMAN), (&self.pursuer, colours::ROBOT)];
@@ -50,7 +49,7 @@ impl Play {
         }
         let [wide, high] = [0, 1].map(|d| window.high[d] - window.low[d]);
         let room = 0.08 * wide.max(high);
-        // One metre is as long along both axes; neither a slit nor a tower.
+        // Both axes have the same scale; limits the aspect ratio.
         let [more_x, more_y] =
             [(high - wide).max(0.0), (0.5 * wide - high).max(0.0)].map(|more| 0.5 * more + room);
         let x = [window.low[0] - more_x, window.high[0] + more_x];
@@ -83,7 +82,7 @@ impl Play {
         let faint = Pen::new(colour.at(0.5), 1.4).dashed(2.0, 3.0);
         chart.add(Series::drawn("", thinned(after), faint));
         chart.add(Series::line("", thinned(before), colour, 2.4));
-        // A mark at every second lets the eye compare the two.
+        // A mark at every second makes the two paths comparable.
         let each = ((1.0 / self.step_s).round() as usize).max(1);
         let seconds = before.iter().copied().step_by(each);
         chart.add(Series::line("", seconds, colour, 1.0).marked(Mark::Circle).without_line());
@@ -94,7 +93,7 @@ impl Play {
 }
 
 impl Map {
-    /// The map with the pursuer's path of a game, for a file.
+    /// The map with layers on top, such as the pursuer's path, for a file.
     #[must_use]
     pub fn with(&self, layers: Vec<Layer>) -> Drawing {
         let mut drawing = self.drawing.clone();
@@ -103,7 +102,7 @@ impl Map {
     }
 }
 
-/// At most [`POINTS`] of them, the ends included.
+/// Thins points to about [`POINTS`], keeping both ends.
 fn thinned(points: &[Point]) -> Vec<Point> {
     let each = points.len().div_ceil(POINTS).max(1);
     let mut thin: Vec<Point> = points.iter().copied().step_by(each).collect();

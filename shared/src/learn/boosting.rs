@@ -1,13 +1,13 @@
 //! Gradient-boosted trees for the multinomial deviance (Friedman 2001, with Newton steps and a
 //! penalty on leaves as in Chen and Guestrin 2016).
 //!
-//! In each round a small tree for each class's score is fitted to the gradient of the deviance
-//! at the present scores, and a share (`rate`) of its Newton step is added. Columns are cut
-//! into quantile bins first. Nothing is random.
+//! In each round a small tree for each class's score is fitted to the gradient of the deviance at
+//! the current scores, and a share (`rate`) of its Newton step is added. Columns are cut into
+//! quantile bins first. Nothing is random.
 //!
-//! Gradients and Hessians are rounded to multiples of 2⁻⁴⁰ and added as integers, so that sums,
-//! and with them every split, depend on sets of rows and not on their order: permuting rows
-//! changes no bit of a model. Ties go as in [`tree`](super::tree).
+//! Gradients and Hessians are rounded to multiples of 2⁻⁴⁰ and added as integers. Sums, and with
+//! them every split, thus depend on sets of rows and not on their order: permuting rows changes no
+//! bit of a model. Ties are broken as in [`tree`](super::tree).
 
 mod settings;
 mod bins;
@@ -26,14 +26,14 @@ pub use settings::BoostingSettings;
 pub struct Chosen {
     /// Depth of the trees.
     pub depth: usize,
-    /// Rounds.
+    /// Number of rounds.
     pub rounds: usize,
     /// Mean of −log P(class) over the held-out rows.
     pub log_loss: f64,
 }
 
 /// Boosts trees for all of the settings' rounds. A class that does not occur is improbable, not
-/// impossible: the first scores are logarithms of (n_c + 1) / (n + K).
+/// impossible: the initial scores are logarithms of (n_c + 1) / (n + K).
 ///
 /// # Errors
 /// [`Invalid`] if there are fewer than two classes, a setting is out of range, there are more
@@ -47,13 +47,13 @@ pub fn fit(samples: &Samples<'_>, settings: &BoostingSettings) -> Result<Boosted
     Ok(booster.finish())
 }
 
-/// Chooses depth and rounds by the log loss on held-out rows, one fold after another, then boosts
-/// with them on all rows. `folds` has the fold of each row, from 0; rows of one trial
-/// must be in one fold. Ties go to fewer rounds, then to the depth that is named first.
+/// Chooses depth and rounds by the log loss on held-out rows, fold by fold, then boosts with them
+/// on all rows. `folds` contains the fold of each row, from 0; rows of one trial must be in one
+/// fold. Ties go to fewer rounds, then to the depth listed first.
 ///
 /// # Errors
-/// The errors of [`fit`], or [`Invalid`] if `folds` is not as long as the rows, there are fewer
-/// than two folds or one is empty, or `depths` is empty.
+/// The errors of [`fit`], or [`Invalid`] if `folds` and rows differ in length, there are fewer than
+/// two folds or one is empty, or `depths` is empty.
 pub fn fit_by_folds(
     samples: &Samples<'_>,
     folds: &[usize],
@@ -83,7 +83,7 @@ struct Part {
     labels: Vec<usize>,
 }
 
-/// For each fold, the rows that train and those that are held out.
+/// The training and held-out rows of each fold.
 fn parts(samples: &Samples<'_>, folds: &[usize]) -> Result<Vec<[Part; 2]>, Invalid> {
     let count = folds.iter().max().map_or(0, |last| last + 1);
     if count < 2 {
@@ -105,7 +105,7 @@ fn parts(samples: &Samples<'_>, folds: &[usize]) -> Result<Vec<[Part; 2]>, Inval
 }
 
 /// The number of rounds with the lowest log loss on held-out rows. All folds advance together, so
-/// that none is trained longer than needed.
+/// no fold is trained longer than needed.
 fn best_rounds(
     samples: &Samples<'_>,
     parts: &[[Part; 2]],
@@ -168,7 +168,7 @@ impl<'a> LeftOut<'a> {
         let mut loss = 0.0;
         for (scores, &label) in self.scores.chunks_exact(self.outputs).zip(&self.part.labels) {
             shares.copy_from_slice(scores);
-            // With two classes, the one score is the second's, and the first's is 0.
+            // With two classes, the only score is the second class's; the first class's is 0.
             let own = if self.outputs > 1 { scores[label] } else { scores[0] * label as f64 };
             loss += to_shares(&mut shares) - own;
         }

@@ -1,13 +1,12 @@
 //! Logistic regression with an L2 penalty, trained by Newton's method.
 //!
-//! Minimises C · Σ over rows of −log P(class) + ½ · Σ over weights of w², intercepts
-//! unpenalised: the objective of scikit-learn's `LogisticRegression`. As there, two classes
-//! have **one** vector of weights, log P(second) − log P(first), and three or more have one
-//! each, whose sum the penalty makes zero. (Two vectors for two classes would be
-//! penalised half as much.) The intercepts of three or more classes, which only matter by
-//! their differences, sum to zero.
+//! Minimises C · Σ over rows of −log P(class) + ½ · Σ over weights of w², intercepts unpenalised:
+//! the objective of scikit-learn's `LogisticRegression`. As in scikit-learn, two classes have
+//! **one** vector of weights, log P(second) − log P(first); three or more have one each, and the
+//! penalty makes their sum zero. (Two vectors for two classes would be penalised half as much.) The
+//! intercepts of three or more classes, of which only differences matter, sum to zero.
 //!
-//! Row order changes the result by rounding only (less than 10⁻¹² on standardised data).
+//! Row order changes the result only by rounding (less than 10⁻¹² on standardised data).
 
 mod objective;
 
@@ -26,7 +25,8 @@ pub struct LogisticSettings {
     /// 1 + C. Since H ⪰ 1 for the weights, √(tolerance · (1 + C)) bounds that step, and its square,
     /// times the rows' typical length, bounds the remaining error.
     pub tolerance: f64,
-    /// Most Newton steps for each C. The problem is strictly convex; about ten suffice.
+    /// Maximum number of Newton steps for each C. The problem is strictly convex; about ten
+    /// suffice.
     pub max_steps: usize,
 }
 
@@ -43,7 +43,7 @@ impl LogisticSettings {
         Self { tolerance, ..self }
     }
 
-    /// Sets [`Self::max_steps`], the most Newton steps for each C.
+    /// Sets [`Self::max_steps`], the maximum number of Newton steps for each C.
     #[must_use]
     pub fn with_max_steps(self, max_steps: usize) -> Self {
         Self { max_steps, ..self }
@@ -60,8 +60,8 @@ pub fn fit(samples: &Samples<'_>, c: f64, settings: LogisticSettings) -> Result<
     models.pop().ok_or_else(|| Invalid::new("c", "at least one", "none"))
 }
 
-/// Trains with each of several penalties, in the given order. Each fit starts from a prediction by the
-/// one before, which saves about half of the work if the penalties rise or fall.
+/// Trains with each of several penalties, in the given order. Each fit starts from an extrapolation
+/// of the previous one, which saves about half of the work if the penalties are sorted.
 ///
 /// # Errors
 /// The errors of [`fit`].
@@ -113,8 +113,9 @@ fn minimise(
         if decrement <= settings.tolerance * (1.0 + c) {
             return Ok((theta - step, point));
         }
-        // Full steps converge near the solution; farther away steps are halved if necessary. Near the
-        // solution the decrease is smaller than the rounding of the loss, which the slack permits.
+        // Full steps converge near the solution; farther away, steps are halved if necessary. Near
+        // the solution the decrease is below the rounding error of the loss, which the slack
+        // permits.
         let slack = 1e-12 * point.loss;
         let mut share = 1.0;
         loop {

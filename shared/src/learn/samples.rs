@@ -15,8 +15,8 @@ impl<'a> Samples<'a> {
     /// Rows of `width` columns (row-major) and the class of each row.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no column, row or class, a length does not fit, a number is not
-    /// finite or a label not below `classes`.
+    /// [`Invalid`] if there is no column, row or class, lengths do not match, a number is not
+    /// finite or a label is not below `classes`.
     pub fn new(
         width: usize,
         values: &'a [f64],

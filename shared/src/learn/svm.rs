@@ -1,10 +1,9 @@
 //! Support vector machines with soft margins (C-SVC), one for each pair of classes, with
 //! calibrated probabilities.
 //!
-//! The optimum is that of libsvm and scikit-learn's `SVC`. The SVM of a pair minimises
-//! ½|w|² + C Σ max(0, 1 − y_i f(x_i)) over f(x) = w·φ(x) + b. Rows are put in an order of
-//! their own (by label and features) before anything is computed, so that the caller's order
-//! changes no bit.
+//! The optimum is that of libsvm and scikit-learn's `SVC`. The SVM of a pair minimises ½|w|² + C Σ
+//! max(0, 1 − y_i f(x_i)) over f(x) = w·φ(x) + b. Rows are sorted (by label and features) before
+//! anything is computed, so the caller's order changes no bit.
 
 mod rows;
 mod gram;
@@ -34,14 +33,14 @@ pub struct SvmSettings {
     pub kernel: Kernel,
     /// The cost of a unit of margin violation, C > 0.
     pub c: f64,
-    /// Stop when the optimality conditions hold to this (radial basis functions).
+    /// Stop when the optimality conditions hold to this tolerance (radial basis functions).
     pub tolerance: f64,
-    /// Most pairwise steps (radial basis functions).
+    /// Maximum number of pairwise steps (radial basis functions).
     pub max_steps: usize,
 }
 
 impl SvmSettings {
-    /// The usual stopping rule: 10⁻⁶, ten million steps.
+    /// The default stopping rule: 10⁻⁶, ten million steps.
     #[must_use]
     pub fn new(kernel: Kernel, c: f64) -> Self {
         Self { kernel, c, tolerance: 1e-6, max_steps: 10_000_000 }
@@ -59,13 +58,13 @@ impl SvmSettings {
         Self { c, ..self }
     }
 
-    /// Sets [`Self::tolerance`], how nearly the optimality conditions must hold.
+    /// Sets [`Self::tolerance`], to which the optimality conditions must hold.
     #[must_use]
     pub fn with_tolerance(self, tolerance: f64) -> Self {
         Self { tolerance, ..self }
     }
 
-    /// Sets [`Self::max_steps`], the most pairwise steps.
+    /// Sets [`Self::max_steps`], the maximum number of pairwise steps.
     #[must_use]
     pub fn with_max_steps(self, max_steps: usize) -> Self {
         Self { max_steps, ..self }
@@ -91,12 +90,12 @@ pub fn calibrate(target: Target<'_>, decisions: &[f64]) -> Result<Vec<Sigmoid>, 
     Ok(pairs(target.classes).enumerate().map(of_pair).collect())
 }
 
-/// Trains on `rows` (row-major, `width` raw features), which it standardises, with a sigmoid
-/// for each pair of classes.
+/// Trains on `rows` (row-major, `width` raw features) after standardising them, with a sigmoid for
+/// each pair of classes.
 ///
 /// # Errors
-/// [`Invalid`] if lengths do not fit, a number is not finite, C, γ or the tolerance not > 0,
-/// a class does not occur, or the fit does not converge.
+/// [`Invalid`] if lengths do not match, a number is not finite, C, γ or the tolerance is not > 0, a
+/// class does not occur, or the fit does not converge.
 pub fn fit(
     width: usize,
     rows: &[f64],

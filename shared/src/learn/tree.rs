@@ -1,13 +1,14 @@
 //! Decision trees: CART with Gini impurity.
 //!
-//! A node is split where the impurity falls most. Among equally good splits (compared exactly, in
-//! integers) the feature of lowest index wins, then the lowest threshold, so a tree depends on the set
-//! of its rows and not on their order. A node becomes a leaf if it is pure, if no split leaves enough
-//! rows on both sides, or if it has the greatest depth. A split need not lower the impurity, because
-//! two features that are informative only together do not lower it at first.
+//! A node is split where the impurity falls most. Ties (compared exactly, in integers) go to the
+//! lowest feature index, then to the lowest threshold, so a tree depends on the set of its rows and
+//! not on their order. A node becomes a leaf if it is pure, if no split leaves enough rows on both
+//! sides, or if it is at the maximum depth. A split need not lower the impurity, because two
+//! features that are informative only together do not lower it at first.
 //!
-//! Numbers are as in scikit-learn: features are rounded to single precision, values closer than
-//! 10⁻⁷ are never separated, and thresholds are midpoints. (scikit-learn breaks ties at random.)
+//! Numbers are handled as in scikit-learn: features are rounded to single precision, values closer
+//! than 10⁻⁷ are never separated, and thresholds are midpoints. (scikit-learn breaks ties at
+//! random.)
 
 pub(super) mod grower;
 
@@ -20,10 +21,10 @@ use grower::{Columns, Criterion, Limits, grow as grow_with};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TreeSettings {
-    /// The greatest depth; none for as deep as the rows allow, up to
+    /// Maximum depth; none for as deep as the rows allow, up to
     /// [`DEEPEST`](crate::predict::tree::DEEPEST).
     pub max_depth: Option<usize>,
-    /// Fewest rows of a leaf.
+    /// Minimum number of rows in a leaf.
     pub min_leaf: usize,
 }
 
@@ -35,13 +36,13 @@ impl Default for TreeSettings {
 }
 
 impl TreeSettings {
-    /// Sets [`Self::max_depth`], the greatest depth; none for as deep as the rows allow.
+    /// Sets [`Self::max_depth`], the maximum depth; none for as deep as the rows allow.
     #[must_use]
     pub fn with_max_depth(self, max_depth: impl Into<Option<usize>>) -> Self {
         Self { max_depth: max_depth.into(), ..self }
     }
 
-    /// Sets [`Self::min_leaf`], the fewest rows of a leaf.
+    /// Sets [`Self::min_leaf`], the minimum number of rows in a leaf.
     #[must_use]
     pub fn with_min_leaf(self, min_leaf: usize) -> Self {
         Self { min_leaf, ..self }
@@ -58,12 +59,11 @@ pub fn grow(samples: &Samples<'_>, settings: TreeSettings) -> Result<Tree, Inval
     trees.pop().ok_or_else(|| Invalid::new("min_leaf", "at least one", "none"))
 }
 
-/// Grows a tree for each of several smallest leaf sizes (in rising order). The trees share the work
-/// while their splits agree; each is the tree that [`grow`] returns. [`Tree::truncated`] gives the
-/// trees of lower depth.
+/// Grows one tree per minimum leaf size (ascending). The trees share work while their splits agree;
+/// each is identical to the result of [`grow`]. [`Tree::truncated`] gives trees of lower depth.
 ///
 /// # Errors
-/// The errors of [`grow`], and [`Invalid`] if `min_leaves` do not rise.
+/// The errors of [`grow`], and [`Invalid`] if `min_leaves` are not ascending.
 pub fn grow_each(
     samples: &Samples<'_>,
     max_depth: Option<usize>,
@@ -85,19 +85,19 @@ struct Gini<'a> {
     classes: usize,
 }
 
-/// Counts of each class on both sides of a split.
+/// Class counts on both sides of a split.
 struct Sides {
     left: Vec<u64>,
     right: Vec<u64>,
-    /// Σ of squared counts, and rows.
+    /// Sums of squared counts, and numbers of rows.
     left_squares: u64,
     right_squares: u64,
     left_rows: u64,
     right_rows: u64,
 }
 
-/// Σ over both sides of squared counts divided by rows, as a fraction; it is greatest where the impurity
-/// is least. With n ≤ 2²¹ rows the numerator is at most n³/4.
+/// Σ over both sides of squared counts divided by rows, as a fraction; it is greatest where the
+/// impurity is lowest. With n ≤ 2²¹ rows the numerator is at most n³/4.
 #[derive(Clone, Copy)]
 struct Concentration {
     numerator: u64,

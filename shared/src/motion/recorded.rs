@@ -1,4 +1,4 @@
-//! The same of recorded trials, in the words of trials.csv.
+//! The checks for recorded trials, with errors in terms of trials.csv.
 
 use super::{DISTANCE_ROUNDING, ROUNDING, StepLimits};
 use crate::invalid::Invalid;
@@ -8,11 +8,11 @@ use crate::scene::{JointState, SceneParameters};
 use crate::trial::verify;
 use crate::vehicle::{Pose, VehicleModel};
 
-/// Checks every step of a trial but the last, whose end is computed from its input.
+/// Checks every step of a trial except the last, whose end is computed from its input.
 ///
 /// # Errors
 /// [`Invalid`] for the first step that the human or the robot cannot have driven. Its field is the
-/// column of trials.csv that is wrong, after the trial and the step.
+/// trial, the step and the wrong column of trials.csv.
 pub fn check(parameters: &SceneParameters, trial: &RecordedTrial) -> Result<(), Invalid> {
     type Of = fn(&JointState) -> Pose;
     let vehicles: [(char, VehicleModel, Of); 2] = [
@@ -34,7 +34,7 @@ pub fn check(parameters: &SceneParameters, trial: &RecordedTrial) -> Result<(), 
     Ok(())
 }
 
-/// Excludes every participant of a recording with a trial that fails [`check`], and keeps the reason.
+/// Excludes every participant of a recording with a trial that fails [`check`], and records the reason.
 pub fn exclude_impossible(recording: &mut Recording) {
     let Recording { scene, participants, exclusions, .. } = recording;
     participants.retain(|participant| {
@@ -46,22 +46,22 @@ pub fn exclude_impossible(recording: &mut Recording) {
     });
 }
 
-/// Whether the states follow from the inputs, to within the rounding of numbers to three decimals.
+/// Whether the states follow from the inputs, to within rounding to three decimals.
 #[must_use]
 pub fn replays(parameters: &SceneParameters, trial: &RecordedTrial) -> bool {
     let Some(&start) = trial.states.first() else { return true };
     let replay = verify(parameters, start, &trial.inputs, &trial.states);
     let speed = parameters.human.speed_mps.abs().max(parameters.robot.speed_mps.abs());
     let way_m = speed * parameters.step_s * trial.inputs.len() as f64;
-    // A heading that is off by its rounding leads aside all the way.
+    // The rounding error of a heading adds a position error that grows with the path.
     let position_m = DISTANCE_ROUNDING + ROUNDING * way_m;
     replay.exact
         || replay.max_position_error_m <= position_m
             && replay.max_heading_error_rad <= 2.0 * ROUNDING
 }
 
-/// Checks that the headings turn as the inputs of the same rows say: not the other way, and not as those
-/// of the row before or after.
+/// Checks that the headings follow the inputs of the same rows, not the opposite inputs and not those of
+/// the row before or after.
 ///
 /// # Errors
 /// [`Invalid`] if other inputs explain the headings of all trials together far better.
@@ -93,11 +93,10 @@ pub fn check_inputs<'a>(
             }
         }
     }
-    // Keys that change within a step are explained equally badly by two rows, never by one of them
-    // so much better.
+    // A key change within a step fits two rows equally badly, never one of them so much better.
     match others.iter().find(|(other, _)| *other < 0.25 * recorded && recorded > ROUNDING) {
         Some((_, found)) => {
-            let expected = "inputs that turn the human as hpsi says (rad/s)";
+            let expected = "inputs that match the turns in hpsi (rad/s)";
             Err(Invalid::new("omega", expected, format!("that hpsi follows {found}")))
         }
         None => Ok(()),

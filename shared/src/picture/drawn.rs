@@ -7,8 +7,8 @@ use crate::chart::{Align, Colour, Drawing, Ink, Pen};
 const LETTERS: f64 = 12.0;
 
 impl Picture {
-    /// The picture in a frame of this size, px, with a name and what it shows. What leaves the frame is
-    /// painted too; the frame of a file cuts it off.
+    /// The picture in a frame of this size, px, with a title and a description. Shapes may extend
+    /// beyond the frame; the file clips them.
     #[must_use]
     pub fn drawing(&self, title: &str, description: &str, size_px: [f64; 2]) -> Drawing {
         let mut drawing = Drawing::new(title, description, size_px);
@@ -34,7 +34,7 @@ impl Brush for Drawing {
     }
 
     fn words(&mut self, text: &str, [x, y]: [f64; 2], colour: Colour) {
-        // A drawing places words by the middle of their capitals.
+        // A drawing anchors words at half the cap height.
         self.text(text, [x, y - 0.365 * LETTERS], LETTERS, colour, Align::Centre);
     }
 }

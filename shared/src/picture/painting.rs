@@ -1,22 +1,22 @@
-//! A picture on anything that can be painted on: everything in pixels, from the bottom up.
+//! Paints a picture with any brush, in pixels, from bottom to top.
 
 use super::{Camera, Picture, Shape, Tail, VEHICLE_LENGTH_M};
 use crate::chart::{Colour, Ink, Pen};
 use crate::math::sin_cos;
 use crate::vehicle::Pose;
 
-/// Points on their way to a brush. One kind for all, so that a browser's program has each method once.
+/// Points for a brush: a trait object, so that the client contains each method only once.
 pub type Points<'a> = &'a mut dyn Iterator<Item = [f64; 2]>;
 
-/// Something to paint on. Places are [right, down] from the top left corner, px.
+/// A painting backend. Positions are [right, down] from the top left corner, px.
 pub trait Brush {
-    /// Paints a line through points, or an area. A point that is not a number lifts the pen.
+    /// Paints a line through points, or an area. A NaN point lifts the pen.
     fn path(&mut self, points: Points<'_>, closed: bool, fill: Option<Ink>, pen: Option<Pen>);
 
     /// Paints a circle with this radius, px.
     fn circle(&mut self, centre: [f64; 2], radius: f64, fill: Option<Ink>, outline: Option<Pen>);
 
-    /// Paints words whose base line has its middle there.
+    /// Paints words whose baseline is centred at `middle`.
     fn words(&mut self, text: &str, middle: [f64; 2], colour: Colour);
 }
 
@@ -31,18 +31,18 @@ const ARROW: [(f64, f64); 7] = [
     (0.0, -0.036),
 ];
 
-/// Half the side or the radius of the mark at its tail, in lengths of the arrow.
+/// Radius or half the side of the mark at its tail, in lengths of the arrow.
 const TAIL: f64 = 0.085;
 
-/// Least length of an arrow, and least side of a goal, px.
+/// Smallest length of an arrow and smallest side of a goal, px.
 const LEAST_ARROW: f64 = 26.0;
 const LEAST_GOAL: f64 = 9.0;
 
-/// How far below its position the words of a label stand, px.
+/// Distance of a label's words below its position, px.
 const LABEL_BELOW: f64 = 24.0;
 
 impl Picture {
-    /// Paints all of it in a frame of this size, px.
+    /// Paints the picture in a frame of this size, px.
     pub fn paint(&self, size_px: [f64; 2], brush: &mut impl Brush) {
         let camera = Camera::showing(self.window, size_px);
         let placed = |range| self.points(range).iter().map(|&point| camera.to_px(point));

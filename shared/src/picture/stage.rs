@@ -1,4 +1,4 @@
-//! The scene itself: both vehicles and the goal.
+//! Shapes of the scene: both vehicles, the goal and the danger zone.
 
 use super::{Shape, Tail};
 use crate::chart::{Pen, colours};
@@ -8,20 +8,20 @@ use crate::vehicle::Pose;
 /// Side of the goal's square, m.
 const GOAL_SIDE_M: f64 = 0.85;
 
-/// The red square, the red arrow and the blue arrow.
+/// The goal (red square), the robot (red arrow) and the human (blue arrow).
 #[must_use]
 pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> [Shape; 3] {
     let [robot, human] = vehicles(state);
     [goal(scene.goal), robot, human]
 }
 
-/// The red square.
+/// The goal, a red square.
 #[must_use]
 pub fn goal(centre: [f64; 2]) -> Shape {
     Shape::Square { centre, side_m: GOAL_SIDE_M, colour: colours::ROBOT }
 }
 
-/// The red arrow and the blue arrow.
+/// The robot (red arrow) and the human (blue arrow).
 #[must_use]
 pub fn vehicles(state: JointState) -> [Shape; 2] {
     let vehicle = |pose, tail, colour| Shape::Vehicle { tail, pose, colour };
@@ -31,7 +31,7 @@ pub fn vehicles(state: JointState) -> [Shape; 2] {
     ]
 }
 
-/// The disc around the robot that the human must keep out of.
+/// The disc around the robot that the human must not enter.
 #[must_use]
 pub fn danger_zone(robot: Pose, radius_m: f64) -> Shape {
     Shape::Disc {

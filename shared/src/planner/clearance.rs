@@ -1,4 +1,4 @@
-//! Clearances, and how exactly they are found.
+//! Clearances, and the accuracy with which they are found.
 
 use crate::invalid::Invalid;
 use crate::motion::Departure;
@@ -8,9 +8,9 @@ use crate::motion::Departure;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
     /// No drive in the set comes nearer than this, m. Negative: the human may touch the robot; the
-    /// number then does not say how far both overlap.
+    /// magnitude is not the depth of the overlap.
     pub at_least_m: f64,
-    /// Some drive in the set comes as near as this, m. ≤ 0: a drive touches the robot.
+    /// Some drive in the set comes this near, m. ≤ 0: a drive touches the robot.
     pub at_most_m: f64,
 }
 
@@ -70,46 +70,47 @@ impl Clearances {
         self.by_step(set).iter().fold(Clearance::NONE, |all, step| all.and(*step))
     }
 
-    /// Why nothing is proved, and every clearance −∞: the human's last step was none that the human's vehicle can drive, so
-    /// that the sets say nothing of the next ones. None if the clearances hold.
+    /// Why nothing is proved and every clearance is −∞: the human's vehicle cannot have driven the
+    /// human's last step, so the sets do not bound the next ones. `None` if the clearances hold.
     #[must_use]
     pub fn unproved(&self) -> Option<Departure> {
         self.unproved
     }
 
-    /// Makes them those of a human of whom nothing is known.
+    /// Sets every clearance to −∞, because of `why`.
     pub(super) fn prove_nothing(&mut self, why: Departure) {
         self.all.fill(Clearance::UNPROVED);
         self.unproved = Some(why);
     }
 
-    /// The largest set, counted from 0, of which the plan stays clear by more than `margin_m` ≥ 0
-    /// throughout. None if even the smallest may come nearer. It is clear of all smaller sets, too.
+    /// The largest set, counted from 0, that the plan clears by more than `margin_m` ≥ 0 throughout; it then
+    /// clears all smaller sets, too. `None` if it does not even clear the smallest.
     #[must_use]
     pub fn largest_clear(&self, margin_m: f64) -> Option<usize> {
         (0..self.sets()).rev().find(|&set| self.of(set).at_least_m > margin_m)
     }
 }
 
-/// How exactly clearances are found, and how much work that may take.
+/// Accuracy of clearances, and limits on the work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ClearanceSettings {
-    /// [`Clearance::at_most_m`] exceeds [`Clearance::at_least_m`] (if negative: 0) by no more than
-    /// this, m, unless one of the limits below ends the search, as they do at long horizons and large turns.
+    /// [`Clearance::at_most_m`] exceeds [`Clearance::at_least_m`] (0 if that is negative) by no
+    /// more than this, m, unless one of the limits below ends the search, as happens at long
+    /// horizons and large turns.
     pub accuracy_m: f64,
-    /// A clearance that is at least this, m, needs no accuracy.
+    /// A clearance of at least this, m, needs no accuracy.
     pub enough_m: f64,
-    /// In at most so many parts drives and time are divided, for a set and a step. A search that ends
-    /// here gives a clearance that is too small rather than too large.
+    /// Largest number of parts into which drives and time are divided, per set and step. A search
+    /// that reaches this limit underestimates the clearance.
     pub most_parts: usize,
-    /// Units of work for all sets and steps together, so that long horizons and fast turns take bounded time, too. A unit is
-    /// a piece of time seen from one direction. Each step of each set has an equal share of
-    /// what is left, and at least one part.
+    /// Limit on the work for all sets and steps together, so that long horizons and fast turns take
+    /// bounded time, too. A unit of work is one piece of time seen from one direction. Each step of
+    /// each set gets an equal share of the remaining work, and at least one part.
     pub most_work: usize,
 }
 
-/// Of a plan, unless something else is asked for.
+/// The default limit on the work for a plan.
 const MOST_WORK: usize = 500_000;
 
 impl ClearanceSettings {
@@ -124,7 +125,7 @@ impl ClearanceSettings {
         Ok(Self { accuracy_m, ..Self::default() })
     }
 
-    /// The same with another clearance that needs no accuracy, m; +∞ if all need it.
+    /// The same with another [`Self::enough_m`], m; with +∞ every clearance is accurate.
     ///
     /// # Errors
     /// [`Invalid`] if it is not > 0.
@@ -135,7 +136,7 @@ impl ClearanceSettings {
         Err(Invalid::new("enough_m", "a number > 0", enough_m))
     }
 
-    /// The same with another limit of the work.
+    /// The same with another [`Self::most_parts`].
     ///
     /// # Errors
     /// [`Invalid`] if it is not from 1 to 10⁶.
@@ -146,7 +147,7 @@ impl ClearanceSettings {
         Err(Invalid::new("most_parts", "a whole number from 1 to 1000000", most_parts))
     }
 
-    /// The same with another limit of the work on all sets and steps.
+    /// The same with another [`Self::most_work`].
     #[must_use]
     pub fn with_most_work(self, most_work: usize) -> Self {
         Self { most_work, ..self }
@@ -154,7 +155,7 @@ impl ClearanceSettings {
 }
 
 impl ClearanceSettings {
-    /// The bound from below that suffices beside one from above, m.
+    /// The lower bound, m, that suffices for this upper bound.
     pub(super) fn goal(&self, at_most_m: f64) -> f64 {
         self.enough_m.min(at_most_m - self.accuracy_m)
     }

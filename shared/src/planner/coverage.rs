@@ -1,16 +1,16 @@
 //! From a calibration to a bound on the probability of a collision.
 //!
-//! A human touches a robot whose plan is clear of F_j only if the human's trajectory leaves F_j. With
-//! c_j a lower bound of the share of trajectories that stay inside, the bound is U = 1 − c_J, where F_J is
-//! the largest set of which the plan is clear; without such a set U = 1. F_J depends on the scene.
-//! Still, for every α: U ≤ α only if the plan is clear of the smallest set with 1 − c_j ≤ α, for the sets
-//! contain each other. Hence P(touch, and U ≤ α) ≤ α.
+//! A human touches a robot whose plan is clear of F_j only if the human's trajectory leaves F_j.
+//! Let c_j be a lower bound on the share of trajectories that stay inside F_j, and F_J the largest
+//! set of which the plan is clear. Then the bound is U = 1 − c_J; without such a set U = 1. F_J
+//! depends on the scene. Still, for every α: U ≤ α only if the plan is clear of the smallest set
+//! with 1 − c_j ≤ α, since the sets are nested. Hence P(touch, and U ≤ α) ≤ α.
 //!
 //! # Between the recorded states
-//! Calibration tests the recorded states after each step, within a tolerance. Between two of them, within
-//! half a step of one, a human whose turn rate is in the vehicle's range deviates from a drive of the set
-//! by the tolerance and by at most v(τ/2)²/2 times the range. So much clearance is the margin that a plan
-//! needs; the human must drive at the constant speed v.
+//! Calibration tests the recorded states after each step, within a tolerance. Every instant is
+//! within half a step of a recorded state. So a human whose turn rate is in the vehicle's range
+//! deviates from a drive of the set by at most the tolerance plus v(τ/2)²/2 times the range. A plan
+//! must keep this margin; the human must drive at the constant speed v.
 
 use super::clearance::Clearances;
 use crate::invalid::{Invalid, length};
@@ -20,7 +20,7 @@ use crate::shfrs::scores::Scores;
 use crate::shfrs::tuning::Tuned;
 use crate::stats::{beta_quantile, open_probability};
 
-/// For each set, a bound on the share of trajectories that leave it, with the words that belong to it.
+/// For each set, a bound on the share of trajectories that leave it, and a statement of the assumptions.
 ///
 /// ```
 /// use sidestep::planner::CoverageBounds;
@@ -40,7 +40,7 @@ use crate::stats::{beta_quantile, open_probability};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoverageBounds {
-    /// Falling, from the smallest set to the largest.
+    /// Descending, from the smallest set to the largest.
     outside: Vec<f64>,
     margin_m: f64,
     statement: String,
@@ -52,25 +52,26 @@ pub struct CollisionBound {
     /// The human comes within the footprint at some instant of the plan with at most this probability:
     /// see [`CoverageBounds::statement`].
     pub at_most: f64,
-    /// The set whose coverage says so, from 0; none if the plan is clear of none.
+    /// The set, from 0, whose coverage gives the bound; `None` if the plan is clear of no set.
     pub set: Option<usize>,
 }
 
-/// What every bound assumes.
-const ASSUMED: &str = "This holds on average over windows that are drawn as those of the \
+/// The assumptions of every bound.
+const ASSUMED: &str = "This holds on average over windows drawn like those of the \
     calibration, of people who drive like its vehicle, at its speed and within its turn rates, and who \
     react to the robot's plan as they did to the robot there; for a plan that is chosen without knowing \
-    the future. It is no guarantee for one scene or one person, and for several plans of a drive the \
-    probabilities add.";
+    the future. It is no guarantee for a single scene or person, and the probabilities of several plans \
+    of a drive add up.";
 
 impl CoverageBounds {
-    /// The bounds that `tuned` guarantees, for the prediction of
-    /// [`OnlinePredictor::tuned`](super::OnlinePredictor::tuned) with the same `further` sets, rad/s: its
-    /// first set has the tuned choice of actions, roll-outs and ε, and larger sets hold at least as much.
-    /// A set that admits every turn rate is left with probability 0. `parameters` are those of the tuning.
+    /// The bounds that `tuned` guarantees for the prediction of
+    /// [`OnlinePredictor::tuned`](super::OnlinePredictor::tuned) with the same `further` sets,
+    /// rad/s. The first set has the tuned choice of actions, roll-outs and ε; larger sets contain
+    /// it. A trajectory leaves a set that admits every turn rate with probability 0. `parameters`
+    /// are those of the tuning.
     ///
     /// # Errors
-    /// [`Invalid`] if the further widenings do not rise from the tuned ε.
+    /// [`Invalid`] if the further widenings do not ascend from the tuned ε.
     pub fn of_tuned(
         tuned: &Tuned,
         further: &[f64],
@@ -92,14 +93,14 @@ impl CoverageBounds {
         Ok(Self { outside, margin_m, statement })
     }
 
-    /// The bounds that hold for all sets at once with confidence 1 − `delta`: for each set those of
-    /// Clopper and Pearson with δ divided by the number of sets that do not admit every turn rate. `scores` are those of calibration
-    /// trajectories for the choice of actions of the prediction, with `base` roll-outs and `tolerance`;
-    /// `epsilon` are the sets' widenings, rad/s, rising. A set that admits every turn rate is left with
-    /// probability 0.
+    /// The bounds that hold for all sets at once with confidence 1 − `delta`: for each set the
+    /// Clopper–Pearson bound, with δ divided by the number of sets that do not admit every turn
+    /// rate. `scores` are those of calibration trajectories, with the prediction's choice of
+    /// actions, `base` roll-outs and `tolerance`; `epsilon` are the sets' widenings, rad/s,
+    /// ascending. A trajectory leaves a set that admits every turn rate with probability 0.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no set, the widenings do not rise, or δ is not in (0, 1).
+    /// [`Invalid`] if there is no set, the widenings are not ascending, or δ is not in (0, 1).
     pub fn of_scores(
         scores: &Scores,
         epsilon: &[f64],
@@ -143,21 +144,21 @@ impl CoverageBounds {
         &self.outside
     }
 
-    /// How clear of a set a plan must be, m, so that the bound of the set counts.
+    /// A plan must be clear of a set by more than this, m, for the set's bound to hold.
     #[must_use]
     pub fn margin_m(&self) -> f64 {
         self.margin_m
     }
 
-    /// What the bounds say and assume, to print beside them.
+    /// The bounds and their assumptions as a text, to print beside them.
     #[must_use]
     pub fn statement(&self) -> &str {
         &self.statement
     }
 
-    /// The bound for a plan with these clearances from the calibrated sets. It is one for a human who drives as the vehicle of
-    /// the parameters does: [`OnlinePredictor::check_human`](super::OnlinePredictor::check_human) tells whether the last
-    /// step was such a drive.
+    /// The bound for a plan with these clearances from the calibrated sets. It holds for a human
+    /// who drives like the vehicle of the parameters;
+    /// [`OnlinePredictor::check_human`](super::OnlinePredictor::check_human) checks the last step.
     ///
     /// # Errors
     /// [`Invalid`] if there are more or fewer sets.
@@ -173,11 +174,11 @@ fn everything(parameters: &SceneParameters) -> f64 {
     2.0 * parameters.human.turn_rate_radps
 }
 
-/// Accepts widenings, rad/s, that rise from `least`.
+/// Accepts widenings, rad/s, that ascend from `least`.
 fn rising(field: &str, mut least: f64, epsilon: &[f64]) -> Result<(), Invalid> {
     for (j, &level) in epsilon.iter().enumerate() {
         if !level.is_finite() || level < least {
-            let expected = format!("{least} rad/s or more: the sets contain each other");
+            let expected = format!("{least} rad/s or more: the sets are nested");
             return Err(Invalid::new(format!("{field}[{j}]"), expected, level));
         }
         least = level;
@@ -185,11 +186,11 @@ fn rising(field: &str, mut least: f64, epsilon: &[f64]) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// How far, m, a trajectory whose recorded states are inside can be from the set in between.
+/// How far from the set, m, a trajectory can be between recorded states that are inside.
 fn margin_m(parameters: &SceneParameters, tolerance: Tolerance, steps: usize) -> f64 {
     let (v, half_s) = (parameters.human.speed_mps, 0.5 * parameters.step_s);
     let range = 2.0 * parameters.human.turn_rate_radps;
-    // Membership takes bounds that nearly admit straight driving to admit it.
+    // Membership treats bounds that nearly admit straight driving as admitting it.
     let ahead_s = steps as f64 * parameters.step_s;
     let nearly = 0.5 * v * nearly_zero(ahead_s) * ahead_s * ahead_s;
     tolerance.position_m + v * half_s * (tolerance.heading_rad + 0.5 * range * half_s) + nearly

@@ -1,12 +1,11 @@
-//! How far the human can get in a direction: a number that no drive exceeds, and a drive that comes
-//! close.
+//! How far the human can get in a direction: an upper bound, and a drive that comes close to it.
 //!
-//! The distance along direction α is v∫cos(θ − α), θ(t) being the heading. In each piece of time the
-//! cosine is replaced by a line above it, over all headings that are possible there. What is left is
-//! linear in the headings at the ends of pieces, and dynamic programming finds its maximum exactly: the
-//! gain still possible (the value function) is concave and piecewise linear in the heading. The
-//! maximum is a bound **whichever lines are chosen**, as long as they lie above the cosine; good lines
-//! touch it where the best drive is.
+//! The distance along direction α is v∫cos(θ − α), where θ(t) is the heading. In each piece of
+//! time, a line above the cosine, over all headings that are possible there, replaces it. The
+//! result is linear in the headings at the ends of pieces, and dynamic programming finds its
+//! maximum exactly: the value function (the remaining gain) is concave and piecewise linear in the
+//! heading. The maximum is an upper bound **for any choice of lines** above the cosine; good lines
+//! touch the cosine at the best drive.
 
 use super::headings::{Piece, Tube};
 use crate::math::{PI, TAU, cos, sin_cos, sinc};
@@ -43,9 +42,9 @@ impl Line {
             let mirrored = Self::above_cosine(-hi, -lo, -touch);
             return Self { slope: -mirrored.slope, ..mirrored };
         }
-        // Now −π/2 < lo and hi < 3π/2, given a middle of at most π. Up to π/2 the cosine is concave
-        // and below its tangents, and beyond it is convex: a tangent at a place of the concave part
-        // is above it if it is so at the end.
+        // Now −π/2 < lo and hi < 3π/2, since the middle is at most π. Up to π/2 the cosine is
+        // concave and below its tangents; beyond, it is convex. So a tangent of the concave part is
+        // above the cosine if it is above it at the upper end.
         let nearest = 0.0_f64.clamp(lo, hi);
         for place in [touch.clamp(lo, hi), nearest] {
             if place.abs() <= FRAC_PI_2 {
@@ -55,7 +54,7 @@ impl Line {
                 }
             }
         }
-        // The nearest place is the lower end then, and from it on the chord is above the cosine.
+        // The nearest place is the lower end here, and the chord from there is above the cosine.
         let (at_lo, at_hi) = (cos(lo), cos(hi));
         let width = hi - lo;
         if width < NO_WIDTH_RAD {
@@ -68,14 +67,14 @@ impl Line {
 /// In a range this narrow the cosine is constant, rad.
 const NO_WIDTH_RAD: f64 = 1e-9;
 
-/// A linear part of a concave function. All slopes are less the function's tilt.
+/// A linear part of a concave function. Slopes are stored minus the function's tilt.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     slope: f64,
     length: f64,
 }
 
-/// A concave function on an interval: its slopes fall.
+/// A concave, piecewise linear function on an interval: its slopes fall.
 #[derive(Clone, Debug, Default)]
 struct Concave {
     from: f64,
@@ -84,7 +83,7 @@ struct Concave {
     value: f64,
     /// To be added to all slopes.
     tilt: f64,
-    /// Those before `first` are left out.
+    /// Those before `first` are no longer used.
     segments: Vec<Segment>,
     first: usize,
 }
@@ -103,9 +102,9 @@ impl Concave {
         self.tilt += slope;
     }
 
-    /// The maximum over a turn δ of this function of θ + δ and of what the turn itself gains: a
-    /// parabola that is 0 at both ends of [least, most], where its slopes are ±`gain` per rad. It is
-    /// replaced by tangents, the envelope of which is above it.
+    /// Replaces f(θ) by the maximum over a turn δ of f(θ + δ) plus the gain of the turn itself: a
+    /// parabola that is 0 at both ends of [least, most], where its slopes are ±`gain` per rad. The
+    /// envelope of tangents, which is above the parabola, replaces it.
     fn turn(&mut self, least: f64, most: f64, gain: f64) {
         self.from -= most;
         self.to -= least;
@@ -117,7 +116,7 @@ impl Concave {
         }
         let last = (TANGENTS - 1) as f64;
         self.insert(core::array::from_fn::<_, TANGENTS, _>(|i| {
-            // From the tangent at one end to that at the other, which are half as long.
+            // The tangents at both ends are half as long as the others.
             let weight = if i == 0 || i + 1 == TANGENTS { 0.5 } else { 1.0 };
             let slope = gain * (1.0 - 2.0 * i as f64 / last) - self.tilt;
             Segment { slope, length: (most - least) * weight / last }
@@ -137,7 +136,7 @@ impl Concave {
         }
     }
 
-    /// Leaves out what is not in [from, to], which is in the domain but for rounding.
+    /// Restricts the function to [from, to], which is in the domain up to rounding.
     fn clip(&mut self, from: f64, to: f64) {
         while let Some(segment) = self.segments.get_mut(self.first).filter(|_| from > self.from) {
             let cut = (from - self.from).min(segment.length);
@@ -161,7 +160,7 @@ impl Concave {
         self.first = self.first.min(self.segments.len());
     }
 
-    /// Between which arguments it is largest.
+    /// The range of arguments at which it is largest.
     fn best(&self) -> (f64, f64) {
         let mut place = self.from;
         let mut best = (place, place);
@@ -180,13 +179,13 @@ impl Concave {
     }
 }
 
-/// Tangents of a parabola, at equal distances.
+/// Number of tangents of a parabola, equally spaced.
 const TANGENTS: usize = 3;
 
-/// Slopes that differ by less are the same.
+/// Slopes that differ by less count as equal.
 const SAME_SLOPE: f64 = 1e-12;
 
-/// A bound on how far drives get in a direction, with memory that is used again.
+/// Upper bounds on how far drives get in a direction; buffers are reused.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Farthest {
     gain: Concave,
@@ -195,13 +194,14 @@ pub(super) struct Farthest {
     best: Vec<(f64, f64)>,
     /// The headings of the drive, at the start and after each piece.
     drive: Vec<f64>,
-    /// Two drives that were kept.
+    /// Two saved drives.
     kept: [Vec<f64>; 2],
-    /// Where lines should touch the cosine; none at first.
+    /// Where lines should touch the cosine; empty at first.
     touch: Vec<f64>,
 }
 
-/// The heading relative to a direction, with its middle in (−π, π]: how much to take off.
+/// The angle to subtract from headings to see them relative to a direction, with the middle of
+/// their range in (−π, π].
 pub(super) fn turns_away(alpha: f64, (lo, hi): (f64, f64)) -> f64 {
     let middle = 0.5 * (lo + hi) - alpha;
     alpha + TAU * ((middle - PI) / TAU).ceil()
@@ -221,7 +221,7 @@ fn follow(pieces: &[Piece], mut headings: impl Iterator<Item = f64>) -> ([f64; 2
 }
 
 impl Farthest {
-    /// Makes room for so many pieces.
+    /// Reserves capacity for this number of pieces.
     pub(super) fn reserve(&mut self, pieces: usize) {
         self.gain.segments.clear();
         self.gain.segments.reserve(TANGENTS * pieces + 1);
@@ -236,12 +236,12 @@ impl Farthest {
         }
     }
 
-    /// Forgets where lines should touch.
+    /// Resets where lines should touch.
     pub(super) fn begin(&mut self) {
         self.touch.clear();
     }
 
-    /// The next lines touch the cosine nearer to the last drive.
+    /// Moves the points where lines touch the cosine nearer to the last drive.
     pub(super) fn touch_drive(&mut self) {
         let middles = self.drive.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
         if self.touch.len() == self.drive.len() - 1 {
@@ -255,8 +255,8 @@ impl Farthest {
         }
     }
 
-    /// A number that ∫cos(θ − α) exceeds for no drive in the tube, s of travel. It also finds a drive
-    /// that comes close to it.
+    /// An upper bound on ∫cos(θ − α) over the drives in the tube, s of travel. It also finds a
+    /// drive that comes close to the bound.
     pub(super) fn bound(&mut self, tube: &Tube, alpha: f64) -> f64 {
         let pieces = &tube.pieces;
         self.lines.clear();
@@ -264,8 +264,8 @@ impl Farthest {
             let shift = turns_away(alpha, (lo, hi));
             let touch = match self.touch.get(k) {
                 Some(touch) => touch - shift,
-                // In the middle of the piece, a drive that keeps as near to the direction as it can
-                // has the mean of these headings.
+                // A drive that keeps as near to the direction as possible has the mean of these
+                // headings in the middle of the piece.
                 None => {
                     let nearest = |knot: usize| shift.max(tube.lo[knot]).min(tube.hi[knot]);
                     0.5 * (nearest(k) + nearest(k + 1)) - shift
@@ -283,8 +283,8 @@ impl Farthest {
             let Piece { seconds, lo, hi } = pieces[k];
             let line = self.lines[k];
             constant += line.at_zero * seconds;
-            // The integral of a heading is that of the chord between its ends, and at most as much
-            // more as by turning one way first: a parabola of the turn.
+            // The integral of a heading is that of the chord between its ends, plus at most the
+            // gain from turning one way first: a parabola in the turn.
             let half = 0.5 * seconds * line.slope;
             self.gain.tilt(half);
             self.best[k + 1] = self.gain.best();
@@ -296,7 +296,7 @@ impl Farthest {
         constant + self.gain.value
     }
 
-    /// Follows the largest gains from the start; of several, the one nearest to the direction.
+    /// Follows the largest gains from the start; among equal ones, the nearest to the direction.
     fn find_drive(&mut self, tube: &Tube, alpha: f64) {
         self.drive.clear();
         let mut heading = tube.lo[0];
@@ -317,13 +317,13 @@ impl Farthest {
         follow(&tube.pieces, self.drive.iter().copied())
     }
 
-    /// Keeps the drive, as the first or the second.
+    /// Saves the drive, as the first or the second.
     pub(super) fn keep(&mut self, place: usize) {
         self.kept[place].clone_from(&self.drive);
     }
 
-    /// The end of a drive between the first (share 0) and the second (1) that were kept, both in this
-    /// tube: bounds on headings and their rates admit all between two that they admit.
+    /// The end of a drive between the first (share 0) and the second (1) saved drive, both in this
+    /// tube. Bounds on headings and rates are convex, so they admit every drive in between.
     pub(super) fn end_between(&self, tube: &Tube, share: f64) -> ([f64; 2], f64) {
         follow(&tube.pieces, self.between(share))
     }
@@ -357,10 +357,10 @@ impl Farthest {
     }
 }
 
-/// How much a bound may be too large.
+/// By how much a bound may be too large.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Looseness {
-    /// In all, s of travel.
+    /// In total, s of travel.
     pub(super) seconds: f64,
     /// The knot that adds most, and the heading there; 0 if there is none.
     pub(super) knot: usize,
@@ -389,7 +389,7 @@ mod tests {
         }
     }
 
-    /// The maximum over turns, against all turns of a fine grid.
+    /// Compares the maximum over turns with all turns of a fine grid.
     #[test]
     fn a_turn_gains_at_least_its_parabola() {
         let mut rng = SeededRng::new(2);

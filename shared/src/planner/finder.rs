@@ -9,9 +9,9 @@ use crate::math::PI;
 use crate::motion::Departure;
 use crate::vehicle::Pose;
 
-/// Where the human may be: the nested sets that a prediction gives, for a human who drives on as the vehicle does.
-/// ([`OnlinePredictor`](super::OnlinePredictor) checks the last step; whoever makes a future calls
-/// [`departure`](crate::motion::departure).)
+/// Where the human may be: the nested sets of a prediction, for a human who keeps driving like the
+/// vehicle. ([`OnlinePredictor`](super::OnlinePredictor) checks the last step; callers that build a
+/// future themselves call [`departure`](crate::motion::departure).)
 #[derive(Clone, Copy, Debug)]
 pub struct HumanFuture<'a> {
     /// The human's pose now, world frame.
@@ -50,7 +50,7 @@ impl HumanFuture<'_> {
     fn check_set(&self, j: usize, set: &InputBounds) -> Result<(), Invalid> {
         let smaller = &self.sets[j.saturating_sub(1)];
         if set.steps() != smaller.steps() {
-            let expected = format!("{} steps, as the first set", smaller.steps());
+            let expected = format!("{} steps, as in the first set", smaller.steps());
             return Err(Invalid::new("", expected, format!("{} steps", set.steps())));
         }
         for i in 0..set.steps() {
@@ -64,7 +64,7 @@ impl HumanFuture<'_> {
                     return Err(Invalid::new(format!("{name}[{i}]"), expected, found));
                 }
                 if sign * (rate - before) < 0.0 {
-                    let expected = format!("bounds around the set before, {before} rad/s");
+                    let expected = format!("bounds around the previous set's, {before} rad/s");
                     return Err(Invalid::new(format!("{name}[{i}]"), expected, rate));
                 }
             }
@@ -73,16 +73,16 @@ impl HumanFuture<'_> {
     }
 }
 
-/// Finds clearances, one plan after the other in the same memory: after one plan, plans with no more
-/// sets, steps and turns allocate nothing.
+/// Finds clearances of one plan after the other with the same buffers: after a first plan, plans
+/// with no more sets, steps and turns do not allocate.
 ///
-/// # How
-/// A line between robot and human proves that they are apart. For a direction, the farthest that the
-/// human can get along it is bounded from above by dynamic programming over the heading, with a line
-/// above the cosine in each piece of time (`farthest`). Hence a bound is true whatever was chosen to
-/// find it. Where it is not yet as large as the distance of a drive that was found, the drives (by
-/// their heading at some instant) or the time are halved, and both halves are searched (`search`). This
-/// also holds for sets that are not convex, and at any turn rate.
+/// # Method
+/// A line between robot and human proves that they are apart. For each direction, dynamic
+/// programming over the heading, with a line above the cosine in each piece of time, bounds from
+/// above how far the human can get (`farthest`). The bound is valid whatever directions and lines
+/// are chosen. As long as it is below the distance of the nearest drive found, branch and bound
+/// halves the drives (by their heading at some instant) or the time, and searches both halves
+/// (`search`). The method also works for sets that are not convex, and at any turn rate.
 ///
 /// # Example
 /// ```
@@ -121,7 +121,7 @@ impl ClearanceFinder {
         Self { settings, search: Search::default(), found: Clearances::default() }
     }
 
-    /// The clearances that were found last.
+    /// The clearances of the last plan.
     #[must_use]
     pub fn clearances(&self) -> &Clearances {
         &self.found
@@ -129,8 +129,8 @@ impl ClearanceFinder {
 
     /// The clearance of `plan` from each set of the human's future, in each step. Both begin now.
     ///
-    /// # Errors
-    /// [`Invalid`] if the plan has other steps than the sets, the sets do not contain each other, one
+    /// [`Invalid`] if the steps of plan and sets differ, the sets are not nested, one turns by more
+    /// than half a turn in a step, or a number is not finite.
     /// turns by more than half a turn in a step, or a number is not finite.
     pub fn find(
         &mut self,
@@ -144,7 +144,7 @@ impl ClearanceFinder {
         self.found.all.clear();
         self.found.all.resize(future.sets.len() * steps, Clearance::NONE);
         let (mut left, mut undecided) = (settings.most_work, future.sets.len() * steps);
-        // From the largest set on: what holds for it holds for those inside.
+        // From the largest set down: its lower bounds hold for the sets inside.
         for (j, set) in future.sets.iter().enumerate().rev() {
             let (start, speed_mps, step_s) = (future.start, future.speed_mps, future.step_s);
             let setting = Setting { start, speed_mps, step_s, plan, footprint, settings };
@@ -168,8 +168,8 @@ impl ClearanceFinder {
         Ok(&self.found)
     }
 
-    /// [`Self::find`] for a human who did not drive like the vehicle in the last step, if `departed` says so: then every
-    /// clearance is −∞, and [`Clearances::unproved`] says why.
+    /// [`Self::find`], unless the human did not drive like the vehicle in the last step
+    /// (`departed`): then every clearance is −∞, and [`Clearances::unproved`] returns the reason.
     ///
     /// # Errors
     /// As for [`Self::find`].

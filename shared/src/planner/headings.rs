@@ -1,5 +1,5 @@
-//! Which headings a human may have at each instant: a tube that the bounds on the turn rate give, and
-//! that branching narrows.
+//! The headings that a human may have at each instant: a tube that follows from the bounds on the
+//! turn rate and that branching narrows.
 
 use crate::bounds::InputBounds;
 
@@ -12,7 +12,7 @@ pub(super) struct Piece {
     pub(super) hi: f64,
 }
 
-/// A later instant: so many whole steps and a share of the next one.
+/// A later instant: a number of whole steps and a share of the next one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Moment {
     pub(super) step: usize,
@@ -23,13 +23,13 @@ pub(super) struct Moment {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pieces {
     all: Vec<Piece>,
-    /// Of each step.
+    /// Pieces per step.
     count: usize,
     straight: bool,
 }
 
 impl Pieces {
-    /// In a piece, a drive turns by at most `most_turn_rad`.
+    /// Cuts the bounds into pieces in which a drive turns by at most `most_turn_rad`.
     pub(super) fn set(&mut self, bounds: &InputBounds, step_s: f64, most_turn_rad: f64) {
         let rates = || bounds.lo().iter().zip(bounds.hi());
         let most = rates().map(|(lo, hi)| lo.abs().max(hi.abs())).fold(0.0, f64::max);
@@ -52,12 +52,12 @@ impl Pieces {
         self.straight
     }
 
-    /// The piece in which an instant lies, or that begins then.
+    /// A piece of the step that contains an instant: all pieces of a step have the same bounds.
     pub(super) fn at(&self, moment: Moment) -> Piece {
         self.all[moment.step * self.count]
     }
 
-    /// The whole pieces before an instant, and the part of the next one that is over, s.
+    /// The number of whole pieces before an instant, and the elapsed part of the next one, s.
     fn before(&self, moment: Moment) -> (usize, f64) {
         let pieces = moment.share * self.count as f64;
         let whole = (pieces as usize).min(self.count - 1);
@@ -75,7 +75,7 @@ pub(super) struct Cut {
     pub(super) hi: f64,
 }
 
-/// Most ranges that a part of all drives is described by.
+/// Largest number of cuts that describe a part.
 pub(super) const MOST_CUTS: usize = 16;
 
 /// The cuts that describe a part.
@@ -99,8 +99,8 @@ impl Cuts {
     }
 }
 
-/// The headings, rad in the world frame and not wrapped, that drives can have at the end of each piece
-/// until some instant. From each heading in the tube, a drive within it leads to the end.
+/// The headings, rad in the world frame and not wrapped, that drives can have at the end of each
+/// piece until some instant. From each heading in the tube, a drive inside it leads to the end.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tube {
     pub(super) pieces: Vec<Piece>,
@@ -113,11 +113,11 @@ pub(super) struct Tube {
     rest: bool,
 }
 
-/// Ranges that miss each other by less meet, rad.
+/// Ranges whose gap is smaller, rad, count as touching.
 const ROUNDING_RAD: f64 = 1e-12;
 
 impl Tube {
-    /// Makes room for so many pieces.
+    /// Reserves capacity for this number of pieces.
     pub(super) fn reserve(&mut self, pieces: usize) {
         self.pieces.clear();
         self.pieces.reserve(pieces);
@@ -162,12 +162,12 @@ impl Tube {
         true
     }
 
-    /// Leaves out headings from which no drive leads to the end.
+    /// Removes headings from which no drive leads to the end.
     fn narrow(&mut self) {
         for (k, piece) in self.pieces.iter().enumerate().rev() {
             self.lo[k] = self.lo[k].max(self.lo[k + 1] - piece.hi * piece.seconds);
             self.hi[k] = self.hi[k].min(self.hi[k + 1] - piece.lo * piece.seconds);
-            // Both are the same but for rounding.
+            // Both are equal up to rounding.
             if self.lo[k] > self.hi[k] {
                 self.lo[k] = self.hi[k];
             }
@@ -186,7 +186,7 @@ impl Tube {
         (self.lo[self.pieces.len()], self.hi[self.pieces.len()])
     }
 
-    /// Whether drives can be told apart by their heading at a knot.
+    /// Whether drives can be split by their heading at a knot.
     pub(super) fn halves_at(&self, knot: usize) -> bool {
         (1..=self.knots()).contains(&knot) && self.hi[knot] - self.lo[knot] > LEAST_WIDTH_RAD
     }
@@ -196,8 +196,8 @@ impl Tube {
         self.pieces.len() - usize::from(self.rest)
     }
 
-    /// Two parts of the tube, by whether headings at `knot` are below `heading`, or a little above or
-    /// below so that neither part is narrow; at knot 0, the halves where headings differ most.
+    /// Splits the tube into the headings at `knot` below and above `heading`, which is moved a
+    /// little if one part would be narrow; at knot 0, halves it where headings differ most.
     pub(super) fn halves(&self, knot: usize, heading: f64) -> Option<[Cut; 2]> {
         let width = |&knot: &usize| self.hi[knot] - self.lo[knot];
         let widest = || (1..=self.knots()).max_by(|a, b| width(a).total_cmp(&width(b)));
@@ -210,7 +210,7 @@ impl Tube {
     }
 }
 
-/// Headings that differ by less are the same, rad.
+/// Headings that differ by less count as equal, rad.
 const LEAST_WIDTH_RAD: f64 = 1e-6;
 
 /// The highest heading within a piece that begins at most at `from` and ends at most at `to`: drives

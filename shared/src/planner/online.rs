@@ -1,4 +1,4 @@
-//! Predictions state by state, as a robot's loop needs them.
+//! Predictions from one state after the other, for a robot's loop.
 
 use super::clearance::{ClearanceSettings, Clearances};
 use super::finder::{ClearanceFinder, HumanFuture};
@@ -15,44 +15,45 @@ use crate::shfrs::tuning::Tuned;
 use crate::vehicle::Pose;
 use std::sync::Arc;
 
-/// Whether a state followed from those before.
+/// Whether a state continues the history.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Continuity {
-    /// The history goes on, or begins.
+    /// The history continues or begins.
     Continues,
-    /// The history goes on, but the human's vehicle cannot have driven this step: no plan is clear until the next one
-    /// ([`OnlinePredictor::departure`]).
+    /// The history continues, but the human's vehicle cannot have driven this step: no plan is
+    /// clear until the next step ([`OnlinePredictor::departure`]).
     Departed,
-    /// The human jumped: the history was forgotten and begins with this state. No plan is clear until the next one.
+    /// The human jumped: the history was cleared and begins with this state. No plan is clear until
+    /// the next step.
     Restarted,
 }
 
-/// What is known of the human's next steps.
+/// The assumption about the human's next steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum NextSteps {
-    /// The vehicle's, if the vehicle can have driven the last step. If it cannot (the person stood still, for instance),
-    /// no plan is clear: every clearance is −∞.
+    /// The human drives like the vehicle if the vehicle can have driven the last step. If it cannot
+    /// (the person stood still, for instance), no plan is clear: every clearance is −∞.
     #[default]
     LikeLast,
-    /// The vehicle's, whatever the last step was. Clearances then hold only for a human who drives like the vehicle from now
-    /// on: they can be positive although somebody stands in the way.
+    /// The human drives like the vehicle, whatever the last step was. Clearances hold only for such
+    /// a human: they can be positive although a person stands in the way.
     AssumeVehicle,
 }
 
-/// A prediction that owns what it needs and keeps its own history: push each new state, then predict,
-/// then ask for the clearance of plans. It keeps as many states as the features look back. After a first
-/// round, further rounds with no longer plans allocate nothing.
+/// A predictor that owns its data and keeps its own history: push each new state, then predict,
+/// then query the clearance of plans. The history is as long as the features look back. After a
+/// first round, further rounds with no longer plans do not allocate.
 #[derive(Clone, Debug)]
 pub struct OnlinePredictor {
     predictor: Arc<Predictor>,
     safety: Arc<SafetyLevels>,
     parameters: SceneParameters,
     settings: BoundsSettings,
-    /// How many states the features need.
+    /// Number of states that the features need.
     needed: usize,
     history: Vec<JointState>,
-    /// The human's pose before the last one that was pushed.
+    /// The human's pose before the last pushed one.
     before: Option<Pose>,
     algorithm: Algorithm1,
     finder: ClearanceFinder,
@@ -61,17 +62,18 @@ pub struct OnlinePredictor {
     next: NextSteps,
 }
 
-/// A human who gets on or turns more than this many times as much as the vehicle can in a step jumps.
+/// A step in which the human moves or turns by more than this multiple of the vehicle's maximum is a jump.
 const JUMP: f64 = 2.0;
 
 impl OnlinePredictor {
-    /// Predicts the human of `parameters` with `settings`. In the roll-outs the robot drives straight on,
-    /// at the speed of `parameters`. [`FeatureSet::safety`](crate::features::FeatureSet::safety) makes
-    /// `safety`, at once where no feature needs it.
+    /// Predicts the human of `parameters` with `settings`. In the roll-outs the robot drives
+    /// straight on, at the speed of `parameters`.
+    /// [`FeatureSet::safety`](crate::features::FeatureSet::safety) computes `safety`; it returns
+    /// immediately if no feature needs it.
     ///
     /// # Errors
-    /// [`Invalid`] if a parameter is not valid, the predictor's classes are not understood or their
-    /// number is not that of the settings, or a feature looks back to the beginning of the drive.
+    /// [`Invalid`] if a parameter is not valid, the predictor's classes are unknown or their number
+    /// differs from the settings', or a feature looks back to the beginning of the drive.
     pub fn new(
         predictor: impl Into<Arc<Predictor>>,
         safety: impl Into<Arc<SafetyLevels>>,
@@ -88,7 +90,8 @@ impl OnlinePredictor {
         }
         let Some(needed) = predictor.features().states_needed() else {
             let expected = "features that look back a fixed number of steps";
-            return Err(Invalid::new("features", expected, "one since the beginning of the drive"));
+            let found = "one that looks back to the beginning of the drive";
+            return Err(Invalid::new("features", expected, found));
         };
         Ok(Self {
             predictor,
@@ -105,8 +108,8 @@ impl OnlinePredictor {
         })
     }
 
-    /// Predicts with what was tuned: its choice of actions, its roll-outs and its ε for F_1. `further` are the ε of further
-    /// sets, rad/s, rising from the tuned one; twice the human's turn rate admits everything.
+    /// Predicts with the tuned choice of actions, roll-outs and ε for F_1. `further` are the ε of further sets,
+    /// rad/s, ascending from the tuned one; twice the human's turn rate admits every turn.
     ///
     /// # Errors
     /// The errors of [`Self::new`] and of [`BoundsSettings::new`].
@@ -129,7 +132,7 @@ impl OnlinePredictor {
         Self::new(predictor, safety, parameters, settings)
     }
 
-    /// The same with other settings of the clearance.
+    /// The same with other clearance settings.
     #[must_use]
     pub fn with_clearance(self, settings: ClearanceSettings) -> Self {
         Self { finder: ClearanceFinder::new(settings), ..self }
@@ -153,47 +156,49 @@ impl OnlinePredictor {
         &self.parameters
     }
 
-    /// How many states a prediction needs.
+    /// Number of states that a prediction needs.
     #[must_use]
     pub fn states_needed(&self) -> usize {
         self.needed
     }
 
-    /// The latest states, at most as many as are needed, the present one last.
+    /// The latest states, at most [`Self::states_needed`], the present one last.
     #[must_use]
     pub fn history(&self) -> &[JointState] {
         &self.history
     }
 
-    /// The human's pose one step before the last state; none before the second state.
+    /// The human's pose one step before the last state; `None` before the second state.
     #[must_use]
     pub fn before(&self) -> Option<Pose> {
         self.before
     }
 
-    /// Whether there is a prediction of the latest state.
+    /// Whether [`Self::predict`] has run since the latest state.
     #[must_use]
     pub fn is_predicted(&self) -> bool {
         self.predicted
     }
 
-    /// Forgets all states.
+    /// Clears the history.
     pub fn reset(&mut self) {
         self.history.clear();
         self.before = None;
         self.predicted = false;
     }
 
-    /// Appends the state one step, `step_s` of the parameters, after the last one. If the human moved or turned more than twice as
-    /// much as the vehicle can in a step, the states before are forgotten. Where a state was missed, call [`Self::reset`] and
-    /// begin anew. Sets assume that the human goes on at the speed of the parameters and within its turn rate: for one who
-    /// stands still, or moves slower or faster, they prove nothing. So a step that the human's vehicle cannot have driven, to a
-    /// millimetre and a milliradian, is told, and no plan is clear until the next step ([`Self::departure`]). Positions with
-    /// more noise than that need [`NextSteps::AssumeVehicle`].
+    /// Appends the state one step (`step_s` of the parameters) after the last one. If the human
+    /// moved or turned by more than twice the vehicle's maximum in a step, earlier states are
+    /// dropped. If a state was missed, call [`Self::reset`] and start again. The sets assume that
+    /// the human continues at the speed of the parameters and within its turn rate; they prove
+    /// nothing for one who stands still, or moves slower or faster. So a step that the human's
+    /// vehicle cannot have driven, to a millimetre and a milliradian, returns
+    /// [`Continuity::Departed`], and no plan is clear until the next step ([`Self::departure`]).
+    /// Positions with more noise need [`NextSteps::AssumeVehicle`].
     ///
     /// # Errors
-    /// [`Invalid`] if a coordinate is not finite or beyond [`Pose::MOST`](crate::vehicle::Pose::MOST); the history is then
-    /// unchanged.
+    /// [`Invalid`] if a coordinate is not finite or beyond
+    /// [`Pose::MOST`](crate::vehicle::Pose::MOST); the history is then unchanged.
     pub fn push(&mut self, state: JointState) -> Result<Continuity, Invalid> {
         state.check().map_err(|invalid| invalid.within("state"))?;
         self.predicted = false;
@@ -213,9 +218,9 @@ impl OnlinePredictor {
         })
     }
 
-    /// Why the sets say nothing of the human's next steps: the last step was none that the human's vehicle of the parameters
-    /// can drive, to a millimetre and a milliradian. None if it was, if one state alone is known, or with
-    /// [`NextSteps::AssumeVehicle`].
+    /// Why the sets do not bound the human's next steps: the human's vehicle of the parameters
+    /// cannot have driven the last step, to a millimetre and a milliradian. `None` if it can, if
+    /// only one state is known, or with [`NextSteps::AssumeVehicle`].
     #[must_use]
     pub fn departure(&self) -> Option<Departure> {
         let (before, last) = (self.before?, self.history.last()?);
@@ -223,11 +228,12 @@ impl OnlinePredictor {
         found.filter(|_| self.next == NextSteps::LikeLast)
     }
 
-    /// Whether the human moved in the last step as the human's vehicle of the parameters can, to a millimetre and a milliradian.
-    /// The sets, and what is said of their probability, assume that the next steps are such. [`NextSteps`] changes nothing here.
+    /// Checks that the human's vehicle of the parameters can have driven the last step, to a
+    /// millimetre and a milliradian. The sets and their probabilities assume the same of the next
+    /// steps. [`NextSteps`] has no effect here.
     ///
     /// # Errors
-    /// [`Invalid`] if not ([`check_step`]). One state alone has no step: it passes.
+    /// [`Invalid`] if not ([`check_step`]). A single state has no step: it passes.
     pub fn check_human(&self) -> Result<(), Invalid> {
         let (Some(before), Some(last)) = (self.before, self.history.last()) else { return Ok(()) };
         check_step(&self.parameters, before, last.human)
@@ -241,8 +247,8 @@ impl OnlinePredictor {
         moved > JUMP * human.speed_mps * step_s || turned > JUMP * human.turn_rate_radps * step_s
     }
 
-    /// The bounds of each set F_1 ⊆ F_2 ⊆ … from the states so far: turn rates of a human who drives like the vehicle, which
-    /// [`Self::departure`] may contradict.
+    /// The bounds of each set F_1 ⊆ F_2 ⊆ … from the states so far. They hold for a human who
+    /// drives like the vehicle; see [`Self::departure`].
     ///
     /// # Errors
     /// [`Invalid`] if there are fewer states than the features need, or Algorithm 1 fails
@@ -251,7 +257,7 @@ impl OnlinePredictor {
         let held = self.history.len();
         if held < self.needed {
             let states = if self.needed == 1 { "state" } else { "states" };
-            let expected = format!("at least {} {states}, as the features look back", self.needed);
+            let expected = format!("at least {} {states}, as the features require", self.needed);
             return Err(Invalid::new("history", expected, held));
         }
         self.predicted = false;
@@ -264,8 +270,9 @@ impl OnlinePredictor {
         Ok(&found.sets)
     }
 
-    /// The clearance of a plan that begins now from each predicted set, in each step. It is −∞ after a step of a human who does
-    /// not drive like the vehicle, who stands still for instance: [`Clearances::unproved`] says why.
+    /// The clearance of a plan that begins now from each predicted set, in each step. It is −∞
+    /// after a step that the human's vehicle cannot have driven (standing still, for instance):
+    /// [`Clearances::unproved`] returns the reason.
     ///
     /// # Errors
     /// [`Invalid`] if there is no prediction since the last state was pushed; and the errors of

@@ -1,11 +1,11 @@
-//! What a robot plans to do, and the ground that it covers.
+//! A robot's plan, and its footprint.
 
 use crate::invalid::{Invalid, positive};
 use crate::math::{PI, hypot, sin_cos, sinc, wrap_angle};
 use crate::reach::polygon::signed_distance;
 use crate::vehicle::{Pose, dubins};
 
-/// What the robot can do. A plan that exceeds it is refused as a jump.
+/// Limits of the robot. A plan that exceeds them is rejected as a jump.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PlanLimits {
@@ -15,10 +15,10 @@ pub struct PlanLimits {
     pub most_turn_rate_radps: f64,
 }
 
-/// Poses may exceed a limit by this share: they were rounded.
+/// Relative tolerance of the limits, since poses are rounded.
 const ROUNDING: f64 = 1e-9;
 
-/// Beyond, rounding would decide which way a step turns.
+/// Beyond this, rounding would decide which way a step turns.
 const MOST_TURN_RAD: f64 = PI - 1e-6;
 
 impl PlanLimits {
@@ -40,9 +40,8 @@ impl PlanLimits {
 }
 
 /// The robot's planned trajectory: its poses (world frame) now and after each step ahead, T + 1 of them.
-/// (In Python a plan is without the present pose, which is that of the last state.) The first pose is taken
-/// as it is: nothing compares it with the robot that an [`OnlinePredictor`](super::OnlinePredictor) was
-/// shown.
+/// (In Python a plan omits the present pose, which is that of the last state.) The first pose is
+/// not compared with the robot's pose in an [`OnlinePredictor`](super::OnlinePredictor).
 ///
 /// # Between the poses
 /// In each step the robot turns at a constant rate, by the smaller angle, and drives at a constant
@@ -79,8 +78,8 @@ impl Plan {
     ///
     /// # Errors
     /// [`Invalid`] if there are fewer than two poses, a coordinate is not finite or beyond
-    /// [`Pose::MOST`], a step exceeds the limits (naming the pose to which it jumps) or turns by half a turn, so that
-    /// the poses do not tell which way, or `step_s` or a limit is not > 0.
+    /// [`Pose::MOST`], a step exceeds the limits (the error names the pose to which it jumps) or
+    /// turns by half a turn, so that its direction is ambiguous, or `step_s` or a limit is not > 0.
     pub fn new(poses: Vec<Pose>, step_s: f64, limits: PlanLimits) -> Result<Self, Invalid> {
         positive("step_s", step_s)?;
         limits.check().map_err(|invalid| invalid.within("limits"))?;
@@ -88,8 +87,8 @@ impl Plan {
         Ok(Self { step_s, limits, poses })
     }
 
-    /// The plan through `positions`, m, for a robot that is round: its heading stays 0, so that it
-    /// drives straight from each position to the next.
+    /// The plan through `positions`, m, for a round robot: its heading stays 0, so that it drives
+    /// straight from each position to the next.
     ///
     /// # Errors
     /// The errors of [`Self::new`].
@@ -107,7 +106,7 @@ impl Plan {
     ///
     /// # Errors
     /// The errors of [`Self::new`]; and [`Invalid`] if the vehicle turns by half a turn or more in
-    /// a step, which poses cannot tell from a turn to the other side.
+    /// a step, since poses do not distinguish this from a turn to the other side.
     pub fn driven(
         start: Pose,
         inputs: &[(f64, f64)],
@@ -129,8 +128,8 @@ impl Plan {
         Self::new(poses, step_s, limits)
     }
 
-    /// Replaces the poses; step and limits stay. With no more poses than there ever were, nothing is
-    /// allocated. After an error the plan is unchanged.
+    /// Replaces the poses; step and limits stay. Does not allocate unless there are more poses than
+    /// ever before. After an error the plan is unchanged.
     ///
     /// # Errors
     /// The errors of [`Self::new`].
@@ -159,7 +158,7 @@ impl Plan {
         &self.poses
     }
 
-    /// The pose `seconds` after now, from 0 to the end of the plan; before and after, the pose there.
+    /// The pose `seconds` after now; times before and after the plan are clamped to it.
     #[must_use]
     pub fn pose_at(&self, seconds: f64) -> Pose {
         let steps = (seconds / self.step_s).clamp(0.0, self.steps() as f64);
@@ -167,7 +166,7 @@ impl Plan {
         self.leg(step).pose(steps - step as f64)
     }
 
-    /// What the robot does in a step, counted from 0.
+    /// The arc of a step, counted from 0.
     pub(super) fn leg(&self, step: usize) -> Leg {
         Leg::new(self.poses[step], self.poses[step + 1])
     }
@@ -175,7 +174,7 @@ impl Plan {
 
 fn check(poses: &[Pose], step_s: f64, limits: &PlanLimits) -> Result<(), Invalid> {
     if poses.len() < 2 {
-        return Err(Invalid::new("poses", "the present one and one for each step", poses.len()));
+        return Err(Invalid::new("poses", "the present pose and one for each step", poses.len()));
     }
     for (i, pose) in poses.iter().enumerate() {
         pose.check().map_err(|invalid| invalid.within(&format!("poses[{i}]")))?;
@@ -191,7 +190,7 @@ fn check(poses: &[Pose], step_s: f64, limits: &PlanLimits) -> Result<(), Invalid
         }
         if leg.turn_rad.abs() > MOST_TURN_RAD {
             let expected = format!(
-                "less than half a turn after poses[{i}], since poses do not tell which way"
+                "less than half a turn after poses[{i}], since the direction would be ambiguous"
             );
             return Err(Invalid::new(to(), expected, format!("{} rad", leg.turn_rad)));
         }
@@ -224,7 +223,7 @@ impl Leg {
     }
 
     /// The pose after a share of the step, from 0 to 1. The arc so far has a chord of length
-    /// ∝ share · sinc(share · turn/2), turned back by half of the turn that is left.
+    /// ∝ share · sinc(share · turn/2), turned back by half of the remaining turn.
     pub(super) fn pose(&self, share: f64) -> Pose {
         let half = 0.5 * self.turn_rad;
         let scale = share * sinc(share * half) / sinc(half);
@@ -263,7 +262,7 @@ pub struct Footprint {
     /// Counter-clockwise, in the robot's frame (x ahead, y to the left), m.
     corners: Vec<[f64; 2]>,
     margin_m: f64,
-    /// Of the corner farthest from the robot's position, m.
+    /// Distance of the farthest corner from the robot's position, m.
     reach_m: f64,
 }
 
@@ -311,7 +310,7 @@ impl Footprint {
         &self.corners
     }
 
-    /// How far it extends beyond the polygon, m.
+    /// How far the footprint extends beyond the polygon, m.
     #[must_use]
     pub fn margin_m(&self) -> f64 {
         self.margin_m
@@ -355,7 +354,7 @@ impl<'a> Placed<'a> {
         metres - footprint.margin_m
     }
 
-    /// The part of the polygon that lies least far along a direction (unit vector, world frame): where, m
+    /// The corner of the polygon that is least far along a direction (unit vector, world frame), m
     /// from `origin`.
     pub(super) fn least_along(&self, origin: [f64; 2], along: [f64; 2]) -> [f64; 2] {
         let Self { footprint, pose, sin, cos } = self;

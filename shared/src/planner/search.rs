@@ -10,7 +10,7 @@ use crate::vehicle::Pose;
 use core::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// What is the same for all sets and steps.
+/// The inputs that all sets and steps share.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setting<'a> {
     pub(super) start: Pose,
@@ -28,13 +28,13 @@ struct Part {
     /// The part of the step, as shares.
     from: f64,
     to: f64,
-    /// The direction from human to robot that told most, rad.
+    /// The direction from human to robot with the best bound, rad.
     alpha: f64,
     /// No drive of the part comes nearer, m.
     at_least_m: f64,
     /// Whether halving the drives promises more than halving the time.
     halve_drives: bool,
-    /// The knot and the heading by which drives are told apart.
+    /// The knot and the heading at which drives are split.
     knot: usize,
     heading: f64,
 }
@@ -60,56 +60,56 @@ impl PartialEq for Part {
 
 impl Eq for Part {}
 
-/// Directions that are tried for a part.
+/// Largest number of directions tried for a part.
 const MOST_DIRECTIONS: usize = 4;
 
-/// In a piece of time, a drive turns by so much, rad.
+/// Limits on the turn of a drive in a piece of time, rad.
 const LEAST_TURN_RAD: f64 = 0.02;
 const MOST_TURN_RAD: f64 = 0.5;
 
-/// Most pieces, unless a drive would turn by more than [`MOST_TURN_RAD`] in one.
+/// Largest number of pieces, unless a drive would turn by more than [`MOST_TURN_RAD`] in one.
 const MOST_PIECES: f64 = 1000.0;
 
-/// Directions that differ by less are the same, rad.
+/// Directions that differ by less count as equal, rad.
 const SAME_RAD: f64 = 1e-6;
 
 /// The shortest part of a step.
 const LEAST_SHARE: f64 = 1.0 / 4096.0;
 
-/// Numbers are rounded by less, m and as a share of the distance.
+/// Upper bounds on rounding errors: m, and as a share of the distance.
 const ROUNDING_M: f64 = 1e-9;
 const ROUNDING: f64 = 1e-12;
 
-/// The memory of a search.
+/// The buffers of a search.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Search {
     pieces: Pieces,
     tube: Tube,
     farthest: Farthest,
     open: BinaryHeap<Part>,
-    /// Pieces of time that were looked at in this step.
+    /// Pieces of time examined in this step.
     work: usize,
-    /// The direction that told most in the step before.
+    /// The direction with the best bound in the step before.
     alpha: Option<f64>,
-    /// The parts in which the drives were divided at the end of the step before.
+    /// The parts into which the drives were divided at the end of the step before.
     seeds: Vec<Seed>,
 }
 
-/// Some of the drives, and the direction that told most of them.
+/// Some of the drives, and the direction with their best bound.
 #[derive(Clone, Copy, Debug)]
 struct Seed {
     cuts: Cuts,
     alpha: f64,
 }
 
-/// A search that left more parts than this begins anew in the next step.
+/// A search that left more parts than this starts afresh in the next step.
 const MOST_SEEDS: usize = 24;
 
 impl Search {
-    /// Turns to the set of other bounds.
+    /// Starts on the set with these bounds.
     pub(super) fn begin(&mut self, bounds: &InputBounds, on: &Setting<'_>) {
-        // Where a drive turns by a in a piece, the cosine is above its line by a²/24 on average:
-        // together at most a quarter of the accuracy.
+        // Where a drive turns by a in a piece, the line is above the cosine by a²/24 on average: in
+        // total at most a quarter of the accuracy.
         let length_m = on.speed_mps * on.step_s * bounds.steps() as f64;
         let turn_rad = (6.0 * on.settings.accuracy_m / length_m).sqrt();
         // But not more pieces than the work allows.
@@ -126,8 +126,8 @@ impl Search {
         self.farthest.reserve(self.pieces.len());
     }
 
-    /// The clearance in step `step`, from 0, and the work on it; the clearance is known to be `at_least_m`. Once the work is more
-    /// than `most_work`, no part is divided any more.
+    /// The clearance in step `step`, from 0, which is known to be at least `at_least_m`, and the
+    /// work on it. Once the work exceeds `most_work`, no part is divided any more.
     pub(super) fn step(
         &mut self,
         on: &Setting<'_>,
@@ -154,7 +154,7 @@ impl Search {
             heading: 0.0,
         };
         let mut at_most_m = f64::INFINITY;
-        // The least bound of the parts that need no search any more.
+        // The smallest bound of the parts that need no more search.
         let mut settled_m = f64::INFINITY;
         self.examine(on, step, &leg, whole, &mut at_most_m);
         self.alpha = self.open.peek().map(|part| part.alpha);
@@ -165,7 +165,7 @@ impl Search {
         let again = (2..=MOST_SEEDS.min(most_parts)).contains(&self.seeds.len())
             && self.seeds.len() * self.work <= most_work;
         if again && !self.open.peek().is_some_and(|part| suffices(part, at_most_m)) {
-            // What had to be told apart a step before is to be told apart now.
+            // Drives that were split in the step before must be split now.
             parts = self.seeds.len();
             self.open.clear();
             for i in 0..parts {
@@ -197,7 +197,7 @@ impl Search {
         open.iter().for_each(|part| self.seed(part));
         open.clear();
         self.open = open;
-        // All drives and the whole time were in some part.
+        // The parts cover all drives and the whole time.
         (Clearance { at_least_m: settled_m.min(at_most_m), at_most_m }, self.work)
     }
 
@@ -229,8 +229,8 @@ impl Search {
         }
     }
 
-    /// Bounds the clearance of a part from below, and that of all drives from above; keeps the part
-    /// for later, unless it is empty.
+    /// Bounds the clearance of a part from below, and that of all drives from above; queues the
+    /// part unless it is empty.
     fn examine(
         &mut self,
         on: &Setting<'_>,
@@ -273,7 +273,7 @@ impl Search {
                     share = between;
                     let most = look.between(share, &self.tube, &self.farthest);
                     *at_most_m = at_most_m.min(most);
-                    // No line tells more than this, if the human may be anywhere between both drives.
+                    // No line proves more than this if the human may be anywhere between both drives.
                     let limit_m = hypot(aim[0], aim[1]) - on.footprint.margin_m();
                     if limit_m < on.settings.goal(*at_most_m) {
                         break;
@@ -302,7 +302,7 @@ impl Search {
         }
         let looseness = self.farthest.looseness(&self.tube, last, share);
         (part.knot, part.heading) = (looseness.knot, looseness.heading);
-        // What moving within the part may cost, roughly.
+        // Rough estimate of the loss from moving within the part.
         let moved_m = (part.to - part.from) * (on.speed_mps * on.step_s + leg.length_m);
         let time_m = moved_m * moved_m / (8.0 * at_most_m.max(0.25 * moved_m));
         part.halve_drives = on.speed_mps * looseness.seconds > time_m;
@@ -310,7 +310,7 @@ impl Search {
     }
 }
 
-/// What is seen of human and robot at one end of a part's time.
+/// The gap between human and robot at one end of a part's time.
 #[derive(Clone, Copy, Debug)]
 struct End {
     /// Along the direction, the robot is at least this far ahead of the human, m.
@@ -321,7 +321,7 @@ struct End {
     apart: [f64; 2],
 }
 
-/// A part's time, in which lines between human and robot are sought.
+/// The time of a part, in which lines between human and robot are sought.
 struct Look<'a> {
     on: &'a Setting<'a>,
     /// The robot at both ends.
@@ -346,9 +346,9 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// Both ends, seen along direction `alpha` from human to robot. Between the ends, the human gets
-    /// on by at most the largest cosine of a heading, so that the true gap is above the line between
-    /// both gaps, but for the bulge of the robot's path.
+    /// The gaps at both ends, seen along direction `alpha` from human to robot. Between the ends,
+    /// the human advances by at most the largest cosine of a heading, so the true gap is above the
+    /// line between both gaps, except for the bulge of the robot's path.
     fn along(&self, alpha: f64, tube: &Tube, farthest: &mut Farthest) -> [End; 2] {
         let (sin, cos) = sin_cos(alpha);
         let v = self.on.speed_mps;
@@ -382,7 +382,7 @@ impl<'a> Look<'a> {
         [end(now, place, far_m), end(then, later, far_m + onward_m)]
     }
 
-    /// Distance, m, of the robot at first from the end of a drive between the two that were kept.
+    /// Distance, m, from the robot at the beginning to the end of a drive between the two saved ones.
     fn between(&self, share: f64, tube: &Tube, farthest: &Farthest) -> f64 {
         let ([x, y], _) = farthest.end_between(tube, share);
         let Setting { start, speed_mps, .. } = self.on;

@@ -1,12 +1,12 @@
-//! Level curves for the present headings, kept while the headings stay: in two of three steps of a scene
-//! both vehicles drive straight on.
+//! Level curves for the current headings, cached while the headings stay the same: in two of three steps
+//! of a scene, both vehicles drive straight on.
 
 use crate::math::sin_cos;
 use crate::reachability::CurveSettings;
 use crate::safety::SafetyLevels;
 use crate::scene::{Evader, JointState};
 
-/// Curves of equal V, as they were needed last.
+/// Cache of the last curves of equal V.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curves(Vec<Kept>);
 
@@ -21,7 +21,7 @@ struct Kept {
 }
 
 impl Curves {
-    /// {V = `level_m`} of this vehicle for the present headings: closed curves in the evader's frame, m,
+    /// {V = `level_m`} of this vehicle for the current headings: closed curves in the evader's frame, m,
     /// with {V ≤ level} on their left.
     pub(super) fn of(
         &mut self,
@@ -40,27 +40,28 @@ impl Curves {
             self.0.len() - 1
         });
         let kept = &mut self.0[place];
-        // The same headings give the same bits, but not after a turn back: that costs one curve.
+        // Unchanged headings have the same bits. After turning back they may not, which costs one
+        // recomputation.
         if kept.psi.to_bits() != psi.to_bits() {
             kept.psi = psi;
             let (function, curves) = (safety.of(evader), &mut kept.curves);
             let drawn = function.level_curves_into(psi, level_m, CurveSettings::default(), curves);
             if drawn.is_err() {
-                // A level that no state can have is nowhere, as the legend says.
+                // A level that no state attains has no curve; the legend says "nowhere".
                 curves.clear();
             }
         }
         &kept.curves
     }
 
-    /// Whether a level had no curve when it was needed last.
+    /// Whether the cached curve of a level is empty.
     pub(super) fn is_nowhere(&self, evader: Evader, level_m: f64) -> bool {
         let known = self.0.iter().find(|kept| kept.evader == evader && kept.level_m == level_m);
         known.is_some_and(|kept| kept.curves.is_empty())
     }
 }
 
-/// From the evader's frame to the world.
+/// Maps points from the evader's frame to the world.
 pub(super) fn to_world(evader: Evader, state: &JointState) -> impl Fn([f64; 2]) -> [f64; 2] {
     let pose = match evader {
         Evader::Human => state.human,

@@ -5,18 +5,17 @@ use super::view::View;
 use crate::chart::{Align, Drawing, LegendItem, colours, fixed};
 use crate::picture::Picture;
 
-/// Width of the picture, and room around everything, px.
+/// Width of the picture, and margin, px.
 const WIDTH: f64 = 900.0;
 const MARGIN: f64 = 28.0;
-/// Least and greatest height of the picture, px.
+/// Smallest and largest height of the picture, px.
 const HEIGHTS: [f64; 2] = [300.0, 900.0];
 
-/// Width of each of two pictures side by side, and room between them, px.
+/// Width of each of two pictures side by side, and the gap between them, px.
 const HALF: f64 = 560.0;
 const BETWEEN: f64 = 20.0;
 
-/// What the signs of two pictures side by side mean: those of the first one, and of the second one what the
-/// first one does not have.
+/// The legend of two pictures side by side: that of the first, and the items of the second that the first lacks.
 #[must_use]
 pub fn legend_of_both(first: &Playback, second: &Playback, view: &View) -> Vec<LegendItem> {
     let mut items = first.legend(view);
@@ -30,8 +29,7 @@ pub fn legend_of_both(first: &Playback, second: &Playback, view: &View) -> Vec<L
     items
 }
 
-/// The pictures of two predictions of one moment side by side, each below its caption, with one heading and the
-/// meaning of the signs of both.
+/// Two predictions of one moment side by side, each below its caption, with one heading and a common legend.
 #[must_use]
 pub fn side_by_side(panes: [(&mut Playback, &str); 2], view: &View, heading: &str) -> Drawing {
     let [(first, _), (second, _)] = &panes;
@@ -64,7 +62,7 @@ pub fn side_by_side(panes: [(&mut Playback, &str); 2], view: &View, heading: &st
 }
 
 impl Playback {
-    /// The picture of the moment that was gone to, with a heading and the meaning of its signs.
+    /// The picture of the current moment with a heading and a legend.
     #[must_use]
     pub fn figure(&mut self, view: &View, heading: &str) -> Drawing {
         let mut picture = Picture::default();
@@ -79,7 +77,7 @@ impl Playback {
         let mut drawing = Drawing::new(heading, &description, size);
         let top = MARGIN + 44.0;
         drawing.place(&picture.drawing("", "", [WIDTH, height]), [MARGIN, top]);
-        // What leaves the picture is cut off by frames of the page's ground.
+        // Bars in the page's background colour cover shapes that extend beyond the picture.
         let (right, bottom) = (MARGIN + WIDTH, top + height);
         let far = 4.0 * (WIDTH + HEIGHTS[1]);
         let frames = [

@@ -1,4 +1,4 @@
-//! The paths that the vehicles took from this moment on.
+//! The recorded paths of the vehicles after this moment.
 
 use super::Playback;
 use super::style::Style;

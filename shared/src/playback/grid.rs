@@ -1,4 +1,4 @@
-//! Grid lines, and a bar as long as their distance.
+//! Grid lines, and a scale bar as long as their spacing.
 
 use crate::chart::{Pen, colours};
 use crate::picture::{Picture, Shape, Window};
@@ -6,10 +6,11 @@ use std::rc::Rc;
 
 /// Distance between two lines, m.
 const EVERY_M: f64 = 5.0;
-/// The same in words.
+/// The spacing as text.
 pub(super) const WORDS: &str = "5 m";
 
-/// Paints the grid around a window: a frame of another shape shows more than the window.
+/// Paints the grid also around the window, because a frame with another aspect ratio shows more
+/// than the window.
 pub(super) fn paint(picture: &mut Picture, window: Window, words: &Rc<str>) {
     let Window { low, high } = window;
     let reach = (high[0] - low[0]).max(high[1] - low[1]);
@@ -22,7 +23,7 @@ pub(super) fn paint(picture: &mut Picture, window: Window, words: &Rc<str>) {
         })
     });
     picture.segments(lines, Pen::new(colours::GRID, 1.0));
-    // The words stand below the bar.
+    // The label is below the bar.
     let left = [low[0] + 0.5, low[1] + 3.0];
     let right = [left[0] + EVERY_M, left[1]];
     picture.polyline([left, right], Pen::new(colours::MUTED, 1.5));

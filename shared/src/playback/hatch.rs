@@ -4,12 +4,12 @@ use crate::chart::Pen;
 use crate::math::sin_cos;
 use crate::picture::Picture;
 
-/// Where a line crosses an edge: the number of the line, how far along it, m, and whether the line enters a
+/// A crossing of a line and an edge: index of the line, position along it, m, and whether the line enters a
 /// polygon there (1) or leaves one (−1).
 pub(super) type Crossing = (i64, f64, i32);
 
 /// Paints parallel lines inside the union of closed polygons (nonzero winding), `apart_m` apart, along `angle`
-/// from +x, rad. The lines lie on one lattice of the world, so that those of adjacent areas fit together.
+/// from +x, rad. The lines are on one lattice in the world, so that those of adjacent areas align.
 pub(super) fn paint(
     picture: &mut Picture,
     polygons: &[Vec<[f64; 2]>],
@@ -32,7 +32,7 @@ pub(super) fn paint(
             let lines = (low / apart_m).floor() as i64..=(high / apart_m).ceil() as i64;
             for line in lines.filter(|_| (high - low).is_finite()) {
                 let y = line as f64 * apart_m;
-                // An edge has its lower end, but not its upper one: corners count once.
+                // An edge includes its lower end but not its upper one, so corners count once.
                 if (from[1] <= y) != (to[1] <= y) {
                     let x = from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0]);
                     crossings.push((line, x, if to[1] < from[1] { 1 } else { -1 }));
@@ -42,7 +42,7 @@ pub(super) fn paint(
         }
     }
     crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    // A line leaves every polygon that it enters, so the count is 0 between two lines.
+    // A line leaves every polygon that it enters, so the count returns to 0 before the next line.
     let (mut within, mut entered) = (0, f64::NAN);
     let spans = crossings.iter().filter_map(|&(line, x, winding)| {
         if within == 0 {
@@ -74,7 +74,7 @@ mod tests {
         ends.map(|ends| hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1])).sum()
     }
 
-    /// Lines of length L, a apart, cover an area of about L a, whatever their direction.
+    /// Lines of total length L at spacing a cover an area of about L a in any direction.
     #[test]
     fn the_lines_fill_the_polygon_evenly() {
         let concave = vec![[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.0, 1.0], [0.0, 3.0]];
@@ -83,7 +83,7 @@ mod tests {
             let area = |polygons: &[Vec<[f64; 2]>]| 0.01 * length(polygons, angle, 0.01);
             let alone = area(core::slice::from_ref(&concave));
             assert!((alone - 8.0).abs() < 0.05, "{angle}: {alone}");
-            // What both cover, ½ m², is covered once.
+            // The overlap, ½ m², is hatched once.
             let union = area(&[concave.clone(), square.clone(), concave.clone()]);
             assert!((union - 11.5).abs() < 0.05, "{angle}: {union}");
         }

@@ -1,4 +1,4 @@
-//! Everything that can be shown of a trial: one line a layer, each in a file of its own.
+//! All layers of a trial's picture, each in its own file.
 
 use super::Playback;
 use super::style::Style;
@@ -6,23 +6,23 @@ use super::{avoidance, danger_zone, future, level_set, samples, shade, shfrs, tr
 use crate::chart::LegendItem;
 use crate::picture::Picture;
 
-/// Something that can be shown or hidden.
+/// A layer that can be shown or hidden.
 pub struct Layer {
     /// Its name in links.
     pub name: &'static str,
-    /// What its switch calls it.
+    /// Label of its switch.
     pub label: &'static str,
     /// Subscript of V where the layer shows levels of a value function.
     pub level: Option<&'static str>,
-    /// What it tells, in a sentence.
+    /// Its meaning, in a sentence.
     pub meaning: &'static str,
     /// Style class of the colour that it is drawn in.
     pub swatch: &'static str,
-    /// Whether it is shown unless somebody says otherwise.
+    /// Whether it is shown by default.
     pub is_usual: bool,
-    /// Paints it. The playback keeps memory for it from frame to frame.
+    /// Paints it, with buffers that the playback reuses from frame to frame.
     pub paint: fn(&mut Playback, &Style, &mut Picture),
-    /// What its signs mean at this moment; nothing if it draws nothing.
+    /// Its legend at this moment; empty if it draws nothing.
     pub legend: fn(&Playback, &Style) -> Vec<LegendItem>,
 }
 
@@ -130,7 +130,7 @@ pub static LAYERS: [Layer; 10] = [
     },
 ];
 
-/// The place of the layer with this name.
+/// Index of the layer with this name.
 #[must_use]
 pub fn place(name: &str) -> Option<usize> {
     LAYERS.iter().position(|layer| layer.name == name)

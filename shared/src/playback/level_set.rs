@@ -1,4 +1,4 @@
-//! Level sets of V_HR and V_RH for the present headings, in the world.
+//! Level sets of V_HR and V_RH for the current headings, in the world.
 
 use super::Playback;
 use super::curves::to_world;
@@ -7,12 +7,12 @@ use crate::chart::{Colour, LegendItem, Pen, colours, number};
 use crate::picture::Picture;
 use crate::scene::Evader;
 
-/// {V_HR ≤ 0}: where a robot of the present heading could force a collision; and other levels.
+/// {V_HR ≤ 0}, where a robot with its current heading could force a collision, and other levels.
 pub(super) fn human(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     paint(playback, style, Evader::Human, picture);
 }
 
-/// {V_RH ≤ 0}: where a human of the present heading could force a collision; and other levels.
+/// {V_RH ≤ 0}, where a human with their current heading could force a collision, and other levels.
 pub(super) fn robot(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     paint(playback, style, Evader::Robot, picture);
 }
@@ -27,7 +27,7 @@ pub(super) fn robot_legend(playback: &Playback, style: &Style) -> Vec<LegendItem
     legend(playback, style, Evader::Robot, "V_RH", inside)
 }
 
-/// A solve that did not converge proves nothing: its sets are drawn without the vehicle's colour.
+/// A solve that did not converge proves nothing: its sets are drawn in grey.
 fn colour(playback: &Playback, evader: Evader) -> Colour {
     match evader {
         _ if playback.is_doubtful(evader) => colours::MUTED,
@@ -36,7 +36,7 @@ fn colour(playback: &Playback, evader: Evader) -> Colour {
     }
 }
 
-/// The line of V = 0 stands out.
+/// The line V = 0 is emphasized.
 fn pen(colour: Colour, level_m: f64) -> Pen {
     let width = if level_m == 0.0 { 1.75 } else { 1.0 };
     Pen::new(colour, width).dashed(5.0, if level_m == 0.0 { 3.0 } else { 5.0 })

@@ -1,4 +1,4 @@
-//! What predicts the human, and the sets that are predicted.
+//! Prediction methods and predicted sets.
 
 use super::Learned;
 use crate::bounds::{BoundsSettings, in_proportion};
@@ -8,23 +8,23 @@ use crate::shfrs::NestedSet;
 use crate::shfrs::baselines::{EmpiricalFamily, EmpiricalSet, EmpiricalSets};
 use crate::vehicle::VehicleModel;
 
-/// What predicts where the human may be.
+/// A method that predicts where the human may be.
 #[allow(
     clippy::large_enum_variant,
     reason = "there is one for each pane; with 32 bits it is small"
 )]
 pub enum Method {
-    /// A learned function, whose inputs Algorithm 1 turns to sets.
+    /// A learned function, from whose predictions Algorithm 1 computes sets.
     Learned(Learned),
-    /// Sets that were learned from recorded futures. They know no probabilities of inputs.
+    /// Sets learned from recorded futures, without probabilities of inputs.
     Empirical(Box<EmpiricalSets>),
 }
 
 impl Method {
-    /// The paper's settings in proportion to the human's turn rate, so that the widest set admits every turn.
+    /// Scales the paper's settings to the human's turn rate, so that the widest set admits every turn.
     ///
     /// # Errors
-    /// As of [`BoundsSettings::new`].
+    /// As for [`BoundsSettings::new`].
     pub fn for_human(mut self, human: &VehicleModel) -> Result<Self, Invalid> {
         if let Self::Learned(learned) = &mut self {
             let usual = &learned.settings.bounds;
@@ -51,27 +51,27 @@ impl From<EmpiricalSets> for Method {
     }
 }
 
-/// One of the nested sets that are predicted at a moment, whatever predicts them.
+/// One of the nested sets predicted at a moment, by any method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PredictedSet<'a> {
-    /// Which one of the family it is.
+    /// Its level in the family.
     pub level: Level,
     /// Area, m², of all positions within the steps ahead.
     pub area_m2: f64,
     /// Closed counter-clockwise polygons in the world frame whose union is all positions within the steps
     /// ahead, m.
     pub tube: &'a [Vec<[f64; 2]>],
-    /// The positions after each step, each as one such polygon; none if nobody asked for them.
+    /// The positions after each step, each as one such polygon; empty unless requested.
     pub steps: &'a [Vec<[f64; 2]>],
 }
 
-/// What determines how large a set of a nested family is.
+/// The parameter that determines the size of a set in a nested family.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Level {
     /// The widening ε of the bounds of the turn rate, rad/s.
     Widening(f64),
-    /// The share of the recorded futures with the same held input that the set bounds; at 1 it is all that can
-    /// be reached.
+    /// The share of the recorded futures with the same held input that the set bounds; at 1 it is the whole
+    /// reachable set.
     Share(f64),
     /// The Mahalanobis radius of ellipsoids of the future pose.
     Radius(f64),
@@ -86,7 +86,7 @@ impl Level {
         }
     }
 
-    /// What a column of such numbers is called.
+    /// Column header for such numbers.
     #[must_use]
     pub fn column(self) -> &'static str {
         match self {
@@ -96,7 +96,7 @@ impl Level {
         }
     }
 
-    /// In words, with its number.
+    /// Description with its number.
     #[must_use]
     pub fn words(self) -> String {
         let number = fixed(self.value(), 2);

@@ -8,15 +8,15 @@ use crate::picture::Picture;
 use crate::shfrs::PredictedHuman;
 use crate::vehicle::TurnInput;
 
-/// How many.
+/// Number of paths.
 const PATHS: u64 = 16;
 
 pub(super) fn pen() -> Pen {
     Pen::new(colours::HUMAN.at(0.4), 1.25)
 }
 
-/// Paths of the human from here. The robot drives straight on, as it does in the study; the same moment has
-/// the same paths, and they change little from moment to moment.
+/// Paints paths of the human from here; the robot drives straight on, as in the study. The same moment
+/// always has the same paths, and they change little from moment to moment.
 pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     let steps = playback.steps_ahead();
     let Playback { recorded, method, safety, history, now, .. } = playback;
@@ -39,7 +39,7 @@ pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     }
 }
 
-/// The input at a place from 0 to 1 of all inputs by their probabilities.
+/// The input at a quantile (0 to 1) of the predicted distribution.
 fn drawn(
     human: &PredictedHuman<'_>,
     learned: &Learned,

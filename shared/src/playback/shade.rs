@@ -1,4 +1,4 @@
-//! Bands of V around a vehicle, for the present headings.
+//! Bands of V around a vehicle, for the current headings.
 
 use super::Playback;
 use super::curves::to_world;
@@ -9,15 +9,15 @@ use crate::scene::Evader;
 
 /// Ends of the bands, m, from the outermost inwards.
 const BANDS_M: [f64; 6] = [4.0, 3.0, 2.0, 1.0, 0.0, -1.0];
-/// What each band adds to those around it.
+/// Opacity that each band adds to the bands around it.
 const OPACITY: f64 = 0.075;
 
-/// V_HR at each place of a robot of the present heading.
+/// V_HR for each position of a robot with its current heading.
 pub(super) fn human(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     paint(playback, Evader::Human, colours::HUMAN, picture);
 }
 
-/// V_RH at each place of a human of the present heading.
+/// V_RH for each position of a human with their current heading.
 pub(super) fn robot(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     paint(playback, Evader::Robot, colours::ROBOT, picture);
 }

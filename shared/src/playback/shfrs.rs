@@ -9,7 +9,7 @@ use crate::picture::Picture;
 /// Direction of a region's hatching, rad; the innermost one has none.
 const HATCHED: [Option<f64>; 5] =
     [None, Some(0.25 * PI), Some(0.75 * PI), Some(0.0), Some(0.5 * PI)];
-/// Between the lines of a hatching, m.
+/// Spacing of hatching lines, m.
 const APART_M: f64 = 0.3;
 
 /// The colour of region `j`, from 0, of `count`.
@@ -22,13 +22,13 @@ pub(super) fn colour(palette: Palette, j: usize, count: usize) -> Colour {
 }
 
 /// F_F … F_1 from the largest to the smallest, so that the visible part of each is its region S_j. Each
-/// is one tube, or an area for each step.
+/// set is drawn as one tube, or as an area per step.
 pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     let mut crossings = core::mem::take(&mut playback.crossings);
     let count = playback.set_count();
     for (set, j) in playback.sets().rev().zip((0..count).rev()) {
         let colour = colour(style.palette, j, count);
-        // A line in the colour of the surface separates tubes. The set at a step is thinner than that
+        // A line in the background colour separates tubes. The set at a step is thinner than that
         // line; an outline in its own colour keeps it visible.
         let (areas, outline) = match style.sets {
             Sets::Tube => (set.tube, Pen::new(colours::SURFACE, 0.75)),
@@ -59,10 +59,10 @@ pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Pictur
     playback.crossings = crossings;
 }
 
-/// Width of what hides the seams of a union, px.
+/// Width of the line that hides the seams of a union, px.
 const SEAM: f64 = 0.75;
 
-/// Polygons that together are one area: all edges come first, so that only those of the union stay visible.
+/// Paints the union of polygons: all edges first, so that only those of the union stay visible.
 fn union(areas: &[Vec<[f64; 2]>], colour: Colour, picture: &mut Picture) {
     let edge = Pen::new(colours::SURFACE, 3.0 * SEAM);
     let areas = || areas.iter().filter(|area| !area.is_empty());

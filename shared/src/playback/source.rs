@@ -1,5 +1,5 @@
-//! Where the predictions of a replay come from, as its link names it: what is learned from the participant's
-//! earlier trials, a baseline that learns nothing, or a model of an analysis.
+//! The source of a replay's predictions, as named in its link: a method learned from the participant's
+//! earlier trials, a baseline without learning, or a model of an analysis.
 
 use super::{Learned, USUAL_STEPS};
 use crate::bounds::{ActionChoice, BoundsSettings, Rollout};
@@ -12,33 +12,33 @@ use crate::shfrs::ShfrsSettings;
 use crate::shfrs::baselines::{EmpiricalFamily, Fitted};
 use crate::shfrs::window::Trajectory;
 
-/// Where predictions come from.
+/// A source of predictions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// They need no analysis.
+    /// A method that needs no analysis.
     Way(Way),
     /// A model of an analysis.
     Model {
-        /// The id of the analysis, which has no slash.
+        /// The id of the analysis, without slashes.
         analysis: String,
-        /// The model's file among those of the analysis.
+        /// The model's file in the analysis.
         file: String,
     },
 }
 
-/// A way to predict that needs no analysis. The baselines have the names that `sidestep shfrs` gives them.
+/// A prediction method that needs no analysis. The baselines are named as in `sidestep shfrs`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Way {
     /// A logistic regression on B_hrd, trained on the participant's earlier trials.
     #[default]
     Earlier,
-    /// The same on these features, the robot's place as the human sees it, and the human's turns so far.
+    /// The same on these features, the robot's position in the human's frame, and the human's turns so far.
     History,
-    /// The likeliest input of [`Self::Earlier`] at each step, and no other.
+    /// Only the likeliest input of [`Self::Earlier`] at each step.
     LearnedDisturbance,
-    /// What the participant did in earlier trials after the same input: hulls of these futures.
+    /// Hulls of the participant's futures in earlier trials after the same input.
     Empirical,
-    /// Normal distributions of how far the participant was from holding the input in earlier trials.
+    /// Normal distributions of the participant's deviations from holding the input in earlier trials.
     Gaussian,
     /// Every input is equally likely.
     Constant,
@@ -46,18 +46,18 @@ pub enum Way {
     ConstantVelocity,
     /// The human holds the input of the last step.
     HoldTheInput,
-    /// Every input at every time.
+    /// Any input at any time.
     WorstCase,
 }
 
-/// What a picture calls a predictor that somebody opened as a file.
+/// Caption of a predictor opened from a file.
 pub const FROM_FILE: &str = "A predictor from a file";
 
-/// Turns that are smaller are rounding, rad.
+/// Smaller turns are rounding errors, rad.
 const LEAST_TURN: f64 = 1e-9;
 
 impl Way {
-    /// All of them, the usual one first.
+    /// All methods, the default first.
     pub const ALL: [Self; 9] = [
         Self::Earlier,
         Self::History,
@@ -86,7 +86,7 @@ impl Way {
         }
     }
 
-    /// What lists call it.
+    /// Its label in lists.
     #[must_use]
     pub fn label(self) -> &'static str {
         match self {
@@ -102,7 +102,7 @@ impl Way {
         }
     }
 
-    /// What it predicts, in a sentence.
+    /// Its prediction, in a sentence.
     #[must_use]
     pub fn meaning(self) -> &'static str {
         match self {
@@ -123,7 +123,7 @@ impl Way {
         }
     }
 
-    /// What it needs of the participant's earlier trials.
+    /// What it needs from the participant's earlier trials.
     #[must_use]
     pub fn needs(self) -> Needs {
         match self {
@@ -137,10 +137,10 @@ impl Way {
         }
     }
 
-    /// How it predicts. `trained` is the model that it needs, if it needs one.
+    /// The function and settings. `trained` is the model, if the method needs one.
     ///
     /// # Errors
-    /// [`Invalid`] without that model, and of a way that needs the trials themselves: see
+    /// [`Invalid`] if that model is missing, and for a method that needs the trials themselves: see
     /// [`fitted`].
     pub fn learned(self, trained: Option<Predictor>) -> Result<Learned, Invalid> {
         let trained =
@@ -159,18 +159,18 @@ impl Way {
     }
 }
 
-/// What a way needs of the participant's earlier trials.
+/// What a method needs from the participant's earlier trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Needs {
     /// Nothing.
     Nothing,
-    /// A model that is trained on them, on the feature set with this name.
+    /// A model trained on them with the feature set of this name.
     Model(&'static str),
     /// The trials themselves, for the sets of this family.
     Trials(EmpiricalFamily),
 }
 
-/// A family that is learned from the participant's earlier trials, with its sets.
+/// Learns a family's sets from the participant's earlier trials.
 ///
 /// # Errors
 /// [`Invalid`] if they have too few windows.
@@ -182,10 +182,10 @@ pub fn fitted(
     Fitted::learn(family, parameters, earlier, USUAL_STEPS)
 }
 
-/// The name of the feature set of models that are trained on earlier trials.
+/// Default feature set of models trained on earlier trials.
 const USUAL_SET: &str = "hrd";
 
-/// The features of a model that is trained on earlier trials, by the name of the set.
+/// The features in the set with this name, for models trained on earlier trials.
 ///
 /// # Errors
 /// [`Invalid`] for another name.
@@ -201,13 +201,13 @@ impl Learned {
     /// Predicts with the paper's settings.
     ///
     /// # Errors
-    /// As of [`ShfrsSettings::paper`].
+    /// As for [`ShfrsSettings::paper`].
     pub fn usual(predictor: Predictor) -> Result<Self, Invalid> {
         let settings = ShfrsSettings::paper(predictor.classes().len())?;
         Ok(Self { predictor, settings })
     }
 
-    /// The same where the `k` likeliest inputs count at every step, and with these widenings, if given.
+    /// Likewise with the `k` likeliest inputs at every step, and with these widenings, if given.
     fn of_k(predictor: Predictor, k: usize, epsilon: Option<Vec<f64>>) -> Result<Self, Invalid> {
         let mut learned = Self::usual(predictor)?;
         let usual = &learned.settings.bounds;
@@ -219,12 +219,12 @@ impl Learned {
     }
 }
 
-/// The same probabilities of right, straight and left, whatever the scene.
+/// Constant probabilities of right, straight and left.
 fn always(probabilities: [f64; 3]) -> Result<Predictor, Invalid> {
     Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], probabilities.to_vec())
 }
 
-/// Sure of the input of the step before, which the last turn tells.
+/// Predicts the previous step's input, known from the last turn, with near certainty.
 fn held() -> Result<Predictor, Invalid> {
     let questions = QuestionsFile {
         feature: vec![0; 5],
@@ -232,7 +232,7 @@ fn held() -> Result<Predictor, Invalid> {
         left: vec![1, 0, 3, 0, 0],
         right: vec![2, 0, 4, 0, 0],
     };
-    // A tree's probabilities are shares of counts to each of which one is added, so sure is many.
+    // A tree adds one to each count, so near certainty needs large counts.
     const MANY: u32 = 1_000_000;
     let counts = [[1, 1, 1], [1, 0, 0], [0, 1, 1], [0, 1, 0], [0, 0, 1]];
     let counts = counts.map(|counts| counts.map(|count| MANY * count).to_vec());
@@ -253,10 +253,10 @@ impl Default for Source {
 }
 
 impl Source {
-    /// The names of a link that [`Self::of_query`] takes.
+    /// The query parameters that [`Self::of_query`] accepts.
     pub const NAMES: [&str; 4] = ["predictor", "analysis", "file", "beside"];
 
-    /// The source of that name: that of a way, or analysis and file with a slash between them.
+    /// Parses a source: the name of a method, or analysis and file separated by a slash.
     ///
     /// # Errors
     /// [`Invalid`] naming `field` for another text.
@@ -271,7 +271,7 @@ impl Source {
         })
     }
 
-    /// Its name.
+    /// Its name, as [`Self::of`] parses it.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -280,7 +280,7 @@ impl Source {
         }
     }
 
-    /// What a picture calls it: a way's label, or the model's file.
+    /// Its caption in a picture: a method's label, or the model's file.
     #[must_use]
     pub fn caption(&self) -> String {
         match self {
@@ -289,11 +289,11 @@ impl Source {
         }
     }
 
-    /// What the names and values of a link say of the pane, and of the pane beside it, if there is one:
-    /// `predictor=…` or `analysis=…&file=…`, and `beside=…`.
+    /// The sources in a link's query, of the pane and of the pane beside it, if any: `predictor=…` or
+    /// `analysis=…&file=…`, and `beside=…`.
     ///
     /// # Errors
-    /// [`Invalid`] with the name of a value that is not valid.
+    /// [`Invalid`] with the name of an invalid parameter.
     pub fn of_query<'a>(
         query: impl IntoIterator<Item = (&'a str, &'a str)>,
     ) -> Result<(Self, Option<Self>), Invalid> {
@@ -348,7 +348,8 @@ mod tests {
         assert_eq!(of("beside=").unwrap_err().field, "beside");
     }
 
-    /// Against the families of `sidestep shfrs`, which have no predictor: the areas of their sets.
+    /// Compares the areas of the sets with those of the families in `sidestep shfrs`, which have no
+    /// predictor.
     #[test]
     fn baselines_are_those_of_the_comparison() {
         let parameters = SceneParameters::default();

@@ -1,13 +1,13 @@
-//! How the layers of a picture are drawn.
+//! Style of a picture's layers.
 
 use crate::scene::Evader;
 
-/// How the layers of a picture are drawn.
+/// Style of a picture's layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Style {
-    /// Levels of V_HR and of V_RH, m, rising.
+    /// Levels of V_HR and V_RH, m, ascending.
     pub levels_m: [Vec<f64>; 2],
-    /// What is drawn of each predicted set.
+    /// The drawn part of each predicted set.
     pub sets: Sets,
     /// The colours of the predicted sets.
     pub palette: Palette,
@@ -31,7 +31,7 @@ impl Style {
     }
 }
 
-/// What is drawn of each predicted set.
+/// The drawn part of each predicted set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sets {
     /// All positions within the time ahead.
@@ -39,7 +39,7 @@ pub enum Sets {
     Tube,
     /// The positions after each step.
     EachStep,
-    /// The positions after this step alone, from 1.
+    /// The positions after one step only, counted from 1.
     Step(usize),
 }
 
@@ -49,6 +49,6 @@ pub enum Palette {
     /// Red, yellow, green, blue and purple, as in the paper.
     #[default]
     Paper,
-    /// From dark to bright, and hatched: for all eyes, and for print without colours.
+    /// From dark to bright, and hatched: for colour-blind readers and greyscale print.
     Safe,
 }

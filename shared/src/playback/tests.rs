@@ -1,4 +1,4 @@
-//! What a playback shows, against the recorded trial.
+//! Compares playbacks with the recorded trial.
 
 use super::source::{Needs, Way};
 use super::view::View;
@@ -39,11 +39,11 @@ fn the_vehicles_are_where_they_were() {
         playback.go(&at(step as f64 * parameters.step_s)).unwrap();
         assert_eq!((playback.now().step, playback.now().state), (step, *state));
     }
-    // Between two steps they drive arcs.
+    // Between two steps the vehicles drive arcs.
     playback.go(&at(2.3)).unwrap();
     let expected = states[11].advance(&parameters, inputs[11], 2.3 - 11.0 * parameters.step_s);
     assert_eq!(playback.now().state, expected);
-    // Times beyond the trial are its end.
+    // Times beyond the trial are clamped to its end.
     playback.go(&at(1e9)).unwrap();
     assert_eq!(playback.now().state, states[50]);
     assert_eq!(playback.duration_s(), 10.0);
@@ -79,7 +79,7 @@ fn a_frame_does_not_depend_on_the_frames_before() {
     assert_eq!(paint(&mut used), fresh);
 }
 
-/// A trial that grows step by step, the last step corrected once, is at each moment what the whole trial is.
+/// A trial that grows step by step, with the last step corrected once, looks at each moment like the whole trial.
 #[test]
 fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     let mut whole = playback();
@@ -90,7 +90,7 @@ fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     live.use_safety(whole.safety().unwrap().clone()).unwrap();
     live.use_learned(whole.learned().cloned()).unwrap();
     live.show_window(whole.window());
-    // What a recorded trial knows of its future is all that may differ.
+    // Only the future that a recorded trial knows may differ.
     let mut view = View::default();
     view.shown[layers::place("future").unwrap()] = false;
     for step in 1..inputs.len() {
@@ -116,7 +116,7 @@ fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     assert!(live.record(&inputs, &states[..50]).is_err());
 }
 
-/// Likely futures are drives: their ends are as far from here as the way is long, at most, and they differ.
+/// Likely futures are drives: their ends differ and are no farther from here than the path length.
 #[test]
 fn likely_futures_are_drives_of_the_human() {
     let mut playback = playback();
@@ -146,7 +146,7 @@ fn likely_futures_are_drives_of_the_human() {
     assert_eq!(playback.history.len(), 21, "nothing is left of the drives");
 }
 
-/// Who avoids as V_HR says keeps V_HR at least, whatever the robot does: it is the value of the game.
+/// Optimal avoidance never decreases V_HR, whatever the robot does: V_HR is the value of the game.
 #[test]
 fn best_avoidance_loses_no_safety() {
     let mut playback = playback();
@@ -162,7 +162,7 @@ fn best_avoidance_loses_no_safety() {
     });
     let path = path.unwrap();
     assert_eq!(path.len(), 41);
-    // The range never falls below the level that V promises, less the radius.
+    // The distance to the robot never falls below V plus the radius.
     let state = playback.now().state;
     let promised = playback.safety().unwrap().human_level(&state);
     let robot = state.robot;
@@ -196,7 +196,7 @@ fn states_that_are_missing_are_named() {
     assert_eq!(found.to_string(), "states: expected 51, one more than inputs, found 50");
 }
 
-/// Sets that are learned from recorded futures need no safety levels, and say nothing of inputs.
+/// Sets learned from recorded futures need no safety levels and have no probabilities of inputs.
 #[test]
 fn learned_sets_are_shown_without_a_function() {
     let recorded = playback().recorded().clone();
@@ -223,7 +223,7 @@ fn learned_sets_are_shown_without_a_function() {
         assert!(figure.contains(&format!("F₁: where the human may be within 2.0 s, {level} ")));
         assert!(figure.contains(", the worst case"));
         assert!(!figure.contains("rad/s") && !figure.contains("likely futures"));
-        // At the end of a step its input was held; within the next one, that one's.
+        // At the end of a step the held input is that step's; within the next step, the next one's.
         for (time_s, held) in [(0.0, TurnInput::Straight), (1.0, inputs[4]), (1.05, inputs[5])] {
             playback.go(&at(time_s)).unwrap();
             let mut expected = source::fitted(family, parameters, &earlier).unwrap().sets;

@@ -1,4 +1,4 @@
-//! How a trial is looked at: everything that a link to a replay holds.
+//! The view of a trial, as a link to a replay encodes it.
 
 use super::layers::LAYERS;
 use super::style::{Palette, Sets, Style};
@@ -6,20 +6,20 @@ use crate::chart::number;
 use crate::document::decimal;
 use crate::invalid::Invalid;
 
-/// How a trial is looked at.
+/// The view of a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// Time into the trial, s.
     pub time_s: f64,
-    /// How many times as fast as it was driven.
+    /// Playback speed, relative to real time.
     pub speed: f64,
-    /// Which of [`LAYERS`] are shown.
+    /// Whether each of [`LAYERS`] is shown.
     pub shown: [bool; LAYERS.len()],
-    /// How they are drawn.
+    /// Style of the layers.
     pub style: Style,
 }
 
-/// Speeds that a player offers.
+/// Playback speeds on offer.
 pub const SPEEDS: [f64; 6] = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 
 /// Most levels of a value function, and most steps ahead, in a picture.
@@ -38,17 +38,16 @@ impl Default for View {
 }
 
 impl View {
-    /// The names of a link that [`Self::set`] takes.
+    /// The query parameters that [`Self::set`] accepts.
     pub const NAMES: [&str; 7] = ["t", "speed", "show", "hr", "rh", "sets", "colours"];
 
-    /// The names of a link that only the page itself needs: whether trials are shown in a row, and legend and numbers.
+    /// The query parameters for the page alone: whether it plays trials in a row, and shows the legend and numbers.
     pub const PAGE_NAMES: [&str; 3] = ["row", "legend", "numbers"];
 
-    /// The view that the names and values of a query describe. Other names are another's business; what
-    /// is not named is as usual.
+    /// The view that a query describes. Missing parameters keep their defaults; unknown names are ignored.
     ///
     /// # Errors
-    /// [`Invalid`] with the name of a value that is not valid.
+    /// [`Invalid`] with the name of an invalid parameter.
     pub fn of_query<'a>(
         query: impl IntoIterator<Item = (&'a str, &'a str)>,
     ) -> Result<Self, Invalid> {
@@ -59,10 +58,10 @@ impl View {
         Ok(view)
     }
 
-    /// Takes one value of such a query.
+    /// Sets one parameter of such a query.
     ///
     /// # Errors
-    /// As of [`Self::of_query`].
+    /// As for [`Self::of_query`].
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), Invalid> {
         match name {
             "t" => {
@@ -116,14 +115,13 @@ impl View {
         Ok(())
     }
 
-    /// Names and values that differ from what is usual, `&` between them: part of a link. They need no
-    /// escapes.
+    /// The query of the parameters that differ from the defaults, joined by `&`. It needs no escaping.
     #[must_use]
     pub fn query(&self) -> String {
         let usual = Self::default();
         let mut parts = Vec::new();
         if self.time_s > 0.0 {
-            // Whole milliseconds, and digits only: what people write as 5·10⁷ is no number in a link.
+            // Whole milliseconds, in plain digits: `number` would write 5·10⁷, which a link cannot parse.
             parts.push(format!("t={}", (1000.0 * self.time_s).round() / 1000.0));
         }
         if self.speed != usual.speed {
@@ -153,7 +151,7 @@ impl View {
     }
 }
 
-/// Levels that can be drawn.
+/// Whether these levels can be drawn.
 fn are_levels(levels: &[f64]) -> bool {
     (1..=MOST_LEVELS).contains(&levels.len())
         && levels.iter().all(|level| level.is_finite())

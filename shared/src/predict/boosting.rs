@@ -11,17 +11,17 @@ use crate::invalid::{Invalid, all_moderate, length};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Trees whose leaves hold numbers.
+/// Trees with numbers at their leaves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boosted {
-    /// The score of each class before any tree; with two classes, only the second's: the
-    /// first's is 0.
+    /// The initial score of each class; with two classes only the second's, because the first's is
+    /// 0.
     intercepts: Vec<f64>,
     /// Tree i adds to the score with index i modulo the number of scores.
     trees: Vec<Summand>,
 }
 
-/// A tree, and for each node (only leaves matter) the value that it adds to a score.
+/// A tree with the value that each node adds to a score (only leaves matter).
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Summand {
     pub(crate) questions: Questions,
@@ -29,7 +29,7 @@ pub(crate) struct Summand {
 }
 
 impl Summand {
-    /// The value that it adds for `row`.
+    /// The value added for `row`.
     pub(crate) fn value(&self, row: &[f64]) -> f64 {
         self.values[self.questions.leaf(row)]
     }
@@ -38,10 +38,9 @@ impl Summand {
 /// The file form of [`Boosted`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BoostedFile {
-    /// The score of each class before any tree; with two classes, only the second's (the
-    /// first's is 0).
+    /// The initial score of each class; with two classes only the second's (the first's is 0).
     pub intercepts: Vec<f64>,
-    /// Round after round, a tree for each intercept.
+    /// Trees in rounds, with one tree per intercept in each round.
     pub trees: Vec<SummandFile>,
 }
 
@@ -58,7 +57,7 @@ pub struct SummandFile {
     /// The questions.
     #[serde(flatten)]
     pub questions: QuestionsFile,
-    /// One entry for each node: the value that a leaf adds to the score; 0 at other nodes.
+    /// One entry per node: the value that a leaf adds to the score; 0 at other nodes.
     pub value: Vec<f64>,
 }
 
@@ -72,7 +71,7 @@ impl From<&Boosted> for BoostedFile {
     }
 }
 
-/// The number of scores for this number of classes.
+/// The number of scores for `classes` classes.
 pub(crate) fn scores_of(classes: usize) -> usize {
     if classes == 2 { 1 } else { classes }
 }
@@ -81,14 +80,14 @@ impl BoostedFile {
     /// The model, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one intercept for each score, a round lacks trees, a tree is not
+    /// [`Invalid`] if there is not one intercept per score, a round lacks trees, a tree is not
     /// valid (see [`QuestionsFile`]) or a number is not finite.
     pub fn check(&self, width: usize, classes: usize) -> Result<Boosted, Invalid> {
         let scores = scores_of(classes);
         length("intercepts", scores, self.intercepts.len())?;
         all_moderate("intercepts", &self.intercepts)?;
         if !self.trees.len().is_multiple_of(scores) {
-            let expected = format!("{scores} trees a round");
+            let expected = format!("{scores} trees per round");
             return Err(Invalid::new("trees", expected, format!("{} trees", self.trees.len())));
         }
         let check = |(i, tree): (usize, &SummandFile)| {
@@ -110,13 +109,13 @@ impl SummandFile {
 }
 
 impl Boosted {
-    /// A model of trained trees, as many as intercepts in each round.
+    /// A model of trained trees, with one tree per intercept in each round.
     #[cfg(feature = "learn")]
     pub(crate) fn new(intercepts: Vec<f64>, trees: Vec<Summand>) -> Self {
         Self { intercepts, trees }
     }
 
-    /// The number of rounds: trees of each score.
+    /// Number of rounds: the number of trees per score.
     #[must_use]
     pub fn rounds(&self) -> usize {
         self.trees.len() / self.intercepts.len()
@@ -143,7 +142,7 @@ impl Boosted {
         softmax(out);
     }
 
-    /// The same model for features as they were before `scale` was applied.
+    /// The same model for features before scaling with `scale`.
     #[must_use]
     pub fn unscaled(&self, scale: &Scale) -> Self {
         let unscale = |tree: &Summand| Summand {

@@ -1,4 +1,4 @@
-//! predictor.json.
+//! The predictor.json file format.
 
 use super::{KindName, ModelFile, Predictor};
 use crate::document::from_value;
@@ -8,8 +8,8 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-/// A predictor's file form, `predictor.json`; docs/predictor.md describes it for users. A
-/// logistic model that was trained elsewhere can be written so and used everywhere.
+/// A predictor's file form, `predictor.json`; docs/predictor.md describes it for users. A logistic
+/// model trained elsewhere can be written in this form and used everywhere.
 ///
 /// # Example
 /// ```
@@ -26,15 +26,15 @@ use serde_json::Value;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PredictorFile {
-    /// What the classes mean, where the file says so: 1 the direction of a turn, 2 whether the
-    /// human avoids.
+    /// The meaning of the classes, if stated: 1 the direction of a turn, 2 whether the human
+    /// avoids.
     pub experiment: Option<u8>,
-    /// Names of the features, in the order of the columns.
+    /// Names of the features, in column order.
     pub features: Vec<String>,
     /// The classes: −1 right, 0 straight, 1 left.
     pub classes: Vec<i8>,
-    /// The turn rate of each class, rad/s, in rising order; without it a class is
-    /// multiplied by the vehicle's turn rate.
+    /// The turn rate of each class, rad/s, ascending. Without rates, a class is multiplied by the
+    /// vehicle's turn rate.
     pub actions: Option<Vec<f64>>,
     /// The model, by its kind.
     pub model: ModelFile,
@@ -48,7 +48,7 @@ enum Format {
     V1,
 }
 
-/// The fields of every kind, first in the file.
+/// The fields common to all kinds, first in the file.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(expecting = "an object, {…}, as in a predictor.json")]
@@ -60,11 +60,11 @@ struct Head {
     /// What the classes mean: 1 the direction of a turn, 2 whether the human avoids.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     experiment: Option<u8>,
-    /// Names of the features, in the order of the columns.
+    /// Names of the features, in column order.
     features: Vec<String>,
     /// The classes: −1 right, 0 straight, 1 left.
     classes: Vec<i8>,
-    /// The turn rate of each class, rad/s, in rising order.
+    /// The turn rate of each class, rad/s, ascending.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     actions: Option<Vec<f64>>,
 }
@@ -109,11 +109,10 @@ impl schemars::JsonSchema for PredictorFile {
         "PredictorFile".into()
     }
 
-    /// The fields of every kind; docs/predictor.md has those of each.
+    /// The fields common to all kinds; docs/predictor.md describes those of each kind.
     fn json_schema(schemas: &mut schemars::SchemaGenerator) -> schemars::Schema {
         let mut schema = Head::json_schema(schemas);
-        let text =
-            "A predictor.json; further fields depend on its kind, as docs/predictor.md says.";
+        let text = "A predictor.json; docs/predictor.md describes the further fields of each kind.";
         schema.insert("description".to_owned(), text.into());
         schema.insert("additionalProperties".to_owned(), true.into());
         schema
@@ -136,7 +135,7 @@ impl PredictorFile {
     /// The predictor, if its classes are turns.
     ///
     /// # Errors
-    /// [`Invalid`] if the file says that its classes are not turns, or if it is wrong.
+    /// [`Invalid`] if the file states that its classes are not turns, or if it is invalid.
     pub fn of_turns(self) -> Result<Predictor, Invalid> {
         match self.experiment {
             None | Some(1) => self.try_into(),

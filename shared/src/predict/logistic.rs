@@ -1,4 +1,4 @@
-//! Logistic regression: probabilities in proportion to e to the power of linear scores.
+//! Logistic regression: probabilities are proportional to the exponentials of linear scores.
 //! [`learn::logistic`](crate::learn::logistic) trains it.
 
 use super::kind::Kind;
@@ -11,8 +11,8 @@ use crate::math::exp;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// A row of weights and an intercept for each class. Of two classes that were trained here,
-/// the first has zeros and the second the weights of its log-odds.
+/// A row of weights and an intercept for each class. With two classes, training in this crate sets
+/// the first to zeros and the second to the weights of its log-odds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Logistic {
     width: usize,
@@ -24,13 +24,13 @@ pub struct Logistic {
 /// The file form of a [`Logistic`] on standardised features.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogisticFile {
-    /// What is subtracted from each feature.
+    /// Mean, subtracted from each feature.
     pub mean: Vec<f64>,
-    /// What each feature is then divided by.
+    /// Divisor of each feature, after the subtraction.
     pub scale: Vec<f64>,
     /// Classes × features: weights.
     pub coefficients: Vec<Vec<f64>>,
-    /// An offset for each class.
+    /// An intercept for each class.
     pub intercepts: Vec<f64>,
 }
 
@@ -58,10 +58,10 @@ impl LogisticFile {
 }
 
 impl Logistic {
-    /// A model from its numbers: one row of `width` weights and one intercept a class.
+    /// A model from its numbers: a row of `width` weights and an intercept for each class.
     ///
     /// # Errors
-    /// [`Invalid`] if a length is wrong or a number is not finite.
+    /// [`Invalid`] if lengths do not match or a number is not finite.
     pub fn new(
         width: usize,
         coefficients: &[Vec<f64>],
@@ -73,13 +73,13 @@ impl Logistic {
         Ok(Self { width, weights, intercepts })
     }
 
-    /// One row of weights a class.
+    /// A row of weights for each class.
     #[must_use]
     pub fn coefficients(&self) -> Vec<Vec<f64>> {
         self.weights.chunks_exact(self.width).map(<[f64]>::to_vec).collect()
     }
 
-    /// One offset a class.
+    /// An intercept for each class.
     #[must_use]
     pub fn intercepts(&self) -> &[f64] {
         &self.intercepts
@@ -96,7 +96,7 @@ impl Logistic {
     }
 }
 
-/// Scores to probabilities.
+/// Converts scores to probabilities.
 pub(super) fn softmax(scores: &mut [f64]) {
     let top = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let mut total = 0.0;

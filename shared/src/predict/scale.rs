@@ -2,7 +2,7 @@
 
 use crate::invalid::{Invalid, length, moderate, moderate_divisor};
 
-/// What is subtracted from each feature, and what it is then divided by.
+/// Standardises features: subtracts a mean from each, then divides by a scale.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
     mean: Vec<f64>,
@@ -10,10 +10,10 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// A scale from its numbers.
+    /// A scale from means and divisors.
     ///
     /// # Errors
-    /// [`Invalid`] if lengths differ, a number is beyond 10¹⁰⁰ or a divisor not > 10⁻¹⁰⁰.
+    /// [`Invalid`] if lengths differ, a number exceeds 10¹⁰⁰ or a divisor is not > 10⁻¹⁰⁰.
     pub fn new(mean: Vec<f64>, scale: Vec<f64>) -> Result<Self, Invalid> {
         length("scale", mean.len(), scale.len())?;
         for (i, (&mean, &scale)) in mean.iter().zip(&scale).enumerate() {
@@ -23,8 +23,8 @@ impl Scale {
         Ok(Self { mean, scale })
     }
 
-    /// Mean and population standard deviation of each column of `rows`
-    /// (row-major, `width` columns). A constant column is left undivided.
+    /// Mean and population standard deviation of each column of `rows` (row-major, `width`
+    /// columns). A constant column has divisor 1.
     #[must_use]
     pub fn fit(width: usize, rows: &[f64]) -> Self {
         let n = (rows.len() / width).max(1) as f64;
@@ -39,7 +39,7 @@ impl Scale {
         };
         let mean = column_mean(&|_, value| value);
         let variance = column_mean(&|j, value| (value - mean[j]) * (value - mean[j]));
-        // Rounding leaves a constant column a variance of about (ε·mean)².
+        // Rounding gives a constant column a variance of about (ε·mean)².
         let scale = variance.iter().zip(&mean).map(|(&variance, &mean)| {
             let sd = variance.sqrt();
             if sd <= 1e-12 * (1.0 + mean.abs()) { 1.0 } else { sd }
@@ -48,7 +48,7 @@ impl Scale {
         Self { mean, scale }
     }
 
-    /// The scale of `rows`, and the rows on it.
+    /// The scale of `rows`, and the rows on that scale.
     #[must_use]
     pub fn standardised(width: usize, rows: &[f64]) -> (Self, Vec<f64>) {
         let scale = Self::fit(width, rows);
@@ -56,25 +56,25 @@ impl Scale {
         (scale, values)
     }
 
-    /// A row on the standard scale.
+    /// A standardised row.
     #[must_use]
     pub fn row(&self, row: &[f64]) -> Vec<f64> {
         row.iter().enumerate().map(|(j, &value)| self.apply(j, value)).collect()
     }
 
-    /// What is subtracted.
+    /// The means.
     #[must_use]
     pub fn mean(&self) -> &[f64] {
         &self.mean
     }
 
-    /// What is divided by.
+    /// The divisors.
     #[must_use]
     pub fn scale(&self) -> &[f64] {
         &self.scale
     }
 
-    /// A feature on the standard scale.
+    /// A standardised feature.
     #[must_use]
     pub fn apply(&self, column: usize, value: f64) -> f64 {
         (value - self.mean[column]) / self.scale[column]

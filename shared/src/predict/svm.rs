@@ -1,8 +1,8 @@
 //! Support vector machines, one for each pair of classes.
 //!
-//! A pair (a, b), a < b, has a decision value f; f > 0 speaks for a. Pairs are in the order
-//! (0, 1), (0, 2), …, (1, 2), …. The class with the most votes wins, the first of them on a
-//! tie. Signs, order and votes are libsvm's.
+//! A pair (a, b), a < b, has a decision value f; f > 0 is a vote for a. Pairs are in the order (0,
+//! 1), (0, 2), …, (1, 2), …. The class with the most votes wins, the first on a tie. Signs, order
+//! and votes are libsvm's.
 
 mod pairs;
 mod coupling;
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use support::Support;
 
-/// What stands for the inner product of two standardised rows.
+/// Generalises the inner product of two standardised rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Kernel {
@@ -37,7 +37,7 @@ pub enum Kernel {
 /// A decision value as a probability, P = 1 / (1 + exp(a·f + b)): Platt's sigmoid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sigmoid {
-    /// Slope; negative where greater decision values speak for the pair's first class.
+    /// Slope; negative if greater decision values favour the pair's first class.
     pub a: f64,
     /// Offset.
     pub b: f64,
@@ -48,7 +48,7 @@ impl Sigmoid {
     #[must_use]
     pub fn probability(self, decision: f64) -> f64 {
         let z = self.a * decision + self.b;
-        // Both forms are the same number; each is used where its exponential is below 1.
+        // Both forms are equal; each is used where its exponential is below 1.
         if z >= 0.0 { exp(-z) / (1.0 + exp(-z)) } else { 1.0 / (1.0 + exp(z)) }
     }
 }
@@ -59,9 +59,9 @@ pub struct Svm {
     width: usize,
     classes: usize,
     pairwise: Pairwise,
-    /// One a pair.
+    /// One per pair.
     intercepts: Vec<f64>,
-    /// One a pair.
+    /// One per pair.
     sigmoids: Vec<Sigmoid>,
 }
 
@@ -73,7 +73,7 @@ enum Pairwise {
     Rbf(Support),
 }
 
-/// The file form of an [`Svm`] on standardised features; its `kernel` says which.
+/// The file form of an [`Svm`] on standardised features; its `kernel` field selects the variant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum SvmFile {
@@ -83,7 +83,7 @@ pub enum SvmFile {
     Rbf(RbfSvmFile),
 }
 
-/// The kernel as files name it.
+/// Names of the kernels in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum KernelWord {
@@ -95,13 +95,13 @@ enum KernelWord {
 /// third), …, (second, third), …; a positive decision value is a vote for the pair's first class.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LinearSvmFile {
-    /// What is subtracted from each feature.
+    /// Mean, subtracted from each feature.
     pub mean: Vec<f64>,
-    /// What each feature is then divided by.
+    /// Divisor of each feature, after the subtraction.
     pub scale: Vec<f64>,
     /// Pairs × features: weights.
     pub coefficients: Vec<Vec<f64>>,
-    /// An offset for each pair.
+    /// An intercept for each pair.
     pub intercepts: Vec<f64>,
     kernel: KernelWord,
     /// a and b of each pair: 1 / (1 + exp(a·f + b)) is the probability of the pair's first class.
@@ -111,11 +111,11 @@ pub struct LinearSvmFile {
 /// The file form of an [`Svm`] with radial basis functions; pairs as in [`LinearSvmFile`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RbfSvmFile {
-    /// What is subtracted from each feature.
+    /// Mean, subtracted from each feature.
     pub mean: Vec<f64>,
-    /// What each feature is then divided by.
+    /// Divisor of each feature, after the subtraction.
     pub scale: Vec<f64>,
-    /// An offset for each pair.
+    /// An intercept for each pair.
     pub intercepts: Vec<f64>,
     kernel: KernelWord,
     /// γ of exp(−γ |x − z|²), on standardised features.
@@ -171,7 +171,7 @@ impl SvmFile {
     /// The scale and the model, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if a length is wrong, a number is not finite or γ is not > 0.
+    /// [`Invalid`] if lengths do not match, a number is not finite or γ is not > 0.
     pub(super) fn check(self, width: usize, classes: usize) -> Result<(Scale, Svm), Invalid> {
         let scaled = |mean, scale| {
             let scale = Scale::new(mean, scale)?;
@@ -204,7 +204,7 @@ impl Svm {
     /// a sigmoid.
     ///
     /// # Errors
-    /// [`Invalid`] if a length is wrong or a number is not finite.
+    /// [`Invalid`] if lengths do not match or a number is not finite.
     pub fn linear(
         width: usize,
         classes: usize,
@@ -217,13 +217,13 @@ impl Svm {
         Self::new(width, classes, Pairwise::Linear(weights), intercepts, sigmoids)
     }
 
-    /// SVMs with radial basis functions: f = Σ over support vectors of their dual
-    /// coefficient times exp(−γ |x − vector|²), plus the intercept.
-    /// `support_vectors` are rows of `width` standardised features, shared by all pairs;
-    /// `dual_coefficients` has a row for each pair, with an entry for each vector.
+    /// SVMs with radial basis functions: f = Σ over support vectors of their dual coefficient times
+    /// exp(−γ |x − vector|²), plus the intercept. `support_vectors` are rows of `width`
+    /// standardised features, shared by all pairs; `dual_coefficients` has a row for each pair,
+    /// with an entry for each vector.
     ///
     /// # Errors
-    /// [`Invalid`] if a length is wrong, a number is not finite or γ not > 0.
+    /// [`Invalid`] if lengths do not match, a number is not finite or γ is not > 0.
     pub fn rbf(
         width: usize,
         classes: usize,
@@ -261,7 +261,7 @@ impl Svm {
         Ok(Self { width, classes, pairwise, intercepts, sigmoids })
     }
 
-    /// Decision value of each pair for a row of raw features.
+    /// The decision value of each pair for a row of raw features.
     #[must_use]
     pub fn decisions(&self, scale: &Scale, row: &[f64]) -> Vec<f64> {
         let row = scale.row(row);
@@ -277,8 +277,7 @@ impl Svm {
         decisions
     }
 
-    /// The class, 0 … classes − 1, that most pairs vote for. It may differ from the most
-    /// probable one.
+    /// The class, 0 … classes − 1, with the most votes. It may differ from the most probable class.
     #[must_use]
     pub fn class(&self, scale: &Scale, row: &[f64]) -> usize {
         vote(self.classes, self.decisions(scale, row))
@@ -291,7 +290,7 @@ impl Svm {
     }
 }
 
-/// Class probabilities from decision values, one a pair: each pair's sigmoid, then pairwise
+/// Class probabilities from decision values, one per pair: each pair's sigmoid, then pairwise
 /// coupling (Wu, Lin, Weng 2004, the second method).
 pub fn couple(sigmoids: &[Sigmoid], decisions: &[f64], out: &mut [f64]) {
     let pairwise = sigmoids.iter().zip(decisions).map(|(sigmoid, &f)| sigmoid.probability(f));

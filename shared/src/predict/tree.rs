@@ -1,5 +1,5 @@
-//! Decision trees: a row goes left where a feature is at most a threshold, else right, until
-//! it comes to a leaf. [`learn::tree`](crate::learn::tree) grows them.
+//! Decision trees: a row goes left if a feature is at most a threshold, otherwise right, until it
+//! reaches a leaf. [`learn::tree`](crate::learn::tree) grows them.
 
 use super::kind::{Kind, field};
 use super::scale::Scale;
@@ -9,7 +9,7 @@ use crate::invalid::{Invalid, finite, length};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The deepest tree, which bounds the cost of a prediction.
+/// Maximum depth of a tree, which bounds the cost of a prediction.
 pub const DEEPEST: usize = 1000;
 
 /// One question, or a leaf.
@@ -17,7 +17,7 @@ pub const DEEPEST: usize = 1000;
 pub(crate) struct Node {
     pub(crate) threshold: f64,
     pub(crate) feature: u32,
-    /// The node for rows whose feature is ≤ threshold; 0, which is the root, at a leaf.
+    /// The node for rows whose feature is ≤ threshold; at a leaf 0, the root's index.
     pub(crate) left: u32,
     /// The node for the other rows.
     pub(crate) right: u32,
@@ -31,12 +31,12 @@ impl Node {
     }
 }
 
-/// The questions of a tree. Node 0 is the root, and children come after their parents.
+/// The questions of a tree. Node 0 is the root, and children follow their parents.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Questions(pub(crate) Vec<Node>);
 
 impl Questions {
-    /// The leaf that `row` comes to.
+    /// The leaf that `row` reaches.
     pub(crate) fn leaf(&self, row: &[f64]) -> usize {
         let mut at = 0;
         while !self.0[at].is_leaf() {
@@ -57,7 +57,7 @@ impl Questions {
         depths
     }
 
-    /// The same questions about features as they were before `scale` was applied.
+    /// The same questions for features before scaling with `scale`.
     pub(crate) fn unscaled(&self, scale: &Scale) -> Self {
         let unscale = |node: &Node| match node.is_leaf() {
             true => *node,
@@ -71,8 +71,8 @@ impl Questions {
     }
 }
 
-/// The file form of a tree's questions: one entry a node, the root first, children after
-/// their parents.
+/// The file form of a tree's questions: one entry per node, the root first, children after their
+/// parents.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct QuestionsFile {
     /// The index of the feature; 0 at leaves.
@@ -98,12 +98,12 @@ impl From<&Questions> for QuestionsFile {
 }
 
 impl QuestionsFile {
-    /// The questions about `width` features, checked to be a tree.
+    /// The questions about `width` features, verified to form a tree.
     ///
     /// # Errors
-    /// [`Invalid`] if a list is not as long as the others, a feature does not exist, a
-    /// threshold is not finite, a child does not come after its parent or has several parents, a
-    /// node has no parent, or the tree is deeper than [`DEEPEST`].
+    /// [`Invalid`] if the lists differ in length, a feature does not exist, a threshold is not
+    /// finite, a child does not follow its parent or has several parents, a node has no parent, or
+    /// the tree is deeper than [`DEEPEST`].
     pub(crate) fn check(&self, width: usize) -> Result<Questions, Invalid> {
         let count = self.feature.len();
         if count == 0 {
@@ -127,13 +127,13 @@ impl QuestionsFile {
                 continue;
             }
             if depth == DEEPEST {
-                let expected = format!("a tree of depth {DEEPEST} at the most");
+                let expected = format!("a tree of depth {DEEPEST} at most");
                 return Err(Invalid::new(format!("left[{i}]"), expected, "a deeper one"));
             }
             for (side, child) in [("left", self.left[i]), ("right", self.right[i])] {
                 let at = child as usize;
                 if at <= i || at >= count || depths[at].is_some() {
-                    let expected = format!("a node after {i} that is no other's child");
+                    let expected = format!("a node after {i} that has no other parent");
                     return Err(Invalid::new(format!("{side}[{i}]"), expected, child));
                 }
                 depths[at] = Some(depth + 1);
@@ -149,12 +149,12 @@ impl QuestionsFile {
     }
 }
 
-/// A tree that counts classes.
+/// A tree with class counts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tree {
     questions: Questions,
     classes: usize,
-    /// Nodes × classes: training rows of each class that passed the node.
+    /// Nodes × classes: the number of training rows of each class that passed the node.
     counts: Vec<u32>,
 }
 
@@ -171,7 +171,7 @@ pub struct TreeFile {
     /// The questions.
     #[serde(flatten)]
     pub questions: QuestionsFile,
-    /// Nodes × classes: training rows of each class that passed the node.
+    /// Nodes × classes: the number of training rows of each class that passed the node.
     pub counts: Vec<Vec<u32>>,
 }
 
@@ -186,8 +186,8 @@ impl TreeFile {
     /// The tree, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if the questions are not a tree, a count is missing, or the counts of children
-    /// do not add up to their parent's.
+    /// [`Invalid`] if the questions do not form a tree, a count is missing, or children's counts do
+    /// not add up to their parent's.
     pub fn check(&self, width: usize, classes: usize) -> Result<Tree, Invalid> {
         let questions = self.questions.check(width)?;
         length("counts", questions.0.len(), self.counts.len())?;
@@ -209,13 +209,13 @@ impl TreeFile {
 }
 
 impl Tree {
-    /// A tree of nodes in preorder and the counts of each.
+    /// A tree from nodes in preorder and their counts.
     #[cfg(feature = "learn")]
     pub(crate) fn new(nodes: Vec<Node>, classes: usize, counts: Vec<u32>) -> Self {
         Self { questions: Questions(nodes), classes, counts }
     }
 
-    /// Number of nodes, leaves included.
+    /// Number of nodes, including leaves.
     #[must_use]
     pub fn nodes(&self) -> usize {
         self.questions.0.len()
@@ -227,18 +227,18 @@ impl Tree {
         self.nodes().div_ceil(2)
     }
 
-    /// Depth: the most questions on the way to a leaf.
+    /// Depth: the maximum number of questions before a leaf.
     #[must_use]
     pub fn depth(&self) -> usize {
         self.questions.depths().into_iter().max().unwrap_or(0)
     }
 
-    /// Training rows of each class that passed a node.
+    /// The number of training rows of each class that passed a node.
     fn counts(&self, node: usize) -> &[u32] {
         &self.counts[node * self.classes..][..self.classes]
     }
 
-    /// The most frequent class of training rows at the leaf of `row`, the lowest on a tie.
+    /// The most frequent class of the training rows at the leaf of `row`; on a tie the lowest.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> usize {
         let counts = self.counts_at(row);
@@ -252,9 +252,9 @@ impl Tree {
         self.counts(self.questions.leaf(row))
     }
 
-    /// Writes the probability of each class to `out`: (n_c + 1) / (n + K) for n training rows
-    /// at the leaf, n_c of them of this class, and K classes (Laplace's rule: a class that was
-    /// not seen there is not impossible).
+    /// Writes the probability of each class to `out`: (n_c + 1) / (n + K) for n training rows at
+    /// the leaf, n_c of them of this class, and K classes. (Laplace's rule: a class that does not
+    /// occur there is not impossible.)
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
         let counts = self.counts_at(row);
         let total = counts.iter().map(|&count| f64::from(count)).sum::<f64>();
@@ -264,11 +264,11 @@ impl Tree {
         }
     }
 
-    /// The tree cut off at this depth.
+    /// The tree truncated at this depth.
     #[must_use]
     pub fn truncated(&self, depth: usize) -> Self {
         let depths = self.questions.depths();
-        // The new index of each node that is kept.
+        // The new index of each remaining node.
         let mut kept = 0;
         let mut places = vec![0; self.nodes()];
         for (place, _) in places.iter_mut().zip(&depths).filter(|(_, d)| **d <= depth) {
@@ -288,8 +288,7 @@ impl Tree {
         Self { questions: Questions(nodes), classes: self.classes, counts }
     }
 
-    /// The same tree for features as they were before `scale` was applied: thresholds get the
-    /// features' own units.
+    /// The same tree for features before scaling with `scale`: thresholds get the features' units.
     #[must_use]
     pub fn unscaled(&self, scale: &Scale) -> Self {
         Self { questions: self.questions.unscaled(scale), ..self.clone() }
@@ -408,7 +407,7 @@ mod tests {
                 left.extend([2 * i + 1, 0]);
                 right.extend([2 * i + 2, 0]);
             }
-            // Node 2i asks, node 2i + 1 is a leaf.
+            // Node 2i is a question, node 2i + 1 a leaf.
             left.push(0);
             right.push(0);
             let (feature, threshold) = (vec![0; left.len()], vec![0.0; left.len()]);

@@ -2,15 +2,15 @@
 //!
 //! * The **front** is reached by paths that get as far as possible in some direction: turn
 //!   toward it, then go straight (`front`; where straight is not always admissible, the
-//!   extremals of `singular`, and where these diverge faster than numbers can tell,
+//!   extremals of `singular`, and where these diverge beyond double precision,
 //!   `divergence`).
 //! * The **rear** is reached by bang-bang paths, whose rate switches between the bounds
 //!   (`rear`; more than once, `multi_switch`).
-//! * The **tube**, the union over all instants, lies between the path at the lowest rates, the
+//! * The **tube**, the union over all instants, is between the path at the lowest rates, the
 //!   final front, and the path at the highest rates.
 //!
-//! That holds where [`is_of_extremals`] says so. Front and rear are then graphs over the line across the middle of the
-//! headings, and the rear is the lower `envelope` of its families.
+//! This holds where [`is_of_extremals`] is true. Front and rear are then graphs over the line
+//! across the middle of the headings, and the rear is the lower `envelope` of its families.
 
 mod extremal;
 mod divergence;
@@ -30,7 +30,7 @@ use envelope::Envelope;
 use nalgebra::Complex;
 use singular::Piece;
 
-/// Memory that polygons are made in. Once it is large enough, nothing is allocated.
+/// Buffers for polygons. Once they are large enough, nothing is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
     /// The boundary being made, in the human's frame, seconds of travel.
@@ -39,7 +39,7 @@ pub struct Workspace {
     pub(super) brush: Vec<Complex<f64>>,
     pub(super) outliner: Outliner,
     pub(super) outer: Outer,
-    /// Of the convex hull.
+    /// For the convex hull.
     pub(super) instants: Vec<f64>,
     curves: Curves,
     family: Vec<Piece>,
@@ -47,9 +47,9 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Replaces the boundary by that of the set after `step` steps. The polygon follows it
-    /// within `tolerance`, s, and each of its curves gets at least `least` edges. Once the budget is spent, the boundary is
-    /// unfinished.
+    /// Replaces the boundary by that of the set after `step` steps. The polygon follows it within
+    /// `tolerance`, s, and each of its curves gets at least `least` edges. Once the budget is
+    /// spent, the boundary is unfinished.
     pub(super) fn draw_step(
         &mut self,
         paths: &Paths,
@@ -80,8 +80,8 @@ impl Workspace {
         for curve in curves.iter() {
             envelope.add(curve.iter().map(|point| point * turned));
         }
-        // At their ends front and rear touch each other, and their chords may cross: there the rear is just
-        // behind the front.
+        // Front and rear touch at their ends, where their chords may cross: there the rear is kept
+        // just behind the front.
         let behind = thickness(tolerance);
         envelope.add(boundary.iter().map(|point| point * turned - behind));
         envelope.straighten();
@@ -93,7 +93,7 @@ impl Workspace {
         }));
         sampling::space(boundary, front);
         if !rises {
-            // Where extremals nearly coincide, rounding has sent the front back a little.
+            // Where extremals nearly coincide, rounding moves the front back a little.
             outliner.tidy(boundary, budget);
         }
     }
@@ -125,22 +125,23 @@ impl Workspace {
     }
 }
 
-/// Whether the boundary of the set after `steps` steps, and that of the tube up to then, consist of the curves drawn here: if the
-/// headings along each outermost path are within a quarter turn of each other, and no bounds just forbid driving straight,
-/// where extremals diverge too fast.
+/// Whether the boundary of the set after `steps` steps, and that of the tube up to then, consist of
+/// the curves drawn here: if the headings along each outermost path are within a quarter turn of
+/// each other, and no bounds just forbid driving straight, where extremals diverge too fast.
 ///
-/// Of a tube, this is proven: where the time is free, boundary paths arrive at a right angle to their direction, and do not switch
-/// unless the way from the switch to the end is at a right angle to the heading at the end. From their last switch on they
-/// turn as an outermost path does. Of a set at one instant, no miss was ever found; where headings swing farther, some were, since
-/// paths that switch several times then bound the set.
+/// For a tube this is proven: where the time is free, boundary paths arrive at a right angle to
+/// their direction, and switch only if the displacement from the switch to the end is at a right
+/// angle to the end heading. From their last switch on they turn like an outermost path. For a set
+/// at one instant, tests found no miss; where headings swing farther, they found some, since paths
+/// that switch several times then bound the set.
 pub(super) fn is_of_extremals(paths: &Paths, steps: usize) -> bool {
     paths.swing(steps) <= FRAC_PI_2 && !paths.graze_straight(steps)
 }
 
-/// By how much each edge of a front rises, s, across the common direction, if no rounding interferes.
+/// Least rise of each edge of a front, s, across the common direction, if no rounding interferes.
 const LEAST_RISE: f64 = 1e-12;
 
-/// About what tracing an extremal through a step takes, in units of a [`Budget`].
+/// Approximate cost of tracing an extremal through a step, in units of a [`Budget`].
 const TRACING: usize = 4;
 
 /// Appends one of the two outermost paths, from the start on.
@@ -154,7 +155,7 @@ fn outermost(
     let (step_s, least) = (path.step_s(), least_pieces.div_ceil(steps));
     for step in 0..steps {
         let rate = path.turn(step).rate;
-        // Finer than the front: to the area both sides add what the front takes away.
+        // Finer than the front: chords of both sides enlarge the area, and those of the front reduce it.
         let count = pieces(step_s, rate.abs(), 0.5 * tolerance, least);
         let turn = path.piece(step, count);
         let (mut point, mut facing) = (path.point(step), path.facing(step));

@@ -1,45 +1,45 @@
-//! How much work a question may take, and whether its caller still wants the answer.
+//! Budgets of work for queries, and their cancellation by the caller.
 //!
-//! Work is counted, not timed, so that answers are the same on every machine and in every run. A unit is about what
-//! the comparison of two edges takes; what takes longer counts as several.
+//! Work is counted, not timed, so that answers are the same on every machine and in every run. A
+//! unit is about the cost of comparing two edges; more expensive operations count as several.
 
 use core::cell::{Cell, RefCell};
 use core::ops::ControlFlow;
 
-/// How far the work on a polygon or on a question of membership is.
+/// Progress of a polygon or of a membership query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// Units of work done.
     pub done: usize,
-    /// The most that may be done. Most work ends long before that.
+    /// The limit on the work. Most queries end far below it.
     pub of: usize,
 }
 
-/// The caller stopped the work.
+/// The caller cancelled the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the work was cancelled")]
 pub struct Cancelled;
 
-/// About the largest number of units of work between two questions to the caller whether to go on.
+/// Approximate largest number of units of work between two progress reports.
 const BETWEEN_REPORTS: usize = 10_000;
 
-/// What answers whether to go on.
+/// The callback that decides whether to continue.
 type Report<'a> = RefCell<&'a mut dyn FnMut(Progress) -> ControlFlow<()>>;
 
-/// The work that is left.
+/// The remaining work.
 pub(super) struct Budget<'a> {
     units: usize,
     left: Cell<usize>,
     aside: Cell<usize>,
     spent: Cell<bool>,
-    /// What is left when the caller is asked next.
+    /// Remaining units at the next progress report.
     next_report: Cell<usize>,
     report: Option<&'a dyn Fn(Progress) -> ControlFlow<()>>,
     cancelled: Cell<bool>,
 }
 
 impl<'a> Budget<'a> {
-    /// With this many units.
+    /// A budget of `units` without progress reports.
     pub(super) fn new(units: usize) -> Self {
         Self {
             units,
@@ -52,7 +52,7 @@ impl<'a> Budget<'a> {
         }
     }
 
-    /// What `work` makes of a budget of `units` whose caller is asked through `progress`.
+    /// Runs `work` with a budget of `units` that reports to `progress`.
     pub(super) fn reported<T>(
         units: usize,
         progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
@@ -66,8 +66,8 @@ impl<'a> Budget<'a> {
         if budget.is_cancelled() { Err(Cancelled) } else { Ok(done) }
     }
 
-    /// Takes units off. Once there are too few, or the caller has cancelled, the budget is spent, and whoever works stops
-    /// where that is convenient and leaves an unfinished result.
+    /// Subtracts units. If there are too few, or the caller has cancelled, the budget is spent: the
+    /// computation stops at its next check and leaves an unfinished result.
     pub(super) fn spend(&self, units: usize) {
         let left = self.left.get();
         self.left.set(left.saturating_sub(units));
@@ -79,7 +79,7 @@ impl<'a> Budget<'a> {
         }
     }
 
-    /// Whether to go on.
+    /// Asks the caller whether to continue.
     fn ask(&self) {
         let left = self.left.get();
         self.next_report.set(left.saturating_sub(BETWEEN_REPORTS));
@@ -90,7 +90,7 @@ impl<'a> Budget<'a> {
         }
     }
 
-    /// Sets one of `parts` of what is left aside, until it is given back.
+    /// Sets aside one of `parts` equal parts of the remaining units until [`Self::give_back`].
     pub(super) fn set_aside(&self, parts: usize) -> usize {
         let units = self.left.get() / parts;
         self.left.set(self.left.get() - units);
@@ -99,7 +99,7 @@ impl<'a> Budget<'a> {
         units
     }
 
-    /// Gives back what was set aside; what has been spent since stays spent.
+    /// Gives back the units set aside; those spent since stay spent.
     pub(super) fn give_back(&self, units: usize) {
         self.left.set(self.left.get() + units);
         self.next_report.set(self.next_report.get() + units);
@@ -112,7 +112,7 @@ impl<'a> Budget<'a> {
         self.units - self.left.get() - self.aside.get()
     }
 
-    /// Whether more was to be spent than there was, or the caller has cancelled.
+    /// Whether the units ran out or the caller has cancelled.
     pub(super) fn is_spent(&self) -> bool {
         self.spent.get()
     }

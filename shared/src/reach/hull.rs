@@ -1,14 +1,15 @@
-//! Convex polygons around a set, in little time whatever the bounds.
+//! Convex polygons around a set: fast for all bounds.
 //!
 //! How far can a path get in direction φ? Its position along φ is ∫ cos(θ(t) − φ) dt, and its heading θ(t) is between
 //! those of the two outermost paths, λ(t) ≤ θ(t) ≤ η(t). So it gets no farther than
 //!
 //!   h(φ) = ∫ max { cos(θ − φ) : λ(t) ≤ θ ≤ η(t) } dt,
 //!
-//! and the set is in the intersection of the half-planes {x : x·e_φ ≤ h(φ)} of as many directions as one likes. In each step λ
-//! and η are linear in time, so the integral has a closed form between the instants at which another heading becomes
-//! the best one. The tube is bounded by the largest h over all instants; between the instants at which the best
-//! heading is across φ, h only grows or only shrinks.
+//! and for any number of directions, the intersection of the half-planes {x : x·e_φ ≤ h(φ)}
+//! contains the set. In each step λ and η are linear in time, so the integral has a closed form
+//! between the instants at which another heading becomes the best one. The tube is bounded by the
+//! largest h over all instants; between the instants at which the best heading is perpendicular to
+//! φ, h only grows or only shrinks.
 //!
 //! h is the support function of a convex set, so every half-plane touches the polygon, whose corners are where
 //! the lines of neighbouring directions meet.
@@ -18,15 +19,16 @@ use crate::math::TAU;
 use core::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::Complex;
 
-/// Directions. The polygon's corners are farther out than the convex set by a factor of 1/cos(π/128) = 1.0003 at most.
+/// Number of directions. The polygon's corners are farther out than the convex set by a factor of
+/// 1/cos(π/128) = 1.0003 at most.
 const DIRECTIONS: usize = 128;
 
-/// What rounding may take away in a second of travel, s.
+/// Upper bound on rounding errors per second of travel, s.
 const ROUNDING: f64 = 1e-9;
 
-/// Replaces `boundary` by a convex polygon around the set after `steps` steps, or around the tube up to then, from headings that
-/// differ by up to `heading`, rad, to both sides; `more` is how much farther in a direction, a unit vector, than from the
-/// start pose itself. `instants` is overwritten.
+/// Replaces `boundary` by a convex polygon around the set after `steps` steps, or around the tube up to then,
+/// from start headings that differ by up to `heading`, rad, to both sides. `more` is the extra distance in a
+/// direction, a unit vector, from other start positions. `instants` is overwritten.
 pub(super) fn surround(
     paths: &Paths,
     (steps, tube): (usize, bool),
@@ -65,7 +67,7 @@ pub(super) fn twice_area(polygon: &[Complex<f64>]) -> f64 {
 /// The admissible headings, seen from a direction.
 struct Headings<'a> {
     paths: &'a Paths,
-    /// By how much the heading at the start may differ, rad.
+    /// Largest deviation of the start heading, rad.
     heading: f64,
     /// The direction, rad.
     phi: f64,
@@ -127,7 +129,7 @@ impl Extreme {
     }
 }
 
-/// The integral of the cosine of the best heading between two instants, between which the same one stays the best.
+/// The integral of the cosine of the best heading between two instants between which the same one stays best.
 fn best(low: Extreme, high: Extreme, (begin, end): (f64, f64)) -> f64 {
     let middle = 0.5 * (begin + end);
     let (below, above) = (low.at(middle) / TAU, high.at(middle) / TAU);

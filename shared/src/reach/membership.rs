@@ -6,13 +6,13 @@
 //! lowest to the end of the highest (`slice`): since the paths of one curve can be deformed into
 //! those of another without leaving the convex set, every position that two curves surround is
 //! reached. So a state is inside if the curves wind about it (`search`), also where the slice is
-//! not convex, surrounds a hole, or headings pass ±π.
+//! reached. So a state is inside if the curves wind about it (`search`), even where the slice is
 //!
 //! # Accuracy
-//! A state found inside is reachable, to 10⁻⁶ m. Whether the curves are all there are is not proven: at the rear, paths
-//! with more than two switches are sought by a local optimum, and rates change between quarters of a
-//! step only. So that a state which the curves have outside is outside is proven otherwise, or left
-//! open: `body_point`.
+//! A state found inside is reachable, to 10⁻⁶ m. It is not proven that the curves are complete: at
+//! the rear, paths with more than two switches come from a local optimisation, and rates change
+//! only between quarters of a step. So a state outside the curves needs a separate proof
+//! (`body_point`), or stays open.
 
 mod buffer;
 mod span;
@@ -55,16 +55,16 @@ impl Default for Tolerance {
 pub enum Membership {
     /// It is.
     Inside,
-    /// It is not: that is proven for all bounds that are accepted, to rounding.
+    /// It is not: proven for all accepted bounds, up to rounding.
     Outside,
-    /// It was not found to be, and no proof was found that it is not.
+    /// Neither found to be inside nor proven to be outside.
     Open,
 }
 
-/// Proofs that a state is outside are tried this often.
+/// Default number of attempts to prove that a state is outside.
 const MOST_TRIALS: usize = 24;
 
-/// Most units of work on one state, as those of polygons.
+/// Limit on the work for one state, in the same units as for polygons.
 const MOST_WORK: usize = 4_000_000;
 
 /// How far inside the set a state is. Both numbers are positive inside.
@@ -72,10 +72,9 @@ const MOST_WORK: usize = 4_000_000;
 pub struct StateMargins {
     /// From the heading to the nearest end of the admissible range, rad.
     pub heading_rad: f64,
-    /// From the position to the boundary of the positions that are reached with
-    /// this heading, m. If the heading is outside its range, the nearest in it is
-    /// taken. Inside, the true distance may be larger by a little where two
-    /// curves of the rear cross.
+    /// From the position to the boundary of the positions that are reached with this heading, m. If
+    /// the heading is outside its range, the nearest admissible one is used. Inside, the true
+    /// distance may be slightly larger where two curves of the rear cross.
     pub position_m: f64,
     /// Which part of that boundary is nearest.
     pub nearest: Side,
@@ -93,17 +92,16 @@ pub enum Side {
 /// Rounding errors may move inputs out of their bounds by this, rad/s.
 const INPUT_ROUNDING: f64 = 1e-12;
 
-/// A larger heading, rad, has too few digits: turns that are added to it would be lost.
+/// Larger headings, rad, have too few digits: turns added to them would be lost.
 const MOST_RAD: f64 = 1e6;
 
 impl ReachableSet {
-    /// Is `state` (world frame) reached after exactly `step` steps, or no farther
-    /// than `tolerance` from a state that is? A state that is not finite, or has a heading beyond
-    /// 10⁶ rad, is not.
+    /// Whether `state` (world frame) is reached after exactly `step` steps, or is no farther than `tolerance`
+    /// from a state that is. False for a state that is not finite, or has a heading beyond 10⁶ rad.
     ///
-    /// It is never false for such a state, whatever the bounds: it is true unless the state is proven to be
-    /// [outside](Membership::Outside). It can be true for a state farther away, if that takes more than 24 trials or much work (see
-    /// [`Self::state_membership`], which tells the two apart).
+    /// For all bounds, it is never false for a reachable state: it is true unless the state is proven to be
+    /// [outside](Membership::Outside). It can be true for a state farther away if the proof takes more than 24
+    /// attempts or too much work: [`Self::state_membership`] distinguishes the two.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -112,13 +110,14 @@ impl ReachableSet {
         self.state_membership(step, state, tolerance, MOST_TRIALS) != Membership::Outside
     }
 
-    /// The same as [`Self::contains_state`], with three answers, and at most `trials` trials to prove that the
-    /// state is outside. All of them together took 30 to 230 µs a state at turns of 0.1 rad a step,
-    /// 10 to 15 steps. The work is bounded as that of a polygon is (by four million units, some hundredths of a second),
-    /// whatever the bounds, the start and the number of trials: beyond that the state is [open](Membership::Open).
+    /// Like [`Self::contains_state`], but with three answers, and at most `trials` attempts to
+    /// prove that the state is outside. All attempts together took 30 to 230 µs per state at turns
+    /// of 0.1 rad per step, over 10 to 15 steps. The work is bounded as for a polygon (by four
+    /// million units, some hundredths of a second) for all bounds, starts and numbers of attempts:
+    /// beyond that the state is [open](Membership::Open).
     ///
-    /// A state found inside is reachable to 10⁻⁶ m beyond the tolerance. If the start is a set, it is
-    /// inside if some pose of it leads there, and may be if one leads to within 10⁻⁴ s of travel of it.
+    /// A state found inside is reachable to 10⁻⁶ m beyond the tolerance. If the start is a set, the state is
+    /// inside if some start pose leads there, and may be if one leads to within 10⁻⁴ s of travel of it.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -133,11 +132,11 @@ impl ReachableSet {
         self.decide(step, state, tolerance, trials, &Budget::new(MOST_WORK))
     }
 
-    /// The same as [`Self::state_membership`], as long as `progress` lets it go on. It is asked at the beginning and after
-    /// every few tenths of a millisecond.
+    /// [`Self::state_membership`] that the caller can cancel: it calls `progress` at the beginning
+    /// and then every few tenths of a millisecond.
     ///
     /// # Errors
-    /// [`Cancelled`] if `progress` breaks off.
+    /// [`Cancelled`] if `progress` returns [`Break`](core::ops::ControlFlow::Break).
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -163,7 +162,7 @@ impl ReachableSet {
         budget: &Budget<'_>,
     ) -> Membership {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
-        // Whatever the state, it takes some.
+        // Every state takes some work.
         budget.spend(1);
         if state.psi.abs() <= MOST_RAD {
             Origins::new(self, step, state, tolerance, budget).decide(trials)
@@ -172,10 +171,10 @@ impl ReachableSet {
         }
     }
 
-    /// How far inside the states reached after exactly `step` steps `state`
-    /// (world frame) is. If the start is a set, only from the pose in its middle. Not a number for a state that is not finite,
-    /// or has a heading beyond 10⁶ rad, and where finding out takes more than four million units of work (see
-    /// [`Self::state_membership`]), as some states after tens of steps of half a turn do.
+    /// How far `state` (world frame) is inside the states reached after exactly `step` steps. If
+    /// the start is a set, only the pose in its middle counts. NaN for a state that is not finite,
+    /// or has a heading beyond 10⁶ rad, and if the work exceeds four million units (see
+    /// [`Self::state_membership`]), as for some states after tens of steps of half a turn.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -210,8 +209,9 @@ impl ReachableSet {
         best
     }
 
-    /// Is each of the states after steps 1, 2 … (world frame) reached after its step? As [`Self::contains_state`] for each, but
-    /// together they take no more work than one may: what is not decided within its share counts as inside.
+    /// Whether each of the states after steps 1, 2 … (world frame) is reached after its step. Like
+    /// [`Self::contains_state`] for each, but all states share the work limit of one: a state that
+    /// is not decided within its share counts as inside.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`].
@@ -221,8 +221,8 @@ impl ReachableSet {
         found.map(|membership| membership != Membership::Outside).collect()
     }
 
-    /// Decides about the states at these places of a trajectory, one after the other. Each has an equal share of the work that is
-    /// left, so that all together take no more than one state may.
+    /// Decides about the states at these indices of a trajectory, one after the other. Each gets an
+    /// equal share of the remaining work, so that all together stay within the limit of one state.
     fn decide_all<'a>(
         &'a self,
         places: impl ExactSizeIterator<Item = usize> + 'a,
@@ -240,13 +240,12 @@ impl ReachableSet {
         })
     }
 
-    /// Is a recorded trajectory inside at every step? `states` are those after
-    /// each step (world frame), from the first on; `inputs`, if known, are
-    /// the turn rates held in each step, rad/s. As long as they satisfy the
-    /// bounds, the states are reachable by definition; from the first step on in
-    /// which they do not, each state must be [inside](Membership::Inside) with `tolerance`. What is open
-    /// does not count, so that shares of contained trajectories are never too large. The work on all states together is
-    /// bounded as that on one is.
+    /// Whether a recorded trajectory is inside at every step. `states` are those after each step
+    /// (world frame), from the first on; `inputs`, if known, are the turn rates held in each step,
+    /// rad/s. As long as they satisfy the bounds, the states are reachable by definition; from the
+    /// first step on in which they do not, each state must be [inside](Membership::Inside) within
+    /// `tolerance`. An open state does not count, so that shares of contained trajectories are
+    /// never too large. All states share the work limit of one.
     ///
     /// # Panics
     /// If there are more states than [`Self::steps`], or fewer inputs than states.
@@ -267,7 +266,7 @@ impl ReachableSet {
                 })
                 .count()
         });
-        // Later states usually need the widest bounds, so that one test of the last is often enough.
+        // Later states usually need the widest bounds, so testing the last one is often enough.
         self.decide_all((known..states.len()).rev(), states, tolerance, 0)
             .all(|membership| membership == Membership::Inside)
     }

@@ -10,10 +10,10 @@ use nalgebra::Complex;
 
 type Point = Complex<f64>;
 
-/// The Minkowski sum of a simple polygon and a disc: every position no farther than `radius_m`
-/// from the polygon, its inside included (vertices counter-clockwise, m, the first not repeated;
-/// one vertex is a point, two a line). With the danger radius and the positions that the human
-/// can reach, it is where the robot would be too near. The polygon returned contains the sum and
+/// The Minkowski sum of a simple polygon and a disc: every position no farther than `radius_m` from
+/// the polygon, including its inside (vertices counter-clockwise, m, the first not repeated; one
+/// vertex is a point, two a line). With the danger radius and the human's reachable positions, it
+/// is the region where the robot would be too near. The returned polygon contains the sum and
 /// exceeds it by at most `accuracy_m` (10⁻⁶ to 1 m); holes are filled.
 ///
 /// # Errors
@@ -45,20 +45,21 @@ pub fn minkowski_disc(
     Ok(workspace.boundary.iter().map(|p| [x0 + p.re, y0 + p.im]).collect())
 }
 
-/// The Minkowski sum of a disc and a box, with which a set is summed in turn.
+/// The Minkowski sum of a disc and a box, to be added to a set.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Brush {
     /// Of the disc.
     pub(super) radius: f64,
     /// Half the length and width of the box.
     pub(super) half: [f64; 2],
-    /// Whether the polygon that replaces the disc contains it; otherwise it lies in it.
+    /// Whether the polygon that replaces the disc contains it; otherwise it is inside the disc.
     pub(super) outside: bool,
 }
 
 impl Brush {
-    /// Replaces the boundary in the workspace, which must be [tidy](super::outline::Outliner::tidy), by that of its Minkowski
-    /// sum with the brush. The disc is followed within `tolerance`.
+    /// Replaces the boundary in the workspace, which must be
+    /// [tidy](super::outline::Outliner::tidy), by that of its Minkowski sum with the brush. The
+    /// disc is followed within `tolerance`.
     pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace, budget: &Budget<'_>) {
         if self.radius == 0.0 && self.half == [0.0; 2] || budget.is_spent() {
             return;
@@ -72,7 +73,7 @@ impl Brush {
         outliner.outline(boundary, budget);
     }
 
-    /// How far it gets in a direction, a unit vector.
+    /// How far the brush extends in a direction, a unit vector.
     pub(super) fn support(self, direction: Point) -> f64 {
         let [a, b] = self.half;
         self.radius + a * direction.re.abs() + b * direction.im.abs()
@@ -137,13 +138,13 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     }
 }
 
-/// Replaces the boundary in the workspace, which must be [tidy](super::outline::Outliner::tidy), by that of the union of the
-/// set rotated about the origin by every angle up to `angle` to both sides. Arcs are followed
-/// within `tolerance`.
+/// Replaces the boundary in the workspace, which must be [tidy](super::outline::Outliner::tidy), by
+/// that of the union of the set rotated about the origin by every angle up to `angle` to both
+/// sides. Arcs are followed within `tolerance`.
 ///
 /// The union is bounded by edges of the set at both ends of the rotation and by arcs of those
-/// points whose distance from the origin is a local maximum or minimum along the boundary; rises and falls by less than the
-/// tolerance do not count.
+/// points whose distance from the origin is a local maximum or minimum along the boundary; rises
+/// and falls by less than the tolerance do not count.
 pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budget: &Budget<'_>) {
     let Workspace { boundary, curve, brush, outliner, .. } = workspace;
     let drawn = |point: Point| {
@@ -188,9 +189,9 @@ pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace, budg
     outliner.outline(boundary, budget);
 }
 
-/// Replaces `found` by the points of a closed polygon at which the distance from the origin is extreme, the farthest first,
-/// then minima and maxima in turn; returns the farthest. From each to the next the distance changes by at least `least`, but
-/// there is always one minimum.
+/// Replaces `found` by the points of a closed polygon at which the distance from the origin is
+/// extreme, the farthest first, then minima and maxima in turn; returns the farthest. From each to
+/// the next the distance changes by at least `least`, but there is always one minimum.
 fn extremes(polygon: &[Point], least: f64, found: &mut Vec<Point>) -> Option<Point> {
     found.clear();
     let distance = |point: Point| point.norm_sqr().sqrt();
@@ -198,7 +199,7 @@ fn extremes(polygon: &[Point], least: f64, found: &mut Vec<Point>) -> Option<Poi
     let farthest = (0..n).max_by(|&i, &j| polygon[i].norm_sqr().total_cmp(&polygon[j].norm_sqr()));
     let first = farthest?;
     found.push(polygon[first]);
-    // What may become the next extreme, and whether that is a minimum.
+    // The candidate for the next extreme, and whether it is a minimum.
     let (mut next, mut nearer) = (polygon[first], true);
     let mut look = |point: Point| {
         let further = distance(point) - distance(next);

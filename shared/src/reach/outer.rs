@@ -12,11 +12,11 @@
 //!   after, since the difference of two means is an integral of ϑ′ against a weight that rises from 0
 //!   to 1 and falls to 0 again.
 //!
-//! So the ends are P₀, from P_N = {0} and Pⱼ = ⋃ e^{ia}·(Dⱼ + e^{iūh}·Pⱼ₊₁) over |a| ≤ αⱼ, to within the sum of
-//! those errors: Pⱼ are the ends that the rest of the time leads to, in the frame of the vehicle at the beginning of piece
-//! j. Each step is one displacement, the same for all, and one [sweep](Curve::sweep) about the vehicle. Nothing here depends on which
-//! paths are extremal. Rigid motions keep distances, so errors add up and no more, whatever the number of pieces
-//! and the size of the turns.
+//! So the ends are P₀, from P_N = {0} and Pⱼ = ⋃ e^{ia}·(Dⱼ + e^{iūh}·Pⱼ₊₁) over |a| ≤ αⱼ, up to the sum of
+//! those errors: Pⱼ are the ends that the remaining time leads to, in the frame of the vehicle at the beginning
+//! of piece j. Each step is one displacement, the same for all paths, and one [sweep](Curve::sweep) about the
+//! vehicle. Nothing here depends on which paths are extremal. Rigid motions preserve distances, so errors only
+//! add up, for any number of pieces and any size of turns.
 //!
 //! The tube is made the same way: in each piece the positions passed on the way are added
 //! ([`Piece::add_passed`]).
@@ -35,20 +35,20 @@ use swept::{Corner, Curve, Edge, cross};
 
 type Point = Complex<f64>;
 
-/// What is known of each piece of one step.
+/// The pieces of one step, which are all alike.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Pieces of this length in the step.
+    /// Number of pieces in the step.
     count: usize,
     /// Length, s.
     seconds: f64,
-    /// gh/2: by how much the mean of ϑ may differ from ϑ at either end, rad.
+    /// gh/2: largest difference between the mean of ϑ and ϑ at either end, rad.
     half_turn: f64,
     /// e^{iūh}.
     turned: Point,
     /// Dⱼ.
     moved: Point,
-    /// By how much the end of a path may be displaced in a piece, s of travel.
+    /// Largest displacement of the end of a path in a piece, s of travel.
     error: f64,
     /// ūh.
     turn: f64,
@@ -77,12 +77,12 @@ impl Piece {
         }
     }
 
-    /// Adds to a curve from D and back what a path passes in the piece: then it leads from the origin and back. Returns by
-    /// how much a path may still be outside, s of travel.
+    /// Adds to a curve from D and back the positions that a path passes in the piece: then the curve leads from
+    /// the origin and back. Returns how far outside a path may still be, s of travel.
     ///
-    /// ∫d vanishes at both ends of the piece and its second derivative is at most g, so a path is to the side of
-    /// the straight line at time s by (±g − ū)·s(h − s)/2 at most. An arc as high as this parabola is outside of it, and
-    /// one with three quarters of its height inside.
+    /// ∫d vanishes at both ends of the piece and its second derivative is at most g, so a path is
+    /// to the side of the straight line at time s by (±g − ū)·s(h − s)/2 at most. An arc as high as
+    /// this parabola is outside of it, and one with three quarters of its height inside.
     fn add_passed(&self, spread: f64, corners: &mut Vec<Corner>) -> f64 {
         let (h, rate) = (self.seconds, self.turn / self.seconds);
         let height = |bend: f64, outward: bool| {
@@ -94,7 +94,7 @@ impl Piece {
         let origin = Point::new(0.0, 0.0);
         let along = self.moved;
         let edge = |height: f64, from: Point, to: Point| {
-            // Of a chord from the origin to D, to the left of it if positive.
+            // Height over the chord from the origin to D, positive to the left.
             if height.abs() < FLAT * h {
                 return Edge::Line;
             }
@@ -115,7 +115,7 @@ fn cube(x: f64) -> f64 {
     x * x * x
 }
 
-/// Height of an arc over its chord, as a share of its length, that is a straight line.
+/// Arcs whose height is below this share of their length count as straight lines.
 const FLAT: f64 = 1e-7;
 
 fn middle_and_spread(paths: &Paths, step: usize) -> (f64, f64) {
@@ -134,11 +134,12 @@ const MOST_CORNERS: usize = 1_500;
 /// A curve with more extremes of the distance from the vehicle is replaced by its outline.
 const MOST_EXTREMES: usize = 24;
 
-/// What sweeping a corner takes, besides one for moving it, and comparing two edges in it, in units of a [`Budget`].
+/// Cost of sweeping a corner, besides one unit for moving it, and of comparing two edges in it, in
+/// units of a [`Budget`].
 const SWEEPING: usize = 3;
 const COMPARING: usize = 8;
 
-/// What drawing and loosening take for each vertex.
+/// Cost of drawing and loosening per vertex.
 const LOOSENING: usize = 6;
 
 /// Shares of the accuracy: errors of the pieces, drawing arcs as lines, and leaving out vertices.
@@ -146,30 +147,31 @@ const OF_PIECES: f64 = 0.2;
 const OF_ARCS: f64 = 0.1;
 const OF_VERTICES: f64 = 0.1;
 
-/// A rotation by less than this, rad, is an error instead: chains that it moves apart would coincide.
+/// A rotation by less than this, rad, is counted as an error instead: the chains that it moves
+/// apart would coincide.
 const LEAST_ANGLE: f64 = 1e-8;
 
-/// What rounding may add in each piece, s of travel.
+/// Upper bound on rounding errors per piece, s of travel.
 const ROUNDING: f64 = 2e-9;
 
-/// Polygons around sets, one after the other in the same memory.
+/// Polygons around sets, one after the other with the same buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outer {
     pieces: Vec<Piece>,
     curve: Curve,
 }
 
-/// What the caller asks for.
+/// The caller's request.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Request {
     pub(super) steps: usize,
     /// Of the tube instead of the last step.
     pub(super) tube: bool,
-    /// How much of error, s of travel, is wanted at most.
+    /// Largest error, s of travel, that the caller accepts.
     pub(super) accuracy: f64,
-    /// Pieces in all, whatever the accuracy.
+    /// Limit on the number of pieces, which takes precedence over the accuracy.
     pub(super) most_pieces: usize,
-    /// By how much the heading at the start may differ, rad.
+    /// Largest deviation of the start heading, rad.
     pub(super) heading: f64,
     /// The point of the vehicle whose positions are wanted, in the frame of the vehicle, s of travel: 0 for the
     /// position itself.
@@ -177,8 +179,8 @@ pub(super) struct Request {
 }
 
 impl Outer {
-    /// Replaces `boundary` by that of a polygon which, grown by the distance returned, s of travel,
-    /// contains the set. Once the budget is spent, the boundary is unfinished and may not.
+    /// Replaces `boundary` by that of a polygon which, grown by the distance returned, s of travel, contains
+    /// the set. Once the budget is spent, the boundary is unfinished and may not contain it.
     pub(super) fn draw(
         &mut self,
         paths: &Paths,
@@ -196,13 +198,13 @@ impl Outer {
         budget.spend(LOOSENING * boundary.len());
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         outliner.tidy(boundary, budget);
-        // Each tooth that is left would go round with the whole of an uncertain position.
+        // An uncertain position would be swept all around each remaining tooth.
         loosen(boundary, scratch, OF_VERTICES * request.accuracy);
         error
     }
 
-    /// How far away from the set a line is, s of travel, at least; not positive if it may touch the set, and once the
-    /// budget is spent.
+    /// Lower bound on the distance of a line from the set, s of travel; not positive if the line
+    /// may touch the set, or once the budget is spent.
     pub(super) fn clearance(
         &mut self,
         paths: &Paths,
@@ -237,7 +239,7 @@ impl Outer {
         let farthest = paths.step_s * request.steps as f64 + request.body_point.norm_sqr().sqrt();
         let arcs = OF_ARCS * request.accuracy;
         let (mut error, mut outside, mut kept) = (0.0, 0.0_f64, (0, 0));
-        // A point of the vehicle other than the one that moves ahead goes round when it turns last.
+        // The last turn on the spot moves a body point other than the vehicle's position.
         if let Some(last) = request.steps.checked_sub(1) {
             let angle = self.pieces[last].half_turn;
             if request.body_point.norm_sqr() > 0.0 && angle >= LEAST_ANGLE {
@@ -314,8 +316,8 @@ impl Outer {
         self.curve.corners.extend(corners);
     }
 
-    /// Cuts steps into pieces whose errors together are [`OF_PIECES`] of the accuracy, with as few pieces as possible
-    /// (lengths go with the inverse cube root of the errors), if there are not too many of them.
+    /// Cuts steps into as few pieces as possible whose errors together are [`OF_PIECES`] of the accuracy
+    /// (lengths are proportional to the inverse cube root of the errors), up to the limit on pieces.
     fn cut(&mut self, paths: &Paths, request: Request) {
         let budget = OF_PIECES * request.accuracy;
         let step_s = paths.step_s;
@@ -329,7 +331,7 @@ impl Outer {
             let (_, spread) = middle_and_spread(paths, step);
             let mut pieces = step_s * cbrt(weight(step)) / scale;
             if request.tube {
-                // What a piece adds at the sides is a fourth of the accuracy.
+                // At the sides, a piece adds a quarter of the accuracy.
                 let (rate, _) = middle_and_spread(paths, step);
                 let bend = spread + rate.abs();
                 pieces = pieces.max(step_s * (0.5 * bend / request.accuracy).sqrt());

@@ -1,7 +1,7 @@
 //! The outer boundary of curves that cross each other.
 //!
 //! All points are first rounded to a fine grid, and crossings and touching
-//! points are made vertices of both curves. Then one walks round the outside.
+//! points are made vertices of both curves. Then a walk follows the outside.
 
 use super::budget::Budget;
 use core::cmp::Ordering;
@@ -15,44 +15,43 @@ type Node = [i64; 2];
 /// An edge between two nodes, the smaller one first.
 type Edge = (Node, Node);
 
-/// Spacing of the grid, s of travel: far below any accuracy asked for, far above
-/// rounding errors.
+/// Spacing of the grid, s of travel: far below any requested accuracy, far above rounding errors.
 const GRID_S: f64 = 1e-10;
 
-/// How wide a part without width is drawn, so that polygons do not touch themselves: a share of the tolerance, but at least some
-/// spacings of the grid, s of travel.
+/// Width, s of travel, at which a part without width is drawn, so that polygons do not touch
+/// themselves: a share of the tolerance, but at least some spacings of the grid.
 pub(super) fn thickness(tolerance: f64) -> f64 {
     (0.001 * tolerance).max(16.0 * GRID_S)
 }
 
-/// A vertex closer than this to an edge, in grid spacings, lies on it.
+/// A vertex closer than this to an edge, in grid spacings, is on it.
 const ON_EDGE: f64 = 0.75;
 
-/// Least height of the strips of the plane in which crossings are sought, in grid spacings.
+/// Least height of the strips of the plane in which crossings are searched, in grid spacings.
 const LEAST_STRIP: i64 = 1 << 10;
 
-/// What sorting takes for each entry, in units of a [`Budget`].
+/// Cost of sorting per entry, in units of a [`Budget`].
 const SORTING: usize = 12;
 
-/// Rounding a crossing to the grid moves the edges a little, which can make new crossings; they
-/// are sought at most this often.
+/// Rounding a crossing to the grid moves the edges a little, which can make new crossings; the
+/// search is repeated at most this often.
 const MOST_ROUNDS: usize = 8;
 
-/// Finds outlines, one after the other in the same memory.
+/// Finds outlines, one after the other with the same buffers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outliner {
     /// In order, none twice.
     edges: Vec<Edge>,
-    /// Edges that are to be cut, and where.
+    /// Edges to cut, and where.
     cuts: Vec<(usize, Node)>,
     /// The edges in each strip of the plane, strip after strip, with the first strip of each edge.
     in_strips: Vec<(usize, usize)>,
-    /// Where each strip's edges begin there.
+    /// Where the edges of each strip begin in `in_strips`.
     begins: Vec<usize>,
     /// Every edge in both directions, in order of its first node and, there, of its
     /// direction counter-clockwise.
     darts: Vec<Dart>,
-    /// Whether the last walk left from a node, that is from the first dart there.
+    /// Whether the last walk has left a node, stored at the first dart there.
     passed: Vec<bool>,
     touches: bool,
 }
@@ -85,10 +84,10 @@ impl Outliner {
         }
     }
 
-    /// Replaces `boundary` by the boundary of the unbounded region left by the
-    /// curves, counter-clockwise, without the first point repeated: whatever the
-    /// curves enclose is filled. The curves must hang together through shared points
-    /// or crossings. If they have no length, or once the budget is spent, `boundary` stays as it is.
+    /// Replaces `boundary` by the boundary of the unbounded region left by the curves,
+    /// counter-clockwise, without the first point repeated: everything that the curves enclose is
+    /// filled. The curves must be connected through shared points or crossings. If they have no
+    /// length, or once the budget is spent, `boundary` stays as it is.
     pub(super) fn outline(&mut self, boundary: &mut Vec<Point>, budget: &Budget<'_>) {
         budget.spend(SORTING * self.edges.len());
         if budget.is_spent() {
@@ -129,7 +128,7 @@ impl Outliner {
         self.outline(boundary, budget);
     }
 
-    /// Notes for each edge the nodes inside it at which others cross or touch it.
+    /// Records for each edge the nodes inside it at which others cross or touch it.
     ///
     /// The plane is cut into strips about as high as edges are, and only edges of one strip are compared,
     /// in order of their smallest x.
@@ -141,17 +140,17 @@ impl Outliner {
         for [low, high] in self.edges.iter().map(heights) {
             (rise, bottom, top) = (rise + high - low, bottom.min(low), top.max(high));
         }
-        // No more strips than some for each edge, also if the curves do not hang together.
+        // Only a few strips for each edge, even if the curves are not connected.
         let height = (2 * rise / n).max(top.saturating_sub(bottom) / (4 * n)).max(LEAST_STRIP);
         let lowest = bottom.saturating_sub(1).div_euclid(height);
-        // A spacing more at both sides, for what touches.
+        // One more spacing on both sides, for edges that touch.
         let strips = |edge: &Edge| {
             let strip = |y: i64| (y.div_euclid(height) - lowest) as usize;
             let [low, high] = heights(edge);
             (strip(low - 1), strip(high + 1))
         };
-        // Sorted by counting: how many edges each strip has, two places on; their sums, which are where it begins, one place
-        // on; and once they are filled in, in its place.
+        // Counting sort. Entry i + 2 is the number of edges in strip i; after summing, entry i + 1
+        // is the beginning of strip i; after filling in the edges, entry i is.
         self.begins.clear();
         for edge in &self.edges {
             let (first, last) = strips(edge);
@@ -187,7 +186,7 @@ impl Outliner {
                         break;
                     }
                     compared += 1;
-                    // Where two share several strips, the first of them is enough.
+                    // Two edges that share several strips are compared in the first of them only.
                     if number == first.max(other) {
                         compare((i, e), (j, f), &mut self.cuts);
                     }
@@ -200,7 +199,7 @@ impl Outliner {
         }
     }
 
-    /// Cuts the edges at the nodes noted.
+    /// Cuts the edges at the recorded nodes.
     fn cut(&mut self) {
         let edges = &self.edges;
         let share = |&(i, node): &(usize, Node)| {
@@ -216,7 +215,7 @@ impl Outliner {
                 self.edges.extend(edge(last, node));
                 last = node;
             }
-            // An edge without length is nothing.
+            // Edges without length are removed below.
             self.edges[cuts[0].0] = edge(last, end).unwrap_or((end, end));
         }
         self.edges.retain(|(a, b)| a != b);
@@ -224,7 +223,7 @@ impl Outliner {
         self.edges.dedup();
     }
 
-    /// Once round the unbounded region, keeping it on the right hand.
+    /// Walks once around the unbounded region, keeping it on the right.
     fn walk(&mut self, boundary: &mut Vec<Point>) {
         // At the leftmost node, the lower one of several, every edge leads to the
         // right, or up: the first one counter-clockwise begins the walk.
@@ -277,7 +276,7 @@ fn compare((i, e): (usize, Edge), (j, f): (usize, Edge), cuts: &mut Vec<(usize, 
     }
 }
 
-/// Whether the other edge is clearly on one side of the line through an edge, as most are that are compared.
+/// Whether the other edge is clearly on one side of the line through an edge, as most compared edges are.
 fn apart(e: Edge, other: Edge) -> bool {
     let along = difference(e.1, e.0);
     let [a, b] = [other.0, other.1].map(|node| cross(along, difference(node, e.0)));
@@ -313,7 +312,7 @@ fn cross(a: Point, b: Point) -> f64 {
     a.re * b.im - a.im * b.re
 }
 
-/// Does a node lie on an edge, but not at its ends?
+/// Whether a node is on an edge, but not at its ends.
 fn on(node: Node, (a, b): Edge) -> bool {
     if node == a || node == b {
         return false;

@@ -7,7 +7,7 @@ use crate::bounds::InputBounds;
 use crate::math::{sin_cos, sinc};
 use nalgebra::Complex;
 
-/// Up to this angle, rad, a few terms of the series give all digits.
+/// Up to this angle, rad, a few terms of the series give full precision.
 const SMALL: f64 = 0.25;
 
 /// e^{i·angle}.
@@ -46,7 +46,7 @@ fn chord(half_turn: f64, seconds: f64) -> f64 {
     }
 }
 
-/// What turning at a constant rate for some time does.
+/// The effect of turning at a constant rate for some time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turn {
     pub(super) rate: f64,
@@ -63,8 +63,8 @@ impl Turn {
         Self { rate, turned: half * half, moved }
     }
 
-    /// The turn at `rate` whose arc, carried on straight from both of its ends, meets itself
-    /// `z`/2 from either of them: z = (2/rate)·tan(rate·seconds/2).
+    /// The turn at `rate` whose tangents at both ends meet at a distance of `z`/2 from either end:
+    /// z = (2/rate)·tan(rate·seconds/2).
     pub(super) fn of_tangent(rate: f64, z: f64) -> Self {
         let tan = 0.5 * rate * z;
         let along = Complex::new(1.0, tan);
@@ -77,7 +77,7 @@ impl Turn {
     }
 }
 
-/// Curves are rarely cut into more pieces a step than this; fewer are computed once.
+/// Number of precomputed divisions of a step; curves are rarely cut into more pieces per step.
 const MOST_KEPT: usize = 4;
 
 /// A path whose rate is constant in each step.
@@ -121,7 +121,7 @@ impl Path {
         self.step_s
     }
 
-    /// A step as a whole.
+    /// The turn of a whole step.
     pub(super) fn turn(&self, step: usize) -> Turn {
         self.steps[step][0]
     }
@@ -156,18 +156,18 @@ impl Path {
     }
 }
 
-/// In steps that last `seconds` together, bounds that forbid driving straight by less than this, rad/s, are taken for zero:
-/// extremals would diverge there by more than numbers can tell. This allows 10⁻⁵ rad more in all, and positions at most that
-/// share of the way farther out.
+/// In steps that last `seconds` together, bounds that forbid driving straight by less than this,
+/// rad/s, count as zero: extremals would diverge beyond double precision there. This admits 10⁻⁵
+/// rad more in total, and positions farther out by at most that share of the way.
 pub(crate) fn nearly_zero(seconds: f64) -> f64 {
     1e-5 / seconds
 }
 
-/// Bounds that forbid driving straight by less than this, rad/s, graze it: neighbouring extremals diverge so fast there that not
-/// every one between them is found.
+/// Bounds that forbid driving straight by less than this, rad/s, graze it: neighbouring extremals
+/// diverge so fast there that not all between them are found.
 const GRAZING: f64 = 0.01;
 
-/// The same in a step, rad.
+/// The same per step, rad.
 const GRAZING_RAD: f64 = 0.002;
 
 /// The bounds and their two outermost paths.
@@ -189,7 +189,7 @@ impl Paths {
         paths
     }
 
-    /// The same as [`Self::new`], in the memory that is there.
+    /// [`Self::new`] that reuses the buffers.
     pub(super) fn reset(&mut self, bounds: &InputBounds, step_s: f64) {
         self.step_s = step_s;
         let nearly = nearly_zero(step_s * bounds.steps() as f64);
@@ -205,17 +205,17 @@ impl Paths {
         self.lo.len()
     }
 
-    /// May one drive straight in step `step`?
+    /// Whether driving straight is admissible in step `step`.
     pub(super) fn straight_admissible(&self, step: usize) -> bool {
         self.lo[step] <= 0.0 && 0.0 <= self.hi[step]
     }
 
-    /// May one drive straight in each of the first `steps` steps?
+    /// Whether driving straight is admissible in each of the first `steps` steps.
     pub(super) fn straight_always(&self, steps: usize) -> bool {
         (0..steps).all(|step| self.straight_admissible(step))
     }
 
-    /// Whether one of the first `steps` steps has a choice that just does not admit driving straight.
+    /// Whether the bounds of one of the first `steps` steps leave a choice but just forbid driving straight.
     pub(super) fn graze_straight(&self, steps: usize) -> bool {
         let grazing = GRAZING.max(GRAZING_RAD / self.step_s);
         self.lo.iter().zip(&self.hi).take(steps).any(|(lo, hi)| {
@@ -224,10 +224,10 @@ impl Paths {
         })
     }
 
-    /// The range of φ, rad (≤ 0 and ≥ 0), with which extremals of the front may end after
-    /// `steps` steps: below it the path keeps the highest rate throughout, above it the lowest.
-    /// Its ends are how far right the highest rates turn, from whichever step, to the end, and
-    /// how far left the lowest do.
+    /// The range of φ, rad (≤ 0 and ≥ 0), with which extremals of the front may end after `steps`
+    /// steps: below it the path keeps the highest rate throughout, above it the lowest. Its lower
+    /// end is the largest right turn of the highest rates from any step to the end; its upper end
+    /// is the largest left turn of the lowest rates.
     pub(super) fn end_phi_range(&self, steps: usize) -> (f64, f64) {
         let (high, low) = (self.high.heading(steps), self.low.heading(steps));
         (0..steps).fold((0.0, 0.0), |(left, right): (f64, f64), step| {
@@ -235,7 +235,7 @@ impl Paths {
         })
     }
 
-    /// By how much the headings along one of the two outermost paths differ in the first `steps` steps, at most, rad.
+    /// Largest difference of the headings along one of the two outermost paths in the first `steps` steps, rad.
     pub(super) fn swing(&self, steps: usize) -> f64 {
         let of = |path: &Path| {
             let headings = (0..=steps).map(|step| path.heading(step));

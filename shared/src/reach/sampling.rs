@@ -1,10 +1,10 @@
-//! Curves to polylines with a stated error.
+//! Converts curves to polylines with a bounded error.
 
 use super::budget::Budget;
 use crate::invalid::Invalid;
 use nalgebra::Complex;
 
-/// How finely the boundary of a reachable set is drawn.
+/// Accuracy and work limits of polygons.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PolygonSettings {
     accuracy_m: f64,
@@ -18,32 +18,34 @@ pub struct PolygonSettings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Outline {
-    /// Along the boundary, also where that is not convex.
+    /// Along the boundary, even where it is not convex.
     Refined {
-        /// By how much the polygon was grown so that it surely contains the set, m; where it was drawn coarsely, its edges lie
-        /// farther out than that. More than the accuracy if that would have taken more than [`PolygonSettings::most_pieces`].
-        /// If it is 0, the polygon follows the boundary to either side within the accuracy. Unless it is [conservative](PolygonSettings::conservative), it is 0 where that takes no
-        /// more than [`PolygonSettings::most_work`] ([where that is](super#what-is-promised)).
+        /// The distance, m, by which the polygon was grown so that it certainly contains the set;
+        /// edges that were drawn coarsely are farther out. It exceeds the accuracy if the accuracy
+        /// would have taken more than [`PolygonSettings::most_pieces`].
+        /// If it is 0, the polygon follows the boundary on either side within the accuracy. It is 0
+        /// for polygons that are not [conservative](PolygonSettings::conservative), unless that
+        /// takes more than [`PolygonSettings::most_work`] (see the [guarantees](super#guarantees)).
         margin_m: f64,
     },
-    /// Convex, and around the whole set with its holes and indentations, whatever the settings: following the boundary would
-    /// have taken more than [`PolygonSettings::most_work`], or a polygon that was drawn coarsely would have been larger than
-    /// this one. In every direction it reaches at most 0.03 % farther than if each path could have, at each
-    /// instant, the admissible heading nearest to that direction.
+    /// Convex, and around the whole set with its holes and indentations, for all settings:
+    /// following the boundary would have taken more than [`PolygonSettings::most_work`], or a
+    /// coarsely drawn polygon would have been larger than this one. In every direction it extends
+    /// at most 0.03 % farther than if each path could have, at each instant, the admissible heading
+    /// nearest to that direction.
     ConvexHull,
 }
 
-/// Of conservative polygons, unless something else is asked for.
+/// Default of [`PolygonSettings::most_pieces`].
 const MOST_PIECES: usize = 100;
 
-/// Of any polygon, unless something else is asked for.
+/// Default of [`PolygonSettings::most_work`].
 const MOST_WORK: usize = 4_000_000;
 
 impl PolygonSettings {
-    /// `accuracy_m`: how far, m, the polygon's edges may lie from the true
-    /// boundary, unless [`Outline`] tells that the polygon is around it; 10⁻⁶ to 1.
-    /// `least_pieces`: edges that each of the boundary's curves gets at least,
-    /// however short it is, so that small sets keep their shape; 1 to 1000.
+    /// `accuracy_m`: largest distance, m, of the polygon's edges from the true boundary, unless [`Outline`]
+    /// says that the polygon is around it; 10⁻⁶ to 1. `least_pieces`: least number of edges of each of the
+    /// boundary's curves, however short, so that small sets keep their shape; 1 to 1000.
     ///
     /// # Errors
     /// [`Invalid`] for a value outside these ranges.
@@ -58,20 +60,22 @@ impl PolygonSettings {
     }
 
     /// The same, but with polygons that contain the whole set, for all bounds that
-    /// [`ReachableSet`](super::ReachableSet) accepts. That follows from how they are made (decision 0007), not from
-    /// measured constants. The sum of the errors of the method is the width of a margin around them.
+    /// [`ReachableSet`](super::ReachableSet) accepts. This follows from their construction
+    /// (decision 0007), not from measured constants. They are grown by a margin as wide as the sum
+    /// of the method's errors.
     ///
-    /// They exceed the set by about [`Self::accuracy_m`], not counting holes, which are filled, as long as
-    /// [`Self::most_pieces`] pieces of time are enough for it: 15 steps of 0.2 s at 0.5 rad/s and 2 m/s take about
-    /// 60 at 1 mm. Where more would be needed, at large turns, over many steps or at high
-    /// accuracy, they contain the set all the same and are larger.
+    /// They exceed the set by about [`Self::accuracy_m`], not counting holes, which are filled, as
+    /// long as [`Self::most_pieces`] pieces of time suffice: 15 steps of 0.2 s at 0.5 rad/s and
+    /// 2 m/s take about 60 at 1 mm. Where more would be needed, at large turns, over many steps or at
+    /// high accuracy, they still contain the set but are larger.
     #[must_use]
     pub fn conservative(self) -> Self {
         Self { conservative: true, ..self }
     }
 
-    /// The same, with another limit on the work of a conservative polygon: it is made in at most `pieces` pieces of
-    /// time, 1 to 100,000, but at least one for each step. The time taken grows at most with about the square of it.
+    /// The same, with another limit on the work of a conservative polygon: it is made in at most
+    /// `pieces` pieces of time, 1 to 100,000, but at least one for each step. The run time grows at
+    /// most about quadratically.
     ///
     /// # Errors
     /// [`Invalid`] for a number outside this range.
@@ -82,22 +86,22 @@ impl PolygonSettings {
         Ok(Self { most_pieces: pieces, ..self })
     }
 
-    /// Most pieces of time that a conservative polygon is made in; 100 by default.
+    /// Limit on the pieces of time of a conservative polygon; 100 by default.
     #[must_use]
     pub fn most_pieces(&self) -> usize {
         self.most_pieces
     }
 
-    /// The same, with another limit on the work of a polygon, conservative or not. What would take more becomes an
-    /// [`Outline::ConvexHull`], which contains the set; with 0 every polygon does. A unit is about what
-    /// the comparison of two edges takes; the default takes some hundredths of a second. Work is counted and not
-    /// timed, so that polygons are the same on every machine.
+    /// The same, with another limit on the work of a polygon, conservative or not. A polygon that would take
+    /// more becomes an [`Outline::ConvexHull`], which contains the set; with 0 every polygon does. A unit is
+    /// about the cost of comparing two edges; the default takes some hundredths of a second. Work is counted,
+    /// not timed, so that polygons are the same on every machine.
     #[must_use]
     pub fn with_most_work(self, units: usize) -> Self {
         Self { most_work: units, ..self }
     }
 
-    /// Most units of work of a polygon; 4 million by default.
+    /// Limit on the units of work of a polygon; 4 million by default.
     #[must_use]
     pub fn most_work(&self) -> usize {
         self.most_work
@@ -123,7 +127,7 @@ impl PolygonSettings {
 }
 
 impl Default for PolygonSettings {
-    /// 0.1 mm and 16 edges a curve.
+    /// 0.1 mm and 16 edges per curve.
     fn default() -> Self {
         Self {
             accuracy_m: 1e-4,
@@ -148,11 +152,11 @@ pub(super) struct Sample {
 /// need that: there a long piece of the front belongs to extremals that hardly differ at their end.
 const MOST_HALVINGS: u32 = 64;
 
-/// Appends points of `curve` for parameters in (from, to], so close that its
-/// chords stay within `tolerance` of it. Between neighbours the curve is taken
-/// to turn one way only, so it lies in the triangle of chord and tangents. Where two
-/// neighbouring numbers give points that are farther apart, `bridge` appends what
-/// lies between, without the ends. `curve` is to spend the budget; once it is spent, sampling ends.
+/// Appends points of `curve` for parameters in (from, to], so close that its chords stay within
+/// `tolerance` of it. Between neighbours the curve is assumed to turn one way only, so it is in the
+/// triangle of chord and tangents. If two adjacent floating-point parameters give points that are
+/// farther apart, `bridge` appends the points between them, without the ends. `curve` must spend
+/// the budget; once it is spent, sampling ends.
 pub(super) fn sample(
     curve: &impl Fn(f64) -> Sample,
     (from, to): (f64, f64),
@@ -254,7 +258,7 @@ pub(super) fn to_segment(
     ((from - chord * share).norm_sqr().sqrt(), share)
 }
 
-/// Several curves in one piece of memory.
+/// Several curves in one buffer.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curves {
     points: Vec<Complex<f64>>,
@@ -270,18 +274,18 @@ impl Curves {
         self.starts.clear();
     }
 
-    /// Begins a curve; its points are to be pushed to what this returns.
+    /// Begins a curve; the caller pushes its points to the buffer returned.
     pub(super) fn begin(&mut self) -> &mut Vec<Complex<f64>> {
         self.starts.push(self.points.len());
         &mut self.points
     }
 
-    /// The points so far, the last of which belong to the curve begun last.
+    /// The points of all curves so far; the last ones belong to the current curve.
     pub(super) fn points(&mut self) -> &mut Vec<Complex<f64>> {
         &mut self.points
     }
 
-    /// The last curve without points that repeat the one before.
+    /// Removes points of the last curve that repeat the one before.
     pub(super) fn space_last(&mut self) {
         if let Some(&from) = self.starts.last() {
             space(&mut self.points, from);

@@ -35,13 +35,14 @@ const MOST_RAD: f64 = 1e4;
 /// A boundary is widened at most this often. Once was always enough.
 const MOST_WIDENINGS: usize = 4;
 
-/// Most pieces of time for a boundary that is followed without extremals, if conservative polygons have fewer.
+/// Limit on the pieces of time for a boundary that is followed without extremals, unless that of
+/// conservative polygons is higher.
 const MOST_FINE_PIECES: usize = 10_000;
 
-/// Where that takes too much, the boundary is drawn this many times more coarsely.
+/// If that exceeds the budget, the boundary is drawn this many times more coarsely.
 const COARSER: f64 = 16.0;
 
-/// Extremals are not told apart more finely than this, s of travel.
+/// Finest tolerance, s of travel, with which extremals are sampled.
 const LEAST_TOLERANCE: f64 = 1e-7;
 
 /// Longest step, m.
@@ -74,9 +75,9 @@ fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
 }
 
 impl ReachableSet {
-    /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`,
-    /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s. Bounds that forbid driving straight by a rate that makes
-    /// less than 10⁻⁵ rad in all steps together are taken to allow it: the set grows by at most 10⁻⁵ of the way.
+    /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`, at `speed_mps` m/s,
+    /// where each step lasts `step_s` s. Bounds that forbid driving straight by less than 10⁻⁵ rad in all steps
+    /// together count as allowing it: the set grows by at most 10⁻⁵ of the way.
     ///
     /// # Errors
     /// [`Invalid`] if speed or step is not > 0, the start is beyond 10⁶ m or 10⁴ rad, a step
@@ -135,14 +136,14 @@ impl ReachableSet {
 
     /// The positions reachable after exactly `step` steps, as a polygon in the
     /// world frame, m, counter-clockwise, the first vertex not repeated. Its
-    /// edges follow the boundary within [`PolygonSettings::accuracy_m`], or go round it: [`Outline`] tells, and
-    /// the [module](super#what-is-promised) when. It neither crosses nor touches itself: parts without width, as where bounds leave
-    /// no choice, are drawn a five-hundredth of the accuracy wide. A set that is a single position, as at
-    /// step 0, has one vertex. For [conservative](PolygonSettings::conservative) polygons see
-    /// there.
+    /// edges follow the boundary within [`PolygonSettings::accuracy_m`], or enclose it: see
+    /// [`Outline`] and the [guarantees](super#guarantees). It neither crosses nor touches itself:
+    /// parts without width, for instance where bounds leave no choice, are drawn a five-hundredth
+    /// of the accuracy wide. A set that is a single position, as at step 0, has one vertex.
+    /// [Conservative](PolygonSettings::conservative) polygons contain the set.
     ///
-    /// From headings that span more than 2π on, the set may surround positions
-    /// that cannot be reached in exactly that time; such holes are filled.
+    /// If headings span more than 2π, the set may surround positions that cannot be reached in
+    /// exactly that time; such holes are filled.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -153,7 +154,7 @@ impl ReachableSet {
         polygon
     }
 
-    /// The same as [`Self::step_polygon`], replacing the contents of `polygon`. Returns which kind of polygon it is.
+    /// The same as [`Self::step_polygon`], replacing the contents of `polygon`. Returns the kind of polygon.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -169,11 +170,12 @@ impl ReachableSet {
         self.draw((step, false), settings, workspace, polygon, &budget)
     }
 
-    /// The same as [`Self::step_polygon_into`], as long as `progress` lets it go on. It is asked at the beginning and after
-    /// every few tenths of a millisecond.
+    /// [`Self::step_polygon_into`] that the caller can cancel: it calls `progress` at the beginning
+    /// and then every few tenths of a millisecond.
     ///
     /// # Errors
-    /// [`Cancelled`] if `progress` breaks off. Then `polygon` is as it was.
+    /// [`Cancelled`] if `progress` returns [`Break`](core::ops::ControlFlow::Break); `polygon` is
+    /// then unchanged.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].
@@ -202,7 +204,7 @@ impl ReachableSet {
         polygon
     }
 
-    /// The same as [`Self::tube_polygon`], replacing the contents of `polygon`. Returns which kind of polygon it is.
+    /// The same as [`Self::tube_polygon`], replacing the contents of `polygon`. Returns the kind of polygon.
     pub fn tube_polygon_into(
         &self,
         settings: PolygonSettings,
@@ -213,10 +215,11 @@ impl ReachableSet {
         self.draw((self.steps(), true), settings, workspace, polygon, &budget)
     }
 
-    /// The same as [`Self::tube_polygon_into`], as long as `progress` lets it go on; see [`Self::try_step_polygon_into`].
+    /// [`Self::tube_polygon_into`] that the caller can cancel; see [`Self::try_step_polygon_into`].
     ///
     /// # Errors
-    /// [`Cancelled`] if `progress` breaks off. Then `polygon` is as it was.
+    /// [`Cancelled`] if `progress` returns [`Break`](core::ops::ControlFlow::Break); `polygon` is
+    /// then unchanged.
     pub fn try_tube_polygon_into(
         &self,
         settings: PolygonSettings,
@@ -229,7 +232,8 @@ impl ReachableSet {
         })
     }
 
-    /// Replaces the polygon by that of a step, or by that of the tube up to then; leaves it as it is if the caller cancels.
+    /// Replaces the polygon by that of a step, or by that of the tube up to then; leaves it as it
+    /// is if the caller cancels.
     fn draw(
         &self,
         (steps, tube): (usize, bool),
@@ -238,7 +242,7 @@ impl ReachableSet {
         polygon: &mut Vec<[f64; 2]>,
         budget: &Budget<'_>,
     ) -> Outline {
-        // Whatever the set, it takes some.
+        // Every set takes some work.
         budget.spend(1);
         let margin = if settings.is_conservative() {
             self.surround((steps, tube), settings, workspace, budget)
@@ -265,7 +269,7 @@ impl ReachableSet {
         outline
     }
 
-    /// The error, in seconds of travel, that the boundary from the start pose itself may have.
+    /// The tolerance, in seconds of travel, of the boundary from the start pose itself.
     fn tolerance(&self, settings: PolygonSettings) -> f64 {
         // Together with the arcs of an uncertain start and its disc: less than the accuracy.
         let share = if self.starts_at_a_pose() { 1.0 } else { 0.25 };
@@ -276,8 +280,8 @@ impl ReachableSet {
         self.start_set == StartSet::from(self.start)
     }
 
-    /// Replaces a boundary that touches itself by a little wider one, which does not: polygons are simple, also where
-    /// the bounds leave no choice.
+    /// Replaces a boundary that touches itself by a slightly wider one that does not: polygons are
+    /// simple, even where the bounds leave no choice.
     fn widen(&self, settings: PolygonSettings, workspace: &mut Workspace, budget: &Budget<'_>) {
         let radius = thickness(self.tolerance(settings));
         for _ in 0..MOST_WIDENINGS {
@@ -289,8 +293,9 @@ impl ReachableSet {
         }
     }
 
-    /// Replaces the boundary in the workspace by one that follows that of the set to either side, and returns 0; or, where
-    /// that takes too much, by one around the set, and returns the margin by which it was grown, s of travel.
+    /// Replaces the boundary in the workspace by one that follows that of the set on either side,
+    /// and returns 0; or, if that takes too much work, by one around the set, and returns the
+    /// margin by which it was grown, s of travel.
     fn follow(
         &self,
         (steps, tube): (usize, bool),
@@ -319,8 +324,9 @@ impl ReachableSet {
         0.0
     }
 
-    /// The same without extremals, by the construction of conservative polygons; where the margin is within the accuracy, it
-    /// is left out. What would take more than three quarters of the budget is drawn more coarsely, with its margin.
+    /// [`Self::follow`] without extremals, by the construction of conservative polygons; a margin
+    /// within the accuracy is left out. A boundary that would take more than three quarters of the
+    /// budget is drawn more coarsely, with its margin.
     fn follow_closely(
         &self,
         what: (usize, bool),
@@ -368,8 +374,8 @@ impl ReachableSet {
         margin
     }
 
-    /// Replaces the boundary in the workspace by one from the start position itself, with any of its headings, that misses
-    /// no position by more than the distance returned, s of travel.
+    /// Replaces the boundary in the workspace by one from the start position itself, with any of
+    /// its headings, that misses no position by more than the distance returned, s of travel.
     fn enclose(
         &self,
         (steps, tube): (usize, bool),
@@ -395,7 +401,7 @@ impl ReachableSet {
         workspace: &mut Workspace,
     ) {
         let Workspace { boundary, instants, .. } = workspace;
-        // Wide enough that no two corners are one after rounding.
+        // Wide enough that rounding does not merge two corners.
         let brush = self.brush(0.01 * settings.accuracy_m() / self.speed_mps, true);
         let more = |direction| brush.support(direction);
         let heading = self.start_set.heading_rad;

@@ -4,11 +4,11 @@ use crate::invalid::Invalid;
 use crate::math::PI;
 use crate::vehicle::Pose;
 
-/// How far a start position may be from the one given.
+/// Uncertainty of a start position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum PositionUncertainty {
-    /// Not at all.
+    /// The position is exact.
     #[default]
     None,
     /// At most a radius, in any direction.
@@ -75,7 +75,7 @@ impl StartSet {
         self.position
     }
 
-    /// How much the heading may differ, rad, to either side.
+    /// Largest deviation of the heading, rad, to either side.
     #[must_use]
     pub fn heading_rad(&self) -> f64 {
         self.heading_rad

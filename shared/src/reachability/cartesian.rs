@@ -2,11 +2,11 @@
 //! Runge–Kutta in time, one to four dimensions.
 //!
 //! Mitchell, *A Toolbox of Level Set Methods* (2008) and Osher and Fedkiw (2003).
-//! One array holds the values, with ghost nodes all around. A stage walks over the last two axes as
-//! one run of cells, in blocks that fit into the first-level cache with their derivatives, so there
-//! are no arrays of derivatives. The run passes over ghost nodes; filling the ghosts later replaces
-//! what it computed there. A problem that is its own mirror image, like that of two vehicles in the frame of
-//! one, is computed on half of the nodes.
+//! One array holds the values, surrounded by ghost nodes. A stage walks over the last two axes as
+//! one run of cells, in blocks that fit into the L1 cache with their derivatives, so there are no
+//! arrays of derivatives. The run includes ghost nodes; filling the ghosts later overwrites the
+//! values computed there. A problem that is symmetric under reflection, like that of two vehicles
+//! in the frame of one, is computed on half of the nodes.
 
 mod layout;
 mod kernel;
@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 pub use solution::{Sample, ShallowObstacle, Snapshot, Solution};
 
-/// Whether a state counts that passes through the target, or only one that ends in it.
+/// Whether paths may pass through the target, or must end in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -38,12 +38,12 @@ pub enum Kind {
     Set,
 }
 
-/// Which way time runs.
+/// The direction of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
-    /// States that lead to the target. The march begins at the end of the game: its time τ is the time
-    /// left.
+    /// States that lead to the target. The march begins at the end of the game: its time τ is the
+    /// remaining time.
     Backward,
     /// States that are reached from the target (the initial set): the same game with reversed
     /// velocities, H(x, −p).
@@ -54,17 +54,17 @@ pub enum Direction {
 #[derive(Clone, Copy)]
 #[non_exhaustive]
 pub enum Region<'a, const D: usize> {
-    /// Fixed.
+    /// Constant in time.
     Static(&'a (dyn Fn([f64; D]) -> f64 + Sync)),
-    /// Depends on the time t, s, of a clock that runs forward from 0: from the beginning of the game, or
-    /// from the initial set. A backward march needs a finite horizon for it.
+    /// Depends on the forward time t, s, since the beginning of the game or since the initial set.
+    /// A backward march then needs a finite horizon.
     OfTime(&'a (dyn Fn([f64; D], f64) -> f64 + Sync)),
-    /// Depends on the time τ since the march began, s. Backward, that is the time left.
+    /// Depends on the time τ since the march began, s. In a backward march, it is the remaining time.
     OfMarchTime(&'a (dyn Fn([f64; D], f64) -> f64 + Sync)),
 }
 
 impl<const D: usize> Region<'_, D> {
-    /// At τ, and the time t of a clock then.
+    /// Its value at τ and the corresponding forward time t.
     fn at(&self, state: [f64; D], march_time: f64, time: f64) -> f64 {
         match self {
             Self::Static(region) => region(state),
@@ -78,15 +78,15 @@ impl<const D: usize> Region<'_, D> {
     }
 }
 
-/// What must not be entered.
+/// The region that must not be entered.
 struct Avoid<'a, const D: usize> {
     region: Region<'a, D>,
-    /// What makes it positive inside: V is at least sign · region.
+    /// The factor that makes `region` positive inside: V is at least sign · region.
     sign: f64,
 }
 
 impl<const D: usize> Avoid<'_, D> {
-    /// The name of what set it.
+    /// The name of the setting that it comes from.
     fn name(&self) -> &'static str {
         if self.sign < 0.0 { "avoid" } else { "obstacle" }
     }
@@ -132,8 +132,7 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
         Self { game, grid, target, avoid: None, kind, direction, horizon }
     }
 
-    /// From which states is the target {l ≤ 0} reached within `seconds`? A backward tube without
-    /// obstacle.
+    /// The states from which the target {l ≤ 0} is reached within `seconds`: a backward tube without obstacle.
     pub fn reach(
         game: &'a G,
         grid: Grid<D>,
@@ -143,8 +142,8 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
         Self::new(game, grid, Region::Static(target), Horizon::Finite(seconds))
     }
 
-    /// Sets the obstacle g(x), whose inside {g < 0} must not be entered; none for none. As the target it is negative
-    /// inside, best a distance: V ≥ −g.
+    /// Sets the obstacle g(x), whose inside {g < 0} must not be entered; `None` removes it. Like
+    /// the target, it is negative inside and should be a signed distance: V ≥ −g.
     #[must_use]
     pub fn with_avoid(self, avoid: impl Into<Option<Region<'a, D>>>) -> Self {
         let avoid = avoid.into().map(|region| Avoid { region, sign: -1.0 });
@@ -152,7 +151,7 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
     }
 
     /// The same with the other sign: V ≥ obstacle, which is **positive** inside.
-    #[deprecated(note = "use `with_avoid`, whose function is negative inside as the target is")]
+    #[deprecated(note = "use `with_avoid`, whose function is negative inside, like the target")]
     #[must_use]
     pub fn with_obstacle(self, obstacle: impl Into<Option<Region<'a, D>>>) -> Self {
         let avoid = obstacle.into().map(|region| Avoid { region, sign: 1.0 });
@@ -177,8 +176,7 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
         Self { horizon, ..self }
     }
 
-    /// The time t of a clock that runs forward, after τ of the march; not a number if it has no
-    /// beginning.
+    /// The forward time t after τ of the march; NaN if forward time has no beginning.
     fn clock(&self, march_time: f64) -> f64 {
         match (self.direction, self.horizon) {
             (Direction::Forward, _) => march_time,
@@ -188,7 +186,7 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
     }
 }
 
-/// How to solve it.
+/// Settings of the solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Settings {
@@ -197,13 +195,13 @@ pub struct Settings {
     /// Number of threads; results do not depend on it. 0 counts as 1; there are at most as many
     /// threads as nodes of the first axis.
     pub threads: usize,
-    /// Lanes as wide as the machine has them, but no wider than these; results do not depend on them.
+    /// Largest width of the SIMD lanes; results do not depend on it.
     pub lanes: Lanes,
     /// Share of the largest stable time step of first order, above 0 and at most 1. ENO may choose
     /// stencils that are stable only up to 0.5 (second order) or 0.37 (third order); with longer steps
     /// V stays bounded, but loses that order in places.
     pub cfl: f64,
-    /// How many instants to store before the end, evenly spaced from the beginning of the march. Needs a
+    /// Number of instants to store before the end, evenly spaced from the beginning of the march. Needs a
     /// finite horizon, whose time steps become a little shorter, so that these instants are among them.
     pub slices: usize,
     /// A solve that needs more memory than this is refused.
@@ -258,29 +256,29 @@ impl Settings {
 /// Solves `problem`.
 ///
 /// # Bounds
-/// A tube's V is the least value of the target along a path, or what the obstacle adds. So at every node
-/// min l ≤ V ≤ max(l, −g), where min l is the least value of the target at any node so far. Schemes of higher order
-/// undershoot beside kinks; each stage brings V back to min l, as it does to l and −g. What no scheme does in one
-/// stage is no undershoot but an error.
+/// A tube's V is the least value of the target along a path, unless the obstacle raises it. So at
+/// every node min l ≤ V ≤ max(l, −g), where min l is the least value of the target at any node so
+/// far. Higher-order schemes undershoot beside kinks; each stage clamps V to min l, as it does to l
+/// and −g. A change that is too large for any scheme in one stage is an error.
 ///
 /// # Low obstacles
-/// An indicator that is lower than the target is deep, or a distance in a larger unit, leaves so flat a V that its sign can be wrong.
-/// [`Solution::shallow`] says so.
+/// An obstacle that is lower than the target is deep, such as an indicator or a distance in a
+/// larger unit, makes V so flat that its sign can be wrong. [`Solution::shallow`] reports this.
 ///
-/// # Where the grid ends
-/// Beyond an end nothing is known, and [`Boundary`](super::Boundary) says what is taken instead. Where the flow leaves
-/// the grid, V depends on that. [`Solution::earliest_exit_s`] has the time before which no path leaves: V of a shorter march
-/// does not depend on it. Beside an obstacle that jumps, a V below 0 goes on with the lesser of the two slopes at the end,
-/// so that a wall is not taken for a slope.
+/// # Ends of the grid
+/// [`Boundary`](super::Boundary) determines the values beyond an end. Where the flow leaves the grid, V depends
+/// on them. [`Solution::earliest_exit_s`] is the time before which no path leaves: V of a shorter march does
+/// not depend on them. Beside an obstacle that jumps, V below 0 is extrapolated with the smaller of the two
+/// slopes at the end, so that a wall is not taken for a slope.
 ///
 /// The solve calls `progress` after every step; it may cancel the solve.
 ///
 /// # Errors
-/// [`SolveError::Invalid`] for a grid that is too small for the scheme or too large
-/// for the memory, a horizon that is not > 0, a `cfl` outside (0, 1], a target, an
-/// obstacle or speed bounds that are not finite at a node (which is named), an obstacle that covers all of the grid or
-/// of the target, a game that makes V infinite, NaN or change faster than its speed bounds say, or stored instants or a
-/// clock without a finite horizon;
+/// [`SolveError::Invalid`] for a grid that is too small for the scheme or too large for the memory,
+/// a horizon that is not > 0, a `cfl` outside (0, 1], a target, an obstacle or speed bounds that
+/// are not finite at a node (which is named), an obstacle that covers all of the grid or of the
+/// target, a game that makes V infinite, NaN or change faster than its speed bounds allow, or
+/// stored instants or a region of forward time without a finite horizon;
 /// [`SolveError::Cancelled`] if `progress` cancels it.
 pub fn solve<T: Real, const D: usize, G: Game<D>>(
     problem: &Problem<'_, D, G>,

@@ -1,6 +1,6 @@
-//! A number that tells whether bytes were damaged.
+//! A checksum that detects damaged bytes.
 
-/// CRC-32 as ZIP has it (ISO 3309).
+/// CRC-32 as in ZIP (ISO 3309).
 pub(super) fn checksum(bytes: &[u8]) -> u32 {
     const TABLE: [u32; 256] = {
         let mut table = [0; 256];

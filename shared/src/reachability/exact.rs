@@ -85,7 +85,7 @@ impl ExactValue {
         self.metres(view.range.min(right.range.max(left.range)))
     }
 
-    /// [`Self::value`] of each of `states`, the same bits, into `out`.
+    /// Writes [`Self::value`] of each of `states`, with the same bits, to `out`.
     ///
     /// # Errors
     /// [`Invalid`] if `out` is not as long as `states`, or naming the first
@@ -96,7 +96,7 @@ impl ExactValue {
         Ok(())
     }
 
-    /// [`Self::values_into`] on all threads there are; in a browser on one.
+    /// [`Self::values_into`] on all available threads; in a browser on one.
     ///
     /// # Errors
     /// As [`Self::values_into`].
@@ -125,7 +125,7 @@ impl ExactValue {
         }
         let (right, left) = (view.right_sheet(), view.left_sheet());
         let nearest = right.range.max(left.range);
-        // Far away, squares overflow in both sheets, and neither is nearer by more than rounding.
+        // Far away, squares overflow in both sheets, and the sheets differ from the range only by rounding.
         if nearest >= view.range || !nearest.is_finite() {
             return self.at_its_smallest(&view, state[1]);
         }
@@ -230,8 +230,8 @@ pub struct ExactState {
     /// (−ω) if they are equal. It maximises a·(∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ), whose
     /// factor is not zero while V < r − R.
     ///
-    /// Where V = r − R the factor is zero and the turn is away from the pursuer:
-    /// right if y ≥ 0, else left. Kept up, that never lets the range shrink.
+    /// Where V = r − R the factor is zero and the turn is away from the pursuer: right if y ≥ 0,
+    /// else left. Held, it never lets the range shrink.
     pub evader_turn: f64,
     /// The pursuer's optimal turn rate, rad/s, −ω, 0 or ω. It minimises
     /// b·∂V/∂ψ.
@@ -250,7 +250,7 @@ pub struct ExactState {
 /// States that a thread computes at once, a fraction of a millisecond of work.
 pub(super) const PART: usize = 4096;
 
-/// Refuses another number of results than of states, and a state that is not finite, naming the coordinate.
+/// Rejects lengths that differ, and a state that is not finite, naming the coordinate.
 pub(super) fn check_states(states: &[[f64; 3]], out: usize) -> Result<(), Invalid> {
     length("out", states.len(), out)?;
     let bad =
@@ -291,8 +291,8 @@ impl Halfway {
             half,
             sin_half,
             cos_half,
-            // Correctly rounded operations, several times faster than hypot. Only where the square
-            // underflows, for vehicles that hardly turn, or overflows is hypot needed.
+            // Correctly rounded operations, several times faster than hypot, which is needed only
+            // where the square underflows (vehicles that hardly turn) or overflows.
             range: if SQUARES.contains(&square) { square.sqrt() } else { hypot(x, y) },
         }
     }
@@ -412,7 +412,7 @@ mod tests {
         ExactValue::new(2.0, 0.5, 3.0).unwrap()
     }
 
-    /// The formula as the reference writes it: the plain twin of [`ExactValue::value`].
+    /// The formula as in the reference, to check [`ExactValue::value`].
     fn plain_value(game: ExactValue, [x, y, psi]: [f64; 3]) -> f64 {
         fn sheet(x: f64, y: f64, psi: f64) -> f64 {
             let (sin_half, cos_half) = sin_cos(0.5 * psi);

@@ -28,8 +28,8 @@ pub trait Game<const D: usize>: Sync {
     /// axis. They set the Lax–Friedrichs dissipation and the time step.
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; D]) -> [T; D];
 
-    /// The coordinates that may all change sign at once without changing the game. Where grid, target and
-    /// obstacle are mirror images of themselves too, the solver computes half of the nodes.
+    /// The coordinates that may all change sign at once without changing the game. If grid, target
+    /// and obstacle have the same symmetry, the solver computes half of the nodes.
     fn mirror(&self) -> [bool; D] {
         [false; D]
     }
@@ -44,16 +44,15 @@ pub struct Inputs<A, B> {
     pub maximiser: B,
 }
 
-/// A game that also tells what its players do: then a solution gives their optimal inputs at any state.
+/// A game that also computes its players' inputs, so that a solution gives their optimal inputs at any state.
 pub trait Players<const D: usize>: Game<D> {
     /// An input of the minimising player, such as `[f64; 1]`; `[f64; 0]` if there is none.
     type Minimiser;
     /// An input of the maximising player.
     type Maximiser;
 
-    /// The inputs whose p · f(x, a, b) is H(x, p), for p = `gradient`: the maximising player answers
-    /// for every a, the minimising one for every b. An input on which p · f does not depend is the
-    /// middle of its range.
+    /// The inputs whose p · f(x, a, b) is H(x, p), for p = `gradient`: each player's input is optimal whatever
+    /// the other player does. An input on which p · f does not depend is the middle of its range.
     fn optimal_inputs(
         &self,
         state: [f64; D],

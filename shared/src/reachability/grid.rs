@@ -8,13 +8,13 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Boundary {
-    /// The axis closes on itself; the upper end is not a node.
+    /// The axis wraps around; the upper end is not a node.
     Periodic,
     /// Values continue with the slope at the edge, with the sign that moves them away from zero, so
     /// that nothing that enters from outside looks like a target.
     Extrapolate,
-    /// Values continue as they are at the edge, with slope 0: what leaves the grid keeps the value that it had
-    /// there.
+    /// Values beyond the edge equal those at the edge: a path that leaves the grid keeps the value
+    /// that it had there.
     Constant,
 }
 
@@ -44,7 +44,7 @@ impl Axis {
         Self { boundary, ..self }
     }
 
-    /// Whether the axis closes on itself, so that it has no ends.
+    /// Whether the axis wraps around, so that it has no ends.
     #[must_use]
     pub fn is_periodic(&self) -> bool {
         self.boundary == Boundary::Periodic
@@ -107,7 +107,7 @@ pub struct Grid<const D: usize> {
 }
 
 impl<const D: usize> Grid<D> {
-    /// Number of nodes; saturates far above any memory.
+    /// Number of nodes, saturating.
     #[must_use]
     pub fn len(&self) -> usize {
         self.axes.iter().fold(1, |n, axis| n.saturating_mul(axis.nodes))
@@ -153,7 +153,7 @@ impl<const D: usize> Grid<D> {
         self.axes.iter().zip(state).all(|(axis, coordinate)| axis.contains(coordinate))
     }
 
-    /// Refuses a state that is not on the grid, naming the coordinate.
+    /// Rejects a state that is not on the grid, naming the coordinate.
     pub(super) fn check_state(&self, state: [f64; D]) -> Result<(), Invalid> {
         for (d, (axis, coordinate)) in self.axes.iter().zip(state).enumerate() {
             if !axis.contains(coordinate) {
@@ -168,8 +168,8 @@ impl<const D: usize> Grid<D> {
         Ok(())
     }
 
-    /// The cell around a state, as the multi-index of its lowest corner, and the place in it, 0 … 1
-    /// along each axis. A state beyond an end counts as at the end.
+    /// The cell around a state, as the multi-index of its lowest corner, and the position in it,
+    /// 0 … 1 along each axis. A state beyond an end counts as at the end.
     pub(super) fn cell(&self, state: [f64; D]) -> ([usize; D], [f64; D]) {
         let (mut cell, mut share) = ([0; D], [0.0; D]);
         for (d, axis) in self.axes.iter().enumerate() {
@@ -186,7 +186,7 @@ impl<const D: usize> Grid<D> {
         (cell, share)
     }
 
-    /// The position, row-major, of the node `steps` nodes from `cell`; none beyond an end.
+    /// The position, row-major, of the node `steps` nodes from `cell`; `None` beyond an end.
     pub(super) fn neighbour(&self, cell: [usize; D], steps: [isize; D]) -> Option<usize> {
         let mut position = 0;
         for (d, axis) in self.axes.iter().enumerate() {
@@ -202,8 +202,7 @@ impl<const D: usize> Grid<D> {
         Some(position)
     }
 
-    /// What `at_node` gives for the positions of the nodes around a state, linear along each axis between
-    /// them.
+    /// Interpolates `at_node`, a function of a node's row-major position, at a state, linearly along each axis.
     pub(super) fn blend<const N: usize>(
         &self,
         state: [f64; D],

@@ -2,16 +2,17 @@
 //!
 //! `value` (float32, V in metres, row-major), `axis0`, `axis1`, `axis2` (float64, the
 //! coordinates of the nodes) and `meta` (a JSON object as uint8). In polar coordinates
-//! the axes are range, bearing and relative heading, the bearings over the full turn,
-//! although the library keeps one half of them: V(r, −bearing, −ψ) = V(r, bearing, ψ).
-//! There may be `sheet` (float32, like `value`), Q with
+//! coordinates of the nodes) and `meta` (a JSON object as uint8). In polar coordinates the axes are
+//! range, bearing and relative heading. The bearings cover the full turn, although the library
+//! stores only half of them: V(r, −bearing, −ψ) = V(r, bearing, ψ). Optionally there is `sheet`
+//! (float32, like `value`), Q with
 //! V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ)): two smooth functions instead of one with a kink.
 //!
-//! They are for other programs; no function here reads them again. What is to be loaded again is saved by
-//! [`ValueFunction::encode`](super::ValueFunction::encode) and read by
+//! The archives are for other programs; this library does not read them. To save and load a value
+//! function, use [`ValueFunction::encode`](super::ValueFunction::encode) and
 //! [`ValueFunction::decode`](super::ValueFunction::decode).
 //!
-//! The arrays are stored as they are, so that programs in browsers write them without a compressor.
+//! The arrays are not compressed, so that programs in browsers need no compressor.
 
 mod layout;
 mod meta;
@@ -26,8 +27,8 @@ pub use solution::SOLUTION_FORMAT;
 use super::{Method, SampledValue};
 use archive::Archive;
 
-/// The archive of a function that this method found; the same function gives the same bytes. It cannot be
-/// read back: see [`ValueFunction::encode`](super::ValueFunction::encode).
+/// The archive of a function that `method` found; the same function gives the same bytes. This
+/// library cannot read it: see [`ValueFunction::encode`](super::ValueFunction::encode).
 #[must_use]
 pub fn npz(samples: &SampledValue, method: Method) -> Vec<u8> {
     let layout = Layout::new(samples.nodes());

@@ -12,15 +12,14 @@
 //! zone, logarithmic far out, so a long range costs little. Mirror symmetry
 //! (α, ψ) → (−α, −ψ) leaves α in [0, π] to be solved.
 //!
-//! The evader's turn enters both angles. At equal headings V has a ridge along ψ = 0
-//! that the evader keeps by copying the pursuer's turn, so the discrete Hamiltonian is
-//! min over b of max over a: the evader answers. Any other order, or the aspect β in
-//! place of ψ, wears the ridge away by some tenths of a metre.
+//! The evader's turn enters both angles. At equal headings V has a ridge along ψ = 0 that the
+//! evader keeps by copying the pursuer's turn, so the discrete Hamiltonian is min over b of max
+//! over a: the evader reacts to the pursuer. Any other order, or the aspect β in place of ψ, lowers
+//! the ridge by some tenths of a metre.
 //!
-//! Where only the converged value is wanted, every cell takes its own largest stable
-//! time step, new values are used at once (Gauss–Seidel), the sweeps change
-//! direction, rows that rest are skipped, and coarser grids give the first guess.
-//! For a finite horizon all cells take the same time steps.
+//! For the converged value, every cell takes its own largest stable time step, new values are used
+//! at once (Gauss–Seidel), the sweeps change direction, rows that no longer change are skipped, and
+//! coarser grids give the initial guess. For a finite horizon all cells take the same time steps.
 
 mod range;
 mod level;
@@ -42,7 +41,7 @@ use level::{Evader, Level};
 pub use range::RangeAxis;
 pub use sweep::WINDOW;
 
-/// Nodes in polar coordinates, and how far the solve goes.
+/// Settings of the solver: the nodes in polar coordinates, and when it stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Settings {
@@ -54,14 +53,14 @@ pub struct Settings {
     pub range_nodes: usize,
     /// Nodes of a full turn of bearing and of heading: a multiple of 4.
     pub angle_nodes: usize,
-    /// Converged when the mean drift of a row in [`WINDOW`] sweeps is below this share of
-    /// the radius. Where turns are so fast that a sweep covers little time, less.
+    /// Converged when the mean drift of a row in [`WINDOW`] sweeps is below this share of the
+    /// radius. The limit is lower if turns are so fast that a sweep covers little time.
     pub tolerance: f64,
-    /// At most this many sweeps over any grid, at least 1.
+    /// Largest number of sweeps over any grid, at least 1.
     pub most_sweeps: usize,
-    /// Threads, for a finite horizon.
+    /// Number of threads, for a finite horizon.
     pub threads: usize,
-    /// Refuse to take more memory than this.
+    /// A solve that needs more memory than this is refused.
     pub memory_limit_bytes: u64,
 }
 
@@ -111,7 +110,7 @@ impl Settings {
         Self { tolerance, ..self }
     }
 
-    /// Sets [`Self::most_sweeps`], the most sweeps over any grid.
+    /// Sets [`Self::most_sweeps`], the largest number of sweeps over any grid.
     #[must_use]
     pub fn with_most_sweeps(self, most_sweeps: usize) -> Self {
         Self { most_sweeps, ..self }
@@ -157,13 +156,13 @@ pub struct Solution<T> {
     /// summed and averaged over its cells, their magnitudes averaged over the rows. Cells on a
     /// kink that flicker between both sides cancel out. 0 for a finite horizon.
     pub drift_m: f64,
-    /// Whether that was within the tolerance.
+    /// Whether [`Self::drift_m`] was within the tolerance.
     ///
-    /// Where a faster pursuer that turns worse may try again and again, each sweep lowers V by
-    /// a little everywhere. With an evader of 1.5 m/s and 0.8 rad/s, a pursuer of 2 m/s and
-    /// 0.5 rad/s and R = 3 m the median of V on the grid of 65 × 96 × 96 nodes is −2.4 m after
-    /// 2,000 sweeps, −2.6 m after 5,000 and −3.0 m after 24,000, where it stays: the range that
-    /// the evader can keep is less than a cell. So more sweeps do not make such a value right.
+    /// If a faster pursuer with wider turns can attack again and again, each sweep lowers V a
+    /// little everywhere. With an evader of 1.5 m/s and 0.8 rad/s, a pursuer of 2 m/s and 0.5 rad/s
+    /// and R = 3 m the median of V on the grid of 65 × 96 × 96 nodes is −2.4 m after 2,000 sweeps,
+    /// −2.6 m after 5,000 and −3.0 m after 24,000, where it stays: the range that the evader can
+    /// keep is smaller than a cell. So more sweeps do not make such a value correct.
     pub converged: bool,
 }
 
@@ -216,12 +215,11 @@ pub fn solve<T: Real>(
     }
     let half = settings.angle_nodes / 2 + 1;
     let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
-    // The half turn and its copy, the full turn of the sheet and its copy, on the way or in the solution.
+    // Half turn and its copy, full turn of the sheet and its copy: during the solve or in the solution.
     check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
-    // Lengths in units of about R/3 and time so that the faster player has a speed
-    // between 1 and 2: what is small is small for any vehicle, and powers of two round
-    // nothing.
+    // Lengths are in units of about R/3, and times so that the faster player has a speed between 0.7 and 1.5:
+    // small constants then suit any vehicle, and division by powers of two does not round.
     let unit = game.length_unit_m();
     let fastest = game.evader.speed_mps.max(game.pursuer.speed_mps) / unit;
     let rate = power_of_two_near(fastest);
@@ -279,8 +277,8 @@ pub fn solve<T: Real>(
         if let Some(coarser) = &solved {
             level.start_from(coarser);
         }
-        // Errors of the grid fall with the square of the spacing, and the first
-        // guess need not be better than that.
+        // Errors of the grid fall with the square of the spacing, and the initial guess need not be
+        // better than that.
         let finer = (settings.angle_nodes / angle_nodes) as f64;
         let tolerance = settings.tolerance * small.radius_m * pace * finer * finer;
         let mut report = |drift: f64, sweep: usize| {
@@ -302,7 +300,7 @@ pub fn solve<T: Real>(
     }
 }
 
-/// Time steps that no solve gets to the end of.
+/// No solve finishes more time steps than this.
 const MOST_STEPS: f64 = 1e8;
 
 /// Solves for the value of a finite horizon.
@@ -334,7 +332,7 @@ fn timed<T: Real>(
     }
 }
 
-/// The units in which a game is solved: lengths in `unit` metres, `rate` of its seconds a second.
+/// The units in which a game is solved: lengths in `unit` metres, `rate` time units per second.
 #[derive(Clone, Copy)]
 struct Scale {
     unit: f64,
@@ -342,7 +340,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// A solution in metres and seconds.
+    /// Converts a solution to metres and seconds.
     fn undo<T: Real>(
         self,
         mut solution: Solution<T>,
@@ -372,13 +370,13 @@ fn pace(game: &PursuitGame) -> f64 {
     (radians / PAPERS_PACE).min(1.0)
 }
 
-/// Radians that a vehicle drives round a circle of the radius while the angles could turn
-/// by one, a little below what they are in the paper's game (0.235).
+/// Radians that a vehicle drives around a circle of the danger radius while the angles could turn
+/// by one, slightly below the value in the paper's game (0.235).
 const PAPERS_PACE: f64 = 0.22;
-/// Below this single precision no longer sees what a sweep changes.
+/// Below this pace, single precision no longer resolves the changes in a sweep.
 const SLOWEST_PACE: f64 = 0.02;
 
-/// Coarse to fine.
+/// Nodes of the range axis and of a full turn, from the coarsest grid to the finest.
 fn levels(settings: &Settings) -> Vec<(usize, usize)> {
     let mut levels = vec![(settings.range_nodes, settings.angle_nodes)];
     let (mut range, mut angle) = levels[0];

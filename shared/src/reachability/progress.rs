@@ -6,8 +6,8 @@ use crate::invalid::Invalid;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Progress {
-    /// Share of the steps done, 0 … 1. If the march may end early, the share of the most steps that
-    /// are possible.
+    /// Share of the steps done, 0 … 1. If the march may end early, the share of the largest
+    /// possible number of steps.
     pub done: f64,
     /// Largest change of V per second at the last measurement.
     pub residual: f64,
@@ -20,7 +20,7 @@ pub enum SolveError {
     /// The problem cannot be solved as stated.
     #[error(transparent)]
     Invalid(#[from] Invalid),
-    /// The caller stopped the solve.
+    /// The caller cancelled the solve.
     #[error("the solve was cancelled")]
     Cancelled,
 }
@@ -28,7 +28,7 @@ pub enum SolveError {
 /// Default memory limit of a solve: 8 GiB; in a browser 1 GiB.
 pub const MEMORY_LIMIT_BYTES: u64 = if cfg!(target_arch = "wasm32") { 1 << 30 } else { 8 << 30 };
 
-/// Refuses a solve that needs more memory than `limit_bytes`, before it allocates any.
+/// Rejects a solve that needs more memory than `limit_bytes`, before it allocates any.
 ///
 /// # Errors
 /// [`Invalid`] with the estimate.

@@ -40,7 +40,7 @@ pub struct SampledValue {
     bearings: BearingFinder,
 }
 
-/// Value, gradient, and whether the state lies within the grid.
+/// Value, gradient, and whether the state is within the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SampledState {
@@ -57,7 +57,7 @@ impl SampledValue {
     /// sheet Q of [`polar::Solution::sheet`] if there is one.
     ///
     /// # Errors
-    /// [`Invalid`] for bad nodes, another number of values, or one that is not finite.
+    /// [`Invalid`] for bad nodes, a wrong number of values, or one that is not finite.
     pub fn new(
         game: PursuitGame,
         nodes: Nodes,
@@ -132,7 +132,8 @@ impl SampledValue {
         Ok(Self { game, nodes, horizon_s, unsettled_m: None, table, sheet, finder, bearings })
     }
 
-    /// A function, sampled on nodes. As a value it is at most r − R: what is above is stored, and [`Self::state`] answers r − R.
+    /// A function, sampled on nodes. As a value it is at most r − R: larger samples are stored, but
+    /// [`Self::state`] returns r − R.
     ///
     /// # Errors
     /// As [`SampledValue::new`].
@@ -178,11 +179,11 @@ impl SampledValue {
         Ok(function.unsettled((!solution.converged).then_some(solution.drift_m)))
     }
 
-    /// How much the function still changed when the solver stopped without converging, m; none if it
-    /// converged or the horizon is finite. It is no bound on the error
-    /// ([`ValueFunction::unsettled_m`](super::ValueFunction::unsettled_m)). For the polar method, the change in [`polar::WINDOW`]
-    /// sweeps, averaged over its rows; for the Cartesian one, the largest change in a second of the
-    /// game.
+    /// How much the function still changed when the solver stopped without converging, m; `None` if
+    /// it converged or the horizon is finite. It is not a bound on the error
+    /// ([`ValueFunction::unsettled_m`](super::ValueFunction::unsettled_m)). For the polar method,
+    /// the change in [`polar::WINDOW`] sweeps, averaged over its rows; for the Cartesian one, the
+    /// largest change in a second of the game.
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
         self.unsettled_m
@@ -327,10 +328,9 @@ impl SampledValue {
         };
         let (deficit, slope) = self.deficit_at(index, share);
         let [w0, w1, w2]: [f64; 3] = core::array::from_fn(|d| slope[d] * scale[d]);
-        // Between nodes the interpolated deficit may exceed the range, by what a chord of the range axis does.
         let radius_m = self.game.radius_m;
-        // Between nodes an interpolated deficit may exceed the range, and on a kink, where one side is continued, it may be
-        // positive. NaN stays what it is.
+        // Between nodes, interpolation may put V below −R (by the error of a chord of the range axis),
+        // and on a kink, where one side is continued, the deficit may be positive. NaN stays NaN.
         let value = range - radius_m + if deficit > 0.0 { 0.0 } else { deficit };
         let value = if value < -radius_m { -radius_m } else { value };
         // Unit vector of the line of sight; straight ahead at range zero.

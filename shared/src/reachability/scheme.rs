@@ -159,8 +159,8 @@ impl Stencil for Weno5 {
     fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
         let d = |k: isize| v(k + 1) - v(k);
         let (d1, d2, d3, d4, d5) = (d(-2), d(-1), d(0), d(1), d(2));
-        // What is smooth depends on these five differences alone: beside an obstacle of 10⁹ a slope of 1 still has its
-        // kinks. In units of a power of two near the largest, no product overflows or vanishes.
+        // Smoothness depends on these five differences alone: beside an obstacle of 10⁹ a slope of 1 still has
+        // its kinks. In units of a power of two near the largest, no product overflows or underflows.
         let largest = d1.abs().larger(d2.abs()).larger(d3.abs());
         let largest = largest.larger(d4.abs().larger(d5.abs()));
         let [power, per] = largest.power_of_two();
@@ -200,14 +200,16 @@ impl Stencil for Weno5 {
 /// Nodes on each side of a face that [`has_jump`] looks at.
 pub(super) const JUMP_REACH: usize = 3;
 
-/// Whether the face between the nodes 0 and 1 must take its slope from these two alone, because V jumps in the stencil, as it
-/// does at an obstacle that is an indicator. A polynomial through a jump swings, and between two of them the smoothest one does,
-/// too: V would fall in a passage of a few nodes although nothing can leave it. First order is monotone.
+/// Whether the face between the nodes 0 and 1 must take its slope from these two alone, because V
+/// jumps in the stencil, as beside an indicator obstacle. A polynomial through a jump oscillates,
+/// and between two jumps even the smoothest one does: V would fall in a passage of a few nodes
+/// although nothing can leave it. First order is monotone.
 ///
-/// Let q be a quarter of the largest difference of neighbours among the six nodes. At a jump second differences of more than q
-/// have both signs; at a kink they have one, and where V is smooth they are small. Jumps that are blurred on both sides of a
-/// passage look like a kink: `near` the obstacle's, a face that is flatter than q where third differences exceed q is taken
-/// for one of such a passage.
+/// Let q be a quarter of the largest difference of neighbours among the six nodes. At a jump,
+/// second differences of more than q have both signs; at a kink they have one sign, and where V is
+/// smooth they are small. Jumps that are blurred on both sides of a passage look like a kink:
+/// `near` the obstacle's jumps, a face that is flatter than q, but where third differences exceed
+/// q, counts as one in such a passage.
 #[inline(always)]
 pub(super) fn has_jump<T: Real>(v: impl Fn(isize) -> T, near: bool) -> bool {
     let d = |k: isize| v(k + 1) - v(k);
@@ -224,8 +226,8 @@ pub(super) fn has_jump<T: Real>(v: impl Fn(isize) -> T, near: bool) -> bool {
     turns | (near & is_flat)
 }
 
-/// Keeps the weights finite where the data are linear, as a share of the square of the stencil's largest difference (Osher
-/// and Fedkiw, (3.38)). Its fourth power must be a normal number in f32.
+/// Keeps the weights finite where the data are linear, as a share of the square of the stencil's
+/// largest difference (Osher and Fedkiw, (3.38)). Its fourth power must be a normal number in f32.
 const EPSILON: f64 = 3e-6;
 
 #[cfg(test)]
@@ -286,7 +288,7 @@ mod tests {
         }
     }
 
-    /// Beside large differences and small ones, in both number types, without a scale of all data.
+    /// Large differences beside small ones, in both number types, without a scale of all data.
     #[test]
     fn scales_within_one_stencil_do_no_harm() {
         fn check<T: Real>(exponents: core::ops::RangeInclusive<i32>) {

@@ -56,7 +56,7 @@ impl ValueFunction {
         Ok(curves)
     }
 
-    /// [`Self::level_curves`] in the place of what `curves` holds. Closed forms reuse its memory.
+    /// [`Self::level_curves`], replacing the contents of `curves`. Closed forms reuse its buffers.
     ///
     /// # Errors
     /// As [`Self::level_curves`]; `curves` is empty then.
@@ -217,7 +217,7 @@ impl Lattice for SliceLattice<'_> {
     }
 }
 
-/// The curves of a set without a node of the grid, around range zero, where V is least.
+/// The curves of a set that contains no node of the grid, around range zero, where V is least.
 fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
     let is_in = |point| slice.excess_at(point) <= 0.0;
     if slice.polar || !is_in([0.0; 2]) {
@@ -225,7 +225,7 @@ fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
     }
     let spacings = slice.axes.iter().map(|axis| axis[1] - axis[0]);
     let mut spacing_m = spacings.fold(0.0, f64::max) / SPOT_NODES as f64;
-    // A set so small that only a few of the nodes are in it is looked at again, from nearer.
+    // If only a few of the nodes are in the set, it is sampled again, more finely.
     for _ in 0..MOST_LOOKS {
         let spot = Spot { slice, spacing_m };
         let nodes = (0..SPOT_SIDE * SPOT_SIDE).map(|n| [n / SPOT_SIDE, n % SPOT_SIDE]);
@@ -241,7 +241,7 @@ fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
 const SPOT_NODES: usize = 16;
 /// Nodes along each side: two spacings of the grid to either side, and a ring.
 const SPOT_SIDE: usize = 2 * (2 * SPOT_NODES + 1) + 1;
-/// How often it is looked nearer: down to a set of a millionth of a spacing.
+/// Largest number of refinements: down to a set of a millionth of a spacing.
 const MOST_LOOKS: usize = 10;
 
 /// A fine lattice around range zero, inside a ring of nodes that count as outside.
@@ -285,8 +285,8 @@ impl Lattice for Spot<'_> {
     }
 }
 
-/// The refined curve: with further points, moved onto the level along the gradient, and with the sharp
-/// corners that lie between nodes.
+/// The refined curve: with further points, moved onto the level along the gradient, and with the
+/// sharp corners between nodes.
 fn smoothed(
     curve: &[[f64; 2]],
     function: &SampledValue,

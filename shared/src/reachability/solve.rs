@@ -1,4 +1,4 @@
-//! From a pursuit game to its value function, by the method that fits.
+//! Solves a pursuit game for its value function, by the method that fits.
 
 use super::cartesian::{self, Horizon, Problem, Region};
 use super::games::RelativeDubins;
@@ -18,7 +18,7 @@ use core::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// How a value function is found.
+/// The method that finds a value function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -31,7 +31,7 @@ pub enum Method {
     Cartesian,
 }
 
-/// Every method: its word on the command line, in links and in files, and its meaning.
+/// Every method: its name on the command line, in links and in files, and its meaning.
 pub const METHODS: &[(&str, Method, &str)] = &[
     ("exact", Method::Exact, "Closed form: equal vehicles, infinite horizon"),
     ("polar", Method::Polar, "Polar relative coordinates: any vehicles, any horizon"),
@@ -56,28 +56,29 @@ impl Method {
     }
 }
 
-/// Grids of growing size, each with about twice as many nodes an axis. One for a finite horizon, and a
-/// Cartesian one, just holds the states where V is at most half the radius, as far as a draft can tell.
+/// Grids of growing size, each with about twice as many nodes per axis. For a finite horizon, and with
+/// the Cartesian method, the grid just contains the states where V is at most half the radius, as
+/// estimated by a draft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Accuracy {
-    /// For a look: tenths of a metre near kinks.
+    /// For a first look: errors of tenths of a metre near kinks.
     Draft,
-    /// For studies: centimetres near {V = 0}.
+    /// For studies: errors of centimetres near {V = 0}.
     Standard,
     /// For reference values.
     Fine,
 }
 
-/// Every accuracy: its word on the command line and in links, and its meaning.
+/// Every accuracy: its name on the command line and in links, and its meaning.
 pub const ACCURACIES: &[(&str, Accuracy, &str)] = &[
     ("draft", Accuracy::Draft, "For a first look: errors of tenths of a metre near kinks"),
     ("standard", Accuracy::Standard, "For studies: errors of centimetres near V = 0"),
     ("fine", Accuracy::Fine, "For reference values"),
 ];
 
-/// Numbers that a Cartesian grid is solved in.
+/// The number type of a Cartesian solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// Single.
@@ -94,9 +95,9 @@ pub struct CartesianGrid {
     pub nodes: [usize; 3],
     /// Ends of x and of y, m: x₀, x₁, y₀, y₁.
     pub domain_m: [f64; 4],
-    /// Derivatives.
+    /// The approximation of the derivatives.
     pub scheme: Scheme,
-    /// Numbers.
+    /// The number type.
     pub precision: Precision,
 }
 
@@ -108,13 +109,13 @@ impl CartesianGrid {
         Self { nodes, domain_m, scheme: Scheme::Weno5, precision: Precision::F32 }
     }
 
-    /// Sets [`Self::scheme`], the derivatives.
+    /// Sets [`Self::scheme`], the approximation of the derivatives.
     #[must_use]
     pub fn with_scheme(self, scheme: Scheme) -> Self {
         Self { scheme, ..self }
     }
 
-    /// Sets [`Self::precision`], the numbers.
+    /// Sets [`Self::precision`], the number type.
     #[must_use]
     pub fn with_precision(self, precision: Precision) -> Self {
         Self { precision, ..self }
@@ -133,25 +134,26 @@ impl CartesianGrid {
     }
 }
 
-/// How [`solve`] is to find a value function.
+/// Options of [`solve`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Options {
-    /// None: the best one ([`Method::choose`]).
+    /// `None` for the best one ([`Method::choose`]).
     pub method: Option<Method>,
     /// Seconds of the game; infinite for the converged value.
     pub horizon_s: f64,
-    /// Grid, unless `grid` or `range_m` say otherwise.
+    /// Size of the grid, unless `grid` or `range_m` determines it.
     pub accuracy: Accuracy,
-    /// Of the Cartesian method.
+    /// The grid of the Cartesian method.
     pub grid: Option<CartesianGrid>,
-    /// Largest range of the polar method, m; none for one that is chosen. Without a horizon, V depends on it if
-    /// the pursuer is faster. With one, the range that is chosen just holds the states where V is at most half the radius, and V
-    /// beyond is a guess that may be metres too large. A larger one has as many nodes, farther apart.
+    /// Largest range of the polar method, m; `None` for a default. Without a horizon, V depends on
+    /// it if the pursuer is faster. With a horizon, the default range just contains the states
+    /// where V is at most half the radius; V beyond is a guess that may be metres too large. A
+    /// larger range has as many nodes, farther apart.
     pub range_m: Option<f64>,
-    /// Threads, where time steps are computed: with a finite horizon or the Cartesian method.
+    /// Number of threads for time steps: with a finite horizon or the Cartesian method.
     pub threads: usize,
-    /// Refuse to take more memory than this.
+    /// A solve that needs more memory than this is refused.
     pub memory_limit_bytes: u64,
 }
 
@@ -170,7 +172,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Sets [`Self::method`], the method; none for the best one.
+    /// Sets [`Self::method`], the method; `None` for the best one.
     #[must_use]
     pub fn with_method(self, method: impl Into<Option<Method>>) -> Self {
         Self { method: method.into(), ..self }
@@ -188,13 +190,13 @@ impl Options {
         Self { accuracy, ..self }
     }
 
-    /// Sets [`Self::grid`], the grid of the Cartesian method; none for one that `accuracy` chooses.
+    /// Sets [`Self::grid`], the grid of the Cartesian method; `None` for one that `accuracy` determines.
     #[must_use]
     pub fn with_grid(self, grid: impl Into<Option<CartesianGrid>>) -> Self {
         Self { grid: grid.into(), ..self }
     }
 
-    /// Sets [`Self::range_m`], the largest range of the polar method, m; none for one that is chosen.
+    /// Sets [`Self::range_m`], the largest range of the polar method, m; `None` for the default.
     #[must_use]
     pub fn with_range(self, range_m: impl Into<Option<f64>>) -> Self {
         Self { range_m: range_m.into(), ..self }
@@ -215,7 +217,7 @@ impl Options {
     /// The method that [`solve`] uses for `game`, before it begins.
     ///
     /// # Errors
-    /// [`Invalid`] for a bad game or horizon, or a method that cannot do what is asked.
+    /// [`Invalid`] for a bad game or horizon, or a method that does not support them.
     pub fn method_for(&self, game: &PursuitGame) -> Result<Method, Invalid> {
         game.check()?;
         let horizon_s = self.horizon_s;
@@ -238,7 +240,7 @@ impl Options {
     }
 }
 
-/// A value function and how it was found.
+/// A value function and details of its solve.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Solved {
@@ -253,21 +255,21 @@ pub struct Solved {
     pub steps: usize,
     /// Threads used.
     pub threads: usize,
-    /// How much the solution still moves: the largest |∂V/∂τ| of time steps, m/s (at the end of a finite
-    /// horizon this says nothing about errors); for the converged value of the polar method, the
+    /// How much the solution still changes: the largest |∂V/∂τ| of time steps, m/s (not a measure
+    /// of errors at the end of a finite horizon); for the converged value of the polar method, the
     /// drift in [`polar::WINDOW`] sweeps, m; 0 for the closed form.
     pub residual: f64,
-    /// Whether the solution had settled when the solve ended; none for a finite horizon. A
+    /// Whether the solution had converged when the solve ended; `None` for a finite horizon. A
     /// chase by a barely faster pursuer can take longer than a solve may.
     pub converged: Option<bool>,
 }
 
 /// Finds the value function of `game`.
 ///
-/// The grid ends somewhere. If the pursuer is faster, it may win chases that lead beyond the end, which the
-/// solver counts as escapes: V there, and along the way there, is then too large by metres, although the state
-/// is `inside` and [`ValueFunction::unsettled_m`] is small. Solve again with twice the range
-/// ([`Options::with_range`]); where V changes, the smaller one was too small.
+/// The grid is finite. If the pursuer is faster, it may win chases that lead beyond the grid, but the solver
+/// counts them as escapes: V there, and along the way there, is then too large by metres, although the state is
+/// `inside` and [`ValueFunction::unsettled_m`] is small. To check, solve again with twice the range
+/// ([`Options::with_range`]); where V changes, the smaller range was too small.
 ///
 /// # Example
 /// ```
@@ -290,8 +292,8 @@ pub struct Solved {
 /// ```
 ///
 /// # Errors
-/// [`SolveError::Invalid`] for a bad game, horizon, grid, or a method that cannot do
-/// what is asked; [`SolveError::Cancelled`] when `progress` says so.
+/// [`SolveError::Invalid`] for a bad game, horizon or grid, or a method that does not support them;
+/// [`SolveError::Cancelled`] if `progress` cancels it.
 pub fn solve(
     game: PursuitGame,
     options: &Options,
@@ -399,18 +401,18 @@ fn march<T: Real>(
     Ok((samples, solution.steps, solution.residual))
 }
 
-/// Change of V that counts as none in a converged march, m/s.
+/// Rate of change of V, m/s, below which a march has converged.
 fn settled(game: &PursuitGame) -> f64 {
     2e-3 * (game.evader.speed_mps + game.pursuer.speed_mps)
 }
 
-/// Turning radius of the wider turning vehicle, m.
+/// The larger turning radius of the two vehicles, m.
 fn widest_turn(game: &PursuitGame) -> f64 {
     let radius = |vehicle: VehicleModel| vehicle.speed_mps / vehicle.turn_rate_radps;
     radius(game.evader).max(radius(game.pursuer))
 }
 
-/// How the polar method finds a value, and the share of the solve that is done by then.
+/// The settings of the polar method, and the share of the solve that finding them takes.
 fn polar_settings(
     game: &PursuitGame,
     options: &Options,
@@ -448,7 +450,7 @@ fn polar_settings(
     if options.range_m.is_some() {
         return Ok((polar::Settings { range_m: largest_range(game, options)?, ..nodes }, 0.0));
     }
-    // Beyond, the vehicles cannot meet in time.
+    // Beyond this range, the vehicles cannot meet in time.
     let closing = game.evader.speed_mps + game.pursuer.speed_mps;
     let certain = game.radius_m + closing * options.horizon_s;
     let range_m = certain.min(largest_range(game, options)?);
@@ -485,19 +487,18 @@ fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> 
     Ok(Nodes::Polar { knee_m: game.radius_m, range_m, range_nodes, angle_nodes })
 }
 
-/// A grid that just holds the states that matter, with as many nodes as `options.accuracy` asks
-/// for.
+/// A grid that just contains the states that matter, with the number of nodes for `options.accuracy`.
 ///
-/// A draft on a domain that certainly holds {V ≤ 0} shows where V is at most a margin c. Optimal
-/// paths from {V ≤ c} stay in it, so V needs no states outside. The same spacing h is then used
-/// along x and y, and along ψ h over the largest |∂V/∂ψ|, twice a turning radius: there V changes
-/// by as much as along h.
+/// A draft on a domain that certainly contains {V ≤ 0} shows where V is at most a margin c. Optimal
+/// paths from {V ≤ c} stay in it, so V needs no states outside. The spacing is h along x and y, and
+/// h over the largest |∂V/∂ψ|, twice a turning radius, along ψ: over one spacing, V then changes by
+/// as much along ψ as along x or y.
 fn default_grid(
     game: PursuitGame,
     options: &Options,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<CartesianGrid, SolveError> {
-    // What can reach the danger zone within the horizon, or within half a turn.
+    // The range from which the danger zone can be reached within the horizon, or within half a turn.
     let longest = PI / game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
     let closing = game.evader.speed_mps + game.pursuer.speed_mps;
     let far = game.radius_m + closing * options.horizon_s.min(longest);
@@ -534,9 +535,9 @@ fn default_grid(
 
 /// Nodes of a draft.
 const DRAFT_NODES: [usize; 3] = [41, 41, 32];
-/// The domain holds the states where V is at most this share of the radius.
+/// The domain contains the states where V is at most this share of the radius.
 const MARGIN: f64 = 0.5;
 /// Least number of cells of an axis.
 const LEAST_CELLS: usize = 24;
-/// Share of a solve that its draft is reported as.
+/// Share of a solve's progress that its draft counts for.
 const DRAFT_SHARE: f64 = 0.05;

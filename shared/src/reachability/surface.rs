@@ -13,7 +13,7 @@ use crate::math::TAU;
 pub struct Sampling {
     low: [f64; 2],
     high: [f64; 2],
-    /// With one more at each end than was asked for: the first and the last one are outside.
+    /// One more at each end than requested: the first and the last one are outside.
     nodes: [usize; 3],
     /// Row-major over x, y, ψ.
     values: Vec<f32>,
@@ -27,23 +27,24 @@ pub struct Surface {
     pub vertices: Vec<[f64; 3]>,
     /// Three vertices each, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Of each triangle the normal outwards, of any length: (∂/∂x, ∂/∂y, ∂/∂ψ) of a function that grows
-    /// outwards.
+    /// The outward normal of each triangle, of any length: (∂/∂x, ∂/∂y, ∂/∂ψ) of a function that
+    /// grows outwards.
     pub normals: Vec<[f64; 3]>,
 }
 
-/// A crossing is improved until it misses the level by at most this share of the difference between its ends,
-/// and at most so many times.
+/// A crossing is improved until it misses the level by at most this share of the difference between
+/// its ends, in at most [`STEPS`] steps.
 const MISS: f64 = 1e-4;
 const STEPS: usize = 24;
-/// How much a vertex is drawn to the middle of its crossings, which decides where the planes leave it open.
+/// Weight that pulls a vertex to the middle of its crossings; it decides where the planes leave the
+/// vertex open.
 const PULL: f64 = 0.01;
 /// How far a vertex may leave its cell, in sides of the cell.
 const BEYOND: f64 = 0.9;
 /// How far a vertex may be moved to settle on the level, in sides of a cell.
 const SETTLING: f64 = 0.3;
 
-/// Where an edge of the grid crosses the surface.
+/// A crossing of a grid edge and the surface.
 struct Crossing {
     /// The node at which the edge begins, and its axis.
     node: [usize; 3],
@@ -54,13 +55,13 @@ struct Crossing {
     normal: Normal,
 }
 
-/// Which way is outwards at a crossing.
+/// The outward direction at a crossing.
 enum Normal {
     /// The function's gradient.
     Gradient([f64; 3]),
     /// Along the edge: the solid is cut off here.
     Face([f64; 3]),
-    /// The function jumps here, so that its gradient says nothing.
+    /// The function jumps here, so its gradient is meaningless.
     Unknown,
 }
 
@@ -96,7 +97,7 @@ impl Sampling {
         for i in 0..columns {
             for j in 0..rows {
                 for k in 0..headings {
-                    // So the solid is closed.
+                    // This closes the solid.
                     let node = [i, j, k];
                     let is_outer = (0..3).any(|d| node[d] == 0 || node[d] + 1 == nodes[d]);
                     let at = if is_outer { f64::INFINITY } else { value(sampling.point(node)) };
@@ -124,7 +125,7 @@ impl Sampling {
         [0, 1, 2].map(|d| {
             let [low, high] = self.ends(d);
             let share = (node[d] as f64 - 1.0) / (self.nodes[d] - 3) as f64;
-            // The end exactly.
+            // Exactly the end.
             if share == 1.0 { high } else { low + share * (high - low) }
         })
     }
@@ -148,7 +149,7 @@ impl Sampling {
     ) -> Surface {
         let excess = |at| value(at) - level;
         let crossings = self.crossings(&excess, &gradient, level);
-        // The cells that are crossed, and where each is in that list.
+        // The cells that are crossed, and the index of each in that list.
         let mut cells: Vec<Cell> = Vec::new();
         let mut known = vec![u32::MAX; self.values.len()];
         let sides = self.sides();
@@ -248,7 +249,7 @@ impl Cell {
             }
             Normal::Face(normal) | Normal::Gradient(normal) => normal,
         };
-        // A gradient by the cell's own coordinates.
+        // The gradient in the cell's own coordinates.
         let normal = [0, 1, 2].map(|d| normal[d] * sides[d]);
         let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
         let normal = normal.map(|part| part / length);
@@ -264,7 +265,7 @@ impl Cell {
         }
     }
 
-    /// Where the planes meet within the cell: the least squares about the middle of the crossings.
+    /// Where the planes meet within the cell: the least-squares solution about the middle of the crossings.
     fn meeting(&self) -> [f64; 3] {
         let middle = self.sum.map(|part| part / self.count);
         let mut square = self.square;
@@ -289,8 +290,8 @@ impl Cell {
         [0, 1, 2].map(|d| self.face[d].unwrap_or(at[d].clamp(-BEYOND, 1.0 + BEYOND)))
     }
 
-    /// The vertex: where the planes meet, moved along the mean of their normals to the level. On a ridge that
-    /// is the way between its sides.
+    /// The vertex: where the planes meet, moved along the mean of their normals to the level. On a
+    /// ridge, that direction is between its sides.
     fn settled(
         &self,
         corner: [f64; 3],
@@ -342,7 +343,7 @@ impl Surface {
         }
     }
 
-    /// The volume that it encloses, m²·rad.
+    /// The volume that the surface encloses, m²·rad.
     #[must_use]
     pub fn volume(&self) -> f64 {
         // The flux of (x, 0, 0).
@@ -355,8 +356,8 @@ impl Surface {
     }
 }
 
-/// Where the function is 0 between a state inside and a state outside, each with its excess, and whether it is:
-/// where the function jumps, no state has the level.
+/// The state where the function is 0, between a state inside and a state outside, each with its
+/// excess, and whether the function is 0 there: if it jumps, no state has the level.
 fn crossing(
     excess: impl Fn([f64; 3]) -> f64,
     (inside, mut low): ([f64; 3], f64),
@@ -364,7 +365,7 @@ fn crossing(
 ) -> ([f64; 3], bool) {
     let (mut s, mut t) = (0.0, 1.0);
     let at = |share: f64| [0, 1, 2].map(|d| inside[d] + share * (outside[d] - inside[d]));
-    // Regula falsi; the bracket stays, and a weight keeps one end from staying for ever (Illinois).
+    // Regula falsi; the bracket stays, and a weight keeps one end from staying forever (Illinois).
     let mut last = None;
     let miss = MISS * (high - low);
     for _ in 0..STEPS {

@@ -1,6 +1,6 @@
 //! Interpolation in a table of three axes.
 
-/// Ghost entries before the first and after the last cell of each axis, so that every stencil lies
+/// Ghost entries before the first and after the last cell of each axis, so that every stencil is
 /// within the table.
 const BEFORE: usize = 1;
 const BEHIND: usize = 2;
@@ -180,8 +180,7 @@ mod tests {
                     y[d] += h;
                     at(y).0
                 };
-                // A parabola along each axis: the central difference is its slope,
-                // but for the rounding of f32.
+                // A parabola along each axis: the central difference is its slope, up to f32 rounding.
                 if (x[d] - x[d].round()).abs() > 0.1 {
                     assert!(((step(0.1) - step(-0.1)) / 0.2 - slope[d]).abs() < 1e-5);
                 }

@@ -1,13 +1,13 @@
-//! The bytes of a value function: few, and the same for the same function.
+//! The encoding of value functions: compact and deterministic.
 //!
-//! The closed form is a line of JSON with its parameters. A sampled function is a
-//! line of JSON, whose `"octets"` is the number of bytes that follow, and then its deficits in
-//! whole [`QUANTUM_M`]: the difference to the prediction from the neighbours towards the
-//! origin, as variable-length integers (7 bits a byte, low first, zigzag sign). With `"float32": true` they
-//! follow as they are instead, four bytes each, the lowest first.
+//! The closed form is a line of JSON with its parameters. A sampled function is a line of JSON,
+//! whose `"octets"` is the number of bytes that follow, and then its deficits in whole
+//! [`QUANTUM_M`]: the difference to the prediction from the neighbours towards the origin, as
+//! variable-length integers (7 bits per byte, low first, zigzag sign). With `"float32": true` the
+//! deficits follow as little-endian f32 instead.
 //!
-//! `"crc32"` in the line of a file is the checksum of all bytes as they are without this entry. It is no part of the
-//! function's address ([`ValueFunction::id`]), and older files have none.
+//! `"crc32"` in the first line of a file is the checksum of all bytes without this entry. It is not part
+//! of the function's address ([`ValueFunction::id`]), and older files have none.
 
 mod body;
 
@@ -44,7 +44,7 @@ enum Header {
         format: String,
         game: PursuitGame,
         nodes: Nodes,
-        /// None for the converged value, since JSON has no infinity.
+        /// `None` for the converged value, since JSON has no infinity.
         horizon_s: Option<f64>,
         /// [`SampledValue::unsettled_m`]; absent where there is none.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -53,7 +53,7 @@ enum Header {
         sheet: bool,
         #[serde(rename = "octets")]
         bytes: usize,
-        /// Whether the deficits and the sheet follow as they are.
+        /// Whether the deficits and the sheet follow as f32.
         #[serde(default, skip_serializing_if = "core::ops::Not::not")]
         float32: bool,
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -67,7 +67,7 @@ impl Header {
         crc32
     }
 
-    /// This header and what follows it.
+    /// This header and the body after it.
     fn with(&self, body: &[u8]) -> Vec<u8> {
         // Finite numbers and strings always have a JSON form.
         let mut bytes = serde_json::to_vec(self).unwrap_or_default();
@@ -80,27 +80,27 @@ impl Header {
 }
 
 impl ValueFunction {
-    /// The bytes in which this function is stored and served. A solved one is rounded to [`QUANTUM_M`].
+    /// The bytes in which this function is stored and served. A solved function is rounded to [`QUANTUM_M`].
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let (header, body) = self.parts(false);
         header.with(&body)
     }
 
-    /// The same with a checksum, for a file, which nothing else protects.
+    /// [`Self::encode`] with a checksum, for files, which have no other protection.
     #[must_use]
     pub fn encode_with_checksum(&self) -> Vec<u8> {
         summed(self.parts(false))
     }
 
-    /// The same, three to four times as many bytes, without rounding: [`Self::decode`] makes an equal function
-    /// of them.
+    /// [`Self::encode_with_checksum`] without rounding, in three to four times as many bytes:
+    /// [`Self::decode`] returns an equal function.
     #[must_use]
     pub fn encode_unrounded(&self) -> Vec<u8> {
         summed(self.parts(true))
     }
 
-    /// A header without a checksum, and what follows it.
+    /// A header without a checksum, and the body after it.
     fn parts(&self, float32: bool) -> (Header, Vec<u8>) {
         let format = FORMAT.to_owned();
         let sampled = match self {
@@ -132,10 +132,10 @@ impl ValueFunction {
         (header, body)
     }
 
-    /// The function that [`Self::encode`] or [`Self::encode_unrounded`] wrote.
+    /// Decodes the bytes of [`Self::encode`] or [`Self::encode_unrounded`].
     ///
     /// # Errors
-    /// [`Invalid`] if the bytes are no such function, truncated, damaged, or of another version.
+    /// [`Invalid`] if the bytes are not a value function, are truncated or damaged, or have another version.
     pub fn decode(bytes: &[u8]) -> Result<Self, Invalid> {
         let end = bytes.iter().position(|byte| *byte == b'\n').unwrap_or(bytes.len());
         let mut header: Header = serde_json::from_slice(&bytes[..end])
@@ -150,8 +150,8 @@ impl ValueFunction {
         if let Some(stated) = header.crc32().take()
             && stated != checksum(&header.with(rest))
         {
-            let expected = format!("bytes with the checksum {stated}, which the first line names");
-            return Err(Invalid::new("value function", expected, "damaged ones"));
+            let expected = format!("bytes that match the checksum in the first line, {stated}");
+            return Err(Invalid::new("value function", expected, "damaged bytes"));
         }
         match header {
             Header::Exact { speed_mps, turn_rate_radps, radius_m, .. } => {
@@ -174,7 +174,7 @@ impl ValueFunction {
         }
     }
 
-    /// Content hash (SHA-256, hexadecimal) of the bytes but for their checksum: the function's address.
+    /// Content hash (SHA-256, hexadecimal) of the bytes without their checksum: the function's address.
     #[cfg(feature = "study")]
     #[must_use]
     pub fn id(&self) -> String {
@@ -274,7 +274,7 @@ mod tests {
         assert_eq!(again(&restless).unsettled_m(), Some(1.25e-3));
         assert_eq!(again(&settled).unsettled_m(), None);
         assert_ne!(restless.id(), settled.id());
-        // Functions that settled keep their bytes, and so their id.
+        // Converged functions keep their bytes, and so their id.
         let header = settled.encode();
         assert!(!String::from_utf8_lossy(&header[..300]).contains("unsettled"));
     }
@@ -292,7 +292,7 @@ mod tests {
         let mut longer = bytes.clone();
         longer.push(0);
         assert!(ValueFunction::decode(&longer).is_err());
-        // A header that promises more than follows must not cause an allocation of it.
+        // A header that announces more bytes than follow must not cause an allocation of that size.
         let text = String::from_utf8_lossy(&bytes[..120]).replace("\"range_nodes\":9", "");
         assert!(ValueFunction::decode(text.as_bytes()).is_err());
     }

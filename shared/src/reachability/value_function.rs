@@ -31,9 +31,9 @@ pub struct ValueState {
     pub pursuer_turn: f64,
     /// Whether these come from the closed form.
     pub exact: bool,
-    /// Whether the state lies within the solved grid; outside, V is the range margin (range
-    /// minus radius) plus the deficit at the nearest point of the grid's boundary. Inside, V is that of
-    /// the grid: for a faster pursuer a larger one may tell otherwise.
+    /// Whether the state is within the solved grid; outside, V is the range margin (range minus
+    /// radius) plus the deficit at the nearest point of the grid's boundary. Inside, V depends on
+    /// the grid: for a faster pursuer, a larger grid may give another V.
     pub inside: bool,
 }
 
@@ -54,9 +54,10 @@ impl ValueFunction {
     }
 
     /// How much V still changed when the solver stopped without converging, m
-    /// ([`SampledValue::unsettled_m`]); none if it converged. It is no bound on the error: the difference
-    /// from the converged value is not known, and in a chase it can be much larger. For a faster pursuer V
-    /// depends on the range of the grid ([`Options::range_m`](super::Options::range_m)) besides.
+    /// ([`SampledValue::unsettled_m`]); `None` if it converged. It is not a bound on the error: the
+    /// difference from the converged value is not known, and in a chase it can be much larger. For
+    /// a faster pursuer V also depends on the range of the grid
+    /// ([`Options::range_m`](super::Options::range_m)).
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
         match self {
@@ -78,7 +79,7 @@ impl ValueFunction {
         }
     }
 
-    /// [`Self::value`] of each of `states`, the same bits, into `out`, on all threads there are.
+    /// Writes [`Self::value`] of each of `states`, with the same bits, to `out`, on all available threads.
     ///
     /// # Errors
     /// [`Invalid`] if `out` is not as long as `states`, or naming the first coordinate that is not finite

@@ -1,4 +1,4 @@
-//! How well safety levels distinguish states, and whether they converged.
+//! How well safety levels distinguish states, and whether they have converged.
 
 use super::SafetyLevels;
 use crate::reachability::{PursuitGame, QUANTUM_M, ValueFunction};
@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 /// polar solver's error in the paper's game is 1.7 cm (docs/validation/reachability.md).
 const GRID_ACCURACY_M: f64 = 0.02;
 
-/// The convergence of a safety level, and its spread over the steps that are compared.
+/// The convergence of a safety level, and its spread over the compared steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct LevelQuality {
     /// Whether the value function converged; a closed form always has.
     pub converged: bool,
-    /// If not: how much it still moved in the last 16 sweeps, m, averaged over the grid's rows.
-    /// Its distance from the converged value may be several hundred times as much.
+    /// If not converged: the change in the last 16 sweeps, m, averaged over the grid's rows. The
+    /// distance from the converged value may be several hundred times as large.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub last_change_m: Option<f64>,
     /// Standard deviation of the level over the steps, m.
@@ -26,7 +26,7 @@ pub struct LevelQuality {
 }
 
 impl LevelQuality {
-    /// The quality of the level that `function` gives; `levels` are its values in the steps, m.
+    /// The quality of the level from `function`; `levels` are its values in the steps, m.
     #[must_use]
     pub fn of(function: &ValueFunction, levels: &[f64]) -> Self {
         // For a closed form, differences below the storage quantum do not count.
@@ -34,7 +34,7 @@ impl LevelQuality {
             ValueFunction::Exact(_) => QUANTUM_M,
             ValueFunction::Sampled(_) => GRID_ACCURACY_M,
         };
-        // From the least, so that the order of participants changes no bit of the sums.
+        // Sorted, so that the order of participants changes no bit of the sums.
         let mut levels = levels.to_vec();
         levels.sort_by(f64::total_cmp);
         let count = levels.len().max(1) as f64;
@@ -49,8 +49,8 @@ impl LevelQuality {
         }
     }
 
-    /// Whether it varies between steps by less than its error. Models see it standardised, which
-    /// would make its errors as large as any feature.
+    /// Whether the level varies between steps by less than its error. Models use it standardised,
+    /// so its errors would be as large as any feature.
     #[must_use]
     pub fn is_nearly_constant(&self) -> bool {
         self.spread_m < self.accuracy_m
@@ -74,8 +74,8 @@ pub struct SafetyQuality {
 }
 
 impl SafetyQuality {
-    /// The quality of the levels that `safety` gives: `human` has V_HR and `robot` V_RH in the
-    /// steps, m.
+    /// The quality of the levels from `safety`. `human` and `robot` are V_HR and V_RH in the steps,
+    /// m.
     #[must_use]
     pub fn of(safety: &SafetyLevels, [human, robot]: [&[f64]; 2]) -> Self {
         Self {
@@ -95,7 +95,7 @@ impl SafetyQuality {
 }
 
 impl SafetyLevels {
-    /// A warning for each value function that did not converge: its game, and what that means.
+    /// A warning for each value function that did not converge, with its game and the consequences.
     #[must_use]
     pub fn complaints(&self) -> Vec<String> {
         let complaint = |evader: Evader| {
@@ -116,7 +116,7 @@ impl SafetyLevels {
                 "{name} did not converge (the {who} evades with {} m/s and {} rad/s, the {other} \
                  pursues with {} m/s and {} rad/s): it still moved by {moved:.1e} m in the last 16 \
                  sweeps and may be too high by decimetres{chase}. Differences between its values \
-                 come partly from the solver: conclude nothing from features and sets that use it",
+                 come partly from the solver: draw no conclusions from features and sets that use it",
                 flees.speed_mps, flees.turn_rate_radps, chases.speed_mps, chases.turn_rate_radps,
             ))
         };
@@ -137,7 +137,7 @@ mod tests {
             .unwrap()
     }
 
-    /// V_RH of a slower robot that turns better, stopped after a few sweeps over a small grid.
+    /// V_RH of a slower robot that turns better, cancelled after a few sweeps over a small grid.
     fn broken_off() -> SafetyLevels {
         let game = PursuitGame {
             evader: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },
@@ -196,7 +196,7 @@ mod tests {
             "V_RH did not converge",
             "the robot evades with 1.5 m/s and 0.8 rad/s",
             "the human pursues with 2 m/s and 0.5 rad/s",
-            "conclude nothing",
+            "draw no conclusions",
         ] {
             assert!(complaints[0].contains(part), "{part}: {complaints:?}");
         }

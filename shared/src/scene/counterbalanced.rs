@@ -10,57 +10,56 @@ use super::williams::williams_order;
 use crate::invalid::Invalid;
 use crate::math::{SeededRng, TAU, wrap_angle};
 
-/// A scene with the cell of the design that it stands for.
+/// A scene with its cell in the design.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StratifiedScene {
     /// The start of the trial.
     pub scene: Scene,
-    /// What happens in it if nobody turns.
+    /// Its encounter if neither vehicle turns.
     pub encounter: Encounter,
     /// The strata of the encounter.
     pub strata: Strata,
-    /// The strata that were planned; they differ if these have no admissible scene, or if the scene
-    /// gave its stratum to one for which this was so.
+    /// The planned strata. They differ if the planned cell has no admissible scene, or if this
+    /// scene exchanged a stratum with such a scene.
     pub planned: Strata,
 }
 
-/// Draws in a cell before it counts as one without an admissible scene.
+/// Draws in a cell before it counts as having no admissible scene.
 const TRIES_IN_CELL: usize = 4;
-/// Most scenes that are asked for an exchange.
+/// Most scenes tried for an exchange.
 const PARTNERS: usize = 64;
 /// Draws in growing neighbourhoods of a cell.
 const TRIES: usize = 4000;
 
 /// The `count` scenes of the participant at `place` (0, 1, 2, …) of a study's phase, in their order.
 ///
-/// Within a participant, scenes are a Latin hypercube: each of the three coordinates of the encounter
+/// Within a participant, scenes are a Latin hypercube: each of the encounter's three coordinates
 /// falls once into each of its strata. Across participants, with N scenes in the phase:
 ///
 /// - **Order.** The approach strata follow the rows of a Williams square ([`williams_order`]): over N
 ///   participants (2N for odd N), each stratum occurs equally often at each position and directly after
 ///   each other stratum. This always holds.
-/// - **Pairs.** Over N participants, each pair of an approach and a miss stratum is planned once, and
-///   so is each pair of an approach and an entry stratum: the partners of an approach stratum shift from
+/// - **Pairs.** Over N participants, each pair of an approach and a miss stratum is planned once, and so
+///   is each pair of an approach and an entry stratum: the partners of an approach stratum shift from
 ///   one participant to the next, by strides that share no divisor with N. Pairs of a miss and an entry
-///   stratum repeat as little as two such shifts allow; after N participants the shifts start
-///   elsewhere.
-/// - **Labels.** Which stratum takes which part in these patterns is drawn once for a study, so that
-///   neighbouring parts are not neighbouring angles, distances or times.
+///   stratum repeat as rarely as two such shifts allow; after N participants the shifts have a new
+///   offset.
+/// - **Labels.** The assignment of strata to positions in these patterns is drawn once per study, so
+///   that neighbouring positions are not neighbouring angles, distances or times.
 ///
 /// Many planned cells have no admissible scene: vehicles that meet head-on after eight seconds would
 /// start too far apart, and nearly parallel ones after two seconds too close. Such a scene exchanges its
 /// entry stratum with another scene of the same participant, chosen at random among those for which both
-/// exchanged cells have one. The participant's scenes thus remain a Latin hypercube, and the pairs of
-/// approach and miss strata remain as planned. If no exchange of entry strata is possible, miss strata
-/// are exchanged; if that is impossible too, the scene takes the nearest cell it can, and another
-/// stratum stays empty. Scenes never lose their approach stratum.
+/// new cells have an admissible scene. The participant's scenes thus remain a Latin hypercube, and the
+/// pairs of approach and miss strata remain as planned. If no exchange of entry strata is possible, miss
+/// strata are exchanged; if that is impossible too, the scene moves to the nearest possible cell, which
+/// leaves a stratum empty. Scenes never lose their approach stratum.
 ///
-/// The same seed and place give the same scenes on every platform. Each phase of a study needs a seed
-/// of its own.
+/// The same seed and place give the same scenes on every platform. Each phase of a study needs its own seed.
 ///
 /// # Errors
-/// [`Invalid`] if no admissible scene is found for some approach stratum, which means that the human
-/// cannot escape with these parameters.
+/// [`Invalid`] if no admissible scene is found for some approach stratum, which means that these
+/// parameters leave the human no escape.
 pub fn counterbalanced(
     parameters: &SceneParameters,
     range: &EncounterRange,
@@ -69,8 +68,8 @@ pub fn counterbalanced(
     place: u64,
 ) -> Result<Vec<StratifiedScene>, Invalid> {
     let planned = planned_strata(count, seed, place);
-    // Place 0 does not repeat the stream of the labels, and an odd multiplier gives each participant
-    // another seed.
+    // The offset of 1 separates place 0 from the stream of the labels, and the odd multiplier gives
+    // each participant a different seed.
     let seed = seed.wrapping_add(place.wrapping_add(1).wrapping_mul(0xD1B5_4A32_D192_ED03));
     let mut person = Person {
         parameters,
@@ -104,7 +103,7 @@ pub fn counterbalanced(
         .collect())
 }
 
-// Places in [`Strata`].
+// Indices into [`Strata`].
 const APPROACH: usize = Coordinate::Approach as usize;
 const MISS: usize = Coordinate::Miss as usize;
 const ENTRY: usize = Coordinate::Entry as usize;
@@ -117,12 +116,12 @@ struct Person<'a> {
     rng: SeededRng,
     /// The cell of each scene.
     strata: Vec<Strata>,
-    /// Each scene; none as long as its cell has no admissible one.
+    /// Each scene; `None` while its cell has no admissible one.
     drawn: Vec<Option<(Scene, Encounter)>>,
 }
 
 impl Person<'_> {
-    /// A scene of a cell; none if the cell seems to have no admissible one.
+    /// A scene in a cell; `None` if the cell seems to have no admissible one.
     fn draw_in(&mut self, cell: Strata) -> Option<(Scene, Encounter)> {
         let count = self.strata.len() as f64;
         (0..TRIES_IN_CELL).find_map(|_| {
@@ -140,7 +139,7 @@ impl Person<'_> {
     }
 
     /// Exchanges the strata of one coordinate between scene `i` and another one, so that both have an
-    /// admissible scene. Whether that was possible.
+    /// admissible scene. Returns whether that was possible.
     fn exchange(&mut self, i: usize, coordinate: usize) -> bool {
         let partners = self.rng.permutation(self.strata.len());
         partners.into_iter().filter(|j| *j != i).take(PARTNERS).any(|j| {
@@ -188,7 +187,7 @@ fn planned_strata(count: usize, seed: u64, place: u64) -> Vec<Strata> {
     let modulus = count as u64;
     let (block, place_in_block) = (place / modulus, place % modulus);
     let [miss, entry] = strides(modulus).map(|stride| place_in_block * stride % modulus);
-    // From block to block, first the miss strata shift, then both.
+    // From block to block, the miss strata shift every time, the entry strata every second time.
     let [miss, entry] = [miss + block % modulus, entry + block / 2 % modulus];
     let shifted = |part: usize, shift: u64| ((part as u64 + shift) % modulus) as usize;
     williams_order(count, place)
@@ -198,11 +197,11 @@ fn planned_strata(count: usize, seed: u64, place: u64) -> Vec<Strata> {
         .collect()
 }
 
-/// How far the miss and the entry strata shift from one participant to the next. Both strides share no
+/// The shifts of the miss and the entry strata from one participant to the next. Both strides share no
 /// divisor with `count`, so that each pair with an approach stratum occurs once over `count`
-/// participants. Their difference sets how often a pair of a miss and an entry stratum repeats, and
-/// one more than each stride sets how often they repeat at a position; these share as little with
-/// `count` as strides below [`LARGEST_STRIDE`] allow.
+/// participants. Pairs of a miss and an entry stratum repeat as often as the gcd of `count` and the
+/// strides' difference; pairs at a position, as the gcd of `count` and a stride plus one. These
+/// divisors are as small as strides below [`LARGEST_STRIDE`] allow.
 fn strides(count: u64) -> [u64; 2] {
     let coprime = |stride: &u64| common_divisor(*stride, count) == 1;
     let candidates = || (1..LARGEST_STRIDE).filter(coprime);
@@ -216,7 +215,7 @@ fn strides(count: u64) -> [u64; 2] {
         .unwrap_or([1, 1])
 }
 
-/// One more than the largest stride that is considered.
+/// Exclusive upper bound of the strides.
 const LARGEST_STRIDE: u64 = 12;
 
 /// The greatest common divisor; `b` if `a` is 0.
@@ -238,7 +237,7 @@ mod tests {
         counterbalanced(&SceneParameters::default(), &range, count, SEED, place).unwrap()
     }
 
-    /// How often each pair of strata of two coordinates occurs.
+    /// The number of occurrences of each pair of strata of two coordinates.
     fn pairs(cells: &[Strata], count: usize, [a, b]: [usize; 2]) -> Vec<usize> {
         let mut times = vec![0; count * count];
         for cell in cells {
@@ -333,7 +332,7 @@ mod tests {
         }
     }
 
-    /// Where scenes are admissible at all, no part of the map is left out or crowded.
+    /// Wherever scenes are admissible, no part of the map is empty or crowded.
     #[test]
     fn exchanged_entries_are_spread_evenly() {
         let mut map = [[0; 5]; 5];
@@ -342,7 +341,7 @@ mod tests {
                 map[scene.strata[APPROACH] / 10][scene.strata[ENTRY] / 10] += 1;
             }
         }
-        // 5000 scenes: 200 a cell if all cells had admissible scenes.
+        // 5000 scenes: 200 per cell if all cells had admissible scenes.
         for (approach, row) in map.iter().enumerate() {
             for (entry, times) in row.iter().enumerate() {
                 let too_far = matches!(approach, 0 | 4) && entry >= 3;
@@ -363,7 +362,7 @@ mod tests {
         assert!((0.35..=PI).contains(&angle));
     }
 
-    /// The scenes of a place are those of the first version that drew scenes this way.
+    /// The scenes of a place equal those of the first version of this method.
     #[test]
     fn scenes_of_a_place_never_change() {
         let mut hash = Sha256::new();

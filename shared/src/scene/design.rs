@@ -1,5 +1,4 @@
-//! The scenes of a participant on their own: random, and evenly spread over three coordinates of the
-//! encounter.
+//! Scenes of a single participant: random, and evenly spread over three coordinates of the encounter.
 
 use super::encounter::{Encounter, no_scene, place};
 use super::parameters::SceneParameters;
@@ -13,13 +12,13 @@ use crate::math::{SeededRng, TAU, wrap_angle};
 /// `count` scenes from a seed, evenly spread over approach angle, miss distance and entry time: a
 /// Latin hypercube, in which each of the three coordinates falls once into each of `count` equal
 /// strata. If a cell of the hypercube has no admissible scene (such as a head-on encounter two
-/// seconds away), the approach stratum is kept and the other two coordinates are drawn again.
+/// seconds away), its approach stratum is kept and the other two coordinates are redrawn.
 ///
 /// The same seed gives the same scenes on every platform.
 ///
 /// # Errors
-/// [`Invalid`] if no admissible scene is found for some stratum, which means that the human cannot
-/// escape with these parameters.
+/// [`Invalid`] if no admissible scene is found for some stratum, which means that these parameters
+/// leave the human no escape.
 pub fn generate(
     parameters: &SceneParameters,
     range: &EncounterRange,
@@ -31,7 +30,7 @@ pub fn generate(
 }
 
 /// As [`generate`], but `admit` decides whether a scene is admissible. With
-/// [`is_admissible`](super::is_admissible) it gives the same scenes, slowly.
+/// [`is_admissible`](super::is_admissible) it returns the same scenes, but more slowly.
 ///
 /// # Errors
 /// As [`generate`].
@@ -80,7 +79,7 @@ mod tests {
         generate(&SceneParameters::default(), &EncounterRange::default(), count, seed).unwrap()
     }
 
-    /// The encounter that a scene turns out to be: the inverse of [`place`].
+    /// The encounter of a scene: the inverse of [`place`].
     fn encounter_of(parameters: &SceneParameters, scene: &Scene) -> Option<Encounter> {
         let (rs, rc) = sin_cos(scene.robot.psi);
         let (hs, hc) = sin_cos(scene.human.psi);
@@ -123,7 +122,8 @@ mod tests {
             let start = scene.start();
             assert!(start.distance_m() > 3.0);
             assert!(value.value(start.robot_seen_by_human()) > 0.0);
-            // Nobody turns: not in the zone for two seconds, in it within ten.
+            // If neither vehicle turns, the human enters the zone after at least two and within ten
+            // seconds.
             let mut state = start;
             let mut entry = None;
             for tick in 0..10_000 {
@@ -153,9 +153,9 @@ mod tests {
                 counts[coordinate][((share * 8.0) as usize).min(7)] += 1;
             }
         }
-        // Approach angles are exactly stratified but for the gap around parallel headings.
+        // Approach angles are exactly stratified except for the gap around parallel headings.
         assert!(counts[0].iter().all(|&n| (18..=36).contains(&n)), "{counts:?}");
-        // The other two are stratified where the cell admits a scene.
+        // The other two coordinates are stratified where the cell has an admissible scene.
         assert!(counts[1].iter().all(|&n| n >= 15), "{counts:?}");
         assert!(counts[2].iter().skip(1).all(|&n| n >= 15), "{counts:?}");
     }
@@ -166,7 +166,7 @@ mod tests {
         assert_ne!(scenes(5, 9), scenes(5, 10));
     }
 
-    /// The scenes of a seed are those of the first version that drew scenes this way.
+    /// The scenes of a seed equal those of the first version of this method.
     #[test]
     fn scenes_of_a_seed_never_change() {
         let mut hash = Sha256::new();
@@ -193,10 +193,10 @@ mod tests {
         let vehicle = |speed_mps, turn_rate_radps| VehicleModel { speed_mps, turn_rate_radps };
         let studies = [
             (default, 59),
-            // No closed form of V_HR, and steps that do not divide a second.
+            // V_HR without a closed form, and steps that do not divide a second.
             (SceneParameters { robot: vehicle(2.4, 0.4), step_s: 0.3, steps: 33, ..default }, 12),
             (SceneParameters { human: vehicle(3.0, 0.8), step_s: 1.5, steps: 8, ..default }, 12),
-            // Escapes are cut short by the end of the trial.
+            // The end of the trial truncates escapes.
             (SceneParameters { steps: 14, danger_radius_m: 2.0, ..default }, 3),
         ];
         let range = EncounterRange::default();

@@ -1,4 +1,4 @@
-//! Encounters: what happens in a scene if nobody turns.
+//! Encounters: the course of a scene if neither vehicle turns.
 
 use super::parameters::SceneParameters;
 use super::state::Scene;
@@ -6,14 +6,14 @@ use crate::invalid::Invalid;
 use crate::math::{hypot, sin_cos, wrap_angle};
 use crate::vehicle::Pose;
 
-/// The coordinates of an encounter, along which scenes are evenly spread.
+/// The coordinates of an encounter, over which scenes are evenly spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encounter {
-    /// Human's heading less the robot's, rad in (−π, π].
+    /// Human's heading minus the robot's, rad in (−π, π].
     pub approach_rad: f64,
-    /// Signed distance of closest approach if nobody turns, m.
+    /// Signed distance of closest approach if neither vehicle turns, m.
     pub miss_m: f64,
-    /// Time at which the distance falls to R_c if nobody turns, s.
+    /// Time at which the distance falls to R_c if neither vehicle turns, s.
     pub entry_s: f64,
 }
 
@@ -47,7 +47,7 @@ pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad
     Scene::new(parameters, human, Pose::new(dx - cx, dy - cy, robot_heading))
 }
 
-/// No admissible scene in that many draws.
+/// The error for no admissible scene in `draws` draws.
 pub(super) fn no_scene(draws: usize) -> Invalid {
     Invalid::new(
         "parameters",

@@ -52,7 +52,7 @@ impl SceneParameters {
         self.steps as f64 * self.step_s
     }
 
-    /// How far the robot drives in a trial, m; its goal is exactly this far ahead.
+    /// Distance that the robot drives in a trial, m; its goal is exactly this far ahead.
     #[must_use]
     pub fn goal_distance_m(&self) -> f64 {
         self.robot.speed_mps * self.duration_s()
@@ -70,7 +70,7 @@ impl SceneParameters {
     }
 }
 
-/// The vehicle that evades, whose safety level the game gives; the other vehicle pursues.
+/// The evading vehicle, whose safety level is the game's value; the other vehicle pursues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evader {
     /// V_HR: the human evades the robot.
@@ -80,7 +80,7 @@ pub enum Evader {
 }
 
 impl Evader {
-    /// Both.
+    /// Both vehicles.
     pub const ALL: [Self; 2] = [Self::Human, Self::Robot];
 
     /// Its word in the database.

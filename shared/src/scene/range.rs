@@ -1,9 +1,9 @@
-//! Which encounters a study draws.
+//! The range of encounters that a study draws.
 
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
-/// The bounds of the encounters that are drawn: the table `[encounters]` of a study file.
+/// Bounds of the drawn encounters: the table `[encounters]` of a study file.
 ///
 /// | field | unit | default | accepted |
 /// |---|---|---|---|
@@ -18,19 +18,19 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EncounterRange {
-    /// Least angle between the headings, rad. Nearly parallel headings are excluded: their closing
-    /// speed is small, so the vehicles would have to start far apart.
+    /// Smallest angle between the headings, rad. Nearly parallel headings are excluded: their
+    /// closing speed is small, so the vehicles would have to start far apart.
     pub min_approach_rad: f64,
-    /// Greatest |miss distance| as a share of R_c.
+    /// Largest |miss distance| as a share of R_c.
     pub max_miss_share: f64,
-    /// Least time to the danger zone if nobody turns, s.
+    /// Shortest time to the danger zone if neither vehicle turns, s.
     pub min_entry_s: f64,
-    /// Greatest time to the danger zone if nobody turns, s. Scenes in which it is beyond the end of
-    /// the trial are never admitted.
+    /// Longest time to the danger zone if neither vehicle turns, s. Scenes that reach it only after
+    /// the end of the trial are never admitted.
     pub max_entry_s: f64,
-    /// Least distance at the start, m.
+    /// Smallest distance at the start, m.
     pub min_start_distance_m: f64,
-    /// Greatest distance at the start, m.
+    /// Largest distance at the start, m.
     pub max_start_distance_m: f64,
     /// Distance by which an escape must clear the danger zone, m.
     pub escape_clearance_m: f64,

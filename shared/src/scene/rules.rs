@@ -1,9 +1,9 @@
-//! Which scenes a study admits.
+//! Admissibility of scenes.
 //!
-//! [`is_admissible`] is the definition: it drives each escape step by step, as a trial would.
-//! [`SceneRules`] decides the same a thousand times faster, from the geometry of straight lines and
-//! one turn. Where rounding could matter it calls the definition, so that a seed keeps its scenes bit
-//! for bit.
+//! [`is_admissible`] is the definition: it simulates each escape step by step, like a trial.
+//! [`SceneRules`] reaches the same decision a thousand times faster, from the geometry of straight
+//! lines and one turn. Where rounding could matter it calls the definition, so that a seed keeps its
+//! scenes bit for bit.
 
 use super::parameters::{Evader, SceneParameters};
 use super::range::EncounterRange;
@@ -12,7 +12,8 @@ use crate::math::{hypot, sin_cos};
 use crate::reachability::ExactValue;
 use crate::vehicle::{Pose, TurnInput};
 
-/// An escape is one turn from the delay on, held for 1, 2, … or this many seconds.
+/// An escape is one turn that starts after the delay and is held for 1, 2, … or at most this many
+/// seconds.
 const LONGEST_ESCAPE_S: usize = 5;
 
 /// The step in which an escape begins, and the number of steps in a second, which is at least one.
@@ -23,7 +24,7 @@ fn escape_steps(parameters: &SceneParameters, range: &EncounterRange) -> (usize,
 }
 
 /// Whether a scene is admissible: it starts outside the danger zone with time to react, the human
-/// enters the zone without a turn, and the human can escape.
+/// enters the zone without turning, and the human can escape.
 #[must_use]
 pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene: &Scene) -> bool {
     let distance = scene.start().distance_m();
@@ -34,8 +35,8 @@ pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene
     if closest_with_manoeuvre(parameters, scene, TurnInput::Straight, 0, 0) > radius {
         return false;
     }
-    // Drawing scenes does not wait for a solve. Without a closed form of V_HR, the escape below
-    // decides alone.
+    // Drawing scenes must not wait for a solve. If V_HR has no closed form, only the escape below
+    // decides.
     if let Ok(value) = parameters.game(Evader::Human).exact()
         && value.value(scene.start().robot_seen_by_human()) <= 0.0
     {
@@ -70,18 +71,17 @@ fn closest_with_manoeuvre(
     closest
 }
 
-/// A length, as a share of the lengths of a scene, that is far larger than the rounding errors of 3000
-/// steps (about 10⁻¹¹).
+/// Tolerance relative to the lengths of a scene, far above the rounding errors of 3000 steps (about 10⁻¹¹).
 const ROUNDING: f64 = 1e-9;
 
-/// How all sampled distances of a part of a drive compare with a limit.
+/// Comparison of all sampled distances of a part of a drive with a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Distances {
     /// All are greater.
     Above,
-    /// One is smaller.
+    /// At least one is smaller.
     Below,
-    /// One is so close to the limit that rounding would decide.
+    /// One is too close to the limit to decide despite rounding.
     Unclear,
 }
 
@@ -101,7 +101,7 @@ pub struct SceneRules<'a> {
     second: usize,
     /// The human at the beginning of each step of a turn to the left.
     turn: Vec<Placed>,
-    /// The displacement since the beginning of a step of that turn, m, at each sample: ahead and left.
+    /// The displacement since the start of a step of that turn, m, at each sample: ahead and left.
     within_step: [[f64; 2]; SAMPLES_PER_STEP + 1],
 }
 
@@ -118,13 +118,13 @@ impl Placed {
         Self { position: pose.position(), heading: [cos, sin] }
     }
 
-    /// Its mirror image at the line of the human's first heading.
+    /// Its mirror image about the line of the human's initial heading.
     fn mirrored(self) -> Self {
         let ([x, y], [cos, sin]) = (self.position, self.heading);
         Self { position: [x, -y], heading: [cos, -sin] }
     }
 
-    /// Where it is after driving straight for `way_m`.
+    /// Its placement after driving straight for `way_m`.
     fn ahead(self, way_m: f64) -> Self {
         let ([x, y], [cos, sin]) = (self.position, self.heading);
         Self { position: [x + way_m * cos, y + way_m * sin], heading: self.heading }
@@ -170,7 +170,7 @@ impl<'a> SceneRules<'a> {
         clear.unwrap_or_else(|| is_admissible(self.parameters, self.range, scene))
     }
 
-    /// The result for a start at an admissible distance; none if rounding would decide it.
+    /// The result for a start at an admissible distance; `None` if rounding could change it.
     fn judge(&self, start: &JointState) -> Option<bool> {
         let parameters = self.parameters;
         let relative = start.robot_seen_by_human();
@@ -226,8 +226,8 @@ impl<'a> SceneRules<'a> {
         ROUNDING * lengths * (1.0 + angles)
     }
 
-    /// Distances while both drive straight for that many steps. The squared distance is a parabola, so
-    /// the closest sample is next to its vertex.
+    /// Compares the distances while both vehicles drive straight for `steps` steps. The squared
+    /// distance is a parabola, so the closest sample is next to its vertex.
     fn straight(
         &self,
         [human, robot]: [Placed; 2],
@@ -252,8 +252,8 @@ impl<'a> SceneRules<'a> {
         compare(closest[0].min(closest[1]), limit, margin)
     }
 
-    /// Distances of the best escape to the left, with the `robot` at the beginning of the escape: above
-    /// the limit if all distances of one escape are.
+    /// Compares the distances of the best escape to the left with the limit: `Above` if all distances
+    /// of one escape are. `robot` is its placement at the start of the escape.
     fn escape(&self, robot: Placed, limit: f64, margin: f64) -> Distances {
         let SceneParameters { human, robot: model, .. } = self.parameters;
         let closing_m = (human.speed_mps + model.speed_mps) * self.sample_s();
@@ -268,7 +268,7 @@ impl<'a> SceneRules<'a> {
                 let distance = hypot(x, y);
                 match compare(distance, limit, margin) {
                     Distances::Above => {}
-                    // Longer turns pass here too.
+                    // Longer turns contain this point, too.
                     Distances::Below => return best,
                     Distances::Unclear => return Distances::Unclear,
                 }
@@ -287,7 +287,7 @@ impl<'a> SceneRules<'a> {
         best
     }
 
-    /// The human's position that many samples after the beginning of the turn to the left.
+    /// The human's position `sample` samples after the start of the turn to the left.
     fn turned(&self, sample: usize) -> [f64; 2] {
         let Placed { position: [x, y], heading: [cos, sin] } = self.turn[sample / SAMPLES_PER_STEP];
         let [ahead, left] = self.within_step[sample % SAMPLES_PER_STEP];
@@ -299,7 +299,7 @@ fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Compares a smallest distance whose error is at most `margin` with the limit; NaN is unclear.
+/// Compares a smallest distance, with an error of at most `margin`, with the limit; NaN is unclear.
 fn compare(closest: f64, limit: f64, margin: f64) -> Distances {
     if closest > limit + margin {
         Distances::Above
@@ -317,7 +317,7 @@ mod tests {
     use crate::math::SeededRng;
     use crate::vehicle::VehicleModel;
 
-    /// A study of vehicles, radius and clock at random.
+    /// Random vehicles, radius and clock.
     fn study(rng: &mut SeededRng) -> SceneParameters {
         let mut vehicle = || VehicleModel {
             speed_mps: rng.uniform(0.5, 4.0),

@@ -70,7 +70,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene whose goal is where this robot is at the end of the trial.
+    /// A scene whose goal is the robot's position at the end of the trial.
     #[must_use]
     pub fn new(parameters: &SceneParameters, human: Pose, robot: Pose) -> Self {
         let (sin, cos) = sin_cos(robot.psi);
@@ -85,7 +85,7 @@ impl Scene {
     }
 }
 
-/// How often the distance is sampled within a step.
+/// Number of sampling intervals of the distance within a step.
 pub(super) const SAMPLES_PER_STEP: usize = 20;
 
 /// Smallest distance within a step, m.

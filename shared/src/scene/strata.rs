@@ -1,4 +1,4 @@
-//! The strata of encounters: equal parts of the three coordinates along which scenes are spread.
+//! The strata of encounters: equal parts of the three coordinates over which scenes are spread.
 
 use super::encounter::Encounter;
 use super::parameters::SceneParameters;
@@ -9,11 +9,11 @@ use crate::math::PI;
 /// A coordinate of an encounter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coordinate {
-    /// Human's heading less the robot's, rad.
+    /// Human's heading minus the robot's, rad.
     Approach,
-    /// Signed distance of closest approach if nobody turns, m.
+    /// Signed distance of closest approach if neither vehicle turns, m.
     Miss,
-    /// Time at which the distance falls to R_c if nobody turns, s.
+    /// Time at which the distance falls to R_c if neither vehicle turns, s.
     Entry,
 }
 
@@ -35,7 +35,7 @@ impl Coordinate {
 /// The strata of an encounter, from 0, the lowest, in the order of [`Coordinate::ALL`].
 pub type Strata = [usize; 3];
 
-/// How the encounters of a phase are cut into strata: each coordinate into `count` equal parts.
+/// The strata of a phase's encounters: each coordinate is split into `count` equal parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stratification {
     count: usize,
@@ -45,11 +45,11 @@ pub struct Stratification {
 }
 
 impl Stratification {
-    /// As many strata as the phase has scenes. Entry times end with the trial, since a scene that
-    /// enters the danger zone later is never admitted.
+    /// A stratification for a phase with `count` scenes. Entry times end with the trial, because a
+    /// scene that enters the danger zone later is never admitted.
     ///
     /// # Errors
-    /// [`Invalid`] if the trial ends before the least entry time.
+    /// [`Invalid`] if the trial ends before the shortest entry time.
     pub fn new(
         parameters: &SceneParameters,
         range: &EncounterRange,
@@ -66,7 +66,7 @@ impl Stratification {
         Ok(Self { entry_s: [least, greatest.min(duration_s)], ..whole })
     }
 
-    /// Likewise, with all entry times of the range, even those after the end of the trial.
+    /// Likewise with all entry times of the range, including those after the end of the trial.
     pub(super) fn beyond_the_trial(
         parameters: &SceneParameters,
         range: &EncounterRange,
@@ -96,15 +96,15 @@ impl Stratification {
         }
     }
 
-    /// Both ends of a stratum: rad, m or s. With an odd number of strata, the approach angles
-    /// between −`min_approach_rad` and `min_approach_rad` are within the middle stratum, but are not
-    /// drawn.
+    /// Both ends of a stratum: rad, m or s. With an odd number of strata, the middle stratum
+    /// contains the approach angles between −`min_approach_rad` and `min_approach_rad`, but they are
+    /// not drawn.
     #[must_use]
     pub fn ends(&self, coordinate: Coordinate, stratum: usize) -> [f64; 2] {
         let share = |edge: usize| edge as f64 / self.count as f64;
         let low = self.value(coordinate, share(stratum));
         if coordinate == Coordinate::Approach && 2 * (stratum + 1) == self.count {
-            // The gap begins where the last negative stratum ends.
+            // The last negative stratum ends where the gap begins.
             return [low, -self.min_approach_rad];
         }
         [low, self.value(coordinate, share(stratum + 1))]

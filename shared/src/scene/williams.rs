@@ -1,4 +1,4 @@
-//! Orders of conditions that cancel the effects of position and of the condition before.
+//! Orders of conditions that balance position effects and carry-over effects.
 
 /// Number of participants after which the orders of `count` conditions repeat: `count` if it is
 /// even, otherwise 2 · `count`.
@@ -7,7 +7,7 @@ pub fn williams_block(count: usize) -> usize {
     if count.is_multiple_of(2) { count } else { 2 * count }
 }
 
-/// The order in which the participant at `place` (0, 1, 2, …) meets the conditions 0 … `count` − 1: a
+/// The order in which the participant at `place` (0, 1, 2, …) gets the conditions 0 … `count` − 1: a
 /// row of a Williams square. Over a block of [`williams_block`] participants, each condition occurs
 /// equally often at each position, and equally often directly after each other condition.
 ///

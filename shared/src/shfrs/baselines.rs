@@ -1,10 +1,10 @@
-//! Baselines: families of predicted sets with which SHFRS is compared.
+//! Baselines: families of predicted sets to compare with SHFRS.
 //!
-//! Four families are reachable sets under simple bounds without Algorithm 1, which are then widened
+//! Four families are widened reachable sets under simple bounds without Algorithm 1
 //! ([`worst_case`], [`constant_velocity`], [`hold_the_input`], [`learned_disturbance`], all through
 //! `WidenedInputs`). Two families are learned from the positions of recorded futures and use no
-//! vehicle model: [`Gaussian`] and [`PerModeEmpirical`]. Their largest set is the worst-case set, so
-//! every family has a level whose set contains every window.
+//! vehicle model: [`Gaussian`] and [`PerModeEmpirical`]. Their largest set is the worst-case set,
+//! so every family has a level whose set contains every window.
 
 mod swept;
 mod widened;
@@ -50,13 +50,14 @@ impl Nominal {
     }
 }
 
-/// A family that is learned from recorded futures: its sets after each step are convex.
+/// A family learned from recorded futures: its sets after each step are convex.
 trait LearnedFamily: Family {
     /// [`Family::score`].
     fn least_level(&self, window: &Window<'_>) -> Result<f64, Invalid>;
 
-    /// The positions after each step at a level: vertices of a convex set in the frame of the human at the
-    /// window's beginning, m. Nothing at the largest level, whose set is the worst-case set.
+    /// The sets of positions after each step at a level: vertices of a convex set in the frame of
+    /// the human at the window's start, m. None at the largest level, whose set is the worst-case
+    /// set.
     fn step_sets(&self, window: &Window<'_>, level: f64) -> Option<Vec<Vec<[f64; 2]>>>;
 }
 
@@ -78,7 +79,7 @@ fn place(pose: Pose, [x, y]: [f64; 2]) -> [f64; 2] {
     [pose.x + cos * x - sin * y, pose.y + sin * x + cos * y]
 }
 
-/// The areas of one level, by their other parameters, which neighbouring windows share.
+/// Cache of the areas at one level, by their other parameters, which neighbouring windows share.
 #[derive(Clone, Debug, Default)]
 struct Areas {
     level: Option<f64>,
@@ -86,7 +87,7 @@ struct Areas {
 }
 
 impl Areas {
-    /// The area for `key` at `level`, computed when first needed.
+    /// The area for `key` at `level`, computed on first use.
     fn get(&mut self, level: f64, key: u64, compute: impl FnOnce() -> f64) -> f64 {
         if self.level != Some(level) {
             self.level = Some(level);

@@ -3,10 +3,10 @@
 //! Let S be the score of the window that begins now: the least ε whose sets F_ε(t_i) contain the
 //! future trajectory. S_1 … S_n are the scores of the calibration trajectories.
 //!
-//! * If F_ε(t_i) misses the robot's disc at every step, the human can enter the disc only if S > ε. So
-//!   with the largest such ε, U = (1 + #{S_i > ε})/(n + 1).
-//! * If F_ε(t_i) lies inside the disc at some step, the human can stay out only if S > ε. So with the
-//!   largest such ε, L = 1 − (1 + #{S_i > ε})/(n + 1) = #{S_i ≤ ε}/(n + 1).
+//! * If F_ε(t_i) misses the robot's disc at every step, the human can enter the disc only if S > ε.
+//!   So for the largest such ε, U = (1 + #{S_i > ε})/(n + 1).
+//! * If F_ε(t_i) lies inside the disc at some step, the human can stay out only if S > ε. So for
+//!   the largest such ε, L = 1 − (1 + #{S_i > ε})/(n + 1) = #{S_i ≤ ε}/(n + 1).
 //!
 //! # What the bounds guarantee
 //! If the current trajectory is exchangeable with the calibration trajectories, the conformal p-value
@@ -16,9 +16,9 @@
 //! * P(the human enters, and U ≤ α) ≤ α and
 //! * P(the human stays out, and L ≥ 1 − α) ≤ α.
 //!
-//! For an ε that is fixed beforehand, U and L also bound mean frequencies: P(the human enters, and F_ε
-//! misses) ≤ E U. But here ε depends on the scene. If people are harder to predict where the robot is
-//! near, U can be too small there: it is a marginal bound, not a bound for each scene.
+//! For an ε that is fixed beforehand, U and L also bound mean frequencies: P(the human enters, and
+//! F_ε misses) ≤ E U. But here ε depends on the scene. If people are harder to predict near the
+//! robot, U can be too small there: it is a marginal bound, not a bound for each scene.
 
 use super::guarantee::Unit;
 use super::prediction::Prediction;
@@ -51,16 +51,16 @@ pub struct DangerBounds {
     pub steps: usize,
     /// Number of calibration trajectories, n.
     pub calibration: usize,
-    /// What the bounds guarantee, in a sentence to print beside them.
+    /// The guarantee of the bounds, in a sentence to print beside them.
     pub statement: String,
 }
 
-/// By how much polygons may be too small, m: at the rear of sets without straight driving (within
-/// 3.7 mm of the reference), and because of chords.
+/// Upper bound on how much polygons are too small, m: at the rear of sets without straight driving
+/// (within 3.7 mm of the reference), and because of chords.
 const DRAWN_TOO_SMALL_M: f64 = 0.004;
 
-/// The bounds for the joint states up to now. `scores` are the scores of `choice` (`base` roll-outs)
-/// on calibration trajectories, with the prediction's tolerance.
+/// The bounds for the joint states up to now. `scores` are the scores of `choice` (`base`
+/// roll-outs) on calibration trajectories, with the prediction's tolerance.
 ///
 /// # Errors
 /// [`Invalid`] if the prediction fails, or if the robot's turns depend on the human's actions, so
@@ -107,8 +107,9 @@ pub fn danger_bounds(
     })
 }
 
-/// A sentence to print beside the bounds: what they mean, and from how many `calibration` trajectories or people
-/// they come ([`Split::parts_of_people`](super::tuning::Split::parts_of_people) draws one trajectory of each person).
+/// A sentence to print beside the bounds: their meaning, and the number of `calibration`
+/// trajectories or people ([`Split::parts_of_people`](super::tuning::Split::parts_of_people) draws
+/// one trajectory per person).
 #[must_use]
 pub fn statement(calibration: usize, unit: Unit) -> String {
     let from = unit.calibrating(calibration);
@@ -128,11 +129,11 @@ fn robot_future(found: &PredictedBounds) -> Result<Vec<Pose>, Invalid> {
     if low == high {
         return Ok(low);
     }
-    let expected = "turns that do not depend on what the human does";
-    Err(Invalid::new("robot_action", expected, "others in the high than in the low roll-out"))
+    let expected = "turns that do not depend on the human's actions";
+    Err(Invalid::new("robot_action", expected, "different turns in the high and the low roll-out"))
 }
 
-/// The number of scores, in rising order, that satisfy a predicate that holds up to some level.
+/// The number of scores, ascending, that satisfy a predicate that holds up to some level.
 fn count_while(
     sorted: &[f64],
     holds: impl Fn(f64) -> Result<bool, Invalid>,
@@ -153,7 +154,7 @@ fn count_while(
 struct Disc {
     robot: Vec<Pose>,
     radius_m: f64,
-    /// Margin by which sets are enlarged on all sides.
+    /// Margin that enlarges sets on all sides.
     slack_m: f64,
     /// Distance that the human drives in a step.
     step_m: f64,
@@ -203,8 +204,8 @@ mod tests {
         ActionChoice::TopK(vec![1; STEPS])
     }
 
-    /// A human who mostly drives straight on and may turn for a while, against a robot that
-    /// crosses somewhere near.
+    /// A human who mostly drives straight on and may turn for a while, against a robot that crosses
+    /// nearby.
     fn scene(rng: &mut SeededRng) -> Trajectory {
         let robot =
             Pose::new(rng.uniform(2.0, 9.0), rng.uniform(-5.0, 5.0), rng.uniform(-3.0, 3.0));
@@ -228,8 +229,7 @@ mod tests {
         least_widening(&base, &window, prediction.parameters, prediction.tolerance).unwrap()
     }
 
-    /// Humans who take no notice of the robot: the bounds hold in the mean, and both theorems
-    /// hold for every α.
+    /// Humans who ignore the robot: the bounds hold on average, and both theorems hold for every α.
     #[test]
     fn the_bounds_hold_on_average() {
         let (parameters, model) = (SceneParameters::default(), Always([0.1, 0.8, 0.1]));
@@ -284,9 +284,9 @@ mod tests {
         };
         assert_eq!(bounds(60.0, 0.0, 0.0), (0.0, 0.0));
         assert_eq!(bounds(1.0, 0.0, 0.0), (1.0, 1.0));
-        // Straight on they meet; and whether a turn avoids that is up to the human.
+        // They meet if the human drives straight; the human may or may not avoid that by turning.
         assert_eq!(bounds(4.5, -6.0, 1.57), (20.0 / 21.0, 1.0));
-        // They pass each other; only a turn brings them together.
+        // They pass each other; they meet only if the human turns.
         assert_eq!(bounds(9.0, 4.2, PI), (0.0, 1.0 / 21.0));
     }
 

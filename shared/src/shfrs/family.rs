@@ -1,10 +1,10 @@
-//! Nested families of predicted sets: one trait for SHFRS and for the baselines.
+//! Nested families of predicted sets: one trait for SHFRS and the baselines.
 
 use super::window::Window;
 use crate::invalid::Invalid;
 
-/// Sets that are predicted at the beginning of a window and grow with a *level*. For SHFRS with `base`
-/// roll-outs the level is ε, rad/s; other families have their own. Levels run from 0 to
+/// Sets that are predicted at the start of a window and grow with a *level*. For SHFRS with `base`
+/// roll-outs the level is ε, rad/s; other families define their own. Levels range from 0 to
 /// [`Family::most`], whose set contains every window.
 ///
 /// Tuning, tests and comparisons use only these functions, so a new predictor of sets is one file.
@@ -27,8 +27,8 @@ pub trait Family {
     /// [`Invalid`] if the prediction fails.
     fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid>;
 
-    /// Area, m², of the set that is predicted for a window at a level: of all positions within the
-    /// window's steps.
+    /// Area, m², of the set predicted for a window at a level: of all positions within the window's
+    /// steps.
     ///
     /// # Errors
     /// [`Invalid`] if the prediction fails.

@@ -1,4 +1,4 @@
-//! Settings of predicted sets as a file and as part of a link.
+//! Settings of predicted sets as a file and as part of a URL.
 
 use crate::bounds::{ActionChoice, BoundsSettings, Rollout, in_proportion};
 use crate::document::decimal;
@@ -6,20 +6,21 @@ use crate::invalid::{Invalid, length};
 use core::cmp::Ordering;
 use serde::{Deserialize, Serialize};
 
-/// Settings of predicted sets as people write them, `shfrs-settings.json`: what the laboratory's explorer
-/// saves and `sidestep shfrs --settings` reads. They may be wrong; [`Self::settings`] checks them.
+/// User-editable settings of predicted sets, `shfrs-settings.json`: the laboratory's explorer saves
+/// them, and `sidestep shfrs --settings` reads them. They may be invalid; [`Self::settings`] checks
+/// them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShfrsFile {
     format: Format,
     /// Steps ahead, T: from 1 to [`MOST_STEPS`].
     pub steps: usize,
-    /// The widening ε of each set's bounds, rad/s, rising: up to [`MOST_SETS`].
+    /// The widening ε of each set's bounds, rad/s, ascending: up to [`MOST_SETS`].
     pub epsilon: Vec<f64>,
-    /// How many of the likeliest actions count at each step ahead, from 1; not beside `tau`.
+    /// Number of likeliest actions to include at each step ahead, from 1; excludes `tau`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub k: Option<Vec<usize>>,
-    /// The probability that makes an action count, in (0, 1]; not beside `k`.
+    /// The probability from which an action is included, in (0, 1]; excludes `k`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tau: Option<f64>,
     /// Whether roll-outs are widened by ε_1.
@@ -34,10 +35,10 @@ enum Format {
     V1,
 }
 
-/// Most steps ahead.
+/// Maximum number of steps ahead.
 pub const MOST_STEPS: usize = 100;
 
-/// Most sets.
+/// Maximum number of sets.
 pub const MOST_SETS: usize = 10;
 
 fn usual_rollout() -> Rollout {
@@ -47,12 +48,12 @@ fn usual_rollout() -> Rollout {
 /// One of the paper's settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preset {
-    /// Which one it is, as in the paper.
+    /// Its panel in the paper.
     pub name: &'static str,
-    /// What sets it apart.
+    /// How it differs from the others.
     pub meaning: &'static str,
     epsilon: [f64; 5],
-    /// The steps at whose beginning two actions count; then one.
+    /// Number of first steps with two actions; later steps have one.
     twos: usize,
 }
 
@@ -79,7 +80,7 @@ pub const PRESETS: [Preset; 3] = [
 ];
 
 impl Preset {
-    /// These settings for a model of so many actions: no k is larger than that.
+    /// These settings for a model with `actions` actions; k is at most `actions`.
     #[must_use]
     pub fn settings(&self, actions: usize) -> ShfrsFile {
         let k = |i| if i < self.twos { actions.min(2) } else { 1 };
@@ -95,7 +96,7 @@ impl Preset {
 }
 
 impl ShfrsFile {
-    /// The paper's ε as wide in proportion to the turn rate of this human, see [`in_proportion`].
+    /// Scales the paper's ε with this human's turn rate, see [`in_proportion`].
     #[must_use]
     pub fn for_turn_rate(mut self, turn_rate_radps: f64) -> Self {
         self.epsilon = in_proportion(&self.epsilon, turn_rate_radps);
@@ -121,19 +122,19 @@ impl From<&BoundsSettings> for ShfrsFile {
 }
 
 impl ShfrsFile {
-    /// The names of a link that [`Self::set`] takes.
+    /// The URL parameters of [`Self::set`].
     pub const NAMES: [&str; 5] = ["T", "eps", "k", "tau", "rollout"];
 
-    /// The same with these roll-outs.
+    /// Sets the roll-outs.
     #[must_use]
     pub fn with_rollout(self, rollout: Rollout) -> Self {
         Self { rollout, ..self }
     }
 
-    /// The settings of Algorithm 1 for a model of so many actions.
+    /// The settings of Algorithm 1 for a model with `actions` actions.
     ///
     /// # Errors
-    /// [`Invalid`] naming the field.
+    /// [`Invalid`] that names the field.
     pub fn settings(&self, actions: usize) -> Result<BoundsSettings, Invalid> {
         if !(1..=MOST_STEPS).contains(&self.steps) {
             let expected = format!("a whole number from 1 to {MOST_STEPS}");
@@ -155,7 +156,7 @@ impl ShfrsFile {
         BoundsSettings::new(self.epsilon.clone(), choice, self.rollout, actions)
     }
 
-    /// Looks so many steps ahead. The last k counts for further steps.
+    /// Sets the number of steps ahead. Additional steps repeat the last k.
     pub fn look_ahead(&mut self, steps: usize) {
         self.steps = steps;
         if let Some(k) = &mut self.k {
@@ -164,8 +165,8 @@ impl ShfrsFile {
         }
     }
 
-    /// Predicts so many sets. The last one stays, for it holds everything; a further one comes in the middle
-    /// of the last two.
+    /// Sets the number of sets. The last one always stays, because it contains everything; new ones
+    /// are inserted midway between the last two.
     pub fn resize(&mut self, sets: usize) {
         while self.epsilon.len() > sets.max(1) {
             let place = self.epsilon.len() - 2;
@@ -175,13 +176,14 @@ impl ShfrsFile {
             let last = self.epsilon.len().saturating_sub(1);
             let before = last.checked_sub(1).map_or(0.0, |place| self.epsilon[place]);
             let after = self.epsilon.last().copied().unwrap_or(0.0);
-            // To the hundredth, as sliders go.
+            // Rounded to 0.01, the step of the sliders.
             self.epsilon.insert(last, (50.0 * (before + after)).round() / 100.0);
         }
     }
 
-    /// Widens the set at this place by `epsilon`, rad/s. The sets before it become at most as wide, and those after
-    /// it at least as wide, so that each one still contains the one before. Without such a set, nothing changes.
+    /// Sets the widening of the set at this index to `epsilon`, rad/s. Earlier sets are limited to
+    /// at most this, later ones raised to at least this, so that sets stay nested. Does nothing if
+    /// the index is out of range.
     pub fn widen(&mut self, place: usize, epsilon: f64) {
         if place >= self.epsilon.len() {
             return;
@@ -195,8 +197,8 @@ impl ShfrsFile {
         }
     }
 
-    /// Predicts with the roll-outs and the first set of `first`. Sets that were not wider are spread evenly between it
-    /// and the next wider one.
+    /// Takes the steps, actions, roll-outs and first ε from `first`. Sets that are not wider than
+    /// its first set are spread evenly between it and the next wider one.
     pub fn begin_with(&mut self, first: &Self) {
         (self.steps, self.rollout) = (first.steps, first.rollout);
         (self.k, self.tau) = (first.k.clone(), first.tau);
@@ -210,14 +212,14 @@ impl ShfrsFile {
             None => (self.epsilon.len() - 1, least),
         };
         for (j, epsilon) in self.epsilon.iter_mut().take(count + 1).enumerate() {
-            // To the hundredth, as sliders go.
+            // Rounded to 0.01, the step of the sliders.
             let between = least + (next - least) * j as f64 / (count + 1) as f64;
             *epsilon = (100.0 * between).round().max(100.0 * least) / 100.0;
         }
         self.epsilon[0] = least;
     }
 
-    /// Whether the first set is that of `first`.
+    /// Whether the first set equals that of `first`.
     #[must_use]
     pub fn begins_with(&self, first: &Self) -> bool {
         let of = |file: &Self| Self { epsilon: file.epsilon[..1].to_vec(), ..file.clone() };
@@ -225,8 +227,8 @@ impl ShfrsFile {
         some(self) && some(first) && of(self) == of(first)
     }
 
-    /// The settings as part of a link: `T=10&eps=0,0.4,1&k=2,2,1,…`, or `tau=0.1` instead of k, and
-    /// `rollout=paper` unless they are the usual ones.
+    /// The settings as URL parameters: `T=10&eps=0,0.4,1&k=2,2,1,…`, or `tau=0.1` instead of k, and
+    /// `rollout=paper` unless roll-outs are the default.
     #[must_use]
     pub fn query(&self) -> String {
         let listed = |numbers: Vec<String>| numbers.join(",");
@@ -242,10 +244,11 @@ impl ShfrsFile {
         parts.join("&")
     }
 
-    /// Takes one value of such a link. Other names are another's business.
+    /// Sets one URL parameter. Ignores unknown names.
     ///
     /// # Errors
-    /// [`Invalid`] with the name of a value that cannot be read. What can be read may still be wrong.
+    /// [`Invalid`] with the name of a value that cannot be parsed. Parsed values may still be
+    /// invalid.
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), Invalid> {
         match name {
             "T" => {
@@ -261,7 +264,7 @@ impl ShfrsFile {
             "k" => {
                 let numbers = value.split([',', ' ']).filter(|k| !k.is_empty());
                 let k: Option<Vec<usize>> = numbers.map(whole).collect();
-                let expected = "whole numbers from 1, one for each step, with commas between";
+                let expected = "whole numbers from 1, one for each step, separated by commas";
                 self.k = Some(k.ok_or_else(|| Invalid::new(name, expected, value))?);
                 self.tau = None;
             }
@@ -283,13 +286,13 @@ impl ShfrsFile {
     }
 }
 
-/// A number ≥ 0 as [`decimal`] reads it: all of its digits, or twelve places if there are more.
+/// A number ≥ 0 in the format of [`decimal`]: all of its digits, but at most twelve places.
 fn written(value: f64) -> String {
     let text = value.to_string();
     if text.len() > 16 { format!("{value:.12}") } else { text }
 }
 
-/// A whole number of at most four digits.
+/// Parses an integer of at most four digits.
 fn whole(text: &str) -> Option<usize> {
     let digits = text.trim();
     let is_short = (1..=4).contains(&digits.len());

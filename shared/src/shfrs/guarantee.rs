@@ -1,10 +1,11 @@
-//! What calibration guarantees about the sets of future trajectories.
+//! Calibration guarantees about the sets of future trajectories.
 //!
 //! All guarantees are *marginal*: they hold over trajectories that are exchangeable with the
-//! calibration trajectories, not for each scene or each participant. Which these are depends on the split
-//! ([`Unit`]): new tasks of the same people are exchangeable with their other tasks; trajectories of new people are
-//! not, because those of one person are alike. And they hold for people who drive
-//! like the vehicle of the prediction: `Trajectory::check` tells whether recorded ones did.
+//! calibration trajectories, not for each scene or each participant. The split determines which
+//! trajectories these are ([`Unit`]): new tasks of the same people are exchangeable with their
+//! other tasks; trajectories of new people are not, because those of one person are alike.
+//! Guarantees also require people who drive like the vehicle of the prediction; `Trajectory::check`
+//! verifies this for recorded ones.
 
 use super::scores::Scores;
 use crate::invalid::Invalid;
@@ -12,18 +13,20 @@ use crate::math::ln;
 use crate::stats::{beta_cdf, binomial_at_least, open_probability};
 use serde::Serialize;
 
-/// What the observations are that a guarantee takes as exchangeable, and a confidence interval as independent.
+/// The observations that a guarantee treats as exchangeable, and a confidence interval as
+/// independent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Unit {
-    /// Trajectories, whoever drove them: what is said holds for new tasks of the same people.
+    /// Trajectories, whoever drove them: statements hold for new tasks of the same people.
     #[default]
     Trajectories,
-    /// People, of each of whom one trajectory is drawn at random: what is said holds for new people. If people are
-    /// exchangeable, the drawn trajectories are too, however alike the trajectories of one person are, and however
-    /// many each drove; so all that holds for exchangeable scores holds for theirs (Dunn, Wasserman and Ramdas, Journal
-    /// of the American Statistical Association 118, 2023, call this subsampling once).
+    /// People, with one random trajectory drawn from each: statements hold for new people. If
+    /// people are exchangeable, the drawn trajectories are too, however alike each person's
+    /// trajectories are and however many each person drove; so everything that holds for
+    /// exchangeable scores holds for theirs (Dunn, Wasserman and Ramdas, Journal of the American
+    /// Statistical Association 118, 2023, call this subsampling once).
     People,
 }
 
@@ -37,7 +40,7 @@ impl Unit {
         }
     }
 
-    /// How many of them calibrate, in words.
+    /// The number of calibration observations, in words.
     pub(super) fn calibrating(self, count: usize) -> String {
         match self {
             Self::Trajectories => format!("{count} trajectories"),
@@ -57,16 +60,16 @@ pub enum Guarantee {
     /// P(Beta(j, n + 1 − j) ≤ p) ≤ δ. For all but a share δ of calibrations, the sets contain a share
     /// ≥ p of future trajectories.
     Pac {
-        /// How often the calibration may fail, δ, in (0, 1).
+        /// Probability that the calibration fails, δ, in (0, 1).
         delta: f64,
     },
-    /// For sets that need not be nested (`paper` roll-outs): levels are tested one after the other,
-    /// the safest first. The first level with P(Bin(n, p) ≥ hits) > δ fails, and the level before it
-    /// is used. The guarantee is that of `Pac`, for any sets.
+    /// For sets that need not be nested (`paper` roll-outs): levels are tested in sequence, the
+    /// safest first. The first level with P(Bin(n, p) ≥ hits) > δ fails, and the level before it is
+    /// used. The guarantee is that of `Pac`, for any sets.
     FixedSequence {
-        /// How often the calibration may fail, δ, in (0, 1).
+        /// Probability that the calibration fails, δ, in (0, 1).
         delta: f64,
-        /// Levels to test, evenly from the largest set down to ε = 0; at least 2.
+        /// Number of levels to test, evenly spaced from the largest set down to ε = 0; at least 2.
         levels: usize,
     },
 }
@@ -85,7 +88,7 @@ impl Guarantee {
     /// Accepts probabilities in (0, 1) and at least two levels.
     ///
     /// # Errors
-    /// [`Invalid`] naming the field.
+    /// [`Invalid`] that names the field.
     pub fn check(&self) -> Result<(), Invalid> {
         match *self {
             Self::Conformal => {}
@@ -102,8 +105,8 @@ impl Guarantee {
         Ok(())
     }
 
-    /// The least number n of calibration trajectories for probability `p`: n ≥ p/(1 − p) for conformal
-    /// prediction, pⁿ ≤ δ for the others.
+    /// The least number n of calibration trajectories for probability `p`: n ≥ p/(1 − p) for
+    /// conformal prediction, pⁿ ≤ δ for the other guarantees.
     ///
     /// # Errors
     /// [`Invalid`] if `p` or δ is not in (0, 1).
@@ -117,7 +120,7 @@ impl Guarantee {
         Ok((rounded_up(least) as usize).max(1))
     }
 
-    /// Accepts `n` calibration trajectories if they are enough for probability `p`.
+    /// Accepts `n` calibration trajectories if they suffice for probability `p`.
     ///
     /// # Errors
     /// [`Invalid`] that states how many are needed.
@@ -130,8 +133,8 @@ impl Guarantee {
         Err(Invalid::new("calibration trajectories", expected, n))
     }
 
-    /// The rank, from 1, of the score that becomes the level among `n` scores in rising order, so that
-    /// the sets of a nested family have the guarantee.
+    /// The rank, from 1, of the score to use as the level among `n` ascending scores, so that the
+    /// sets of a nested family have the guarantee.
     ///
     /// # Errors
     /// [`Invalid`] if there are too few scores, a probability is not in (0, 1), or the guarantee is
@@ -141,7 +144,7 @@ impl Guarantee {
         match *self {
             Self::Conformal => Ok((rounded_up((n + 1) as f64 * p) as usize).min(n)),
             Self::Pac { delta } => {
-                // P(Beta ≤ p) falls with the rank.
+                // P(Beta ≤ p) decreases with the rank.
                 let unsure = |rank: usize| beta_cdf(p, rank as f64, (n + 1 - rank) as f64) > delta;
                 let (mut no, mut yes) = (0, n);
                 while yes - no > 1 {
@@ -179,7 +182,8 @@ impl Guarantee {
         Ok(scores.ranked(self.rank(scores.len(), p)?))
     }
 
-    /// The guarantee, in a sentence to print beside every number, of a calibration with so many of a unit.
+    /// The guarantee of a calibration with `calibration` units, in a sentence to print beside every
+    /// number.
     #[must_use]
     pub fn statement(&self, p: f64, calibration: usize, unit: Unit) -> String {
         let from = unit.calibrating(calibration);
@@ -210,16 +214,16 @@ impl Guarantee {
     }
 }
 
-/// Tests settings in their order, the safest first, and returns the index of the last one before the
-/// first failure. `hits(i)` is the number of the `n` calibration trajectories that setting i contains;
-/// the setting passes if P(Bin(n, p) ≥ hits) ≤ δ. Because testing stops at the first failure, the
-/// probability that *any* accepted setting contains a share below p is at most δ (fixed-sequence
-/// testing, as in Angelopoulos et al., Learn then Test). The order must not depend on these
-/// trajectories.
+/// Tests settings in order, the safest first, and returns the index of the last one before the
+/// first failure. `hits(i)` is the number of the `n` calibration trajectories that setting i
+/// contains; the setting passes if P(Bin(n, p) ≥ hits) ≤ δ. Because testing stops at the first
+/// failure, the probability that *any* accepted setting contains a share below p is at most δ
+/// (fixed-sequence testing, as in Angelopoulos et al., Learn then Test). The order must not depend
+/// on these trajectories.
 ///
 /// # Errors
 /// [`Invalid`] if p or δ is not in (0, 1), there are more hits than trajectories, or the first
-/// setting fails already.
+/// setting fails.
 pub fn fixed_sequence(
     settings: usize,
     mut hits: impl FnMut(usize) -> Result<usize, Invalid>,
@@ -240,13 +244,13 @@ pub fn fixed_sequence(
         accepted = Some(i);
     }
     accepted.ok_or_else(|| {
-        let expected = format!("a first one that surely holds a share {p}, with δ = {delta}");
-        Invalid::new("settings", expected, if settings == 0 { "none" } else { "one in doubt" })
+        let expected = format!("a first setting that passes for p = {p}, δ = {delta}");
+        Invalid::new("settings", expected, if settings == 0 { "none" } else { "one that fails" })
     })
 }
 
-/// The least whole number ≥ `x`. A rounding error above a whole number does not count: 0.55 · 20
-/// is 11.000000000000002.
+/// The least integer ≥ `x`, ignoring a rounding error above an integer: 0.55 · 20 is
+/// 11.000000000000002.
 fn rounded_up(x: f64) -> f64 {
     let whole = x.round();
     if (x - whole).abs() <= 1e-9 * x.abs().max(1.0) { whole } else { x.ceil() }
@@ -265,7 +269,7 @@ mod tests {
         assert_eq!(conformal(50, 0.75).unwrap(), 39);
         for (n, p, delta) in [(22, 0.9, 0.1), (50, 0.75, 0.05), (400, 0.9, 0.01), (400, 0.3, 0.5)] {
             let rank = Guarantee::Pac { delta }.rank(n, p).unwrap();
-            // Twin: the binomial tail, summed the other way round.
+            // Independent check: the binomial tail, summed from the other end.
             let doubt = |rank: usize| binomial_at_least(rank, n, p);
             assert!(doubt(rank) <= delta && (rank == 1 || doubt(rank - 1) > delta));
         }
@@ -305,11 +309,11 @@ mod tests {
         let sequence = Guarantee::FixedSequence { delta: 0.1, levels: 9 };
         assert_eq!(sequence.rank(99, 0.5).unwrap_err().field, "guarantee");
         assert_eq!(fixed_sequence(0, |_| Ok(9), 9, 0.5, 0.1).unwrap_err().field, "settings");
-        assert_eq!(fixed_sequence(2, |_| Ok(4), 9, 0.5, 0.1).unwrap_err().found, "one in doubt");
+        assert_eq!(fixed_sequence(2, |_| Ok(4), 9, 0.5, 0.1).unwrap_err().found, "one that fails");
         assert_eq!(fixed_sequence(2, |_| Ok(10), 9, 0.5, 0.1).unwrap_err().field, "hits[0]");
     }
 
-    /// Scores are uniform, so that a set of level s holds a share s of trajectories.
+    /// Scores are uniform, so a set of level s contains a share s of trajectories.
     #[test]
     fn guarantees_hold_over_a_thousand_calibrations() {
         let mut rng = SeededRng::new(11);
@@ -337,12 +341,14 @@ mod tests {
         }
     }
 
-    /// Studies of 22 people with 10 tasks each. Four fifths of the people stay inside sets of level 0.1 for sure; of
-    /// the others only a share u of trajectories stays inside sets of level u. So sets of level u ≥ 0.1 hold a
-    /// share 0.8 + 0.2 u of new people's trajectories, and the least level for p = 0.9 is 0.5.
+    /// Studies of 22 people with 10 tasks each. Four fifths of the people always stay inside sets
+    /// of level 0.1; of the others, only a share u of trajectories stays inside sets of level u. So
+    /// sets of level u ≥ 0.1 contain a share 0.8 + 0.2 u of new people's trajectories, and the
+    /// least level for p = 0.9 is 0.5.
     ///
-    /// With a trajectory of each person, the calibration fails as seldom as it says. With all trajectories, as if
-    /// they were 200 people, it fails far more often: whether there are 2 or 6 who steer otherwise decides.
+    /// With one trajectory per person, the calibration fails as rarely as stated. With all
+    /// trajectories, as if they were from 200 people, it fails far more often: the result depends
+    /// on whether 2 or 6 people steer differently.
     #[test]
     fn a_guarantee_for_new_people_needs_people_as_observations() {
         let mut rng = SeededRng::new(21);
@@ -360,7 +366,7 @@ mod tests {
             }
             for (failed, scores) in failed.iter_mut().zip([one_each, all]) {
                 let level = guarantee.level(&Scores::new(scores).unwrap(), p).unwrap();
-                // Below 0.1 others stay outside too.
+                // Below 0.1 the first group leaves the sets too.
                 *failed += usize::from(level < 0.5);
             }
         }
@@ -381,7 +387,7 @@ mod tests {
         assert!(pac.starts_with("With confidence 0.95") && pac.contains("new people's"), "{pac}");
     }
 
-    /// Settings hold shares that are in no order at all; the accepted one is seldom wrong.
+    /// Settings contain shares in no particular order; the accepted one is rarely wrong.
     #[test]
     fn a_fixed_sequence_is_seldom_wrong() {
         let mut rng = SeededRng::new(12);

@@ -1,8 +1,8 @@
-//! The same windows judged again under other settings: what an answer can use of those before it.
+//! Re-evaluates the same windows under other settings with cached intermediate results.
 //!
-//! Neither Algorithm 1 with `base` roll-outs nor the bounds before widening depend on ε, and the area of a
-//! tube depends on nothing but its bounds, which many windows share. So a move of ε tests membership in
-//! the set that moved, and computes one area for each of the distinct bounds.
+//! Neither Algorithm 1 with `base` roll-outs nor the bounds before widening depend on ε, and the
+//! area of a tube depends only on its bounds, which many windows share. A change of ε therefore
+//! needs only membership tests in the changed set and one area per distinct bounds.
 
 use super::prediction::Prediction;
 use super::probability::{Judged, first_inside, holds};
@@ -12,27 +12,28 @@ use crate::bounds::{ActionChoice, ActionModel, Algorithm1, BoundsSettings, Motio
 use crate::invalid::Invalid;
 use std::collections::HashMap;
 
-/// What is known of the windows of some trajectories under one [`Prediction`]: it answers to the bit as
-/// [`judge`](super::probability::judge) does. Another prediction or other trajectories need another memory.
+/// Cache for the windows of some trajectories under one [`Prediction`]. Results are bit-identical
+/// to those of [`judge`](super::probability::judge). Another prediction or other trajectories need
+/// another cache.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
-    /// The roll-outs of `windows`.
+    /// The roll-out settings of `windows`.
     rollouts: Option<Rollouts>,
-    /// By trajectory and by the step at which a window begins.
+    /// By trajectory and by the start step of the window.
     windows: Vec<Vec<Option<Known>>>,
     bases: Bases,
     algorithm: Algorithm1,
 }
 
-/// What determines the roll-outs besides the window: the actions that count, and the widening, rad/s.
+/// Settings that determine the roll-outs: the choice of actions, and the widening, rad/s.
 type Rollouts = (ActionChoice, f64);
 
-/// A window.
+/// Cached results of a window.
 #[derive(Clone, Debug)]
 struct Known {
-    /// The place of its bounds before widening.
+    /// Index of its bounds before widening.
     base: usize,
-    /// Whether sets of these widenings, rad/s, hold its trajectory.
+    /// Whether sets of these widenings, rad/s, contain its trajectory.
     held: Recent<bool>,
 }
 
@@ -42,24 +43,24 @@ type Rates = Vec<(f64, f64)>;
 /// Distinct bounds before widening.
 #[derive(Clone, Debug, Default)]
 struct Bases {
-    /// The bounds, and areas, m², of the tube by widening, rad/s.
+    /// The bounds, and the areas, m², of their tubes by widening, rad/s.
     all: Vec<(Rates, Recent<f64>)>,
-    /// Their places, by the bits of their rates.
+    /// Indices into `all`, by the bits of the rates.
     places: HashMap<Vec<u64>, usize>,
 }
 
-/// Values by widening, as many as [`RECENT`] of them.
+/// Cache of values by widening, with at most [`RECENT`] entries.
 #[derive(Clone, Debug)]
 struct Recent<T>(Vec<(f64, T)>);
 
-/// Widenings that are remembered: those of the sets, and some moves back.
+/// Number of cached widenings: those of the sets, and some earlier slider positions.
 const RECENT: usize = 32;
 
-/// Distinct bounds that stay when other actions count.
+/// Maximum number of distinct bounds that stay cached when the choice of actions changes.
 const BASES: usize = 4096;
 
 impl Memory {
-    /// Judges windows of trajectory `place`, all of which have the steps of `settings`.
+    /// Evaluates windows of trajectory `place`, all of which have the steps of `settings`.
     ///
     /// # Errors
     /// [`Invalid`] if the prediction fails.
@@ -77,7 +78,7 @@ impl Memory {
         windows.iter().map(|window| self.judge_one(place, window, prediction, settings)).collect()
     }
 
-    /// Forgets the roll-outs of other settings.
+    /// Clears the cache if the roll-out settings changed.
     fn prepare(&mut self, settings: &BoundsSettings) {
         let widening = match settings.rollout() {
             Rollout::Paper => settings.epsilon()[0],
@@ -142,7 +143,7 @@ impl Bases {
 }
 
 impl<T: Copy> Recent<T> {
-    /// The value for `epsilon`, computed unless it is known.
+    /// The value for `epsilon`, computed unless it is cached.
     fn get(
         &mut self,
         epsilon: f64,
@@ -171,7 +172,7 @@ mod tests {
 
     const RATES: [f64; 3] = [-0.5, 0.0, 0.5];
 
-    /// What a human does depends on where the vehicles are.
+    /// A human whose actions depend on the positions of the vehicles.
     struct Reacting;
 
     impl ActionModel for Reacting {
@@ -187,7 +188,8 @@ mod tests {
         }
     }
 
-    /// One setting after the other, as a user moves sliders, each with the bits of a fresh count.
+    /// A sequence of settings, as when a user moves sliders; each result is bit-identical to an
+    /// uncached one.
     #[test]
     fn what_was_known_before_changes_no_bit() {
         let mut rng = SeededRng::new(7);
@@ -222,7 +224,7 @@ mod tests {
                 found.extend(kept.iter().map(|judged| judged.first));
             }
         }
-        // Every set was the smallest one for some window.
+        // Every set was the smallest containing one for some window.
         assert!((0..4).all(|set| found.contains(&set)));
     }
 

@@ -1,10 +1,10 @@
-//! Coverage against area as charts: a panel for each family, with the others behind it in grey.
+//! Charts of coverage against area: one panel per family, with the others in grey behind it.
 
 use super::pareto::{Pareto, ParetoCurve};
 use crate::chart::{Axis, Chart, Colour, Mark, Pen, Point, Series, colours, fixed};
 
-/// A chart for each family: its curve, in the accent colour if it is SHFRS, and at each calibrated level a
-/// mark with the interval of the coverage. All have the same axes.
+/// A chart for each family: its curve, in the accent colour for SHFRS, and at each calibrated level
+/// a mark with the interval of the coverage. All charts have the same axes.
 #[must_use]
 pub fn panels(found: &Pareto) -> Vec<Chart> {
     let axes = Axes::around(found);
@@ -19,7 +19,7 @@ pub fn areas(found: &Pareto, curve: &ParetoCurve) -> String {
     format!("{} m²", areas.join(", "))
 }
 
-/// The probabilities that were asked for, rising.
+/// The requested probabilities, ascending.
 #[must_use]
 pub fn targets(found: &Pareto) -> Vec<f64> {
     let mut targets: Vec<f64> = found.rows.iter().map(|row| row.target).collect();
@@ -28,7 +28,7 @@ pub fn targets(found: &Pareto) -> Vec<f64> {
     targets
 }
 
-/// The same for all panels.
+/// The axes of all panels.
 struct Axes {
     targets: Vec<f64>,
     most_area: f64,
@@ -40,7 +40,7 @@ impl Axes {
         let points = found.curves.iter().flat_map(|curve| &curve.points);
         let areas = points.map(|point| point.mean_area_m2);
         let areas = areas.chain(found.rows.iter().map(|row| row.mean_area_m2));
-        // What is far below every target is of no interest.
+        // Coverage far below every target is of no interest.
         let least = found.rows.iter().map(|row| row.coverage_low.min(row.target));
         let least = least.fold(1.0, f64::min) - 0.15;
         Self {
@@ -75,7 +75,7 @@ impl Axes {
         chart
     }
 
-    /// A staircase: a larger set holds no more until it holds one more trajectory.
+    /// A staircase: a larger set has the same coverage until it contains another trajectory.
     fn curve(&self, curve: &ParetoCurve, colour: Colour, opacity: f64, width: f64) -> Series {
         let mut line: Vec<Point> = Vec::new();
         let mut before = self.least_coverage;

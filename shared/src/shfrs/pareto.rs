@@ -18,7 +18,7 @@ use crate::invalid::Invalid;
 use crate::stats::{Tally, open_probability, share};
 use serde::{Deserialize, Serialize};
 
-/// The families that are compared.
+/// The families to compare.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Compared {
@@ -26,9 +26,9 @@ pub enum Compared {
     Shfrs(ActionChoice),
     /// Every position that the human can reach.
     WorstCase,
-    /// Straight on.
+    /// Driving straight on.
     ConstantVelocity,
-    /// The input of the last step.
+    /// Holding the input of the last step.
     HoldTheInput,
     /// The most likely action with a bounded disturbance.
     LearnedDisturbance,
@@ -41,7 +41,7 @@ pub enum Compared {
 }
 
 impl Compared {
-    /// All but SHFRS.
+    /// All families except SHFRS.
     pub const BASELINES: [Self; 7] = [
         Self::WorstCase,
         Self::ConstantVelocity,
@@ -52,11 +52,11 @@ impl Compared {
         Self::HeldInput,
     ];
 
-    /// The family of this `prediction`. Those that learn from recorded futures learn from every window of
+    /// The family for this `prediction`. Families learned from recorded futures use every window of
     /// `steps` steps of `training`.
     ///
     /// # Errors
-    /// [`Invalid`] if there are too few windows, or the settings do not fit the model.
+    /// [`Invalid`] if there are too few windows, or the settings do not match the model.
     pub fn family<'a, M: ActionModel + Sync>(
         &self,
         prediction: Prediction<'a, M>,
@@ -93,17 +93,17 @@ pub struct ParetoSettings {
     points: usize,
 }
 
-/// Levels that a curve usually shows at most.
+/// Default maximum number of levels on a curve.
 pub const POINTS: usize = 60;
 
 impl ParetoSettings {
-    /// `targets`: probabilities p in (0, 1) that a set contains a trajectory.
-    /// `confidence`: of the intervals of a coverage, in (0, 1).
-    /// `choice` and `steps` ≥ 1: the windows, at most one for each trajectory.
-    /// `points` ≥ 2: most levels that a curve shows.
+    /// - `targets`: probabilities p in (0, 1) that a set contains a trajectory
+    /// - `confidence`: of the intervals of a coverage, in (0, 1)
+    /// - `choice` and `steps` ≥ 1: the windows, at most one per trajectory
+    /// - `points` ≥ 2: maximum number of levels on a curve
     ///
     /// # Errors
-    /// [`Invalid`] naming the field.
+    /// [`Invalid`] that names the field.
     pub fn new(
         targets: Vec<f64>,
         confidence: f64,
@@ -129,7 +129,7 @@ impl ParetoSettings {
     }
 }
 
-/// The comparison.
+/// The result of a comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pareto {
     /// The choice of windows, [`WindowChoice::word`].
@@ -149,22 +149,22 @@ pub struct Pareto {
 }
 
 impl Pareto {
-    /// The mean area of a row as a share of the worst case's, which is a family too; none where it was not
-    /// compared.
+    /// The mean area of a row as a share of the worst case's, which is a family too; none if the
+    /// comparison lacks it.
     #[must_use]
     pub fn share_of_worst_case(&self, row: &ParetoRow) -> Option<f64> {
         let worst = self.rows.iter().find(|of| of.family == WORST_CASE)?;
         Some(row.mean_area_m2 / worst.mean_area_m2)
     }
 
-    /// Adds what was found for further families on the same windows.
+    /// Adds the results of further families on the same windows.
     pub fn extend(&mut self, other: Self) {
         self.rows.extend(other.rows);
         self.curves.extend(other.curves);
     }
 }
 
-/// A family at the level that was calibrated for a target.
+/// A family at its calibrated level for a target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParetoRow {
     /// [`Family::name`].
@@ -196,7 +196,7 @@ pub struct ParetoCurve {
 }
 
 impl ParetoCurve {
-    /// Whether it is that of a family of SHFRS.
+    /// Whether it is the curve of an SHFRS family.
     #[must_use]
     pub fn is_shfrs(&self) -> bool {
         self.family.starts_with(SHFRS)
@@ -208,14 +208,14 @@ impl ParetoCurve {
 pub struct ParetoPoint {
     /// The level, in the family's unit.
     pub level: f64,
-    /// Share of the test windows inside.
+    /// Share of the test windows inside the set.
     pub coverage: f64,
     /// Mean area over the test windows, m².
     pub mean_area_m2: f64,
 }
 
 /// Compares `families`, which were trained on other trajectories. Threads share the families; the
-/// result does not depend on their number.
+/// result does not depend on the number of threads.
 ///
 /// # Errors
 /// [`Invalid`] if no trajectory has such a window, there are too few trajectories for a target (the
@@ -249,7 +249,7 @@ pub fn pareto(
 
 type Judged = (Vec<ParetoRow>, ParetoCurve);
 
-/// `judge` of each family, on all threads there are.
+/// Runs `judge` for each family, on all available threads.
 fn each<'a>(
     families: &mut [Box<dyn Family + Send + 'a>],
     judge: impl Fn(&mut (dyn Family + Send + 'a)) -> Result<Judged, Invalid> + Sync,
@@ -292,7 +292,7 @@ fn judge(
         })
     };
     let rows = settings.targets.iter().map(row).collect::<Result<_, Invalid>>()?;
-    // Of levels that differ only by rounding, the largest stands for all.
+    // Among levels that differ only by rounding, the largest represents all.
     let mut levels: Vec<f64> = scores.sorted().iter().rev().copied().collect();
     levels.dedup_by(|smaller, larger| *larger - *smaller <= 1e-6 * family.most());
     levels.reverse();
@@ -335,7 +335,7 @@ mod tests {
     use crate::scene::JointState;
     use crate::vehicle::Pose;
 
-    /// Sets that are as large as their level; a window's score is its first turn rate.
+    /// Sets whose area equals their level; a window's score is its first turn rate.
     struct Plain(&'static str);
 
     impl Family for Plain {
@@ -356,7 +356,7 @@ mod tests {
         }
     }
 
-    /// Drives of one step with turn rates 1, 2, … `n`, in an order that is not theirs.
+    /// One-step drives with turn rates 1, 2, … `n`, shuffled.
     fn drives(n: usize) -> Vec<Trajectory> {
         let pose = Pose::new(0.0, 0.0, 0.0);
         let state = JointState { human: pose, robot: pose };
@@ -374,14 +374,14 @@ mod tests {
         let found = settings(vec![0.5, 0.75, 0.9]);
         let found = pareto(&mut families, &drives(19), &drives(10), &found).unwrap();
         let levels: Vec<f64> = found.rows.iter().map(|row| row.level).collect();
-        // ⌈20 p⌉ of 19.
+        // The ⌈20 p⌉-th of 19 scores.
         assert_eq!(levels, [10.0, 15.0, 18.0]);
         let coverages: Vec<f64> = found.rows.iter().map(|row| row.coverage).collect();
         assert_eq!(coverages, [1.0; 3]);
         assert_eq!((found.calibration_trajectories, found.test_trajectories), (19, 10));
         assert_eq!(found.window_choice, "random_one");
         assert_eq!(found.rows[0].mean_area_m2, 10.0);
-        // 19.2 would be a twentieth score.
+        // ⌈19.2⌉ = 20 scores would be needed.
         let complaint = pareto(&mut families, &drives(19), &drives(10), &settings(vec![0.96]));
         assert_eq!(complaint.unwrap_err().found, "19");
     }

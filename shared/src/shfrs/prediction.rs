@@ -14,7 +14,7 @@ pub struct Prediction<'a, M> {
     pub parameters: &'a SceneParameters,
     /// The probability of each action of the human.
     pub model: &'a M,
-    /// The robot's turn rate, rad/s, from the states so far (getRobotAction).
+    /// The robot's turn rate, rad/s, given the states so far (getRobotAction).
     pub robot_action: &'a (dyn Fn(&[JointState]) -> f64 + Sync),
     /// Largest distance from a set at which a recorded state counts as inside.
     pub tolerance: Tolerance,
@@ -40,14 +40,14 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
         self.parameters.human.turn_range()
     }
 
-    /// Difference between the highest and the lowest turn rate, rad/s. Bounds that are widened by it
-    /// admit every turn rate.
+    /// Difference between the highest and the lowest turn rate, rad/s. Bounds widened by this admit
+    /// every turn rate.
     #[must_use]
     pub fn full_range(&self) -> f64 {
         2.0 * self.parameters.human.turn_rate_radps
     }
 
-    /// How many actions the model has.
+    /// Number of the model's actions.
     #[must_use]
     pub fn actions(&self) -> usize {
         self.model.actions().len()
@@ -66,7 +66,7 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
         BoundsSettings::new(epsilon, choice.clone(), rollout, self.actions())
     }
 
-    /// The result of Algorithm 1 for the states up to the end of `history`.
+    /// Runs Algorithm 1 for the states in `history`, the current one last.
     ///
     /// # Errors
     /// The errors of [`input_bounds`].
@@ -79,7 +79,7 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
     }
 }
 
-/// Accepts a window that is as long as the prediction.
+/// Accepts a window with the prediction's number of steps.
 ///
 /// # Errors
 /// [`Invalid`] for any other window.

@@ -1,5 +1,5 @@
-//! The probabilities that a trajectory stays inside each of the nested sets, estimated from recorded
-//! trajectories.
+//! The probabilities that a trajectory stays inside each of the nested sets, estimated from
+//! recorded trajectories.
 //!
 //! Region j is F_j without F_{j−1}. A trajectory is inside F_j if it is inside at every step, and in
 //! region j if F_j is the smallest set that contains it.
@@ -26,18 +26,18 @@ pub struct Probabilities {
     pub region: Vec<Estimate>,
     /// Number of windows.
     pub windows: usize,
-    /// Number of trajectories of these windows.
+    /// Number of trajectories with such windows.
     pub trajectories: usize,
     /// Confidence of the intervals.
     pub confidence: f64,
 }
 
-/// The probabilities, if `first[i]` gives for each window of trajectory i the index, from 0, of the
-/// smallest of `sets` sets that contains it. Intervals are as in [`share`]: trajectories are
+/// The probabilities. For each window of trajectory i, `first[i]` contains the index, from 0, of
+/// the smallest of `sets` sets that contains it. Intervals are as in [`share`]: trajectories are
 /// independent, windows are not.
 ///
 /// # Errors
-/// [`Invalid`] if there is no set or no window, an index is too large, or `confidence` is not in
+/// [`Invalid`] if there are no sets or no windows, an index is too large, or `confidence` is not in
 /// (0, 1).
 pub fn probabilities(
     first: &[Vec<usize>],
@@ -77,8 +77,8 @@ pub fn probabilities(
     Ok(Probabilities { inside, region, windows, trajectories, confidence })
 }
 
-/// Nested sets with their probabilities on recorded trajectories, and the settings on which these
-/// depend.
+/// Nested sets with their probabilities on recorded trajectories, and the settings that determine
+/// these.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Regions {
     /// The widening ε of each set's bounds, rad/s.
@@ -95,20 +95,22 @@ pub struct Regions {
     pub tolerance_m: f64,
     /// Largest difference, rad, at which a recorded heading counted as inside.
     pub tolerance_rad: f64,
-    /// The probabilities, with trajectories as independent observations: of new tasks of the same people.
+    /// The probabilities with trajectories as independent observations: for new tasks of the same
+    /// people.
     pub probabilities: Probabilities,
-    /// The same probabilities with people as independent observations: of new people; the counts of
-    /// `trajectories` are of people then. None where it is not known who drove what.
+    /// The same probabilities with people as independent observations: for new people;
+    /// `trajectories` then counts people. None if the drivers are unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_people: Option<Probabilities>,
-    /// Area, m², of each set's tube: mean over the windows.
+    /// Mean area, m², of each set's tube over the windows.
     pub mean_area_m2: Vec<f64>,
-    /// The same as a share of the worst case's area, which is that of the last set: it admits every turn rate.
+    /// These areas as shares of the worst case's, which is that of the last set: it admits every
+    /// turn rate.
     pub share_of_worst_case: Vec<f64>,
 }
 
-/// Runs Algorithm 1 at every chosen window of `trajectories` and counts which sets contain the recorded
-/// future.
+/// Runs Algorithm 1 at every chosen window of `trajectories` and counts the sets that contain the
+/// recorded future.
 ///
 /// # Errors
 /// [`Invalid`] if the last ε does not admit every turn rate, there is no window, `confidence`
@@ -124,13 +126,13 @@ pub fn regions(
     count.regions(choice, prediction.tolerance, settings, confidence)
 }
 
-/// As [`regions`], of trajectories that `person[i]`, from 0 on, drove: with [`Regions::by_people`].
+/// Like [`regions`], for trajectories driven by `person[i]`, from 0; sets [`Regions::by_people`].
 ///
 /// # Errors
 /// The errors of [`regions`].
 ///
 /// # Panics
-/// If there are fewer `person`s than trajectories.
+/// If `person` is shorter than `trajectories`.
 pub fn regions_of_people(
     trajectories: &[Trajectory],
     person: &[usize],
@@ -160,10 +162,10 @@ fn counted(
     Ok(Count(parallel_map(&windows, |windows| judge(windows, &prediction, settings))?))
 }
 
-/// Accepts settings whose last set holds every trajectory.
+/// Accepts settings whose last set contains every trajectory.
 ///
 /// # Errors
-/// [`Invalid`] naming the last ε.
+/// [`Invalid`] that names the last ε.
 pub fn admits_everything(
     prediction: &Prediction<'_, impl ActionModel>,
     settings: &BoundsSettings,
@@ -173,32 +175,31 @@ pub fn admits_everything(
     if epsilon >= full {
         return Ok(());
     }
-    let expected = format!("at least {full} rad/s, so that the last set holds everything");
+    let expected = format!("at least {full} rad/s, so that the last set contains everything");
     Err(Invalid::new(format!("epsilon[{last}]"), expected, epsilon))
 }
 
-/// [`regions`] trajectory by trajectory, for a program that shows how far it has come: what was found for
-/// each window of each trajectory.
+/// Incremental [`regions`], for programs that show progress: the results for each window of each
+/// trajectory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Count(Vec<Vec<Judged>>);
 
 impl Count {
-    /// Nothing is counted yet of so many trajectories.
+    /// An empty count for this many trajectories.
     #[must_use]
     pub fn new(trajectories: usize) -> Self {
         Self(vec![Vec::new(); trajectories])
     }
 
-    /// Counts the windows of trajectory `place` as they were judged, instead of what was counted there
-    /// before.
+    /// Sets the results for the windows of trajectory `place`, replacing earlier ones.
     ///
     /// # Panics
-    /// If there are not that many trajectories.
+    /// If `place` is out of range.
     pub fn put(&mut self, place: usize, judged: Vec<Judged>) {
         self.0[place] = judged;
     }
 
-    /// What was counted so far. The order in which trajectories were counted changes no bit of it.
+    /// The regions counted so far. The order of trajectories changes no bit of them.
     ///
     /// # Errors
     /// [`Invalid`] if nothing was counted, or `confidence` is not in (0, 1).
@@ -245,8 +246,8 @@ pub struct Judged {
     pub(super) area_m2: Vec<f64>,
 }
 
-/// Runs Algorithm 1 at each of `windows`. [`Memory`](super::memory::Memory) does the same for windows that
-/// are judged again.
+/// Runs Algorithm 1 at each of `windows`. [`Memory`](super::memory::Memory) does the same for
+/// windows that are evaluated repeatedly.
 ///
 /// # Errors
 /// [`Invalid`] if the prediction fails.
@@ -265,8 +266,8 @@ pub fn judge(
     windows.iter().map(judge).collect()
 }
 
-/// The index of the smallest of `sets` sets that contains a trajectory, if `holds` says whether one does.
-/// The sets are nested, and the last one contains every trajectory.
+/// The index of the smallest of `sets` sets that contains a trajectory; `holds` tests a set. The
+/// sets are nested, and the last one contains every trajectory.
 pub(super) fn first_inside(
     sets: usize,
     mut holds: impl FnMut(usize) -> Result<bool, Invalid>,
@@ -310,10 +311,11 @@ mod tests {
     use crate::shfrs::testing::{Always, drive};
     use crate::stats::clopper_pearson;
 
-    /// Studies of 8 people with 50 tasks each. Tasks of four fifths of the people stay inside with probability
-    /// 0.97, those of the others with 0.3: of new people, a share 0.8 · 0.97 + 0.2 · 0.3 = 0.836 stays inside. The
-    /// interval with people as observations holds it as often as it says; with tasks as observations, as if they
-    /// were 400 people, it misses more often than not.
+    /// Studies of 8 people with 50 tasks each. Tasks of four fifths of the people stay inside with
+    /// probability 0.97, those of the others with 0.3: for new people, a share 0.8 · 0.97 + 0.2 ·
+    /// 0.3 = 0.836 stays inside. The interval with people as observations covers it as often as
+    /// stated; with tasks as observations, as if they were from 400 people, it misses more often
+    /// than not.
     #[test]
     fn intervals_for_new_people_need_people_as_observations() {
         let mut rng = SeededRng::new(12);
@@ -403,7 +405,7 @@ mod tests {
         }
         assert!(by_people.inside[0].low < found.probabilities.inside[0].low);
         assert_eq!(found.share_of_worst_case[2], 1.0);
-        // One worst case: the last set's area is the one that other results are measured against.
+        // There is one worst case: the last set has the reference area of other results.
         let worst = crate::shfrs::baselines::worst_case_area_m2(&parameters, 3).unwrap();
         assert!((found.mean_area_m2[2] - worst).abs() < 1e-12);
         let settings = prediction
@@ -414,7 +416,7 @@ mod tests {
         assert_eq!(many.probabilities.inside[0].value, 5.0 / 8.0);
     }
 
-    /// Trajectory by trajectory, in any order, to the same bits.
+    /// Trajectory by trajectory, in any order, the bits are the same.
     #[test]
     fn a_count_ends_where_all_at_once_ends() {
         let mut rng = SeededRng::new(9);

@@ -1,4 +1,4 @@
-//! Sets of bounds that are known already, drawn again.
+//! Draws the sets of known bounds again.
 
 use super::{NestedSet, Shfrs, ShfrsSettings};
 use crate::bounds::InputBounds;
@@ -8,11 +8,11 @@ use crate::vehicle::Pose;
 use core::ops::ControlFlow;
 
 impl Shfrs {
-    /// The sets of a human at `start` under `bounds`, one for each ε of the settings, as a prediction that found these bounds
-    /// draws them.
+    /// The sets of a human at `start` under `bounds`, one per ε of the settings, drawn as a
+    /// prediction with these bounds would draw them.
     ///
     /// # Errors
-    /// [`Invalid`] for another number of bounds, and as for [`ReachableSet::new`].
+    /// [`Invalid`] for another number of bounds, and the errors of [`ReachableSet::new`].
     pub fn redrawn(
         start: Pose,
         bounds: &[InputBounds],

@@ -7,7 +7,7 @@ use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
 
-/// What the names of such families begin with.
+/// Prefix of the names of these families.
 pub(super) const SHFRS: &str = "SHFRS";
 
 /// The sets F(ε) for one choice of actions, with `base` roll-outs. The level is ε, rad/s; the largest
@@ -56,7 +56,7 @@ impl<M: ActionModel> Family for ShfrsFamily<'_, M> {
     }
 }
 
-/// The scores of independent trajectories, one for each, in rising order. Never empty.
+/// The scores of independent trajectories, one each, ascending. Never empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scores(Vec<f64>);
 
@@ -101,7 +101,7 @@ impl Scores {
         self.0.len()
     }
 
-    /// The scores in rising order.
+    /// The scores, ascending.
     #[must_use]
     pub fn sorted(&self) -> &[f64] {
         &self.0
@@ -117,10 +117,10 @@ impl Scores {
     }
 }
 
-/// Accepts a choice with at most one window for each trajectory, so that windows are independent.
+/// Accepts a choice with at most one window per trajectory, so that windows are independent.
 ///
 /// # Errors
-/// [`Invalid`] for a choice with several windows for a trajectory.
+/// [`Invalid`] for a choice with several windows per trajectory.
 pub fn single(choice: WindowChoice) -> Result<(), Invalid> {
     if choice.is_single() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Small predictors and drives for the tests beside this file.
+//! Small predictors and drives for the tests in this folder.
 
 use super::window::Trajectory;
 use crate::bounds::ActionModel;
@@ -6,7 +6,7 @@ use crate::scene::JointState;
 use crate::vehicle::Pose;
 use crate::vehicle::dubins::arc;
 
-/// The same probabilities of right, straight and left, whatever happens.
+/// Constant probabilities of right, straight and left.
 pub(super) struct Always(pub(super) [f64; 3]);
 
 impl ActionModel for Always {
@@ -19,12 +19,12 @@ impl ActionModel for Always {
     }
 }
 
-/// A drive at 2 m/s, each of these turn rates for 0.2 s, far from a robot.
+/// A drive at 2 m/s, with each of these turn rates for 0.2 s, far from a robot.
 pub(super) fn drive(rates: &[f64]) -> Trajectory {
     drive_told(rates, rates)
 }
 
-/// A drive under `rates` whose recorded turn rates are `told`.
+/// A drive under `rates` with recorded turn rates `told`.
 pub(super) fn drive_told(rates: &[f64], told: &[f64]) -> Trajectory {
     trajectory(Pose::new(-40.0, 0.0, 3.0), rates, told)
 }

@@ -1,8 +1,8 @@
-//! Tuning: the least area subject to p_{F_1} ≥ p, with a guarantee.
+//! Tuning: minimises the area subject to p_{F_1} ≥ p, with a guarantee.
 //!
-//! Trajectories are split into three parts. The *training* part selects the choice of actions with the
-//! least area. The *calibration* part, which plays no role in that selection, determines ε_1 so that
-//! the guarantee holds. The *test* part measures coverage and area.
+//! Trajectories are split into three parts. The *training* part selects the choice of actions with
+//! the least area. The *calibration* part, which is not used in that selection, determines ε_1 so
+//! that the guarantee holds. The *test* part measures coverage and area.
 
 mod least_area;
 
@@ -21,23 +21,24 @@ use crate::stats::{Estimate, Tally, open_probability, share};
 use least_area::{least_area, ranks};
 use serde::{Deserialize, Serialize};
 
-/// How trajectories are split. The rest of the shares is for the test.
+/// The shares of a split of trajectories. The remainder is for testing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
     /// Share for training, in (0, 1).
     pub training: f64,
-    /// Share for calibration, in (0, 1); with `training` at most 1.
+    /// Share for calibration, in (0, 1); at most 1 together with `training`.
     pub calibration: f64,
     /// Seed of the random split.
     pub seed: u64,
 }
 
 impl Split {
-    /// 40 % training, 30 % calibration, 30 % test: the default, also of the command line and the laboratory.
+    /// The default, also for the command line and the laboratory: 40 % training, 30 % calibration,
+    /// 30 % test.
     pub const USUAL: Self = Self { training: 0.4, calibration: 0.3, seed: 0 };
 }
 
-/// Tells the seed of people's trajectories apart from that of the people.
+/// Separates the seed of people's trajectories from that of the people.
 const ONE_EACH: u64 = 0x6f6e_655f_6561_6368;
 
 impl Default for Split {
@@ -73,7 +74,7 @@ impl Parts {
     /// The trajectories of each part.
     ///
     /// # Panics
-    /// If there are fewer trajectories than were split.
+    /// If there are fewer trajectories than in the split.
     #[must_use]
     pub fn sample(&self, trajectories: &[Trajectory]) -> Sample {
         let pick = |part: &[usize]| part.iter().map(|&i| trajectories[i].clone()).collect();
@@ -86,10 +87,10 @@ impl Parts {
 }
 
 impl Split {
-    /// Splits 0 … `n` − 1; shares are rounded to whole numbers.
+    /// Splits 0 … `n` − 1; shares are rounded to whole trajectories.
     ///
     /// # Errors
-    /// [`Invalid`] if a share is not in (0, 1), or both together are more than 1.
+    /// [`Invalid`] if a share is not in (0, 1), or their sum exceeds 1.
     pub fn parts(&self, n: usize) -> Result<Parts, Invalid> {
         open_probability("training", self.training)?;
         open_probability("calibration", self.calibration)?;
@@ -105,9 +106,9 @@ impl Split {
         Ok(Parts { training, calibration, test })
     }
 
-    /// Splits trajectories so that nobody is in two parts; `person[i]`, from 0 on, says who drove trajectory i, and
-    /// shares are shares of the people. The training part has every trajectory of its people, the other parts
-    /// have a random one of each ([`Unit::People`]).
+    /// Splits trajectories so that each person is in only one part; `person[i]`, from 0, drove
+    /// trajectory i, and shares are of the people. The training part has every trajectory of its
+    /// people, the other parts have a random one of each person ([`Unit::People`]).
     ///
     /// # Errors
     /// The errors of [`Self::parts`].
@@ -139,11 +140,11 @@ pub struct TuningSettings {
     pub guarantee: Guarantee,
     /// The window of each trajectory; at most one.
     pub windows: WindowChoice,
-    /// The candidates, all with the same number of steps; usually [`candidates`].
+    /// The candidates, all with the same number of steps; by default [`candidates`].
     pub candidates: Vec<ActionChoice>,
     /// Confidence of the interval of the measured coverage, in (0, 1).
     pub confidence: f64,
-    /// What the sample's calibration and test trajectories are observations of.
+    /// The unit of observation of the sample's calibration and test trajectories.
     pub unit: Unit,
 }
 
@@ -175,14 +176,14 @@ impl TuningSettings {
     }
 }
 
-/// Probabilities τ of the adaptive candidates. A finer grid overfits the training part: with steps of
-/// 0.01, the calibrated tubes are larger, not smaller.
+/// Probabilities τ of the adaptive candidates. A finer grid overfits the training part: with steps
+/// of 0.01, the calibrated tubes become larger, not smaller.
 const TAUS: [f64; 14] =
     [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
 
-/// The usual candidates: adaptive sets with τ from 0.005 to 0.5, and every schedule of k that counts all
-/// `actions` in the first a steps, half of them (rounded up) until step b, then 1 (for three actions:
-/// 3, 2, 1).
+/// The default candidates: adaptive sets with τ from 0.005 to 0.5, and every schedule of k that
+/// includes all `actions` in the first a steps, half of them (rounded up) until step b, then 1 (for
+/// three actions: 3, 2, 1).
 #[must_use]
 pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
     let mut found: Vec<ActionChoice> =
@@ -224,7 +225,7 @@ pub struct Tuned {
     pub guarantee: String,
     /// The guarantee in words, with its scope and the number of trajectories.
     pub statement: String,
-    /// What is exchangeable: over what the guarantee holds.
+    /// The exchangeable units over which the guarantee holds.
     pub unit: Unit,
     /// The choice of windows, [`WindowChoice::word`].
     pub window_choice: String,
@@ -236,7 +237,7 @@ pub struct Tuned {
     pub calibration: usize,
     /// Number of test trajectories.
     pub test: usize,
-    /// Number of trajectories without a window, which are omitted.
+    /// Number of trajectories without a window; these are omitted.
     pub without_window: usize,
     /// Share of the test trajectories that stay inside, with its interval.
     pub coverage: Estimate,
@@ -245,8 +246,8 @@ pub struct Tuned {
     /// Mean area of the tube of F_1, m², over the test part, or over the calibration part if there is
     /// no test part.
     pub mean_area_m2: f64,
-    /// That area as a share of the worst case's, of everything that the vehicle can reach: near 1, the
-    /// guarantee says no more than the vehicle does.
+    /// That area as a share of the worst case's, which contains everything that the vehicle can
+    /// reach. Near 1, the guarantee says no more than the vehicle model.
     pub share_of_worst_case: f64,
     /// Largest distance from the set, m, at which a recorded position counted as inside.
     pub tolerance_m: f64,
@@ -258,8 +259,8 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
     to.collect_str(choice)
 }
 
-/// Tunes on recorded trajectories. The predictor must not have been trained on the calibration or test
-/// trajectories; otherwise there is no guarantee.
+/// Tunes on recorded trajectories. The predictor must not have been trained on the calibration or
+/// test trajectories; otherwise the guarantee is void.
 ///
 /// # Example
 /// How much must bounds be widened so that a person's next drive stays inside with probability ≥ 0.75?
@@ -298,8 +299,8 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
 /// ```
 ///
 /// # Errors
-/// [`Invalid`] if a setting is invalid, a trajectory may have several windows, or there are too few
-/// trajectories for the guarantee (the error states how many are needed).
+/// [`Invalid`] if a setting is invalid, the choice of windows allows several per trajectory, or
+/// there are too few trajectories for the guarantee (the error states how many are needed).
 pub fn tune(
     sample: &Sample,
     prediction: Prediction<'_, impl ActionModel + Sync>,
@@ -308,7 +309,7 @@ pub fn tune(
     tune_watched(sample, prediction, settings, &mut |_| {})
 }
 
-/// As [`tune`], and tells `progress` how far it has come, from 0 to 1.
+/// Like [`tune`], but reports its progress, from 0 to 1, to `progress`.
 ///
 /// # Errors
 /// The errors of [`tune`].
@@ -384,10 +385,10 @@ pub fn tune_watched(
     })
 }
 
-/// A share of the worst case from which a set says next to nothing.
+/// From this share of the worst case on, a set says next to nothing.
 const SAYS_NOTHING: f64 = 0.95;
 
-/// The warning of a set that is hardly smaller than the worst case's; nothing for others.
+/// A warning if the set is hardly smaller than the worst case's; otherwise empty.
 fn beside_worst_case(share: f64) -> String {
     if share < SAYS_NOTHING {
         return String::new();
@@ -399,7 +400,7 @@ fn beside_worst_case(share: f64) -> String {
     )
 }
 
-/// The share of trajectories that stay inside, with one window for each.
+/// The share of trajectories that stay inside, with one window each.
 fn share_of_one(Tally { hits, of }: Tally, confidence: f64) -> Result<Estimate, Invalid> {
     let tallies: Vec<Tally> =
         (0..of).map(|i| Tally { hits: usize::from(i < hits), of: 1 }).collect();
@@ -426,7 +427,7 @@ fn families(
         return Err(Invalid::new("candidates", "at least one", "none"));
     };
     if let Some(i) = families.iter().position(|family| family.steps() != steps) {
-        let expected = format!("{steps} steps, as the first one");
+        let expected = format!("{steps} steps, like the first candidate");
         return Err(Invalid::new(format!("candidates[{i}]"), expected, families[i].steps()));
     }
     Ok(families)
@@ -471,7 +472,7 @@ mod tests {
             assert_eq!(everybody, (0..10).collect::<Vec<_>>());
             let alone = [who(&calibration), who(&test)].concat();
             assert!(alone.iter().all(|person| !who(&training).contains(person)));
-            // All of theirs train.
+            // All of their trajectories are for training.
             let trains = |i: &usize| who(&training).contains(&people[*i]);
             assert_eq!((0..people.len()).filter(trains).count(), training.len());
         }

@@ -1,4 +1,4 @@
-//! Bounds that are widened by ε: the least ε for a recorded window, and the area of the reachable set.
+//! Bounds widened by ε: the least ε for a recorded window, and the area of the reachable set.
 
 use super::prediction::same_steps;
 use super::window::Window;
@@ -16,8 +16,8 @@ pub const RESOLUTION_RADPS: f64 = 1e-4;
 /// The bounds of each step, rad/s, lowered and raised by `epsilon` ≥ 0 within `turn_rate`.
 ///
 /// # Errors
-/// [`Invalid`] if there is no step, a bound is outside `turn_rate`, or a lower bound exceeds its upper
-/// bound.
+/// [`Invalid`] if there are no steps, a bound is outside `turn_rate`, or a lower bound exceeds its
+/// upper bound.
 pub fn widened(
     base: &[(f64, f64)],
     epsilon: f64,
@@ -31,12 +31,12 @@ pub fn widened(
 /// The least widening of `base`, rad/s, under which a window's trajectory is inside at every step, to
 /// [`RESOLUTION_RADPS`] from above.
 ///
-/// The state after a step is inside if the recorded turn rates up to that step satisfy the bounds, or
-/// if it is surely in the reachable set, within `tolerance`. A set that admits every turn rate contains
-/// every trajectory by definition, so a least widening always exists.
+/// The state after a step is inside if the recorded turn rates up to that step satisfy the bounds,
+/// or if it is certainly in the reachable set, within `tolerance`. A set that admits every turn
+/// rate contains every trajectory by definition, so a least widening always exists.
 ///
 /// # Errors
-/// [`Invalid`] if `base` is not as long as the window or not valid bounds.
+/// [`Invalid`] if `base` and window differ in length, or `base` is not valid bounds.
 pub fn least_widening(
     base: &[(f64, f64)],
     window: &Window<'_>,
@@ -68,8 +68,8 @@ pub fn least_widening(
     Ok(least)
 }
 
-/// An interval that contains [`least_widening`], from turn rates and headings alone, at a few per cent
-/// of its cost.
+/// An interval that contains [`least_widening`], from turn rates and headings alone, at a few per
+/// cent of the cost.
 ///
 /// # Errors
 /// The errors of [`least_widening`].
@@ -94,8 +94,9 @@ pub fn widening_between(
     Ok((least, by_inputs.last().copied().unwrap_or(0.0)))
 }
 
-/// For each step, the widening from which on the state after the step is inside because of the recorded
-/// turn rates, or because every turn rate is admitted. These widenings never decrease.
+/// For each step, the least widening for which the state after the step is certainly inside,
+/// because of the recorded turn rates or because every turn rate is admitted. These widenings never
+/// decrease.
 fn enough_by_inputs(
     base: &[(f64, f64)],
     window: &Window<'_>,
@@ -113,8 +114,8 @@ fn enough_by_inputs(
     Ok(held.collect())
 }
 
-/// A lower bound, in an interval of widenings, of the widening with which the heading can change by
-/// `turned`, rad. It is the interval's beginning if turns may exceed a full circle.
+/// A lower bound, in an interval of widenings, on the widening with which the heading can change by
+/// `turned`, rad. It is the interval's start if turns may exceed a full circle.
 fn needed_by_heading(
     base: &[(f64, f64)],
     turned: f64,
@@ -136,9 +137,9 @@ fn needed_by_heading(
     first_true(within, |epsilon| Ok(admitted(epsilon))).map_or(within.0, |(below, _)| below)
 }
 
-/// Where a monotone predicate becomes true: an interval, no longer than [`RESOLUTION_RADPS`], from a
-/// value at which it is false to one at which it is true. It is assumed to be true at the upper end of
-/// `within`. If it is true at the lower end, both ends are that end.
+/// Where a monotone predicate becomes true: an interval, no longer than [`RESOLUTION_RADPS`], from
+/// a value at which it is false to one at which it is true. It is assumed to be true at the upper
+/// end of `within`. If it is true at the lower end, both ends are that end.
 fn first_true(
     within: (f64, f64),
     holds: impl Fn(f64) -> Result<bool, Invalid>,
@@ -194,7 +195,7 @@ mod tests {
         (0..steps).map(|_| pair()).map(|(a, b)| (a.min(b), a.max(b))).collect()
     }
 
-    /// The plain twin: whether the trajectory is inside at ε.
+    /// Reference implementation: whether the trajectory is inside at ε.
     fn inside(base: &[(f64, f64)], window: &Window<'_>, epsilon: f64) -> bool {
         let bounds = widened(base, epsilon, RANGE).unwrap();
         let set = ReachableSet::new(window.now().human, &bounds, 2.0, 0.2).unwrap();
@@ -210,7 +211,8 @@ mod tests {
             let steps = 1 + rng.below(10);
             let base = random_base(&mut rng, steps);
             let held: Vec<f64> = (0..steps).map(|_| [-0.5, 0.0, 0.5][rng.below(3)]).collect();
-            // In half of the drives the input changes within a step, which the record does not show.
+            // In half of the drives the input changes within a step, which the recording does not
+            // show.
             let driven = held.iter().map(|&rate| {
                 if case % 2 == 0 || rng.unit() < 0.7 { rate } else { rate * rng.unit() }
             });
@@ -241,7 +243,7 @@ mod tests {
         assert!(opposite > 0.9 && opposite <= 1.0, "{opposite}");
     }
 
-    /// A drive that no vehicle of this kind can have driven is inside the full set only.
+    /// An impossible drive for this vehicle is inside only the full set.
     #[test]
     fn impossible_drives_need_everything() {
         let drive = drive(&[1.5; 4]);

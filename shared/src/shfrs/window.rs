@@ -1,8 +1,8 @@
 //! Windows: the parts of recorded trajectories on which sets are evaluated.
 //!
-//! A window begins at a step T_c of a trajectory and looks T steps ahead. Windows of one trajectory
-//! depend on each other; trajectories are assumed to be independent. Therefore every result names its
-//! [`WindowChoice`], and every guarantee needs a choice with at most one window for each trajectory.
+//! A window begins at step T_c of a trajectory and looks T steps ahead. Windows of one trajectory
+//! depend on each other; trajectories are assumed to be independent. Therefore every result states
+//! its [`WindowChoice`], and every guarantee needs a choice with at most one window per trajectory.
 
 use crate::invalid::{Invalid, length};
 use crate::math::SeededRng;
@@ -24,7 +24,7 @@ impl Trajectory {
     /// step; `turn_rates[i]`, rad/s, is the human's turn rate in step i.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no step, the lengths do not fit, or a number is not finite.
+    /// [`Invalid`] if there are no steps, lengths do not match, or a number is not finite.
     pub fn new(states: Vec<JointState>, turn_rates: Vec<f64>) -> Result<Self, Invalid> {
         if turn_rates.is_empty() {
             return Err(Invalid::new("turn_rates", "at least one step", "none"));
@@ -54,15 +54,15 @@ impl Trajectory {
     /// The trajectory of a recorded trial with the vehicles of `scene`.
     ///
     /// # Errors
-    /// [`Fault`] for a trial that [`Self::new`] refuses.
+    /// [`Fault`] for a trial that [`Self::new`] rejects.
     #[cfg(feature = "learn")]
     pub fn of(trial: &RecordedTrial, scene: &SceneParameters) -> Result<Self, Fault> {
         Self::driven(trial.states.clone(), &trial.inputs, scene)
             .map_err(|what| Fault { line: trial.line, what })
     }
 
-    /// Accepts what the human's vehicle of `scene` can have driven, at these turn rates: what a calibration
-    /// guarantees holds for no other trajectories. The robot may have driven in any way.
+    /// Accepts trajectories that the human's vehicle of `scene` can have driven with these turn
+    /// rates; a calibration guarantees nothing about others. The robot's path may be arbitrary.
     ///
     /// # Errors
     /// The errors of [`motion::check_drive`].
@@ -88,22 +88,23 @@ impl Trajectory {
         &self.turn_rates
     }
 
-    /// The seed mixed with every bit of the trajectory: the same for the same trajectory, and as good as random
-    /// for another one, however little it differs.
+    /// Mixes the seed with every bit of the trajectory: equal trajectories give equal seeds, and
+    /// any difference gives an effectively random one.
     fn mixed_with(&self, seed: u64) -> u64 {
         let poses = self.states.iter().flat_map(|state| [state.human, state.robot]);
         let numbers = poses.flat_map(<[f64; 3]>::from).chain(self.turn_rates.iter().copied());
         numbers.fold(mixed(seed), |sum, number| mixed(sum ^ number.to_bits()))
     }
 
-    /// The first step in which the human turned, if there was one.
+    /// The first step in which the human turned, if any.
     #[must_use]
     pub fn onset(&self) -> Option<usize> {
         self.turn_rates.iter().position(|&rate| rate != 0.0)
     }
 }
 
-/// The output function of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): every bit depends on every bit.
+/// The output function of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): every output bit depends
+/// on every input bit.
 fn mixed(bits: u64) -> u64 {
     let bits = bits.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -120,7 +121,7 @@ pub struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    /// The window from `begin`, if that many steps are left.
+    /// The window from `begin`, if enough steps are left.
     #[must_use]
     pub fn new(trajectory: &'a Trajectory, begin: usize, steps: usize) -> Option<Self> {
         let fits = steps > 0 && begin + steps <= trajectory.steps();
@@ -133,7 +134,7 @@ impl<'a> Window<'a> {
         self.steps
     }
 
-    /// The step at which it begins, T_c.
+    /// The first step of the window, T_c.
     #[must_use]
     pub fn begin(&self) -> usize {
         self.begin
@@ -151,7 +152,7 @@ impl<'a> Window<'a> {
         &self.trajectory.turn_rates[..self.begin]
     }
 
-    /// The joint state now.
+    /// The current joint state.
     #[must_use]
     pub fn now(&self) -> JointState {
         self.trajectory.states[self.begin]
@@ -174,20 +175,20 @@ impl<'a> Window<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WindowChoice {
-    /// One from every step with enough steps left: several for each trajectory.
+    /// From every step with enough steps left: several per trajectory.
     EveryStep,
-    /// One for each trajectory, from a random step.
+    /// One per trajectory, from a random step.
     RandomOne {
         /// Seed of the random steps.
         seed: u64,
     },
-    /// One for each trajectory, from the first step in which the human turns. Trajectories without a
+    /// One per trajectory, from the first step in which the human turns. Trajectories without a
     /// turn, or with too few steps left, have none.
     AvoidanceOnset,
 }
 
 impl WindowChoice {
-    /// The choice as results name it.
+    /// Its name in results.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -197,15 +198,15 @@ impl WindowChoice {
         }
     }
 
-    /// Whether there is at most one window for each trajectory, so that windows are independent.
+    /// Whether there is at most one window per trajectory, so that windows are independent.
     #[must_use]
     pub fn is_single(self) -> bool {
         self != Self::EveryStep
     }
 
-    /// The windows of `steps` ≥ 1 steps, a list for each trajectory. A trajectory's random window
-    /// depends only on the seed and on the trajectory itself, bit by bit: not on its place in a list, which
-    /// would give the same steps to the calibration and to the test.
+    /// The windows of `steps` ≥ 1 steps, one list per trajectory. A trajectory's random window
+    /// depends only on the seed and on the bits of the trajectory, not on its index in a list,
+    /// which would give the same steps to calibration and test.
     #[must_use]
     pub fn windows(self, trajectories: &[Trajectory], steps: usize) -> Vec<Vec<Window<'_>>> {
         let of = |trajectory| {
@@ -257,7 +258,7 @@ mod tests {
         }
     }
 
-    /// Two parts of a split have their own steps, and a trajectory keeps its own in whatever list it is.
+    /// Two parts of a split have different steps, and a trajectory keeps its step in any list.
     #[test]
     fn random_steps_belong_to_trajectories_and_not_to_places() {
         let drives: Vec<Trajectory> = (0..400)
@@ -269,10 +270,10 @@ mod tests {
         };
         let (all, later) = (begins(&drives), begins(&drives[200..]));
         assert_eq!(all[200..], later);
-        // Of 200 pairs of 41 steps, about 5 agree by chance; today's places would make it 200.
+        // Of 200 pairs of 41 steps, about 5 agree by chance; selection by index would make it 200.
         let same = all.iter().zip(&later).filter(|(a, b)| a == b).count();
         assert!(same < 15, "{same}");
-        // As evenly as dice: χ² of 41 steps, 400 drives, has mean 40 and standard deviation 9.
+        // As uniform as dice: χ² of 41 steps and 400 drives has mean 40 and standard deviation 9.
         let expected = 400.0 / 41.0;
         let counts = (0..41).map(|step| all.iter().filter(|begin| **begin == step).count());
         let chi: f64 =

@@ -1,28 +1,30 @@
-//! The power of Wilcoxon's signed-rank test: how probably it shows an effect of a stated size.
+//! The power of Wilcoxon's signed-rank test: the probability that it shows an effect of a given
+//! size.
 
 use super::rank::is_shown;
 use crate::math::{SeededRng, cos, ln, sin};
 use core::f64::consts::TAU;
 
-/// How many samples are drawn. A power has a standard error of at most 0.005.
+/// Number of samples. A power has a standard error of at most 0.005.
 const DRAWS: usize = 10_000;
 
-/// The power of the test for 1 to some number of people, if differences are normally distributed with
-/// a mean of `effect` standard deviations. Samples are drawn with a fixed seed, and each is a sample
-/// of n people for every n at once; the null distribution is exact.
+/// The power of the test for 1 to some number of people, if differences are normally distributed
+/// with a mean of `effect` standard deviations. Samples are drawn with a fixed seed, and each
+/// serves every number of people n with its first n values; the null distribution is exact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PowerCurve {
-    /// For each number of people, from 1: the p-values below the level that the test can give, from
-    /// the least, each with the share of samples that give it or a lower one.
+    /// For each number of people, from 1: the possible p-values below the level, ascending, each
+    /// with the share of samples whose p-value is at most that.
     by_people: Vec<Vec<(f64, f64)>>,
 }
 
 impl PowerCurve {
-    /// For up to this many people. `effect` is d_z, the mean over the standard deviation.
+    /// The curve for up to `most_people` people. `effect` is d_z, the mean over the standard
+    /// deviation.
     #[must_use]
     pub fn of(effect: f64, most_people: usize) -> Self {
         let found = rank_sums(effect, most_people);
-        // In how many ways the ranks 1 to n have each sum.
+        // The number of subsets of the ranks 1 to n with each sum.
         let mut ways = vec![1.0];
         let by_people = found.into_iter().enumerate().map(|(i, counts)| {
             let rank = i + 1;
@@ -47,9 +49,9 @@ impl PowerCurve {
         Self { by_people: by_people.collect() }
     }
 
-    /// How probably this many people show the effect in a test whose p-value is multiplied by `family`, as
-    /// Holm's correction does with the least p-value of a family of so many tests. For more people than
-    /// the curve has, that of the most.
+    /// The probability that this many people show the effect in a test whose p-value is multiplied
+    /// by `family`, as Holm's correction does with the smallest p-value of a family of that size.
+    /// Above the curve's maximum number of people, the power at that maximum.
     #[must_use]
     pub fn power(&self, people: usize, family: usize) -> f64 {
         let Some(place) = people.min(self.by_people.len()).checked_sub(1) else { return 0.0 };
@@ -58,14 +60,14 @@ impl PowerCurve {
         shown.checked_sub(1).map_or(0.0, |last| of[last].1)
     }
 
-    /// The fewest people with at least this power; none if the most that the curve has do not suffice.
+    /// The fewest people with at least this power; none if the curve's maximum does not suffice.
     #[must_use]
     pub fn people(&self, power: f64, family: usize) -> Option<usize> {
         (1..=self.by_people.len()).find(|people| self.power(*people, family) >= power)
     }
 }
 
-/// For each number of people, in how many samples the ranks of positive differences have each sum.
+/// For each number of people: the number of samples by the rank sum of positive differences.
 fn rank_sums(effect: f64, most_people: usize) -> Vec<Vec<u32>> {
     let mut counts: Vec<Vec<u32>> =
         (1..=most_people).map(|n| vec![0; n * (n + 1) / 2 + 1]).collect();
@@ -75,7 +77,8 @@ fn rank_sums(effect: f64, most_people: usize) -> Vec<Vec<u32>> {
         sample.clear();
         let mut sum = 0;
         while sample.len() < most_people {
-            // Two numbers by Box and Muller (Annals of Mathematical Statistics 29, 1958).
+            // The Box–Muller transform gives two numbers (Annals of Mathematical Statistics 29,
+            // 1958).
             let (radius, angle) = ((-2.0 * ln(1.0 - rng.unit())).sqrt(), TAU * rng.unit());
             for normal in [radius * cos(angle), radius * sin(angle)] {
                 if sample.len() == most_people {
@@ -83,7 +86,7 @@ fn rank_sums(effect: f64, most_people: usize) -> Vec<Vec<u32>> {
                 }
                 let new = effect + normal;
                 sample.push(new);
-                // The sum is the number of positive means of pairs (Tukey); these are the new ones.
+                // The sum is the number of positive pairwise means (Tukey); these are the new ones.
                 sum += sample.iter().map(|of| usize::from(of + new > 0.0)).sum::<usize>();
                 counts[sample.len() - 1][sum] += 1;
             }
@@ -97,7 +100,7 @@ mod tests {
     use super::*;
     use crate::stats::{rank::wilcoxon, upper_tail};
 
-    /// With so few people that all must gain, or all lose, power is a power of Φ(d).
+    /// If all people must gain, or all lose, power is a power of Φ(d).
     #[test]
     fn the_least_sample_that_can_show_something_has_a_closed_form() {
         let curve = PowerCurve::of(0.8, 12);
@@ -113,14 +116,14 @@ mod tests {
         assert_eq!(PowerCurve::of(0.8, 0).power(5, 1), 0.0);
     }
 
-    /// Without an effect the power is the test's level: for n = 8, P(W ≤ 3) = 5/256 each side.
+    /// Without an effect, the power is the test's level: for n = 8, P(W ≤ 3) = 5/256 per side.
     #[test]
     fn without_an_effect_it_is_the_level() {
         let curve = PowerCurve::of(0.0, 8);
         assert!((curve.power(8, 1) - 10.0 / 256.0).abs() < 0.006, "{}", curve.power(8, 1));
     }
 
-    /// The published test decides each of other samples, one by one.
+    /// Applies the published test to each of a different set of samples.
     #[test]
     fn it_is_the_share_of_samples_that_the_test_rejects() {
         let curve = PowerCurve::of(0.8, 30);

@@ -1,9 +1,9 @@
 //! Rank tests of whether one list of numbers tends to be higher than another, and Holm's correction
 //! for several tests.
 //!
-//! p-values are two-sided. For few numbers they are exact, also with ties: dynamic programming counts
-//! all assignments of the observed ranks. For many numbers they are the normal approximation with the
-//! correction for ties, as in `scipy.stats`.
+//! p-values are two-sided. For short lists they are exact, even with ties: dynamic programming
+//! counts all assignments of the observed ranks. For long lists they are the normal approximation
+//! with the correction for ties, as in `scipy.stats`.
 
 mod signed;
 
@@ -12,26 +12,27 @@ pub use signed::{SignedRank, hodges_lehmann, rank_biserial, wilcoxon};
 use super::upper_tail;
 use crate::invalid::{Invalid, all_finite};
 
-/// Most numbers, of both lists together, for which p-values are exact. For more numbers, the normal
-/// approximation is accurate to about 10⁻³ of a p-value that is not tiny.
+/// The maximum total number of values for exact p-values. Above it, the normal approximation is
+/// accurate to about 10⁻³, unless the p-value is tiny.
 const MOST_COUNTED: usize = 60;
 
 /// Numbers that differ by at most this are tied, so that rounding does not separate equal
-/// proportions. A difference of at most this is none.
+/// proportions. A difference of at most this counts as zero.
 pub(crate) const TIE: f64 = 1e-12;
 
-/// A difference is shown where [`is_shown`] says so: where the p-value is below this.
+/// The significance level: [`is_shown`] requires a p-value below this.
 pub const LEVEL: f64 = 0.05;
 
-/// Whether a test with this p-value rejects: p < [`LEVEL`]. Verdicts and intervals ask only this.
+/// Whether a test with this p-value rejects: p < [`LEVEL`]. Verdicts and intervals use only this.
 #[must_use]
 pub fn is_shown(p: f64) -> bool {
     p < LEVEL
 }
 
-/// The p-value of the Mann–Whitney test (Annals of Mathematical Statistics 18, 1947): the probability
-/// that a random split of the numbers gives rank sums at least as far apart. Exact up to 60 numbers;
-/// above, normal with corrections for ties and continuity. 1 if all numbers are equal.
+/// The p-value of the Mann–Whitney test (Annals of Mathematical Statistics 18, 1947): the
+/// probability that a random split of the numbers gives rank sums at least as far apart. Exact up
+/// to 60 numbers; above that, normal with corrections for ties and continuity. 1 if all numbers are
+/// equal.
 ///
 /// # Errors
 /// [`Invalid`] if a list is empty or a number is not finite.
@@ -73,8 +74,8 @@ fn check(field: &str, numbers: &[f64]) -> Result<(), Invalid> {
     all_finite(field, numbers)
 }
 
-/// Twice the rank of each number, from 2. Tied numbers share the mean of their ranks, which becomes
-/// whole by doubling.
+/// Twice the rank of each number, from 2. Tied numbers share their mean rank, which doubling makes
+/// an integer.
 fn doubled_ranks(numbers: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..numbers.len()).collect();
     order.sort_by(|&i, &j| numbers[i].total_cmp(&numbers[j]));
@@ -96,11 +97,11 @@ fn tie_term(ranks: &[usize]) -> f64 {
     groups.map(|t| t * t * t - t).sum()
 }
 
-/// The number of ways in which `count` of the `ranks` have each sum. Counts are exact below 2⁵³, have
-/// a relative error of 10⁻¹⁴ above, and stay far below the largest double.
+/// The number of ways to choose `count` of the `ranks` with each sum. Counts are exact below 2⁵³,
+/// have a relative error of 10⁻¹⁴ above, and stay far below the largest double.
 fn ways_to_choose(ranks: &[usize], count: usize) -> Vec<f64> {
     let most: usize = ranks.iter().sum();
-    // Indexed by how many ranks were chosen, then by their sum.
+    // Indexed by the number of chosen ranks, then by their sum.
     let mut ways = vec![vec![0.0; most + 1]; count + 1];
     ways[0][0] = 1.0;
     for &rank in ranks {
@@ -114,7 +115,7 @@ fn ways_to_choose(ranks: &[usize], count: usize) -> Vec<f64> {
     ways.swap_remove(count)
 }
 
-/// The number of ways in which some of the `ranks`, those with a positive sign, have each sum.
+/// The number of ways to choose ranks with a positive sign so that they have each sum.
 fn ways_to_sign(ranks: &[usize]) -> Vec<f64> {
     let mut ways = vec![0.0; ranks.iter().sum::<usize>() + 1];
     ways[0] = 1.0;
@@ -126,7 +127,7 @@ fn ways_to_sign(ranks: &[usize]) -> Vec<f64> {
     ways
 }
 
-/// Twice the smaller tail at `found`, which both tails include.
+/// Twice the smaller tail at `found`; both tails include `found`.
 fn two_sided(ways: &[f64], found: usize) -> f64 {
     let total: f64 = ways.iter().sum();
     let below: f64 = ways[..=found].iter().sum();
@@ -170,8 +171,8 @@ mod tests {
         }
     }
 
-    /// `scipy.stats` 1.17: `mannwhitneyu` (exact without ties), `wilcoxon` (exact), the permutation
-    /// distribution where there are ties, and the normal approximations of the long lists.
+    /// Values of `scipy.stats` 1.17: `mannwhitneyu` (exact without ties), `wilcoxon` (exact), the
+    /// permutation distribution if there are ties, and the normal approximation for the long lists.
     #[test]
     fn values_of_scipy() {
         let (a, b) = (
@@ -191,7 +192,7 @@ mod tests {
         close(wilcoxon(&x, &y).unwrap(), 0.459935289754249, 1e-9);
     }
 
-    /// Every split, and every choice of signs, by hand.
+    /// Compares with an enumeration of every split and every choice of signs.
     #[test]
     fn counting_is_enumeration() {
         let mut rng = SeededRng::new(7);
@@ -230,7 +231,7 @@ mod tests {
         assert_eq!(wilcoxon(&a, &a).unwrap(), 1.0);
     }
 
-    /// Differences that are the same but for rounding.
+    /// Differences that are equal up to rounding.
     #[test]
     fn equal_differences_are_tied() {
         let first = [0.3, 0.8, 0.7, 0.2];

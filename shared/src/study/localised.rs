@@ -1,4 +1,4 @@
-//! Text that a researcher writes in several languages.
+//! Researchers' texts in several languages.
 
 use crate::invalid::Invalid;
 use core::fmt;
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 #[serde(transparent)]
 pub struct Localised(pub BTreeMap<String, String>);
 
-/// A fact about the study: one text for everybody, such as a name, or a text by language.
+/// A fact about the study: one text for all languages, such as a name, or a text by language.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Fact {
@@ -59,7 +59,7 @@ impl<'de> Deserialize<'de> for Fact {
 }
 
 impl Fact {
-    /// The text for somebody who reads `language`; else that of `fallback`, else any.
+    /// The text in `language`, otherwise in `fallback`, otherwise in any language.
     #[must_use]
     pub fn get(&self, language: &str, fallback: &str) -> &str {
         match self {
@@ -68,7 +68,7 @@ impl Fact {
         }
     }
 
-    /// The texts, if there is one for each language.
+    /// The texts by language, if they differ.
     #[must_use]
     pub fn by_language(&self) -> Option<&Localised> {
         match self {
@@ -77,7 +77,7 @@ impl Fact {
         }
     }
 
-    /// Accepts texts of at most `most` characters, none of them hidden.
+    /// Accepts texts of at most `most` characters, without hidden ones.
     ///
     /// # Errors
     /// [`Invalid`] naming the field or the language.
@@ -89,7 +89,7 @@ impl Fact {
     }
 }
 
-/// Accepts a text of at most `most` characters, none of them hidden.
+/// Accepts a text of at most `most` characters, without hidden ones.
 pub(super) fn check_length(field: &str, text: &str, most: usize) -> Result<(), Invalid> {
     check_visible(field, text)?;
     let count = text.chars().count();
@@ -111,8 +111,8 @@ pub fn is_language(tag: &str) -> bool {
         })
 }
 
-/// The best of the `offered` languages for somebody who reads `wanted`: the same tag, else one of the
-/// same first part (`de` for `de-AT`, `zh-CN` for `zh-TW`).
+/// The best of the `offered` languages for `wanted`: the same tag, otherwise one with the same
+/// primary subtag (`de` for `de-AT`, `zh-CN` for `zh-TW`).
 #[must_use]
 pub fn closest_language<'a>(
     offered: impl Iterator<Item = &'a str> + Clone,
@@ -123,8 +123,8 @@ pub fn closest_language<'a>(
     same.or_else(|| offered.clone().find(|tag| first(tag) == first(wanted)))
 }
 
-/// Accepts a text without control characters (but line breaks and tabs) and without characters that
-/// reverse the direction of what follows: people would read something else than what is stored.
+/// Accepts a text without control characters (except line breaks and tabs) and without
+/// bidirectional overrides, which would make the displayed text differ from the stored one.
 ///
 /// # Errors
 /// [`Invalid`] naming the character.
@@ -160,13 +160,13 @@ impl Localised {
         self.0.is_empty()
     }
 
-    /// The text for somebody who reads `language`; else that of `fallback`, else any.
+    /// The text in `language`, otherwise in `fallback`, otherwise in any language.
     #[must_use]
     pub fn get(&self, language: &str, fallback: &str) -> &str {
         self.find(language, fallback).map_or("", |(_, text)| text)
     }
 
-    /// The same text with its language, if there is any.
+    /// The text of [`Self::get`] with its language, if there is any.
     #[must_use]
     pub fn find(&self, language: &str, fallback: &str) -> Option<(&str, &str)> {
         let languages = || self.0.keys().map(String::as_str);
@@ -200,8 +200,8 @@ impl Localised {
         Ok(())
     }
 
-    /// Accepts a text that differs from each of the `others` in every language: people could not tell
-    /// equal options apart.
+    /// Accepts a text that differs from each of the `others` in every language: participants could
+    /// not distinguish equal options.
     ///
     /// # Errors
     /// [`Invalid`] naming the language.
@@ -213,7 +213,7 @@ impl Localised {
         for other in others {
             for (language, text) in &self.0 {
                 if other.0.get(language).is_some_and(|known| known.trim() == text.trim()) {
-                    let expected = "another text than the options before";
+                    let expected = "a text that differs from the options before";
                     return Err(Invalid::new(
                         format!("{field}.{language}"),
                         expected,
@@ -225,7 +225,7 @@ impl Localised {
         Ok(())
     }
 
-    /// As [`Self::check`], for a text that must be there.
+    /// As [`Self::check`], for a required text.
     ///
     /// # Errors
     /// [`Invalid`] naming the field or the language.

@@ -1,13 +1,13 @@
-//! Values of a study file that are valid but almost certainly mistakes: degrees for radians, which are refused,
-//! and a recruiting service without a way back to it, which is only said.
+//! Plausibility checks of a study file: likely mistakes, such as degrees for radians, are errors; a recruiting
+//! service without a return URL is only a warning.
 
 use super::StudyConfig;
 use crate::invalid::Invalid;
 use crate::math::{PI, TAU};
 
 impl StudyConfig {
-    /// Accepts parameters that a study with people can have. [`StudyConfig::check`] accepts more, since
-    /// recordings from elsewhere may have other parameters.
+    /// Accepts plausible parameters for a study with people. [`StudyConfig::check`] accepts more,
+    /// because recordings from elsewhere may have other parameters.
     ///
     /// # Errors
     /// [`Invalid`] naming the field, with the likely mistake.
@@ -50,17 +50,18 @@ impl StudyConfig {
         Ok(())
     }
 
-    /// What is probably forgotten, though the study can run without it: the field, and what follows.
+    /// Probably forgotten optional fields, with the consequence of each.
     #[must_use]
     pub fn forgotten(&self) -> Vec<(&'static str, String)> {
         let recruitment = &self.recruitment;
         let mut found = Vec::new();
         if recruitment.require_external_id && recruitment.completed_url.is_empty() {
-            let what = "none is given, so participants whom a recruiting service sends must enter \
+            let what = "none is given, so participants from a recruiting service must enter \
                         their completion code there themselves";
             found.push(("recruitment.completed_url", what.to_owned()));
         }
-        // Whoever sends people back when they have finished has a service to send the others to.
+        // A URL for finished participants implies a recruiting service that the others can return
+        // to.
         if !recruitment.completed_url.is_empty() {
             let is_missing = |(field, url): &(&str, &str)| {
                 url.is_empty() && (*field != "full_url" || recruitment.quota > 0)
@@ -69,7 +70,7 @@ impl StudyConfig {
             let missing: Vec<_> = missing.map(|(field, _)| field).collect();
             if !missing.is_empty() {
                 let what = format!(
-                    "no {}, so people whose participation ends so read why, without a way back",
+                    "no {}, so people whose participation ends this way see the reason, but no link back",
                     missing.join(", ")
                 );
                 found.push(("recruitment", what));
@@ -95,7 +96,8 @@ mod tests {
         let url = "https://app.prolific.com/submissions/complete";
         study.recruitment.completed_url = url.into();
         study.check().unwrap();
-        // Whoever ends in another way has none; no quota, no full study.
+        // The URLs for all other endings are missing, except `full_url`: without a quota, the study
+        // is never full.
         let [(field, what)] = &study.forgotten()[..] else { panic!("{:?}", study.forgotten()) };
         assert_eq!(*field, "recruitment");
         assert!(

@@ -1,5 +1,5 @@
-//! What happens around the scenes: consent, the check of understanding, the course of a trial, the
-//! closing page.
+//! The protocol around the scenes: consent, the check of understanding, the course of a trial, and
+//! the closing page.
 
 use super::localised::{Fact, Localised};
 use crate::invalid::Invalid;
@@ -11,8 +11,8 @@ const MAX_MARKDOWN: usize = 20_000;
 /// Longest sentence, characters.
 pub(super) const MAX_SENTENCE: usize = 500;
 
-/// Who is responsible for the study, and what participants agree to. The page shows the parts that are
-/// given. If `text` is missing, the page shows Sidestep's own text.
+/// Responsible people and the consent text. The page shows the given parts. If `text` is missing, the
+/// page shows Sidestep's own text.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Consent {
@@ -20,18 +20,18 @@ pub struct Consent {
     pub investigator: Fact,
     /// University or company.
     pub institution: Fact,
-    /// How to reach the investigator: an e-mail address or a telephone number.
+    /// Contact of the investigator: an e-mail address or a telephone number.
     pub contact: Fact,
     /// Number of the ethics approval.
     pub ethics: Fact,
-    /// How long the data are kept, and where.
+    /// Retention period and storage location of the data.
     pub retention: Fact,
     /// The researcher's own text, Markdown, by language.
     pub text: Localised,
 }
 
 impl Consent {
-    /// The facts by the names of their fields, without the text.
+    /// The facts by field name, without the text.
     #[must_use]
     pub fn facts(&self) -> [(&'static str, &Fact); 5] {
         [
@@ -60,13 +60,13 @@ pub struct Comprehension {
     pub standard: bool,
     /// Further questions.
     pub questions: Vec<CheckQuestion>,
-    /// How many of these questions each participant is asked, drawn at random, 0 to 26; Sidestep has six
-    /// of its own to draw from. Default 0: every question, of Sidestep's the first three.
+    /// Number of questions drawn at random for each participant, 0 to 26; Sidestep contributes six.
+    /// Default 0: all questions, of Sidestep's own the first three.
     pub draw: usize,
-    /// What follows an attempt with a wrong answer. Default: `mark`.
+    /// Consequence of an attempt with a wrong answer. Default: `mark`.
     pub after_wrong: AfterWrong,
     /// After this many attempts with a wrong answer, the participation ends and counts as screened
-    /// out, 0 to 20. Default 0: as many attempts as it takes.
+    /// out, 0 to 20. Default 0: unlimited attempts.
     pub attempts: usize,
 }
 
@@ -82,7 +82,7 @@ impl Default for Comprehension {
     }
 }
 
-/// What follows an attempt at the check of understanding with a wrong answer.
+/// Consequence of an attempt at the check of understanding with a wrong answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -90,8 +90,8 @@ pub enum AfterWrong {
     /// Each answer is marked as right or wrong; the participant changes the wrong ones.
     #[default]
     Mark,
-    /// The participant is not told which answer was wrong, and answers anew: questions are drawn again,
-    /// and options are in another order.
+    /// The page does not reveal the wrong answer, and the participant starts again: questions are
+    /// redrawn, and options are in another order.
     Renew,
     /// The same, after the participant has read the instructions again.
     Reread,
@@ -112,7 +112,7 @@ impl AfterWrong {
     }
 }
 
-/// How many questions Sidestep has of its own; the first three are asked unless some are drawn.
+/// Number of Sidestep's own questions; the first three are asked unless questions are drawn.
 const STANDARD_QUESTIONS: usize = 6;
 
 /// A question with one right answer.
@@ -123,12 +123,12 @@ pub struct CheckQuestion {
     pub text: Localised,
     /// The answers, by language: 2 to 8.
     pub options: Vec<Localised>,
-    /// Place of the right answer, from 0.
+    /// Index of the right answer, from 0.
     pub answer: usize,
 }
 
 impl Comprehension {
-    /// Whether participants are asked different questions, or options in different orders.
+    /// Whether questions or the order of options differ between participants.
     #[must_use]
     pub fn is_drawn(&self) -> bool {
         self.draw > 0 || self.after_wrong != AfterWrong::Mark
@@ -150,7 +150,7 @@ impl Comprehension {
         let all = self.questions.len() + if self.standard { STANDARD_QUESTIONS } else { 0 };
         if self.draw > all {
             let expected =
-                format!("a whole number from 0 to {all}, as many as there are to draw from");
+                format!("a whole number from 0 to {all}, the number of available questions");
             return Err(Invalid::new("comprehension.draw", expected, self.draw));
         }
         for (i, question) in self.questions.iter().enumerate() {
@@ -179,18 +179,17 @@ impl Comprehension {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct TrialSettings {
-    /// Seconds that are counted down over the still scene before it starts, a whole number from 1 to
+    /// Countdown over the still scene before it starts, a whole number of seconds from 1 to
     /// 10. Default: 3.
     pub countdown_s: u32,
-    /// Seconds for which the last picture stays, 0 to 5. Default: 0.6.
+    /// Time for which the last picture stays, s, 0 to 5. Default: 0.6.
     pub end_s: f64,
-    /// Seconds for which it stays at least, counted from when it is shown, in phases whose scenes end with
-    /// feedback: 1.5 to 10. Default: 1.5.
+    /// Minimum time for which it stays in phases with feedback, from when it is shown, s, 1.5 to 10. Default: 1.5.
     pub feedback_s: f64,
-    /// Whether an interrupted trial is driven again after all others, as a further attempt. The first
-    /// attempt is kept. Default: false.
+    /// Whether the participant drives an interrupted trial again after all others, as a further
+    /// attempt. The first attempt is kept. Default: false.
     pub repeat_interrupted: bool,
-    /// A rest is offered after every so many tasks; 0: never. Default: 10.
+    /// Number of tasks after which the page offers a rest; 0: never. Default: 10.
     pub rest_after: usize,
     /// Whether the scenes ask for the full screen. Default: true. A participant may decline.
     pub fullscreen: bool,
@@ -210,7 +209,7 @@ impl Default for TrialSettings {
 }
 
 impl TrialSettings {
-    /// For how long the last picture of a scene stays, s, with feedback or without it.
+    /// Time for which the last picture of a scene stays, s, with or without feedback.
     #[must_use]
     pub fn stays_s(&self, feedback: bool) -> f64 {
         if feedback { self.end_s.max(self.feedback_s) } else { self.end_s }

@@ -6,7 +6,7 @@ use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// What an answer is.
+/// Type of the answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -25,7 +25,7 @@ pub enum QuestionKind {
 pub struct Question {
     /// Name of the column in exports: lower-case letters, digits and underscores.
     pub name: String,
-    /// What an answer is.
+    /// Type of the answer.
     pub kind: QuestionKind,
     /// The question, by language.
     pub text: Localised,
@@ -41,10 +41,10 @@ pub struct Question {
     /// Highest number of a scale; at most 20 above the lowest. Default: 7.
     #[serde(default = "seven")]
     pub to: i64,
-    /// What the lowest number of a scale means, by language.
+    /// Label of the lowest number of a scale, by language.
     #[serde(default)]
     pub low: Localised,
-    /// What the highest number of a scale means, by language.
+    /// Label of the highest number of a scale, by language.
     #[serde(default)]
     pub high: Localised,
     /// Longest text, characters, 1 to 10000. Default: 2000.
@@ -116,7 +116,7 @@ impl Question {
         self.check_unused()
     }
 
-    /// Accepts a question without fields of another kind, which would have no effect.
+    /// Rejects fields of another kind, which would have no effect.
     fn check_unused(&self) -> Result<(), Invalid> {
         use QuestionKind::{Choice, Scale, Text};
         let fields = [
@@ -160,7 +160,7 @@ impl Question {
                 }
                 let is_hidden = |c: char| c.is_control() && !matches!(c, '\n' | '\r' | '\t');
                 if text.chars().any(is_hidden) {
-                    let expected = "no control characters but line breaks";
+                    let expected = "no control characters except line breaks";
                     return refuse(expected.to_owned(), "a control character".to_owned());
                 }
                 Ok(())
@@ -183,7 +183,7 @@ impl Question {
                         format!("a whole number from {} to {}", self.from, self.to)
                     }
                 };
-                // The answer itself is not repeated: it may be personal.
+                // The error does not repeat the answer, which may be personal.
                 let found = match answer {
                     Value::Null => "null",
                     Value::Bool(_) => "true or false",
@@ -198,7 +198,7 @@ impl Question {
     }
 }
 
-/// Accepts a word that can be a column's name or value.
+/// Accepts a word that can be a column name or a value in exports.
 fn check_word(field: &str, word: &str) -> Result<(), Invalid> {
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     if !(1..=40).contains(&word.len()) || !word.chars().all(fits) {

@@ -1,44 +1,44 @@
-//! How people reach the study and where they go afterwards.
+//! Recruiting service: links to the study and return URLs.
 
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
-/// How people reach the study and where they go afterwards.
+/// Recruiting service: links to the study and return URLs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Recruitment {
-    /// Parameters of the address that may hold the recruiting service's id of the person; the first
-    /// that is given counts. Default: `external_id`, Prolific's `PROLIFIC_PID`, MTurk's `workerId`,
+    /// URL parameters that may hold the person's id at the recruiting service; the first one
+    /// present counts. Default: `external_id`, Prolific's `PROLIFIC_PID`, MTurk's `workerId`,
     /// SONA's `survey_code`.
     pub external_id: Vec<String>,
-    /// Whether a person without such an id is refused. Default: false.
+    /// Whether a person without this id is refused. Default: false.
     pub require_external_id: bool,
-    /// Further parameters of the address that are stored with the participant. Default: Prolific's
-    /// `STUDY_ID` and `SESSION_ID`, MTurk's `assignmentId` and `hitId`.
+    /// Further URL parameters that are stored with the participant. Default: Prolific's `STUDY_ID`
+    /// and `SESSION_ID`, MTurk's `assignmentId` and `hitId`.
     pub record: Vec<String>,
-    /// Hosts that return links may lead to. Default: none.
+    /// Allowed hosts of return URLs. Default: none.
     pub return_hosts: Vec<String>,
-    /// Where a person goes with a completion code, an https address on one of `return_hosts`;
-    /// `{code}` and `{external_id}` are filled in. Empty: nowhere.
+    /// Return URL after completion: an https URL on one of `return_hosts`, in which `{code}` and
+    /// `{external_id}` are filled in. Empty: none.
     pub completed_url: String,
-    /// Where a person goes who was screened out. As `completed_url`, without `{code}`.
+    /// Return URL for people who were screened out. As `completed_url`, without `{code}`.
     pub screened_out_url: String,
-    /// Where a person goes who withdrew. As `completed_url`, without `{code}`.
+    /// Return URL for people who withdrew. As `completed_url`, without `{code}`.
     pub withdrawn_url: String,
-    /// Where a person goes who has finished, and opens the study again in a browser that does not know
-    /// their code. As `completed_url`, without `{code}`: anybody who knows the person's id gets it.
+    /// Return URL for people who have finished and open the study again in a browser that does not
+    /// have their code. As `completed_url`, without `{code}`, because anybody who knows the person's
+    /// id gets this URL.
     pub finished_url: String,
-    /// Where a person goes who comes when the study is full. As `completed_url`, without `{code}`.
+    /// Return URL when the study is full. As `completed_url`, without `{code}`.
     pub full_url: String,
-    /// Where a person goes who comes when the study is closed or archived. As `completed_url`, without
-    /// `{code}`.
+    /// Return URL when the study is closed or archived. As `completed_url`, without `{code}`.
     pub closed_url: String,
-    /// Most participants who complete; 0: no limit. Pilots and people who withdrew or were screened
-    /// out do not count. Default: 0.
+    /// Maximum number of completed participants; 0: no limit. Pilots and people who withdrew or
+    /// were screened out do not count. Default: 0.
     pub quota: u64,
-    /// A participant who has not finished holds a place of the quota for this many minutes after the
-    /// server last stored something of them, 1 to 10080 (a week). A participant who comes back later
-    /// can still finish. Default: 60.
+    /// Minutes for which an unfinished participant holds a place in the quota after the server last
+    /// stored data of them, 1 to 10080 (a week). A participant who returns later can still finish.
+    /// Default: 60.
     pub hold_min: f64,
 }
 
@@ -103,7 +103,7 @@ impl Recruitment {
         Ok(())
     }
 
-    /// The addresses for people who get no code, by the names of their fields.
+    /// The return URLs for people without a code, by field name.
     #[must_use]
     pub fn early_urls(&self) -> [(&'static str, &str); 5] {
         [
@@ -115,7 +115,7 @@ impl Recruitment {
         ]
     }
 
-    /// Accepts no address, or an https address on one of the return hosts.
+    /// Accepts an empty URL or an https URL on one of the return hosts.
     fn check_url(&self, field: &str, url: &str, places: &[&str]) -> Result<(), Invalid> {
         if url.is_empty() {
             return Ok(());
@@ -144,8 +144,8 @@ impl Recruitment {
         Ok(())
     }
 
-    /// The address with the code and the external id filled in, percent-encoded; none if no address is
-    /// set, or one of them is missing.
+    /// The URL with the code and the external id filled in, percent-encoded; `None` if the URL is
+    /// empty or a required value is missing.
     #[must_use]
     pub fn filled(url: &str, code: Option<&str>, external_id: Option<&str>) -> Option<String> {
         if url.is_empty() {
@@ -155,12 +155,12 @@ impl Recruitment {
             Some(text) => Some(url.replace(place, &percent_encoded(text))),
             None => (!url.contains(place)).then_some(url),
         };
-        // The id is filled in last: what it contains is not filled in again.
+        // The id is filled in last, so that placeholders in it are not expanded.
         fill(fill(url.to_owned(), "{code}", code)?, "{external_id}", external_id)
     }
 }
 
-/// A text as a part of an address: everything but letters, digits and `-._~` as `%XX`.
+/// Percent-encodes everything except letters, digits and `-._~`.
 fn percent_encoded(text: &str) -> String {
     let mut encoded = String::with_capacity(text.len());
     for byte in text.bytes() {
@@ -176,26 +176,25 @@ fn percent_encoded(text: &str) -> String {
     encoded
 }
 
-/// Whether a text without white space around it can be the id of a person at a recruiting service; see
-/// [`normalised_id`].
+/// Whether a trimmed text can be a person's id at a recruiting service; see [`normalised_id`].
 #[must_use]
 pub fn is_id(text: &str) -> bool {
     let fits = |byte: u8| byte.is_ascii_alphanumeric() || b" -_.@:+=/~".contains(&byte);
     (1..=MAX_ID_CHARS).contains(&text.len()) && text.bytes().all(fits)
 }
 
-/// The id of a person at a recruiting service as it is compared: without white space around it, in
-/// lower case, so that `P1`, `p1` and ` P1 ` are one person. Services' ids are ASCII; other letters can
-/// be written in several ways that look the same.
+/// Normalizes a person's id at a recruiting service for comparison: trimmed and in lower case, so that
+/// `P1`, `p1` and ` P1 ` are one person. Services' ids are ASCII; other letters have several encodings
+/// that look the same.
 ///
 /// # Errors
-/// [`Invalid`] for an id that is empty, too long, or has other characters than the letters A to Z,
+/// [`Invalid`] for an id that is empty, too long, or has characters other than the letters A to Z,
 /// digits, spaces and `-_.@:+=/~`.
 pub fn normalised_id(field: &str, id: &str) -> Result<String, Invalid> {
     let id = id.trim();
     let count = id.chars().count();
     if !(1..=MAX_ID_CHARS).contains(&count) {
-        let expected = format!("1 to {MAX_ID_CHARS} characters besides white space around them");
+        let expected = format!("1 to {MAX_ID_CHARS} characters without surrounding white space");
         return Err(Invalid::new(field, expected, format!("{count}")));
     }
     if !is_id(id) {

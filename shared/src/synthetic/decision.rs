@@ -1,4 +1,5 @@
-//! Which key a person holds, given what they see: a noisy leaky accumulator with two thresholds.
+//! The key that a person holds, given their percepts: a noisy leaky accumulator with two
+//! thresholds.
 
 use super::perception::{Percept, Sight, logistic};
 use super::person::Person;
@@ -8,40 +9,41 @@ use crate::scene::{JointState, SceneParameters};
 use crate::vehicle::TurnInput;
 use std::collections::VecDeque;
 
-/// Time constants of the errors of perception and of the activation, s.
+/// Time constants of perception errors and of the activation, s.
 const NOISE_S: f64 = 0.6;
 const LEAK_S: f64 = 0.35;
 /// Minimum time between pressing and releasing a key, s. Times are multiples of the tick in
-/// floating point: three ticks may fall short of it in the last digit, and then a fourth is
-/// needed. The reference's drives depend on that.
+/// floating point: three ticks may fall short of it in the last digit, so that a fourth is needed.
+/// The reference's drives depend on this.
 const REFRACTORY_S: f64 = 0.15;
-/// A person who chooses a side compares imagined turns by this angle to either side, rad.
+/// To choose a side, a person compares imagined turns by this angle to either side, rad.
 const IMAGINED_RAD: f64 = 0.4;
-/// How strongly the side chosen last is preferred.
+/// Strength of the preference for the previous side.
 const STICKINESS: f64 = 2.0;
-/// A person may change sides once the predicted distance has fallen by this since the press, m.
+/// A person may change sides once the predicted distance has fallen by this much since the press,
+/// m.
 const WORSE_M: f64 = 0.5;
 
-/// A person at the keys, during one trial.
+/// A person at the keyboard, during one trial.
 pub(super) struct Decision<'a> {
     person: Person,
     parameters: &'a SceneParameters,
     tick_s: f64,
     stream: Stream,
-    /// The states from one lag of perception ago to now.
+    /// The states from one perception lag ago to now.
     seen: VecDeque<JointState>,
     lag_ticks: usize,
     noise: [f64; 2],
     activation: f64,
     finger: Finger,
-    /// −1, 0 or 1: the side chosen last.
+    /// The previous side: −1, 0 or 1.
     last_side: f64,
 }
 
-/// What the finger does.
+/// State of the finger.
 #[derive(Clone, Copy, Debug)]
 enum Finger {
-    /// No key is down since then, s.
+    /// No key has been down since then, s.
     Up { since_s: f64 },
     /// A key is down.
     Down(Press),
@@ -51,11 +53,11 @@ enum Finger {
 struct Press {
     side: TurnInput,
     since_s: f64,
-    /// The predicted distance when it went down, m.
+    /// The predicted distance at the press, m.
     predicted_m: f64,
-    /// How much longer than needed it is held, s; none for a lapse, whose end is fixed.
+    /// Extra time to hold it after it is no longer needed, s; none for a lapse, whose end is fixed.
     overhold_s: Option<f64>,
-    /// When it is released, s, once that is decided.
+    /// The time of release, s, once decided.
     until_s: Option<f64>,
 }
 
@@ -80,8 +82,8 @@ impl<'a> Decision<'a> {
         }
     }
 
-    /// The key that is held from `t_s` to the next tick. Call it once for each tick, in order;
-    /// it draws random numbers in the reference's order.
+    /// The key held from `t_s` to the next tick. Call it once per tick, in order; it draws random
+    /// numbers in the reference's order.
     pub(super) fn key(&mut self, t_s: f64, state: &JointState) -> TurnInput {
         self.seen.push_back(*state);
         if self.seen.len() > self.lag_ticks + 1 {

@@ -1,14 +1,14 @@
-//! The reference's own scenes, drawn by rejection. Studies use those of [`crate::scene`].
+//! The reference's scenes, drawn by rejection. Studies use those of [`crate::scene`].
 
 use super::stream::Stream;
 use crate::math::{PI, hypot, sin_cos};
 use crate::scene::{JointState, Scene, SceneParameters};
 use crate::vehicle::{Pose, TurnInput};
 
-/// Interval between two checked distances, s.
+/// Interval between distance checks, s.
 const LOOK_S: f64 = 0.05;
 
-/// The next admissible scene.
+/// Draws the next admissible scene.
 pub(super) fn draw(parameters: &SceneParameters, stream: &mut Stream) -> Scene {
     loop {
         let drawn = Drawn::next(stream);
@@ -22,13 +22,13 @@ pub(super) fn draw(parameters: &SceneParameters, stream: &mut Stream) -> Scene {
 struct Drawn {
     /// The robot's heading, rad.
     robot_psi: f64,
-    /// The human's heading less the robot's, rad.
+    /// The human's heading minus the robot's, rad.
     approach_rad: f64,
-    /// When the two are closest if nobody turns, s.
+    /// Time of the closest approach if nobody turns, s.
     closest_s: f64,
-    /// At which signed distance, m.
+    /// Signed distance at that time, m.
     miss_m: f64,
-    /// The position of the robot halfway, m.
+    /// The robot's position halfway, m.
     centre: [f64; 2],
 }
 
@@ -43,8 +43,8 @@ impl Drawn {
         }
     }
 
-    /// The scene; none if the vehicles start too close, too far apart or nearly parallel, if the
-    /// human reaches the danger zone too early, misses it anyway or cannot escape it.
+    /// The scene; none if the vehicles start too close, too far apart or nearly parallel, or if the
+    /// human reaches the danger zone too early, misses it without turning or cannot escape it.
     fn scene(&self, parameters: &SceneParameters) -> Option<Scene> {
         let radius = parameters.danger_radius_m;
         let human_psi = self.robot_psi + self.approach_rad;
@@ -54,7 +54,7 @@ impl Drawn {
         let w =
             [v_robot * robot_cos - v_human * human_cos, v_robot * robot_sin - v_human * human_sin];
         let closing = hypot(w[0], w[1]);
-        // The robot's start relative to the human's: the miss vector, taken back along w.
+        // The robot's start relative to the human's: the miss vector, moved back along w.
         let apart = [
             -self.miss_m * w[1] / closing - w[0] * self.closest_s,
             self.miss_m * w[0] / closing - w[1] * self.closest_s,
@@ -84,8 +84,8 @@ impl Drawn {
     }
 }
 
-/// Smallest distance, m, when the human holds `input` for `hold_s` from 1 s on and drives
-/// straight otherwise.
+/// Smallest distance, m, if the human holds `input` for `hold_s` from 1 s on and otherwise drives
+/// straight.
 fn closest(parameters: &SceneParameters, scene: &Scene, input: TurnInput, hold_s: f64) -> f64 {
     let ticks = |seconds: f64| (seconds / LOOK_S).round() as usize;
     let held = ticks(1.0)..ticks(1.0 + hold_s);

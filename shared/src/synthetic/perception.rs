@@ -1,17 +1,17 @@
-//! What a person sees of the robot, and how strongly it drives them to act.
+//! A person's perception of the robot, and the resulting drive to act.
 
 use super::person::Person;
 use crate::math::{asin, atan2, exp, hypot, sin_cos, wrap_angle};
 use crate::scene::{JointState, SceneParameters};
 
-/// What a person sees, assuming that both vehicles drive on straight.
+/// The geometry that a person sees, assuming that both vehicles drive straight on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sight {
     /// Distance, m.
     pub(super) distance_m: f64,
-    /// Time to the closest approach, s; negative once it is past.
+    /// Time to the closest approach, s; negative after it.
     pub(super) closest_s: f64,
-    /// Distance at that time, m; the present distance once it is past.
+    /// Distance at that time, m; the current distance after it.
     pub(super) predicted_m: f64,
     /// Rate of the robot's bearing in the world, rad/s.
     pub(super) bearing_rate_radps: f64,
@@ -22,7 +22,7 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// What a human whose heading is off by `turned_rad` sees.
+    /// The view of a human whose heading is off by `turned_rad`.
     pub(super) fn of(parameters: &SceneParameters, state: &JointState, turned_rad: f64) -> Self {
         let (human, robot) = (state.human, state.robot);
         let heading = human.psi + turned_rad;
@@ -42,7 +42,7 @@ impl Sight {
             distance_m,
             closest_s,
             predicted_m: if closest_s > 0.0 { cross.abs() / closing_mps } else { distance_m },
-            // At distance zero there is no bearing: any finite rate will do.
+            // At distance zero there is no bearing; any finite rate will do.
             bearing_rate_radps: cross / (distance_m * distance_m).max(1e-12),
             closing_mps,
             bearing_rad: wrap_angle(atan2(ry, rx) - heading),
@@ -55,7 +55,7 @@ pub(super) fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// What the person concludes from it.
+/// The person's conclusions from the view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Percept {
     /// Predicted smallest distance, with the error of the perceived headings, m.

@@ -8,9 +8,9 @@ use super::stream::Stream;
 pub struct Person {
     /// Lag of perception, s: 0.2–0.4.
     pub lag_s: f64,
-    /// Times to closest approach beyond this matter little, s: 4.2–7.
+    /// Time scale of the closest approach: later ones matter little, s: 4.2–7.
     pub horizon_s: f64,
-    /// How far the predicted distance should exceed the danger radius, m: 0.6–2.2.
+    /// Desired excess of the predicted distance over the danger radius, m: 0.6–2.2.
     pub margin_m: f64,
     /// Factor of the threshold of bearing rates, rad·s^0.5: 1.2–2.2.
     pub bearing_threshold: f64,
@@ -30,25 +30,25 @@ pub struct Person {
     pub release_below: f64,
     /// Noise of the activation, 1/√s: 0.15–0.35.
     pub activation_noise: f64,
-    /// Mean time by which a key is held longer than needed, s: 0.1–0.7.
+    /// Mean extra time that a key is held after it is no longer needed, s: 0.1–0.7.
     pub overhold_s: f64,
     /// Preference for the side that passes at the larger distance, 1/m: 0.8–2.5.
     pub side_by_distance: f64,
-    /// Preference for turning away from where the robot is seen: 0–1.5.
+    /// Preference for turning away from the robot's direction: 0–1.5.
     pub side_by_bearing: f64,
     /// Rate of turns without a reason, 1/s: 0–0.02.
     pub lapses_per_s: f64,
     /// Rate of side changes while the predicted distance falls, 1/s: 0–0.25.
     pub reversals_per_s: f64,
-    /// Weights of the three drives (predicted distance, bearing, repeller), which add up to 1:
-    /// exponential, of means in the proportion 1.2 : 1.2 : 0.8.
+    /// Weights of the three drives (predicted distance, bearing, repeller), which sum to 1:
+    /// exponential, with means in the ratio 1.2 : 1.2 : 0.8.
     pub weights: [f64; 3],
     /// Preference for the left: normal, mean 0, standard deviation 0.5.
     pub side_bias: f64,
 }
 
 impl Person {
-    /// Draws the fields in their order.
+    /// Draws the fields in order.
     pub(super) fn draw(stream: &mut Stream) -> Self {
         let mut person = Self {
             lag_s: stream.uniform(0.20, 0.40),

@@ -1,17 +1,17 @@
-//! Whether trials were driven by synthetic participants, so that nobody takes findings from them
-//! for findings about people.
+//! Detects trials of synthetic participants, so that nobody mistakes findings from them for
+//! findings about people.
 
 use super::SyntheticParticipant;
 use crate::recording::{Origin, Provenance, RecordedParticipant, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
 
-/// The seed of the project's reference data, whose file does not say that they are synthetic.
+/// The seed of the project's reference data; their file does not mark them as synthetic.
 pub const REFERENCE_SEED: u64 = 20_180_918;
 
-/// The numbers of the reference's participants, who may have other names in a copy.
+/// The reference's participant numbers; copies may use other names.
 const REFERENCE_PARTICIPANTS: core::ops::Range<u64> = 0..8;
 
-/// The provenance of these participants' trials, which come from `origin`.
+/// The provenance of these participants' trials from `origin`.
 #[must_use]
 pub fn provenance(origin: Origin, participants: &[RecordedParticipant]) -> Provenance {
     let is_marked = |of: &RecordedParticipant| of.marked_synthetic;
@@ -19,8 +19,8 @@ pub fn provenance(origin: Origin, participants: &[RecordedParticipant]) -> Prove
     Provenance { origin, synthetic: recognised(participants), is_mixed }
 }
 
-/// How these participants' trials are known to be synthetic, if they are: the data say so, or
-/// they begin as trials of the reference, whose scenes are drawn again to see.
+/// Evidence that these participants' trials are synthetic, if any: the data say so, or they begin
+/// like trials of the reference, whose scenes are redrawn for comparison.
 #[must_use]
 pub fn recognised(participants: &[RecordedParticipant]) -> Option<String> {
     let marked: Vec<&str> =
@@ -30,7 +30,7 @@ pub fn recognised(participants: &[RecordedParticipant]) -> Option<String> {
     }
     if !marked.is_empty() {
         let (some, all) = (marked.len(), participants.len());
-        // Their names, as long as that can be read.
+        // Lists the names only if they are few.
         let names = if some <= 12 { format!(": {}", marked.join(", ")) } else { String::new() };
         return Some(format!(
             "the file or the server marks {some} of {all} people as synthetic{names}"
@@ -48,7 +48,7 @@ fn is_of_the_reference(participant: &RecordedParticipant) -> bool {
     own.into_iter().chain(REFERENCE_PARTICIPANTS).any(|number| begins_as(number, trial))
 }
 
-/// Whether the trial begins as the trial of this number of the reference's participant.
+/// Whether the trial begins like the same-numbered trial of this reference participant.
 fn begins_as(participant: u64, trial: &RecordedTrial) -> bool {
     let person = SyntheticParticipant::new(REFERENCE_SEED, participant);
     let (scene, _) = person.own_scene(&SceneParameters::default(), trial.number);

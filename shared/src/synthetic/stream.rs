@@ -1,4 +1,4 @@
-//! The random numbers of one person or one trial.
+//! Random numbers of one person or one trial.
 
 use crate::math::{TAU, cos, ln};
 
@@ -6,17 +6,18 @@ use crate::math::{TAU, cos, ln};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stream(u64);
 
-/// Multipliers that keep the streams of people and trials apart: odd, so that no two coincide.
+/// Multipliers that separate the streams of people and trials: odd, so that no two streams
+/// coincide.
 const OF_PERSON: u64 = 0xD134_2543_DE82_EF95;
 const OF_TRIAL: u64 = 0xAF25_1AF3_B0F0_25B5;
 
 impl Stream {
-    /// The stream from which a person's parameters are drawn.
+    /// The stream for a person's parameters.
     pub(super) fn of_person(seed: u64, person: u64) -> Self {
         Self::of(seed, person, 1)
     }
 
-    /// The stream from which everything in a trial is drawn; both numbers count from 0.
+    /// The stream for everything in a trial; both indices start at 0.
     pub(super) fn of_trial(seed: u64, person: u64, trial: u64) -> Self {
         Self::of(seed, person, trial.wrapping_add(2))
     }
@@ -46,12 +47,12 @@ impl Stream {
         low + (high - low) * self.unit()
     }
 
-    /// Exponentially distributed with this mean.
+    /// Exponentially distributed with mean `mean`.
     pub(super) fn exponential(&mut self, mean: f64) -> f64 {
         -mean * ln(1.0 - self.unit())
     }
 
-    /// Standard normal, by one branch of Box and Muller.
+    /// Standard normal, from one branch of the Box–Muller transform.
     pub(super) fn normal(&mut self) -> f64 {
         let radius = (-2.0 * ln(1.0 - self.unit())).sqrt();
         radius * cos(TAU * self.unit())

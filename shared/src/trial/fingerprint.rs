@@ -1,4 +1,4 @@
-//! What tells whether two machines simulate alike.
+//! A fingerprint to check that two machines simulate identically.
 
 use super::simulate;
 use crate::math::SeededRng;
@@ -6,8 +6,8 @@ use crate::scene::{JointState, SceneParameters};
 use crate::vehicle::{Pose, TurnInput};
 use sha2::{Digest, Sha256};
 
-/// SHA-256 of the states of `count` random trials, in hexadecimal digits. Two machines that compute
-/// the same hash simulate with the same bits.
+/// SHA-256 of the states of `count` random trials, in hexadecimal digits. Two machines with the
+/// same hash simulate identically, bit for bit.
 #[must_use]
 pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
     let parameters = SceneParameters::default();

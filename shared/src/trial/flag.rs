@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Something about a trial that an analyst should know. Flags mark evidence;
-/// they never change or refuse it.
+/// Evidence about a trial that an analyst should know. Flags never change or reject a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -16,27 +15,28 @@ pub enum Flag {
     LateSample,
     /// The trial was read from a file, without evidence of timing and keys.
     Imported,
-    /// The participant could not drive all of it: the page lost the focus or was hidden, an input was
-    /// sampled more than [`INTERRUPTED_MS`](super::INTERRUPTED_MS) late, or the scene had been shown before.
+    /// The participant could not drive it without interruption: the page lost focus or was hidden, an input
+    /// was sampled more than [`INTERRUPTED_MS`](super::INTERRUPTED_MS) late, or the scene had been shown
+    /// before.
     Interrupted,
-    /// The page lost the focus or was hidden.
+    /// The page lost focus or was hidden.
     FocusLost,
     /// The scene had been shown before: the page was reloaded or closed during an earlier showing.
     ShownBefore,
-    /// The window changed its size.
+    /// The window was resized.
     Resized,
-    /// The participant left the full screen.
+    /// The participant left full-screen mode.
     LeftFullscreen,
     /// The screen showed fewer than [`LOW_FRAME_RATE_HZ`](super::LOW_FRAME_RATE_HZ) frames per second.
     LowFrameRate,
-    /// The participant's computer told a start before 1970 or after 2100.
+    /// The participant's clock gave a start before 1970 or after 2100.
     WrongClock,
-    /// Times of samples, keys or page events go back.
+    /// The times of samples, keys or page events decrease.
     UnorderedTimes,
     /// More than [`FASTEST_PRESSES`](super::FASTEST_PRESSES) presses within a second: a defective keyboard, or a
     /// program.
     FastKeys,
-    /// A text held a character that no file can hold; U+FFFD is in its place.
+    /// A character that files cannot contain was replaced by U+FFFD.
     ReplacedCharacters,
 }
 
@@ -59,7 +59,7 @@ impl Flag {
         Self::ReplacedCharacters,
     ];
 
-    /// Flags that earlier versions did not set: a trial of theirs may lack them.
+    /// Flags that earlier versions did not set: trials of those versions may lack them.
     pub const LATER: [Self; 4] =
         [Self::WrongClock, Self::UnorderedTimes, Self::FastKeys, Self::ReplacedCharacters];
 
@@ -84,13 +84,13 @@ impl Flag {
         }
     }
 
-    /// Whether these flags question a trial: one says more than that the trial was imported.
+    /// Whether these flags cast doubt on a trial: any flag except [`Self::Imported`] does.
     #[must_use]
     pub fn question(flags: &[Self]) -> bool {
         flags.iter().any(|flag| *flag != Self::Imported)
     }
 
-    /// The flag of that word.
+    /// The flag with this word.
     #[must_use]
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|flag| flag.word() == word)

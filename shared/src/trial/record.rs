@@ -1,15 +1,15 @@
-//! What a participant's computer recorded about a trial, beside inputs and states.
+//! A participant's recorded evidence about a trial, besides inputs and states.
 
 use super::{Flag, PageEvent};
 
-/// End of the times that a computer's clock can be right about, ms since 1970: the year 2100.
+/// Latest plausible time of a clock, ms since 1970: the year 2100.
 pub const LAST_MS: f64 = 4_102_444_800_000.0;
 
-/// Most presses within a second that a person can make.
+/// Upper bound of a person's key presses within a second.
 ///
 /// The record for one piano key is [824 presses in a
 /// minute](https://www.guinnessworldrecords.com/news/2017/6/portuguese-musician-breaks-record-for-astonishingly-fast-piano-key-hitting-475329),
-/// by two fingers in turn: 13.7 a second. Two hands that could do this at once would make 27.5.
+/// by two alternating fingers: 13.7 per second. Two hands at this rate would make 27.5.
 pub const FASTEST_PRESSES: usize = 30;
 
 /// A key that went down or up.
@@ -21,7 +21,7 @@ pub struct RecordedKey {
     pub down: bool,
 }
 
-/// The record.
+/// The recorded evidence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Record<'a> {
     /// When the trial started by the participant's clock, ms since 1970, if known.
@@ -30,9 +30,9 @@ pub struct Record<'a> {
     pub sampled_at_ms: &'a [f64],
     /// The key events.
     pub keys: &'a [RecordedKey],
-    /// What happened to the page.
+    /// The page events.
     pub page_events: &'a [PageEvent],
-    /// Whether a text of it holds U+FFFD, which stands for a character that no file can hold.
+    /// Whether one of its texts contains U+FFFD in place of a character that files cannot contain.
     pub replaced: bool,
 }
 
@@ -56,7 +56,7 @@ impl Record<'_> {
     }
 }
 
-/// Whether a clock that tells this, ms since 1970, can be right: from 1970 to 2100.
+/// Whether a clock's time, ms since 1970, is plausible: from 1970 to 2100.
 #[must_use]
 pub fn is_right_clock(ms: f64) -> bool {
     (0.0..=LAST_MS).contains(&ms)
@@ -67,7 +67,7 @@ fn rises(times: impl Iterator<Item = f64>) -> bool {
     times.is_sorted()
 }
 
-/// Whether more presses lie within a second than a person can make.
+/// Whether more presses fall within a second than a person can make.
 fn are_too_fast(mut presses_ms: Vec<f64>) -> bool {
     presses_ms.sort_by(f64::total_cmp);
     let mut spans = presses_ms.windows(FASTEST_PRESSES + 1);
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
     use crate::trial::PageEventKind;
 
-    /// `count` presses and releases in equal steps of `gap_ms`.
+    /// `count` presses and releases at intervals of `gap_ms`.
     fn pressed(count: usize, gap_ms: f64) -> Vec<RecordedKey> {
         let key = |i| RecordedKey { t_ms: i as f64 * gap_ms, down: i % 2 == 0 };
         (0..2 * count).map(key).collect()
@@ -93,7 +93,7 @@ mod tests {
     fn keys_that_no_person_presses_are_flagged() {
         // 200 presses in 0.8 s: 400 events, 2 ms apart.
         assert_eq!(of_keys(&pressed(200, 2.0)), [Flag::FastKeys]);
-        // Two hands at the record of one piano key: 27.5 presses a second for a whole trial.
+        // Two hands at the record rate: 27.5 presses per second for a whole trial.
         assert_eq!(of_keys(&pressed(275, 1000.0 / 55.0)), []);
         // The window is a second, half open: the 31st press after 999 ms is too fast, after 1000 ms it is not.
         let mut keys = pressed(FASTEST_PRESSES + 1, 1.0);
@@ -105,7 +105,7 @@ mod tests {
         assert_eq!(of_keys(&keys), [Flag::FastKeys]);
         keys[2 * FASTEST_PRESSES].t_ms = 1000.0;
         assert_eq!(of_keys(&keys), []);
-        // A key that bounces does so a few times, and that is no reason.
+        // A few bounces of a key are not flagged.
         assert_eq!(of_keys(&pressed(FASTEST_PRESSES, 1.0)), []);
     }
 

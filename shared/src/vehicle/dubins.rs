@@ -20,7 +20,7 @@ pub fn arc(pose: Pose, speed_mps: f64, turn_rate_radps: f64, seconds: f64) -> Po
 }
 
 /// The relative state of the pursuit game: the pursuer's pose in the evader's frame (x ahead, y to
-/// the left, m), and the pursuer's heading less the evader's in (−π, π], rad.
+/// the left, m), and the pursuer's heading minus the evader's in (−π, π], rad.
 #[must_use]
 pub fn relative_state(evader: Pose, pursuer: Pose) -> [f64; 3] {
     let (sin, cos) = sin_cos(evader.psi);
@@ -34,7 +34,7 @@ mod tests {
     use crate::math::{PI, hypot};
     use proptest::prelude::*;
 
-    /// The plain twin: many small steps.
+    /// The reference implementation: many small steps.
     fn euler(mut pose: Pose, speed: f64, rate: f64, seconds: f64) -> Pose {
         let n = 200_000;
         let h = seconds / f64::from(n);
@@ -82,7 +82,7 @@ mod tests {
             let (a, b) = (Pose::new(ax, ay, ap), Pose::new(bx, by, bp));
             let [x, y, psi] = relative_state(a, b);
             prop_assert!((hypot(x, y) - hypot(ax - bx, ay - by)).abs() < 1e-12);
-            // Putting the relative pose back into the evader's frame gives the pursuer.
+            // Transforming the relative pose back from the evader's frame gives the pursuer.
             let (sin, cos) = sin_cos(ap);
             prop_assert!((ax + cos * x - sin * y - bx).abs() < 1e-12);
             prop_assert!((ay + sin * x + cos * y - by).abs() < 1e-12);

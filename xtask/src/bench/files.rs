@@ -1,8 +1,8 @@
 //! `cargo xtask bench files`: import and export of a million steps, against the program `sqlite3` with the
 //! same rows in one table.
 //!
-//! Debian's package `sqlite3` has it. Nothing is installed; without it our own figures still come. Each
-//! pair is measured in turn, and the median counts.
+//! The program is in Debian's package `sqlite3`; the benchmark does not install it and works without
+//! it. The two sides of a pair are measured alternately, and the median counts.
 
 use std::fs::File;
 use std::path::Path;
@@ -18,23 +18,23 @@ use crate::workspace::{Workspace, stage};
 const PEOPLE: u32 = 400;
 const STEPS: f64 = 1e6;
 
-/// The most memory that import and export may take, MB.
+/// Memory limit of import and export, MB.
 const MEMORY_MB: f64 = 120.0;
 
-/// The columns of the table of sqlite3, as they are in steps.csv.
+/// The table in sqlite3, with the columns of steps.csv.
 const TABLE: &str = "CREATE TABLE steps (participant INTEGER, trial INTEGER, step INTEGER, t REAL, \
     hx REAL, hy REAL, hpsi REAL, rx REAL, ry REAL, rpsi REAL, omega REAL, study TEXT, phase TEXT, \
     phase_index INTEGER, attempt INTEGER, trial_id TEXT, participant_id TEXT, flags TEXT, \
     started_at_ms REAL, sampled_at_ms REAL, received_at_ms INTEGER, synthetic INTEGER, due_at_ms REAL, \
     exposures INTEGER, damaged INTEGER)";
 
-/// Measures and prints; a missed target fails.
+/// Measures and prints. Fails if a target is missed.
 ///
 /// # Errors
 /// When the program cannot be built or run.
 pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
     stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
-    // On a disk: a folder for temporary files may be in memory.
+    // On disk, because the system's folder for temporary files may be in memory.
     let folder = tempfile::tempdir_in(workspace.path("target")).context("a folder for files")?;
     let at = |name: &str| folder.path().join(name);
     let sidestep = || Command::new(workspace.server());
@@ -54,7 +54,7 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
         command.args(["export", "--database", &database("ours.db"), "--format", format, "--out"]);
         measured(command.arg(at(format)), Stdio::null())
     };
-    // So that sqlite3 and we import the same file: that of an export.
+    // Export once, so that sqlite3 and Sidestep import the same file.
     import(&at("simulated.csv"))?;
     export("csv")?;
     std::fs::rename(at("csv").join("steps.csv"), at("steps.csv"))?;
@@ -100,7 +100,7 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
         let (ours, theirs) = (median(ours), theirs.next().flatten());
         let per_s = STEPS / ours.wall_s;
         let ratio = theirs.as_ref().map(|theirs| theirs.wall_s / ours.wall_s);
-        // Only the export is to be compared: sqlite3 checks nothing that it imports.
+        // Only the export has a target ratio, because sqlite3 does not validate its import.
         let slow =
             per_s < target || (name == "export csv" && ratio.is_some_and(|ratio| ratio < 0.5));
         let missed = slow || ours.memory_mb.is_some_and(|mb| mb > MEMORY_MB);
@@ -117,7 +117,7 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
     }
     print!("{}", table(&rows));
     if !peer {
-        eprintln!("there is no program sqlite3 to compare with: install the package of that name");
+        eprintln!("no comparison: sqlite3 is not installed (Debian package sqlite3)");
     }
     Ok(if kept { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -139,7 +139,7 @@ fn delete(database: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The run of median length; there is one.
+/// The run with the median time of a non-empty list.
 fn median(mut runs: Vec<Measured>) -> Measured {
     runs.sort_by(|a, b| a.wall_s.total_cmp(&b.wall_s));
     runs.swap_remove(runs.len() / 2)

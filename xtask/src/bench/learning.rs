@@ -1,8 +1,8 @@
-//! `cargo xtask bench learning`: the paper's comparison of one participant by scikit-learn and by
-//! `sidestep analyze`, and of all eight by the latter alone.
+//! `cargo xtask bench learning`: the paper's comparison for one participant by scikit-learn and by
+//! `sidestep analyze`, and for all eight by `sidestep analyze` alone.
 //!
-//! `tests/peers/learning.py` is the peer's side. What we do more, feature sets with the body
-//! frame, calibration, models beyond the paper, roll-outs and files, counts against us.
+//! `tests/peers/learning.py` is the peer's side. Our time includes extra work: feature sets with
+//! the body frame, calibration, models beyond the paper, roll-outs and files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,16 +16,16 @@ use super::process::{Measured, measured};
 use crate::python::environment;
 use crate::workspace::{Workspace, output_of, stage};
 
-/// How many times as fast as the peer we mean to be at least.
+/// Target speed-up over the peer.
 const RATIO: f64 = 15.0;
 
-/// Whole comparisons: threads, and the most seconds that they may take.
+/// Whole comparisons: threads and time limit, s.
 const WHOLE: [(&str, f64); 2] = [("2", 20.0), ("1", 35.0)];
 
-/// The most memory that they may take, MB.
+/// Memory limit, MB.
 const MEMORY_MB: f64 = 400.0;
 
-/// What the script prints, as far as it is used here.
+/// The fields of the script's output that are used here.
 #[derive(Deserialize)]
 struct Theirs {
     wall_s: f64,
@@ -39,8 +39,8 @@ struct Versions {
     numpy: String,
 }
 
-/// Measures and prints. Without Python or its packages our own figures still come, and then it
-/// fails; a missed target fails too.
+/// Measures and prints. Fails if a target is missed; without Python or its packages, prints our own
+/// figures and then fails.
 ///
 /// # Errors
 /// When the program cannot be built or run.
@@ -102,7 +102,7 @@ pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
     Ok(if kept && theirs.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// The header, and the rows of the participant whose rows come first.
+/// The header and the rows of the first participant.
 fn of_first_participant(trials: &str) -> String {
     let mut lines = trials.lines();
     let header = lines.next().unwrap_or_default();
@@ -121,7 +121,7 @@ fn theirs(workspace: &Workspace, features: &Path) -> Result<Theirs> {
     serde_json::from_str(&answer).with_context(|| format!("the peer's script printed {answer:?}"))
 }
 
-/// Runs the command into a folder that is not there yet, so that nothing is kept from before.
+/// Runs the command with a new output folder, so that nothing is reused.
 fn analyze(
     workspace: &Workspace,
     trials: &Path,
@@ -129,10 +129,10 @@ fn analyze(
     threads: &str,
     out: &PathBuf,
 ) -> Result<Measured> {
-    ensure!(!out.exists(), "{} is there already", out.display());
+    ensure!(!out.exists(), "{} already exists", out.display());
     let mut command = Command::new(workspace.server());
     command.arg("analyze").arg("--trials").arg(trials).arg("--features").arg(features);
-    // The peer's script does the paper's comparison too.
+    // The peer's script runs only the paper's comparison.
     command.args(["--paper-only", "--threads", threads]).arg("--out").arg(out);
     measured(&mut command, Stdio::null())
 }

@@ -1,10 +1,10 @@
 //! `cargo xtask bench peers`: the air3D game solved by us and by hj_reachability, on the
 //! same nodes, with the same scheme, horizon, CFL number and number of threads.
 //!
-//! `tests/peers/air3d.py` is the peer's side, the example `air3d` of the library ours. The
-//! example also measures both against the closed form, so that it is done in one way.
+//! `tests/peers/air3d.py` is the peer's side; the library's example `air3d` is ours. The example
+//! measures the accuracy of both against the closed form, in the same way.
 //!
-//! `cargo xtask bench peers -- --lanes avx2` keeps both from wider lanes than those of many machines.
+//! `cargo xtask bench peers -- --lanes avx2` limits both to the SIMD width that most machines have.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -21,17 +21,18 @@ use crate::workspace::{Workspace, output_of, stage};
 struct Case {
     /// Nodes along x, y and ψ.
     grid: &'static str,
-    /// The scheme, as we call it.
+    /// Our name of the scheme.
     scheme: &'static str,
-    /// The peer's name for the same.
+    /// The peer's name of the scheme.
     accuracy: &'static str,
-    /// How many times as fast as the peer we mean to be at least, on two quiet cores.
+    /// Target speed-up over the peer on two idle cores.
     target: f64,
-    /// Whether it takes the peer minutes: then one solve on each side, else the fastest of three.
+    /// Whether the peer takes minutes; if so, each side solves once, otherwise the fastest of three
+    /// counts.
     long: bool,
 }
 
-/// Everything that is compared: one line each.
+/// All comparisons.
 const CASES: &[Case] = &[
     Case { grid: "51x40x50", scheme: "eno2", accuracy: "medium", target: 12.0, long: false },
     Case { grid: "51x40x50", scheme: "weno5", accuracy: "very_high", target: 6.0, long: false },
@@ -40,24 +41,24 @@ const CASES: &[Case] = &[
 ];
 
 impl Case {
-    /// Solves on each side, for a command line.
+    /// Number of solves on each side, as a command-line argument.
     fn runs(&self) -> &'static str {
         if self.long { "1" } else { "3" }
     }
 }
 
-/// Threads on our side; the script takes as many cores.
+/// Threads on our side; the script uses the same number of cores.
 const THREADS: &str = "2";
 
-/// What may follow `--`.
+/// Arguments after `--`.
 #[derive(Parser)]
 struct Arguments {
-    /// The widest lanes that either side may use.
+    /// Limit of the SIMD width on both sides.
     #[arg(long)]
     lanes: Option<Lanes>,
 }
 
-/// Lanes by the name that the example `air3d` gives them.
+/// SIMD widths, named as in the example `air3d`.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum Lanes {
     #[value(name = "128-bit")]
@@ -79,7 +80,7 @@ impl Lanes {
         [("LANES", ours), ("XLA_FLAGS", theirs)]
     }
 
-    /// Keeps `command` from wider lanes.
+    /// Limits the SIMD width of `command`.
     fn limit(most: Option<Self>, command: &mut Command) {
         if let Some(lanes) = most {
             command.envs(lanes.variables());
@@ -87,7 +88,7 @@ impl Lanes {
     }
 }
 
-/// What the example `air3d` prints, as far as it is used here.
+/// The fields of the example's output that are used here.
 #[derive(Deserialize)]
 struct Ours {
     wall_s: f64,
@@ -97,7 +98,7 @@ struct Ours {
     peer: Option<Accuracy>,
 }
 
-/// What the script prints.
+/// The script's output.
 #[derive(Deserialize)]
 struct Theirs {
     wall_s: f64,
@@ -108,7 +109,7 @@ struct Theirs {
 /// First node, last node and their number.
 type Nodes = (f64, f64, usize);
 
-/// Against the closed form: see the example.
+/// Accuracy against the closed form: see the example.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 struct Accuracy {
     mean_dx: f64,
@@ -117,7 +118,7 @@ struct Accuracy {
 }
 
 impl Theirs {
-    /// What solved it.
+    /// Names and versions of the peer's packages.
     fn solver(&self) -> String {
         let Versions { hj_reachability, jax } = &self.versions;
         format!("hj_reachability {hj_reachability}, jax {jax}")
@@ -188,7 +189,7 @@ struct Compared {
     theirs: Option<Theirs>,
 }
 
-/// Runs the comparisons; also says what was missing.
+/// Runs the comparisons; also returns the errors of missing peers.
 fn compare(
     workspace: &Workspace,
     quick: bool,
@@ -218,7 +219,7 @@ fn compare(
     Ok((compared, missing))
 }
 
-/// Has the peer solve `case` and leave its values in `values`.
+/// Runs the peer on `case`; it writes its values to `values`.
 fn solve_theirs(
     workspace: &Workspace,
     python: &Path,
@@ -235,7 +236,7 @@ fn solve_theirs(
     serde_json::from_str(&answer).with_context(|| format!("the peer's script printed {answer:?}"))
 }
 
-/// Solves `case` ourselves and measures what the peer left in `values`.
+/// Solves `case` on our side and measures the peer's values in `values`.
 fn solve_ours(
     workspace: &Workspace,
     case: &Case,
@@ -249,7 +250,7 @@ fn solve_ours(
     serde_json::from_str(&answer).with_context(|| format!("the example air3d printed {answer:?}"))
 }
 
-/// Fails unless both solvers have the same nodes, to the peer's 32 bits.
+/// Fails unless both solvers have the same nodes, within the peer's 32-bit precision.
 fn same_nodes(ours: &[Nodes; 3], theirs: &[Nodes; 3]) -> Result<()> {
     let close = |a: f64, b: f64| (a - b).abs() < 1e-5;
     let same = |a: &Nodes, b: &Nodes| a.2 == b.2 && close(a.0, b.0) && close(a.1, b.1);
@@ -369,7 +370,7 @@ mod tests {
     fn another_grid_is_noticed() {
         let (ours, mut theirs) = both();
         same_nodes(&ours.axes, &theirs.axes).expect("they differ by rounding alone");
-        // The end point of the period repeated.
+        // As if the end point of the period were a node, too.
         theirs.axes[2] = (0.0, 6.283_185_5, 50);
         let error = same_nodes(&ours.axes, &theirs.axes).expect_err("ψ differs");
         assert!(error.to_string().contains("6.2831855"), "{error}");

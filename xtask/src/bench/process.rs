@@ -1,4 +1,4 @@
-//! How long a command takes, and how much memory.
+//! Time and peak memory of a command.
 
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -6,7 +6,7 @@ use std::{fs, thread};
 
 use anyhow::{Context, Result, bail};
 
-/// How long a command took and how much memory, MB, where the system tells.
+/// Time of a command, s, and its peak memory, MB, where the system reports it.
 pub(super) struct Measured {
     pub(super) wall_s: f64,
     pub(super) memory_mb: Option<f64>,
@@ -19,7 +19,7 @@ impl Measured {
     }
 }
 
-/// Runs a command, whose stdout goes to `out`.
+/// Runs a command with its stdout redirected to `out`.
 ///
 /// # Errors
 /// If it cannot be started, or fails.
@@ -29,7 +29,7 @@ pub(super) fn measured(command: &mut Command, out: impl Into<Stdio>) -> Result<M
     let mut child = command.stdout(out).spawn().with_context(|| format!("cannot start {name}"))?;
     let mut memory_mb = None;
     let status = loop {
-        // The last reading before the end counts: the system keeps the highest.
+        // The last reading before the end counts, because the system reports the peak.
         memory_mb = peak_memory_mb(child.id()).or(memory_mb);
         if let Some(status) = child.try_wait()? {
             break status;
@@ -43,7 +43,7 @@ pub(super) fn measured(command: &mut Command, out: impl Into<Stdio>) -> Result<M
     Ok(Measured { wall_s, memory_mb })
 }
 
-/// The most memory that a process has had at once so far, as Linux keeps it.
+/// Peak memory of a process so far, as reported by Linux.
 fn peak_memory_mb(process: u32) -> Option<f64> {
     let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

@@ -1,9 +1,9 @@
-//! `cargo xtask bench wasm`, `cargo xtask bench shfrs` and `cargo xtask bench playback`: the library as a program of this
-//! machine and as WebAssembly in headless Chromium, in the same run and on one thread each
-//! (but for tuning, which takes all there are).
+//! `cargo xtask bench wasm`, `cargo xtask bench shfrs` and `cargo xtask bench playback`: the library as a native
+//! program and as WebAssembly in headless Chromium, in the same run and on one thread each (except tuning, which uses
+//! all threads).
 //!
-//! Both sides are the example `speed` of the web client, built as the server and the browser's page
-//! or worker get it. It is no part of the site.
+//! Both sides run the web client's example `speed`, built like the server and like the code in the
+//! browser's page or worker. The example is not part of the site.
 
 use std::fs;
 use std::path::Path;
@@ -18,11 +18,11 @@ use crate::workspace::{Runs, Workspace, cannot_start, output_of, stage};
 /// One measurement.
 #[derive(Debug, PartialEq)]
 struct Case {
-    /// As the example calls it.
+    /// Its name in the example.
     name: &'static str,
-    /// What it may take at most on this machine and in the browser, s.
+    /// Time limits natively and in the browser, s.
     targets: [Option<f64>; 2],
-    /// What it is compared with: another measurement of the same run.
+    /// The baseline: another measurement of the same run.
     baseline: Option<&'static str>,
 }
 
@@ -47,12 +47,12 @@ impl Case {
     }
 }
 
-/// Measurements that are made together.
+/// Measurements of one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Group {
-    /// As the example calls it.
+    /// Its name in the example.
     name: &'static str,
-    /// Where users run this work.
+    /// Where this work runs for users.
     runs: Runs,
     cases: &'static [Case],
 }
@@ -70,7 +70,7 @@ pub(super) const SOLVE: Group = Group {
     ],
 };
 
-/// A value function that is there.
+/// Evaluating a value function.
 pub(super) const VALUE: Group = Group {
     name: "value",
     runs: Runs::InPage,
@@ -138,19 +138,19 @@ pub(super) const PLAYBACK: Group = Group {
 /// The baseline of frames.
 const USUAL: &str = "frame, usual layers";
 
-/// The baseline of coverage: nothing is kept from before.
+/// The baseline of coverage: without a cache.
 const DIRECTLY: &str = "coverage, 400 drives, directly";
 
-/// The example that is measured.
+/// The measured example.
 const EXAMPLE: &str = "speed";
 
-/// What the example answers: names, and seconds of one item.
+/// The example's output: names, and seconds per item.
 type Figures = Vec<(String, f64)>;
 
-/// Measures groups one after the other; stops at the first that fails.
+/// Measures groups in sequence; stops at the first that fails.
 ///
 /// # Errors
-/// When either side cannot be built, or the one of this machine cannot be run.
+/// When either side cannot be built, or the native one cannot be run.
 pub(super) fn run(workspace: &Workspace, groups: &[Group]) -> Result<ExitCode> {
     for group in groups {
         let code = measure(workspace, group)?;
@@ -163,7 +163,7 @@ pub(super) fn run(workspace: &Workspace, groups: &[Group]) -> Result<ExitCode> {
 
 /// Measures both sides of a group and prints the table.
 ///
-/// Without a browser it still prints the figures of this machine, and then fails.
+/// Without a browser it prints the native figures and then fails.
 fn measure(workspace: &Workspace, group: &Group) -> Result<ExitCode> {
     stage("native", workspace.compile("build").args(["--example", EXAMPLE]))?;
     workspace.ensure_wasm_target()?;
@@ -189,8 +189,8 @@ fn measure(workspace: &Workspace, group: &Group) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Opens a page in Chromium that runs the program, and reads its text. Page and profile
-/// are left in `folder`.
+/// Opens a page in Chromium that runs the program, and reads the page's text. Page and profile
+/// remain in `folder`.
 fn in_browser(bundle: &Bundle, group: &str, folder: &Path) -> Result<Figures> {
     let chromium = chromium()?;
     let page = folder.join("wasm.html");
@@ -204,7 +204,7 @@ fn in_browser(bundle: &Bundle, group: &str, folder: &Path) -> Result<Figures> {
     command.arg("--dump-dom").arg(format!("file://{}#{group}", page.display()));
     let output = command.stdin(Stdio::null()).output().with_context(|| cannot_start(&command))?;
     if !output.status.success() {
-        // It also complains of much that does not matter, so only now.
+        // Printed only on failure, because Chromium also prints many irrelevant messages.
         bail!("Chromium failed: {}", String::from_utf8_lossy(&output.stderr));
     }
     let text = String::from_utf8(output.stdout).context("Chromium printed no UTF-8")?;
@@ -217,13 +217,13 @@ fn body_of(page: &str) -> Result<&str> {
     Ok(body.context("Chromium printed no page")?.0)
 }
 
-/// Reads what the example answered.
+/// Parses the example's output.
 fn figures(answer: &str) -> Result<Figures> {
     serde_json::from_str(answer).with_context(|| format!("the example answered {answer:?}"))
 }
 
-/// The table: a line for each case. Beside each figure its target and how much of that it
-/// takes; then WASM against native, and against the baseline, both sides.
+/// The table: one line per case, with each figure, its target and their ratio; then WASM against
+/// native, and both against the baseline.
 fn table(cases: &[Case], native: &Figures, wasm: Option<&Figures>) -> String {
     let of = |figures: Option<&Figures>, name: &str| {
         figures?.iter().find(|(found, _)| found == name).map(|(_, seconds)| *seconds)
@@ -257,7 +257,7 @@ fn row(name: &str, [a, b, c, d, e, f, g]: [&str; 7], baseline: &str) -> String {
     line.trim_end().to_owned() + "\n"
 }
 
-/// How much of the target it takes, and whether it keeps to it.
+/// The ratio to the target, and "MISSED" if it is exceeded.
 fn verdict(seconds: Option<f64>, target: Option<f64>) -> String {
     let missed = seconds.zip(target).is_some_and(|(seconds, target)| seconds > target);
     ratio(seconds, target) + if missed { " MISSED" } else { "" }

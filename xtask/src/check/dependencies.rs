@@ -1,9 +1,8 @@
-//! What the packages are from which Sidestep is built: their licences, where they come from, those that are
-//! banned, and the advisories about them.
+//! Checks the dependencies: licences, sources, bans and advisories.
 //!
-//! `deny.toml` says what is allowed, in the format of cargo-deny. Licences, sources and bans are checked here, in
-//! a second and without network; cargo-deny reads the same file and says more. Advisories need a copy of the
-//! RustSec database, and the program that reads it.
+//! `deny.toml` has the rules, in the format of cargo-deny. This module checks licences, sources and bans, in a
+//! second and without network; cargo-deny reads the same file and reports more. Advisories need a copy of the
+//! RustSec database and a program that reads it.
 
 use std::env;
 use std::path::PathBuf;
@@ -45,13 +44,13 @@ struct Sources {
     allow_registry: Vec<String>,
 }
 
-/// What `cargo metadata` says of a package.
+/// The fields of a package in `cargo metadata`.
 #[derive(Deserialize)]
 struct Package {
     name: String,
     version: String,
     license: Option<String>,
-    /// Where it comes from; none for those of this workspace.
+    /// Its source; `None` for packages of this workspace.
     source: Option<String>,
 }
 
@@ -63,7 +62,7 @@ struct Metadata {
 /// Checks every package in `Cargo.lock` that some build uses.
 ///
 /// # Errors
-/// Naming each package that is not allowed, or if an advisory is about one.
+/// Naming each package that is not allowed, or if an advisory affects one.
 pub(super) fn run(workspace: &Workspace) -> Result<()> {
     eprintln!("==> dependencies");
     let rules = std::fs::read_to_string(workspace.path("deny.toml")).context("deny.toml")?;
@@ -77,7 +76,7 @@ pub(super) fn run(workspace: &Workspace) -> Result<()> {
         eprintln!("{complaint}");
     }
     if !complaints.is_empty() {
-        bail!("dependencies: {} are not what deny.toml allows", complaints.len());
+        bail!("dependencies: deny.toml does not allow {}", complaints.len());
     }
     eprintln!("    {} packages: licences, sources and bans as deny.toml says", packages.len());
     advisories(workspace)
@@ -110,11 +109,11 @@ fn complaints(rules: &Rules, packages: &[Package]) -> Result<Vec<String>> {
     Ok(complaints)
 }
 
-/// Looks up the advisories, if this machine has the database and a program that reads it.
+/// Checks advisories, if this machine has the database and a program that reads it.
 fn advisories(workspace: &Workspace) -> Result<()> {
     let home = env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| Some(PathBuf::from(env::var_os("HOME")?).join(".cargo")));
-    // Where each program keeps its copy, and how it is called without network.
+    // For each program, the location of its database copy and its offline command.
     let readers: [(&str, &str, &[&str]); 2] = [
         ("cargo-deny", "advisory-dbs", &["deny", "--offline", "check", "advisories"]),
         ("cargo-audit", "advisory-db", &["audit", "--no-fetch", "--stale"]),

@@ -1,4 +1,5 @@
-//! The library as others build it: with fewer features, and with the oldest Rust that it promises.
+//! Checks the library as other projects build it: with fewer features, and with the oldest
+//! supported Rust.
 
 use std::process::{Command, Stdio};
 
@@ -6,13 +7,13 @@ use anyhow::{Context, Result};
 
 use crate::workspace::{WASM_TARGET, Workspace, stage};
 
-/// Which features, as cargo takes them. All of them together are what the workspace builds.
+/// Feature sets as arguments of cargo. The workspace itself builds with all features.
 const FEATURES: [(&str, &[&str]); 2] = [
     ("no features", &["--no-default-features"]),
     ("learn", &["--no-default-features", "--features=learn"]),
 ];
 
-/// Lints the library with fewer features, natively and for browsers, and builds it with the oldest Rust.
+/// Lints the library with fewer features, natively and for browsers, and builds it with the oldest supported Rust.
 ///
 /// # Errors
 /// Naming the stage that failed.
@@ -28,8 +29,8 @@ pub(super) fn run(workspace: &Workspace) -> Result<()> {
     oldest_rust(workspace)
 }
 
-/// Builds the library with the Rust of its `rust-version`. A machine that has no such toolchain and
-/// cannot get it is told so.
+/// Builds the library with the Rust of its `rust-version`. Prints a notice if this toolchain is
+/// missing and cannot be installed.
 fn oldest_rust(workspace: &Workspace) -> Result<()> {
     let manifest = std::fs::read_to_string(workspace.path("shared/Cargo.toml"))
         .context("shared/Cargo.toml")?;
@@ -51,7 +52,7 @@ fn oldest_rust(workspace: &Workspace) -> Result<()> {
     }
     let mut check = Command::new("rustup");
     check.args(["run", version, "cargo", "check", "--locked", "--package", "sidestep", "--lib"]);
-    // Not the cargo that runs this command, but that of the other toolchain.
+    // Use the other toolchain's cargo, not the one that runs this command.
     check.env_remove("CARGO").current_dir(workspace.path(""));
     stage(&format!("library with Rust {version}"), &mut check).map(drop)
 }

@@ -1,5 +1,4 @@
-//! A program of the web client as the browser wants it: wasm and the script that
-//! loads it.
+//! A program of the web client in the form that browsers load: wasm and its loader script.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,18 +10,18 @@ use wasm_bindgen_cli_support::Bindgen;
 pub(crate) struct Bundle {
     /// Its name: `participant`, `lab` or `solver`.
     pub(crate) entry: &'static str,
-    /// What the program calls, as wasm-bindgen wrote it; `__wbg_get_imports()` collects it, and it finds
+    /// The program's imports as written by wasm-bindgen. `__wbg_get_imports()` returns them; they expect
     /// the program's exports in `wasm`.
     pub(crate) js: String,
     /// The program.
     pub(crate) wasm: Vec<u8>,
 }
 
-/// Runs wasm-bindgen on what cargo has compiled.
+/// Runs wasm-bindgen on cargo's output.
 ///
 /// # Errors
-/// When there is no such file, its version of wasm-bindgen is not this one, or
-/// it needs scripts from elsewhere.
+/// When the file is missing, was built with another version of wasm-bindgen, or needs other
+/// scripts.
 pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
     let mut output = Bindgen::new()
         .input_path(compiled)
@@ -38,7 +37,7 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
                 compiled.display()
             )
         })?;
-    // Crates that could bring snippets are listed even when they bring none.
+    // Crates that could have snippets are listed even if they have none.
     let with_snippets =
         output.snippets().iter().filter(|(_, scripts)| !scripts.is_empty()).map(|(name, _)| name);
     let extra: Vec<&String> = with_snippets
@@ -61,7 +60,7 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
         export.name = names.short(&export.name);
     }
     js = shorter(&names.put_into(without_loader(&without_comments(&js))?));
-    // Numbered in the script's order, and in that order in the program too, names hardly cost a byte.
+    // If names are numbered in the script's order and the program has the same order, they compress to almost nothing.
     let mut names = Names::default();
     js.lines().filter_map(import_name).for_each(|name| drop(names.short(name)));
     let numbered = |name: &str| name[1..].parse::<usize>().unwrap_or(usize::MAX);
@@ -78,11 +77,11 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
     Ok(Bundle { entry, js, wasm: module.emit_wasm() })
 }
 
-/// The script of wasm-bindgen without its end, which loads the program. It provides for servers that
-/// do not say what they send and for several ways to call it, which every participant would load.
+/// Removes the loader from the end of wasm-bindgen's script. The loader handles servers that send no
+/// content type and several ways to call it, code that every participant would download.
 ///
 /// # Errors
-/// When wasm-bindgen wrote something else than it used to.
+/// When the format of wasm-bindgen's script has changed.
 fn without_loader(js: &str) -> Result<&str> {
     let is_whole = |calls: &&str| calls.contains("function __wbg_get_imports()");
     let calls = js.split_once("let wasmModule, wasmInstance, wasm;\n").map(|(calls, _)| calls);
@@ -92,11 +91,11 @@ fn without_loader(js: &str) -> Result<&str> {
     )
 }
 
-/// Exports whose names are longer have a hash in them; the others may be called from elsewhere.
+/// Exports with longer names contain a hash; shorter names may be called from elsewhere.
 const LONG: usize = 40;
 
-/// Short names for those by which script and program know each other. wasm-bindgen puts a hash
-/// into each, which no compression makes shorter: a participant would load 5 KB of them.
+/// Short names for the imports and exports between script and program. wasm-bindgen's names contain
+/// hashes, which do not compress: a participant would download 5 KB of them.
 #[derive(Default)]
 struct Names(BTreeMap<String, String>);
 
@@ -106,7 +105,7 @@ impl Names {
         self.0.entry(name.to_owned()).or_insert(next).clone()
     }
 
-    /// The script with short names in place of the long ones.
+    /// Replaces the long names in the script by short ones.
     fn put_into(&self, js: &str) -> String {
         let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '$';
         let mut out = String::with_capacity(js.len());
@@ -123,7 +122,7 @@ impl Names {
     }
 }
 
-/// A script without its documentation and the space at the start of lines.
+/// Removes documentation comments and indentation from a script.
 fn without_comments(js: &str) -> String {
     let mut out = String::with_capacity(js.len());
     let mut is_inside = false;
@@ -138,7 +137,8 @@ fn without_comments(js: &str) -> String {
     out
 }
 
-/// What code means the same without its spaces. Nothing in quotation marks has it.
+/// Replacements of spaces that do not change the meaning of code. No string literal in the script
+/// contains these patterns.
 const SPACES: [(&str, &str); 15] = [
     (" => ", "=>"),
     (" = ", "="),
@@ -157,8 +157,8 @@ const SPACES: [(&str, &str); 15] = [
     ("if (", "if("),
 ];
 
-/// The same script in fewer bytes once it is compressed: each import as a method, those alike beside each other,
-/// and no variable that is returned at once.
+/// Rewrites the script so that it compresses better: imports become methods, similar imports become neighbours,
+/// and variables that are returned immediately are removed.
 fn shorter(js: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
     for line in js.lines() {
@@ -178,7 +178,7 @@ fn shorter(js: &str) -> String {
         }
     }
     let first = lines.iter().position(|line| line == "__proto__: null,").map_or(0, |at| at + 1);
-    // Closures in imports end like the list of them, but only that is returned.
+    // Closures in imports end like the import list, but only the list is returned.
     let end =
         lines.windows(2).position(|two| two[0] == "};" && two[1].starts_with("return import"));
     let (before, rest) = lines.split_at(first);
@@ -200,11 +200,11 @@ fn import_name(line: &str) -> Option<&str> {
 }
 
 impl Bundle {
-    /// A page with the program in it, since a page from a file may load no other file. All
-    /// runs before the page counts as loaded.
+    /// A page with the program inlined, because a page opened from a file cannot load other files.
+    /// The program runs before the page counts as loaded.
     ///
     /// # Errors
-    /// Never: bytes can be written as JSON.
+    /// Never: bytes can always be encoded as JSON.
     pub(crate) fn page(&self) -> serde_json::Result<String> {
         let bytes = serde_json::to_string(&self.wasm)?;
         let module = format!("new WebAssembly.Module(new Uint8Array({bytes}))");
@@ -216,17 +216,17 @@ impl Bundle {
         ))
     }
 
-    /// The script that loads the program from beside itself under the name `wasm` and starts it.
+    /// The script that loads the program, called `wasm`, from its own folder and starts it.
     ///
-    /// The call that starts it is part of the file because the site's security
-    /// policy forbids scripts inside pages.
+    /// The start call is in this file because the site's content security policy forbids inline
+    /// scripts.
     pub(super) fn script_for(&self, wasm: &str) -> String {
         let loaded = format!("fetch(new URL('{wasm}', import.meta.url))");
         let loading = format!("WebAssembly.instantiateStreaming({loaded}, __wbg_get_imports())");
         self.started(&format!("(await {loading}).instance"))
     }
 
-    /// The script with the program of this instance, a JavaScript expression.
+    /// The script that starts the program of `instance`, a JavaScript expression.
     fn started(&self, instance: &str) -> String {
         let calls = self.js.trim_end();
         format!("{calls}\nconst wasm = {instance}.exports;\nwasm.__wbindgen_start();\n")

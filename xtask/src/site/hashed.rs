@@ -1,4 +1,4 @@
-//! Names that change with the content.
+//! File names with a content hash.
 
 use sha2::{Digest, Sha256};
 

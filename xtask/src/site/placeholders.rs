@@ -4,19 +4,19 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Result, bail};
 
-/// A text without placeholders.
+/// A text whose placeholders are filled in.
 #[derive(Debug, PartialEq)]
 pub(super) struct Filled {
     /// The text.
     pub(super) text: String,
-    /// The names that stood in it.
+    /// The names of its placeholders.
     pub(super) used: BTreeSet<String>,
 }
 
 /// Replaces each placeholder of `static/<file>` by `/` and the path in `assets`.
 ///
 /// # Errors
-/// For an unknown or unfinished placeholder, naming file, line and placeholder.
+/// For an unknown or unterminated placeholder, naming file, line and placeholder.
 pub(super) fn fill(file: &str, source: &str, assets: &BTreeMap<String, String>) -> Result<Filled> {
     let mut text = String::with_capacity(source.len());
     let mut used = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! Writing the site, with each file also compressed, and putting it in place.
+//! Writes the site, with compressed copies of each file, and puts it in place.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -13,9 +13,9 @@ use super::Files;
 
 /// Writes `files` into `folder`, each with `.br` and `.gz` beside it.
 ///
-/// The new site is written next to the old one and then takes its place, so that
-/// a running server never sees a part of it. What has not changed since the last
-/// time is not compressed again. Returns the size of each file after brotli, in bytes.
+/// The new site is written next to the old one and then replaces it, so that a running server never
+/// sees a partial site. Unchanged files are not compressed again. Returns the size of each file
+/// after brotli, in bytes.
 ///
 /// # Errors
 /// When a file cannot be written.
@@ -33,7 +33,7 @@ pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, u
         let parent = file.parent().unwrap_or(&fresh);
         fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
     }
-    // A thread for each file: there are about a dozen.
+    // One thread per file: there are about a dozen.
     let sizes = thread::scope(|scope| {
         let fresh = &fresh;
         let threads = files.iter().map(|(path, content)| {
@@ -54,7 +54,7 @@ pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, u
     Ok(sizes)
 }
 
-/// Writes one file in all its encodings; answers with its size after brotli.
+/// Writes one file in all encodings and returns its size after brotli.
 fn write(fresh: &Path, previous: &Path, path: &str, content: &[u8]) -> Result<usize> {
     put(&fresh.join(path), content)?;
     let is_unchanged = fs::read(previous.join(path)).is_ok_and(|old| old == content);
@@ -72,8 +72,8 @@ fn write(fresh: &Path, previous: &Path, path: &str, content: &[u8]) -> Result<us
     encoded("br", brotli)
 }
 
-/// Brotli at its highest quality: the smaller of two encodings. The usual one suits text; in programs, what
-/// follows depends on the high bits of the bytes before.
+/// Brotli at its highest quality: the smaller of two encodings. The default context mode suits text; in
+/// programs, a byte depends on the high bits of the preceding bytes.
 fn brotli(content: &[u8]) -> Result<Vec<u8>> {
     let usual = brotli::enc::BrotliEncoderParams {
         quality: 11,
@@ -95,7 +95,7 @@ fn brotli(content: &[u8]) -> Result<Vec<u8>> {
     Ok(if of_programs.len() < usual.len() { of_programs } else { usual })
 }
 
-/// Gzip at its highest level; without a time, so that the same content gives the same bytes.
+/// Gzip at its highest level, without a timestamp, so that the output is deterministic.
 fn gzip(content: &[u8]) -> Result<Vec<u8>> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
     encoder.write_all(content)?;
@@ -107,7 +107,7 @@ fn put(file: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(file, bytes).with_context(|| cannot_write(file))
 }
 
-/// Removes a folder, if it is there.
+/// Removes a folder, if it exists.
 fn remove(folder: &PathBuf) -> Result<()> {
     if folder.exists() {
         fs::remove_dir_all(folder).with_context(|| cannot_write(folder))?;
@@ -170,7 +170,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let site = folder.path().join("site");
         publish(&files(&[("same", "1"), ("other", "1")]), &site).expect("written");
-        // Marks that show where a file comes from.
+        // Markers that show which files are reused.
         for name in ["same.br", "other.br"] {
             fs::write(site.join(name), "kept").expect("written");
         }

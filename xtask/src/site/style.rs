@@ -1,7 +1,7 @@
-//! Style sheets as browsers need them.
+//! Minifies style sheets.
 
-/// A style sheet without comments, line ends and the space that means nothing. It has no comment signs
-/// in quotes.
+/// Removes comments, line breaks and insignificant space from a style sheet, whose strings must not
+/// contain comment delimiters.
 pub(super) fn without_space(css: &str) -> String {
     let mut words = Vec::new();
     let mut rest = css;
@@ -14,7 +14,7 @@ pub(super) fn without_space(css: &str) -> String {
     for sign in ["{", "}", ";"] {
         css = css.replace(&format!(" {sign}"), sign).replace(&format!("{sign} "), sign);
     }
-    // Before these, space can mean something: `a :hover`.
+    // Space before these characters can be significant: `a :hover`.
     css.replace(": ", ":").replace(", ", ",").replace(";}", "}")
 }
 

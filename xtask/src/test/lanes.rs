@@ -1,5 +1,5 @@
-//! Two lanes of tests side by side: one mostly waits, as for a page to paint or a server to start, and the
-//! other computes meanwhile.
+//! Runs two lanes of tests in parallel: one mostly waits, for example for a page to paint or a server to
+//! start, while the other computes.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 use super::{on_path, within};
 use crate::workspace::cannot_start;
 
-/// A command of a lane, and what it is called.
+/// A named command of a lane.
 pub(super) struct Part {
     name: String,
     command: Command,
@@ -25,18 +25,18 @@ impl Part {
     }
 }
 
-/// How many of the last lines of a part that failed are shown again at the end: enough for the names of the
-/// tests that failed.
+/// Number of last lines of a failed part that are shown again at the end: enough for the names of the failed tests.
 const SHOWN_AGAIN: usize = 30;
 
-/// Between two looks at whether a part has said more.
+/// Polling interval for new output of a part.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Runs both lanes, each from its first part to its last, even if some fail. What the first lane says is
-/// shown at once, and what a part of the second says when that part is over. `folder` keeps all of it.
+/// Runs both lanes, each from its first part to its last, even if some fail. Shows the first lane's
+/// output immediately, and the output of each part of the second lane when that part ends. All output is
+/// stored in `folder`.
 ///
 /// # Errors
-/// If a part cannot be started, or its output not be kept.
+/// If a part cannot be started or its output cannot be stored.
 pub(super) fn run(waiting: Vec<Part>, computing: Vec<Part>, folder: &Path) -> Result<ExitCode> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let computing =
@@ -45,7 +45,7 @@ pub(super) fn run(waiting: Vec<Part>, computing: Vec<Part>, folder: &Path) -> Re
     let failed = thread::scope(|scope| {
         let beside = scope.spawn(|| lane(computing, folder, false));
         let mut failed = lane(waiting, folder, true)?;
-        let beside = beside.join().map_err(|_| anyhow::anyhow!("a lane of tests broke off"))?;
+        let beside = beside.join().map_err(|_| anyhow::anyhow!("a lane of tests panicked"))?;
         failed.extend(beside?);
         anyhow::Ok(failed)
     })?;
@@ -56,15 +56,11 @@ pub(super) fn run(waiting: Vec<Part>, computing: Vec<Part>, folder: &Path) -> Re
         return Ok(ExitCode::SUCCESS);
     }
     let names: Vec<_> = failed.iter().map(|(name, _)| &name[..]).collect();
-    eprintln!(
-        "\nfailed: {}; everything that they said is in {}",
-        names.join(", "),
-        folder.display()
-    );
+    eprintln!("\nfailed: {}; their full output is in {}", names.join(", "), folder.display());
     Ok(ExitCode::FAILURE)
 }
 
-/// The parts that failed, with what they said.
+/// Runs a lane; returns the failed parts with their output.
 fn lane(parts: Vec<Part>, folder: &Path, at_once: bool) -> Result<Vec<(String, String)>> {
     let mut failed = Vec::new();
     for Part { name, mut command } in parts {
@@ -85,8 +81,8 @@ fn lane(parts: Vec<Part>, folder: &Path, at_once: bool) -> Result<Vec<(String, S
     Ok(failed)
 }
 
-/// Whether a command succeeds. Its output goes to a file: a process that it leaves behind could hold a pipe
-/// open.
+/// Runs a command and returns whether it succeeds. Its output goes to a file, because an orphaned child
+/// process could keep a pipe open.
 fn run_one(command: &mut Command, log: &Path, at_once: bool) -> Result<bool> {
     let cannot_write = || format!("cannot write {}", log.display());
     let out = File::create(log).with_context(cannot_write)?;
@@ -113,7 +109,7 @@ fn said(log: &Path) -> Result<String> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Prints a piece as a whole, so that the lanes' lines do not mix.
+/// Prints a piece atomically, so that the lanes' lines do not interleave.
 fn print(piece: &[u8]) -> Result<()> {
     let mut out = io::stdout().lock();
     out.write_all(piece).and_then(|()| out.flush()).context("standard output")
@@ -126,7 +122,7 @@ fn end_of(text: &str, lines: usize) -> &str {
     &text[begin..]
 }
 
-/// A command that leaves the processor to others where it can.
+/// Lowers the priority of a command, where possible.
 fn beneath(command: Command) -> Command {
     if on_path(&["nice"]).is_none() {
         return command;

@@ -12,18 +12,18 @@ use crate::workspace::{Workspace, output_of};
 pub(super) struct Program {
     /// The folder of its package, in which it runs.
     folder: PathBuf,
-    /// What cargo calls it: a file or folder of `tests/`, or a library.
+    /// Its name in cargo: a file or folder of `tests/`, or a library.
     pub(super) name: String,
     executable: PathBuf,
 }
 
 impl Program {
-    /// The folder's name, which tells the package.
+    /// The package, by its folder's name.
     pub(super) fn package(&self) -> String {
         self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// A call of it, as by `cargo test`.
+    /// A command that runs it like `cargo test`.
     pub(super) fn call(&self) -> Command {
         let mut command = Command::new(&self.executable);
         command.current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder);
@@ -31,7 +31,7 @@ impl Program {
     }
 }
 
-/// What cargo says of something that it has compiled, or has found compiled.
+/// Cargo's message about an artifact, new or up to date.
 #[derive(Deserialize)]
 struct Artifact {
     manifest_path: PathBuf,
@@ -50,13 +50,13 @@ struct Profile {
     test: bool,
 }
 
-/// Compiles every test program, and the server's program.
+/// Compiles every test program and the server.
 ///
 /// # Errors
-/// When the compiler refuses.
+/// When compiling fails.
 pub(super) fn compile(workspace: &Workspace) -> Result<Vec<Program>> {
     eprintln!("==> test programs");
-    // Without a selection cargo would also compile every example, and with `--bins` programs that have no tests.
+    // Without a selection, cargo would also compile every example; with `--bins`, also programs without tests.
     let mut cargo = workspace.compile("test");
     cargo.args(["--tests", "--no-run", "--message-format=json-render-diagnostics"]);
     let programs = read(&output_of("compiling the tests", &mut cargo)?)?;
@@ -64,7 +64,7 @@ pub(super) fn compile(workspace: &Workspace) -> Result<Vec<Program>> {
     Ok(programs)
 }
 
-/// The test programs in what cargo says, one message a line.
+/// The test programs in cargo's messages, one per line.
 fn read(messages: &str) -> Result<Vec<Program>> {
     let mut found = Vec::new();
     for line in messages.lines().filter(|line| line.contains(r#""reason":"compiler-artifact""#)) {

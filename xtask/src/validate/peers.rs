@@ -1,4 +1,4 @@
-//! How long other solvers take and how accurate they are: measured on demand, kept otherwise.
+//! Times and accuracies of other solvers: measured on demand, otherwise the stored ones.
 
 use std::num::NonZero;
 use std::thread::available_parallelism;
@@ -11,7 +11,7 @@ use crate::bench::peers::measure;
 use crate::workspace::Workspace;
 
 /// Every comparison of `cargo xtask bench peers`, the peer's figures before ours, with the date and
-/// the cores of the machine.
+/// the machine's number of cores.
 ///
 /// # Errors
 /// When a solver cannot be run.

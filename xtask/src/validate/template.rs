@@ -1,17 +1,17 @@
-//! Pages from templates, with numbers as readers expect them.
+//! Fills page templates with formatted numbers.
 
 use anyhow::Result;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::{Serde, Value};
 use minijinja::{Environment, UndefinedBehavior};
 
-/// The template with the measured numbers in it.
+/// Fills the template with the measured numbers.
 ///
 /// # Errors
-/// When the template is wrong, or names a number that was not measured.
+/// When the template is invalid or uses an undefined value.
 pub(super) fn filled(template: &str, measured: serde_json::Value) -> Result<String> {
     let mut pages = Environment::new();
-    // A line that holds nothing but a tag leaves nothing behind.
+    // A line with only a tag produces no output.
     let mut syntax = SyntaxConfig::builder();
     syntax.trim_blocks(true).lstrip_blocks(true).keep_trailing_newline(true);
     pages.set_syntax(syntax.build()?);
@@ -32,24 +32,24 @@ pub(super) fn filled(template: &str, measured: serde_json::Value) -> Result<Stri
     Ok(pages.render_str(template, Serde(measured))?)
 }
 
-/// With the minus sign that readers expect.
+/// With a typographic minus sign.
 fn minus(text: String) -> String {
     text.replace('-', "−")
 }
 
-/// With as many digits as it has.
+/// The shortest exact representation.
 fn plain(number: f64) -> String {
     minus(number.to_string())
 }
 
-/// Rounded; what is rounded to 0 has no sign.
+/// Rounded; 0 has no sign.
 fn fixed(number: f64, places: usize) -> String {
     let text = format!("{number:.places$}");
     let zero = text.chars().all(|c| "-0.".contains(c));
     minus(if zero { text.replace('-', "") } else { text })
 }
 
-/// With + or −.
+/// Rounded, with + or −.
 fn signed(number: f64, places: usize) -> String {
     minus(format!("{number:+.places$}"))
 }
@@ -69,13 +69,13 @@ fn seconds(seconds: f64) -> String {
     sized(seconds, &[(1.0, 3), (10.0, 1)], 0)
 }
 
-/// With the places of the first limit that the number is below, or `otherwise`.
+/// Rounded to the decimal places of the first limit above the number, or to `otherwise`.
 fn sized(number: f64, limits: &[(f64, usize)], otherwise: usize) -> String {
     let limit = limits.iter().find(|(limit, _)| number.abs() < *limit);
     fixed(number, limit.map_or(otherwise, |(_, places)| *places))
 }
 
-/// 1234567 as 1,234,567.
+/// Thousands separators: 1234567 as 1,234,567.
 fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -88,7 +88,7 @@ fn thousands(number: u64) -> String {
     text
 }
 
-/// A number ≥ 0 as 1.2·10⁻³.
+/// Scientific notation of a number ≥ 0: 1.2·10⁻³.
 fn power(number: f64) -> String {
     const RAISED: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     if number == 0.0 {

@@ -1,19 +1,19 @@
-//! Who takes part in the demonstration, so that every page of the laboratory has something to show.
+//! The participants of the demonstration, chosen so that every page of the laboratory has something to show.
 
 use super::super::simulate::volunteer::Mishap;
 use sidestep::trial::{PageEvent, PageEventKind, Phase, simulate};
 use sidestep::vehicle::TurnInput;
 
-/// A synthetic participant of the demonstration. How they steer follows from their number.
+/// A synthetic participant of the demonstration. Their number determines how they steer.
 #[derive(Clone, Copy)]
 pub(super) struct Role {
     /// How their participation ends.
     pub(super) ending: Ending,
-    /// How often they answer the check of understanding.
+    /// Attempts at the check of understanding.
     pub(super) attempts: usize,
     /// What happens to their trials.
     pub(super) mishap: Mishap,
-    /// What an experimenter wrote about them.
+    /// An experimenter's note about them.
     pub(super) note: Option<&'static str>,
 }
 
@@ -22,18 +22,18 @@ pub(super) struct Role {
 pub(super) enum Ending {
     /// With the completion code.
     Complete,
-    /// With the completion code, and analyses leave them out for this reason.
+    /// With the completion code, and excluded from analyses for this reason.
     Excluded(&'static str),
-    /// They withdraw after so many tasks, and the data are kept.
+    /// They withdraw after this number of tasks, and the data are kept.
     Withdrawn(u64),
-    /// They are under way, after so many tasks.
+    /// They are still taking part, after this number of tasks.
     UnderWay(u64),
     /// They fail the check of understanding.
     ScreenedOut,
 }
 
 impl Ending {
-    /// How many tasks they drive at the most.
+    /// Upper bound on the tasks they drive.
     pub(super) fn tasks(self) -> u64 {
         match self {
             Self::Complete | Self::Excluded(_) => u64::MAX,
@@ -46,7 +46,7 @@ impl Ending {
 const USUAL: Role =
     Role { ending: Ending::Complete, attempts: 1, mishap: |_, _, _, _| (), note: None };
 
-/// Everybody, in the order of their numbers.
+/// All participants, in the order of their numbers.
 pub(super) const CAST: [Role; 12] = [
     USUAL,
     Role { attempts: 2, ..USUAL },
@@ -79,7 +79,7 @@ pub(super) const CAST: [Role; 12] = [
     Role { ending: Ending::UnderWay(15), ..USUAL },
 ];
 
-/// The window loses the keyboard in two tasks, when they are driven for the first time.
+/// The window loses keyboard focus in two tasks, on their first attempt.
 const LOOKS_AWAY: Mishap = |_, phase, planned, trial| {
     if phase == Phase::Task && planned.attempt == 1 && [6, 19].contains(&planned.index) {
         let event = |t_ms, kind| PageEvent { t_ms, kind };

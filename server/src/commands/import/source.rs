@@ -1,4 +1,4 @@
-//! The file of an import: checked to its end, and then read again.
+//! The file of an import, read twice: first checked to its end, then imported.
 
 use crate::commands::table_file;
 use crate::formats::csv_lines::Dialect;
@@ -18,12 +18,12 @@ use std::path::Path;
 /// A file that can be read twice.
 pub(super) struct Source {
     file: File,
-    /// Its SHA-256 in the manifest beside it.
+    /// Its SHA-256 according to the manifest beside it.
     sha256: Option<String>,
 }
 
 impl Source {
-    /// Opens the file; - is stdin. What can be read only once, such as a pipe, is copied.
+    /// Opens the file; - is stdin. Input that can be read only once, such as a pipe, is copied.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         let copied = |mut from: &mut dyn Read| {
             let mut copy = tempfile::tempfile()?;
@@ -40,10 +40,10 @@ impl Source {
         Ok(Self { file, sha256: expected_hash(path) })
     }
 
-    /// The checked file, and how it is written down.
+    /// Checks the file. Also returns its dialect.
     ///
     /// # Errors
-    /// What is wrong with it, with its line.
+    /// The fault, with its line.
     pub(super) fn checked(
         self,
         parameters: &SceneParameters,
@@ -51,7 +51,7 @@ impl Source {
         let mut file = Hashing { file: self.rewound()?, hash: Sha256::new() };
         let order = trials_csv::check(&mut file, parameters);
         if let Some(expected) = &self.sha256 {
-            // To the end, wherever the first fault is.
+            // Read to the end even after a fault, to get the hash.
             io::copy(&mut file, &mut io::sink()).map_err(said)?;
             let found = hex::encode(file.hash.finalize());
             if found != *expected {
@@ -84,17 +84,17 @@ fn said(error: impl Display) -> String {
 
 /// A file without faults.
 pub(super) enum Checked {
-    /// The rows of each participant are together: it is read again.
+    /// The rows of each participant are together, so the file is read again.
     Together(Source),
-    /// They are not: this is all of it.
+    /// They are scattered: this is the whole file.
     Scattered(Vec<RecordedParticipant>),
 }
 
 impl Checked {
-    /// Hands the participants one after the other to `to`, until it breaks off.
+    /// Passes the participants one by one to `to`, until it returns `Break`.
     ///
     /// # Errors
-    /// What is wrong with the file, if it was changed since it was checked.
+    /// The fault, if the file changed since the check.
     pub(super) fn each(
         self,
         parameters: &SceneParameters,
@@ -112,7 +112,7 @@ impl Checked {
     }
 }
 
-/// The SHA-256 that the manifest of an export has for this file; none without a manifest that names it.
+/// The SHA-256 of this file in the manifest of an export; none if no manifest names the file.
 fn expected_hash(path: &Path) -> Option<String> {
     #[derive(Deserialize)]
     struct Manifest {

@@ -21,26 +21,26 @@ use sidestep::shfrs::window::Trajectory;
 use sidestep::training::{self, Driven};
 use std::path::{Path, PathBuf};
 
-/// Which trial, and how it is looked at.
+/// Selects the trial and the view.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Replay")]
 pub(super) struct ReplayArgs {
-    /// Replay: CSV file of trials, as `sidestep export` writes it; the flags of the game say which vehicles
-    /// drove.
+    /// Replay: CSV file of trials from `sidestep export`; the game's flags define its vehicles.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "database", requires = "participant")]
     trials: Option<PathBuf>,
-    /// Replay: the participant in --trials.
+    /// Replay: participant in --trials.
     #[arg(long, value_name = "NAME", requires = "trials")]
     participant: Option<String>,
-    /// Replay: database of the trial, sqlite: and a file.
+    /// Replay: database with the trial: sqlite:FILE or postgres://USER@HOST/DATABASE.
     #[arg(long, value_name = "URL", requires = "trial")]
     database: Option<String>,
-    /// Replay: with --database the trial's id, as in the address of its replay; with --trials its number.
+    /// Replay: trial id, as in its replay's URL (--database), or trial number (--trials).
     #[arg(long, value_name = "TRIAL")]
     trial: Option<String>,
-    /// Replay: how it is looked at, as the address of a replay says after the question mark, such as
-    /// 't=3.4&show=v-hr,shfrs'. It also says what predicts: predictor=earlier, history, learned-disturbance,
-    /// empirical, gaussian, constant, constant-velocity, hold-the-input or worst-case, or with --database
+    /// Replay: the view, as in the query of a replay's URL, such as 't=3.4&show=v-hr,shfrs'.
+    ///
+    /// It may also name the predictor: predictor=earlier, history, learned-disturbance, empirical,
+    /// gaussian, constant, constant-velocity, hold-the-input or worst-case, or with --database
     /// analysis=ID&file=NAME, a model of an analysis.
     #[arg(long, value_name = "QUERY", default_value = "")]
     view: String,
@@ -53,7 +53,7 @@ pub(super) struct ReplayArgs {
 }
 
 impl ReplayArgs {
-    /// Whether one of the flags was given that choose a trial.
+    /// Whether a flag that selects a trial was given.
     pub(super) fn is_given(&self) -> bool {
         self.trials.is_some() || self.database.is_some() || self.trial.is_some()
     }
@@ -68,7 +68,7 @@ struct Found {
     models: Vec<(Source, Predictor)>,
 }
 
-/// The moment as a figure, predicted by what the view names or by `predictor`: without either by a model that is
+/// Draws the moment. The predictor is the one that the view names, else `predictor`, else a model
 /// trained on the participant's earlier trials, as in the laboratory.
 pub(super) async fn replay(
     args: &ReplayArgs,
@@ -119,7 +119,7 @@ pub(super) async fn replay(
 }
 
 impl Found {
-    /// How this source predicts.
+    /// The prediction method of this source.
     fn method(&self, source: &Source, safety: &SafetyLevels) -> Result<Method, CommandError> {
         let failed = |invalid: Invalid| CommandError::Input(format!("{}: {invalid}", self.heading));
         let way = match source {
@@ -156,13 +156,13 @@ impl Found {
     }
 }
 
-/// What --view says.
+/// The parsed --view.
 struct Looked {
     view: View,
     source: Source,
-    /// What predicts in the pane beside it, if there is one.
+    /// The predictor in the second pane, if there is one.
     beside: Option<Source>,
-    /// Whether it names what predicts.
+    /// Whether --view names a predictor.
     is_named: bool,
 }
 
@@ -186,7 +186,7 @@ impl Looked {
     }
 }
 
-/// The text of a value in an address, where `%2F` is a slash.
+/// Decodes a value in a URL, in which `%2F` is a slash.
 fn decoded(value: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = value.as_bytes();
@@ -283,7 +283,7 @@ fn of_file(
     person.keep_one_attempt();
     let earlier = person.trials.into_iter().map(|trial| (trial.inputs, trial.states)).collect();
     let start = trial.states[0];
-    // A file does not say where the goal is: the robot reaches it at the end of the trial.
+    // A file does not contain the goal: the robot reaches it at the end of the trial.
     let scene = Scene::new(&parameters, start.human, start.robot);
     let heading = format!("participant {name} / {} / trial {wanted}", trial.phase.word());
     let (inputs, states) = (trial.inputs, trial.states);

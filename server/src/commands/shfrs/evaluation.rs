@@ -1,4 +1,4 @@
-//! What `sidestep shfrs` computes.
+//! The computations of `sidestep shfrs`.
 
 use super::super::CommandError;
 use super::{Recorded, flagged};
@@ -29,17 +29,17 @@ pub(super) struct Questions {
     pub(super) windows: WindowChoice,
     pub(super) split: Split,
     pub(super) confidence: f64,
-    /// What the split keeps apart.
+    /// The unit of the split.
     pub(super) unit: Unit,
 }
 
-/// A guarantee for which there is too little to calibrate with.
+/// A guarantee left out because the calibration set is too small.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct LeftOut {
     /// As `--guarantee` spells it.
     pub(super) guarantee: String,
     pub(super) p: f64,
-    /// What it needs to calibrate with, and what there is.
+    /// The needed and the actual size of the calibration set.
     pub(super) needed: usize,
     pub(super) found: usize,
     pub(super) unit: Unit,
@@ -57,7 +57,7 @@ impl fmt::Display for LeftOut {
 }
 
 impl Questions {
-    /// What `calibration` trajectories or people are too few for.
+    /// The guarantees for which `calibration` trajectories or people are too few.
     pub(super) fn left_out(&self, calibration: usize) -> Result<Vec<LeftOut>, Invalid> {
         let mut left_out = Vec::new();
         for guarantee in &self.guarantees {
@@ -102,16 +102,16 @@ pub(super) struct Evaluation {
     pub(super) predictor: String,
     pub(super) participants: usize,
     pub(super) trajectories: Parted,
-    /// What was split, and what guarantees and intervals count.
+    /// The unit of the split, which guarantees and intervals count.
     pub(super) split: Unit,
-    /// One for each choice of windows that there are windows for.
+    /// One for each choice of windows that has windows.
     pub(super) regions: Vec<Regions>,
-    /// Which trajectories the regions' probabilities are from.
+    /// The trajectories behind the regions' probabilities.
     pub(super) regions_from: String,
-    /// Why the trials are known not to be people's, if they are.
+    /// Why the trials are known to be synthetic, if they are.
     pub(super) synthetic: Option<String>,
     pub(super) tuning: Vec<Tuned>,
-    /// Guarantees for which there is too little to calibrate with.
+    /// Guarantees left out because the calibration set is too small.
     pub(super) left_out: Vec<LeftOut>,
     pub(super) pareto: Pareto,
     pub(super) danger: Danger,
@@ -119,7 +119,7 @@ pub(super) struct Evaluation {
     pub(super) panels: Vec<RegionsPanel>,
 }
 
-/// How many trajectories.
+/// Numbers of trajectories.
 #[derive(Serialize)]
 pub(super) struct Parted {
     training: usize,
@@ -130,7 +130,7 @@ pub(super) struct Parted {
 /// Bounds on the probability of entering the danger zone, on the test part.
 #[derive(Serialize)]
 pub(super) struct Danger {
-    /// Which actions count.
+    /// The actions that count.
     choice: String,
     statement: String,
     mean_low: f64,
@@ -155,20 +155,20 @@ pub(super) fn choice_of_the_paper(steps: usize, actions: usize) -> ActionChoice 
     ActionChoice::TopK((0..steps).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect())
 }
 
-/// Choices of windows that regions are judged on, by the seed of the random ones.
+/// Choices of windows for judging regions, with a seed for the random ones.
 fn region_windows(seed: u64) -> [WindowChoice; 3] {
     [WindowChoice::EveryStep, WindowChoice::RandomOne { seed }, WindowChoice::AvoidanceOnset]
 }
 
 impl Evaluation {
-    /// How many steps of a progress bar [`Self::of`] takes.
+    /// Number of progress-bar steps in [`Self::of`].
     pub(super) fn stages(questions: &Questions) -> u64 {
         let tuned = questions.guarantees.len() * questions.probabilities.len();
-        // The comparison, the danger zone and the panels besides.
+        // Plus the comparison, the danger zone and the panels.
         (region_windows(0).len() + tuned + 3) as u64
     }
 
-    /// Computes everything, and shows its progress on `bar`.
+    /// Computes everything, with progress on `bar`.
     pub(super) fn of<M: ActionModel + Sync>(
         recorded: &[Recorded],
         parts: &Parts,
@@ -181,7 +181,7 @@ impl Evaluation {
         let trajectories: Vec<Trajectory> =
             recorded.iter().map(|recorded| recorded.trajectory.clone()).collect();
         let sample = parts.sample(&trajectories);
-        // Trajectories that neither the predictor nor the choice of actions has seen.
+        // Trajectories that neither trained the predictor nor tuned the choice of actions.
         let unseen: Vec<Trajectory> = [&sample.calibration[..], &sample.test[..]].concat();
         let person = super::people(recorded);
         let drove: Vec<usize> =
@@ -189,7 +189,7 @@ impl Evaluation {
         let mut found = Vec::new();
         for choice in region_windows(questions.split.seed) {
             bar.set_message(format!("regions, {}", choice.word().replace('_', " ")));
-            // Nobody need have turned in time.
+            // Perhaps nobody turned in time.
             if choice.windows(&unseen, settings.steps()).iter().any(|windows| !windows.is_empty()) {
                 let confidence = questions.confidence;
                 let regions =
@@ -255,8 +255,8 @@ impl Evaluation {
     }
 }
 
-/// SHFRS with the choices of actions that were tuned with the first guarantee and with the
-/// paper's, and simpler predictions.
+/// SHFRS with the choices of actions that were tuned for the first guarantee and with the paper's
+/// choice, and simpler predictions.
 fn compare<M: ActionModel + Sync>(
     sample: &Sample,
     prediction: Prediction<'_, M>,
@@ -327,10 +327,10 @@ fn danger<M: ActionModel + Sync>(
     })
 }
 
-/// Predictions that are drawn.
+/// Number of predictions drawn.
 const PANELS: usize = 3;
 
-/// The first test trajectories with a turn, when it begins; else the first ones at all.
+/// The first test trajectories with a turn, at its start; without turns, the first trajectories.
 fn panels<M: ActionModel>(
     recorded: &[Recorded],
     parts: &Parts,

@@ -21,7 +21,7 @@ pub(super) const FILES: [&str; 8] = [
     "shfrs.json",
 ];
 
-/// Writes them into a draft: files of two runs must not lie beside each other.
+/// Writes them into a draft: a folder must not mix the files of two runs.
 pub(super) fn write(
     draft: &Draft,
     analysis: &Evaluation,
@@ -197,7 +197,7 @@ fn danger_csv(analysis: &Evaluation) -> Result<String, CommandError> {
 }
 
 fn regions_svg(analysis: &Evaluation) -> Result<String, CommandError> {
-    // The probabilities of windows from every step: those that a live display has.
+    // The probabilities over windows from every step, as in a live display.
     let Some(found) = analysis.regions.first() else {
         return Err(CommandError::Failure("no trajectory is long enough".to_owned()));
     };

@@ -10,7 +10,7 @@ use sidestep::synthetic::{Keys, REFERENCE_SEED, SyntheticParticipant};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// Writes the file, whole or not at all, and prints the summary; `-` is stdout, and has none.
+/// Writes the whole file or nothing, and prints the summary; with `-` it writes to stdout, without a summary.
 pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> {
     if out == "-" {
         let mut stdout = BufWriter::new(io::stdout().lock());
@@ -42,12 +42,12 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     let parameters = SceneParameters::default();
     let mut flags = FlagCounts::default();
     let bar = bar(args.participants * args.trials());
-    // As exports of a study, or as the reference data.
+    // As in exports of a study, or as in the reference data.
     let (print, end): (fn(f64) -> String, _) = match args.keys() {
         Keys::Clock => (exact, "\n"),
         Keys::Free => (nine_digits, "\r\n"),
     };
-    // The reference's file, byte for byte, does not say what it is; all others do.
+    // The reference file must match byte for byte and has no such column; all other files are marked.
     let says = args.keys() == Keys::Clock || args.seed != REFERENCE_SEED;
     let columns = REQUIRED.join(",");
     write!(out, "{columns}{}{end}", if says { ",synthetic" } else { "" })?;
@@ -57,7 +57,7 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
             let (scene, drive) = participant.own_trial(trial, args.keys());
             flags.count(&parameters, &scene, &drive);
             for (step, (input, state)) in drive.inputs.iter().zip(&drive.states).enumerate() {
-                // To the nanosecond: 0.6 rather than 0.6000000000000001.
+                // Rounded to the nanosecond: 0.6 rather than 0.6000000000000001.
                 let t = (step as f64 * parameters.step_s * 1e9).round() / 1e9;
                 let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
                 let omega = parameters.human.turn_rate(*input);

@@ -1,4 +1,4 @@
-//! Synthetic participants through the HTTP interface, as real ones take part.
+//! Synthetic participants who take part through the HTTP interface, like real ones.
 
 use super::super::{CommandError, print_json};
 use super::volunteer::{Seen, Volunteer};
@@ -10,7 +10,7 @@ use sidestep::study::{PhaseConfig, StudyConfig};
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep::trial::Phase;
 
-/// Lets everyone take part, one after the other, and prints the summary.
+/// All participants take part, one after another; then prints the summary.
 pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), CommandError> {
     let bad = |flag: &str, expected: &str, found: &str| {
         CommandError::Input(format!("--{flag}: expected {expected}, found {found}"))
@@ -61,7 +61,7 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
     }))
 }
 
-/// What is driven there.
+/// Fetches the study.
 async fn study(server: &Client, slug: &str) -> Result<StudyInfo, CommandError> {
     let origin = server.origin();
     let study = server.study(slug).await.map_err(|error| match error.code() {

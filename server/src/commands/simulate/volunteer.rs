@@ -1,4 +1,4 @@
-//! One synthetic participant through the HTTP interface, as a real one takes part.
+//! One synthetic participant who takes part through the HTTP interface, like a real one.
 
 use crate::client::{Client, ClientError, Participation};
 use crate::clock::now_ms;
@@ -20,12 +20,12 @@ pub(in crate::commands) struct Volunteer<'a> {
     pub(in crate::commands) server: &'a Client,
     pub(in crate::commands) study: &'a StudyInfo,
     pub(in crate::commands) participant: SyntheticParticipant,
-    /// Tasks that they drive at the most. Whoever drives fewer than all does not complete.
+    /// Upper bound on the tasks they drive; those who drive fewer than all do not complete.
     pub(in crate::commands) tasks: u64,
-    /// How often they answer the check of understanding until all is right.
+    /// Number of attempts at the check of understanding; the last is correct.
     pub(in crate::commands) attempts: usize,
-    /// Which answers they give: 0 for the first option of a choice and the middle of a scale, others from there
-    /// on.
+    /// Selects their answers: 0 for the first option of a choice and the middle of a scale; other
+    /// numbers are offsets from there.
     pub(in crate::commands) opinion: usize,
     /// What happens to a trial before it is sent.
     pub(in crate::commands) mishap: Mishap,
@@ -34,7 +34,7 @@ pub(in crate::commands) struct Volunteer<'a> {
 /// Changes the trial of a scene of a study with these parameters.
 pub(in crate::commands) type Mishap = fn(&SceneParameters, Phase, &PlannedScene, &mut TrialUpload);
 
-/// A scene of the plan that is driven, or was before.
+/// A scene of the plan, already stored or driven now.
 pub(in crate::commands) enum Seen<'a> {
     /// The server has it already.
     Stored,
@@ -48,7 +48,7 @@ pub(in crate::commands) enum Seen<'a> {
 }
 
 impl<'a> Volunteer<'a> {
-    /// Drives everything, understands at once, and has no mishap.
+    /// A participant who drives everything, understands at once, and has no mishap.
     pub(in crate::commands) fn new(
         server: &'a Client,
         study: &'a StudyInfo,
@@ -58,7 +58,7 @@ impl<'a> Volunteer<'a> {
         Self { server, study, participant, tasks, attempts, opinion, mishap: |_, _, _, _| () }
     }
 
-    /// Enrols under this external id, or goes on.
+    /// Enrols with this external id, or resumes.
     ///
     /// # Errors
     /// [`ClientError`]; `withdrawn` or `screened_out` if the participation has ended.
@@ -78,8 +78,7 @@ impl<'a> Volunteer<'a> {
         self.server.enrol(&self.study.slug, &body).await
     }
 
-    /// From enrolment to completion, or to the last task that is wanted. What the server has already is not
-    /// sent again.
+    /// Takes part from enrolment to completion, or to the last wanted task. Skips trials that the server already has.
     ///
     /// # Errors
     /// As [`Self::enrol`].
@@ -116,7 +115,7 @@ impl<'a> Volunteer<'a> {
             if seen.len() == before {
                 break wanted.len() == known.plan.scenes().count();
             }
-            // A task that was interrupted may be there once more.
+            // An interrupted task may be planned once more.
             known = me.progress().await?;
         };
         if all && !known.answered {
@@ -128,7 +127,7 @@ impl<'a> Volunteer<'a> {
         Ok(me)
     }
 
-    /// The scenes to drive, with their numbers in the plan; these count all phases, whatever is left out.
+    /// The scenes to drive, with their numbers in the plan, which count all phases, including skipped scenes.
     fn wanted<'p>(&self, plan: &'p Plan) -> Vec<(u64, Phase, &'p PlannedScene)> {
         let mut tasks = 0;
         let scenes = (0..).zip(plan.scenes()).filter(|(_, (phase, _))| {
@@ -159,13 +158,13 @@ impl<'a> Volunteer<'a> {
     }
 }
 
-/// Screen and display of nobody.
+/// The record of screen and display, which only marks the participant as synthetic.
 fn synthetic() -> Object<Value> {
     Object::from_iter([("synthetic".to_owned(), json!(true))])
 }
 
 fn upload(parameters: &SceneParameters, drive: SyntheticDrive) -> TrialUpload {
-    // Nobody waited for it: it began as long ago as it takes.
+    // The trial took no real time: pretend that it started one duration ago.
     let started_at_ms = now_ms() as f64 - 1000.0 * parameters.duration_s();
     TrialUpload {
         started_at_ms: started_at_ms.max(0.0),

@@ -11,7 +11,7 @@ pub(super) struct Quoted<R> {
 }
 
 impl<R: Read> Quoted<R> {
-    /// What was read of a file already and the rest of it, from this line on.
+    /// Reads from this line on: first the bytes already read, then the rest of the file.
     pub(super) fn of(read: Vec<u8>, file: R, line: u64, separator: u8) -> Self {
         let file = Watched::new(Cursor::new(read).chain(file), line);
         let mut reader = csv::ReaderBuilder::new();
@@ -51,7 +51,7 @@ impl<R: Read> Quoted<R> {
     }
 }
 
-/// Records where the lines that are not empty begin, while they are read.
+/// Records where non-empty lines begin, while they are read.
 struct Watched<R> {
     file: R,
     /// Number of bytes read, and the line after them.
@@ -61,17 +61,17 @@ struct Watched<R> {
     empty: bool,
     /// Whether the last byte was a carriage return, which ends a line with a line feed or alone.
     after_return: bool,
-    /// The first byte and the number of each line that is not empty, from the last requested line on.
+    /// The first byte and the number of each non-empty line, from the last requested line on.
     begins: VecDeque<(u64, u64)>,
 }
 
 impl<R> Watched<R> {
-    /// The file from this line on.
+    /// Watches the file from this line on.
     fn new(file: R, line: u64) -> Self {
         Self { file, read: 0, line, empty: true, after_return: false, begins: VecDeque::new() }
     }
 
-    /// The first line from this byte on that is not empty. Requests are in rising order.
+    /// The first non-empty line from this byte on. Requests must be in ascending order.
     fn line_of(&mut self, byte: u64) -> u64 {
         while self.begins.len() > 1 && self.begins[0].0 < byte {
             self.begins.pop_front();

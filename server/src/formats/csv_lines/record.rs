@@ -4,7 +4,7 @@ use sidestep::invalid::Invalid;
 use std::cell::Cell;
 use std::ops::Index;
 
-/// What separates the whole of a number from its fraction.
+/// The decimal mark of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Decimal {
     Point,
@@ -17,14 +17,14 @@ pub struct Record {
     text: String,
     /// The end of each field in the text, and the beginning of the next one.
     fields: Vec<(usize, usize)>,
-    /// Whether commas separate the columns, so that only fields in quotation marks have some, also between thousands.
+    /// Whether the delimiter is a comma: then only quoted fields contain commas, including those between thousands.
     by_commas: bool,
-    /// What the file's numbers so far have.
+    /// The decimal mark of the file's numbers so far.
     decimal: Cell<Option<Decimal>>,
 }
 
 impl Record {
-    /// A row of a file whose columns this separates.
+    /// A row of a file with this delimiter.
     pub(super) fn separated_by(separator: u8) -> Self {
         Self { by_commas: separator == b',', ..Self::default() }
     }
@@ -54,8 +54,8 @@ impl Record {
         (0..self.len()).map(|place| &self[place])
     }
 
-    /// The number at a place, of the column `name`. It may have a decimal comma; then all numbers of the file that have
-    /// decimals have one.
+    /// The number at a place, of the column `name`. A decimal comma is allowed; then all numbers of
+    /// the file with decimals must have one.
     ///
     /// # Errors
     /// [`Invalid`] naming the column.
@@ -102,7 +102,7 @@ impl Record {
         }
     }
 
-    /// What the file's numbers so far have.
+    /// The decimal mark of the file's numbers so far.
     pub(super) fn decimal(&self) -> Option<Decimal> {
         self.decimal.get()
     }
@@ -112,7 +112,7 @@ impl Record {
         self.fields.clear();
     }
 
-    /// Takes a line without quotation marks.
+    /// Splits a line without quotation marks.
     pub(super) fn split(&mut self, line: &str, separator: u8) {
         self.clear();
         self.text.push_str(line);
@@ -127,7 +127,7 @@ impl Record {
     }
 }
 
-/// Whether a comma stands before three digits, as between thousands.
+/// Whether a comma precedes three digits, as between thousands.
 fn may_be_thousands(text: &str) -> bool {
     let (whole, rest) = text.split_once(',').unwrap_or((text, ""));
     let whole = whole.trim_start_matches(['-', '+']);

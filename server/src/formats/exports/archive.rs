@@ -1,5 +1,5 @@
-//! An export as one ZIP archive that is written from its beginning to its end, so that it can be sent while
-//! it is written. The same data give the same bytes.
+//! An export as one ZIP archive, written sequentially so that it can be sent while it is written.
+//! The same data give the same bytes.
 
 use super::companions::{FileEntry, MANIFEST, Manifest, plain};
 use super::damage::Damage;
@@ -25,19 +25,20 @@ use tokio_util::sync::CancellationToken;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Bytes that go out at once.
+/// Capacity of the output buffer, bytes.
 const PIECE: usize = 1 << 16;
 
 type Archive<W> = ZipWriter<StreamWriter<BufWriter<Gate<W>>>>;
 
-/// An archive with its files, and what is damaged.
+/// An archive with its files, and the damage.
 type Filled<W> = (Archive<W>, Vec<FileEntry>, Damage);
 
-/// Writes an export as an archive, with the manifest last. What came out before an error is no archive: it
-/// has no table of contents. The participants are read once for each table, so that memory does not
-/// grow with the study; only a database (`sqlite`) is first written as a file in `scratch`.
+/// Writes an export as an archive, with the manifest last. After an error the output is not a valid
+/// archive: it has no central directory. The participants are read once for each table, so that
+/// memory does not grow with the study; only a database (`sqlite`) is first written as a file in
+/// `scratch`.
 ///
-/// Returns what is damaged, which the manifest says too.
+/// Returns the damage, which is also in the manifest.
 ///
 /// This blocks, and reads from the store with `runtime`.
 ///
@@ -93,10 +94,10 @@ fn table_by_table<W: Write + Send + 'static>(
             let people = dataset.driven(store, Arc::clone(failed));
             let mut printing = Printing::of(format, &dataset.filter, vec![file]);
             let added = printing.add_all(people, &CancellationToken::new());
-            // Before the archive is dropped, which ends it as if it were whole.
+            // Before the archive is dropped, which would end it as if it were complete.
             failed.fetch_or(added.is_err(), Ordering::SeqCst);
             added?;
-            // Each pass finds the same.
+            // Each pass finds the same damage.
             let mut files;
             (files, damage) = printing.finish();
             file = files.remove(0);
@@ -119,7 +120,7 @@ fn table_by_table<W: Write + Send + 'static>(
     Ok((zip, entries, damage))
 }
 
-/// A database is not written from its beginning to its end, so it is a file first.
+/// A database cannot be written sequentially, so it is a file first.
 fn with_database<W: Write + Send + 'static>(
     store: &Store,
     dataset: &Dataset,
@@ -147,7 +148,7 @@ fn with_database<W: Write + Send + 'static>(
     Ok((zip, entries, damage))
 }
 
-/// Begins a file of an archive. It has no time, so that the same content is the same bytes.
+/// Begins a file of an archive, without a time, so that the same content gives the same bytes.
 fn begin<W: Write>(zip: &mut Archive<W>, name: &str) -> io::Result<()> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
@@ -158,7 +159,7 @@ fn begin<W: Write>(zip: &mut Archive<W>, name: &str) -> io::Result<()> {
     Ok(zip.start_file(name, options)?)
 }
 
-/// Lets nothing out after a failure. An archive that is dropped writes its table of contents.
+/// Stops output after a failure, because an archive that is dropped writes its central directory.
 struct Gate<W> {
     out: W,
     failed: Arc<AtomicBool>,
@@ -167,7 +168,7 @@ struct Gate<W> {
 impl<W: Write> Write for Gate<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if self.failed.load(Ordering::SeqCst) || std::thread::panicking() {
-            return Err(io::Error::other("the export broke off"));
+            return Err(io::Error::other("the export was aborted"));
         }
         let written = self.out.write(bytes);
         self.failed.fetch_or(written.is_err(), Ordering::SeqCst);
@@ -188,7 +189,7 @@ mod tests {
     use std::io::Cursor;
     use std::sync::Mutex;
 
-    /// Keeps what comes out.
+    /// Collects the output.
     #[derive(Clone, Default)]
     struct Kept(Arc<Mutex<Vec<u8>>>);
 
@@ -232,7 +233,7 @@ mod tests {
             assert!(zip::ZipArchive::new(Cursor::new(&before[..])).is_ok());
             assert_eq!(written(&store, &dataset, format).await.1, before);
         }
-        // What is stored later is not in it.
+        // Data stored later are not in it.
         let (_, before) = written(&store, &dataset, Format::Csv).await;
         store.put_trial("ada", trial("ada-1", TurnInput::Right)).await.unwrap();
         assert_eq!(written(&store, &dataset, Format::Csv).await.1, before);
@@ -240,7 +241,7 @@ mod tests {
         let dataset = read().await.unwrap();
         assert_ne!(dataset.fingerprint(Format::Csv), mark);
         assert_ne!(dataset.fingerprint(Format::Csv), dataset.fingerprint(Format::Jsonl));
-        // What was deleted meanwhile cannot be in it.
+        // Data deleted meanwhile cannot be in it.
         store.withdraw("bob", true, 10, None).await.unwrap();
         for format in [Format::Csv, Format::Parquet, Format::PsychDs, Format::Sqlite] {
             let (result, bytes) = written(&store, &dataset, format).await;

@@ -1,4 +1,4 @@
-//! What an export has besides its tables: configurations, the meaning of every column, and the manifest.
+//! The files of an export besides its tables: configurations, the meaning of every column, and the manifest.
 
 use super::damage::Damage;
 use super::dataset::Dataset;
@@ -12,24 +12,23 @@ use std::io;
 /// The name of the manifest.
 pub const MANIFEST: &str = "manifest.json";
 
-/// What an export has. A folder or an archive without it is not complete.
+/// The content of an export. A folder or an archive without it is incomplete.
 #[derive(Clone, Debug, Serialize)]
 pub struct Manifest {
-    /// Name of the study in addresses.
+    /// Name of the study in URLs.
     pub study: String,
-    /// Whether the study takes synthetic participants only. In any study, the column `synthetic` says it of
-    /// each trial.
+    /// Whether the study takes synthetic participants only. In any study, the column `synthetic` marks each trial.
     pub synthetic: bool,
-    /// When the export began, UTC; in an archive, when its data were last changed, so that the same data are
-    /// the same bytes.
+    /// When the export began, UTC; for an archive, when its data last changed, so that the same
+    /// data give the same bytes.
     pub created_at: String,
     /// Version of the program that wrote it.
     pub version: &'static str,
     /// The format of the tables.
     pub format: Format,
-    /// Which data the export has.
+    /// The filter of the export.
     pub filter: Filter,
-    /// What is not as it was stored, in whatever phase.
+    /// The damage, in all phases.
     #[serde(flatten)]
     pub damage: Damage,
     /// The files beside it.
@@ -56,7 +55,7 @@ impl Manifest {
         }
     }
 
-    /// Its file.
+    /// Its content.
     pub(super) fn text(&self) -> io::Result<Vec<u8>> {
         Ok(serde_json::to_vec_pretty(self)?)
     }
@@ -80,12 +79,12 @@ pub struct FileEntry {
 pub(super) struct Meaning {
     /// The file that has the column.
     pub(super) file: String,
-    /// The table in the file, where there are several.
+    /// The table in the file, if there are several.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) table: Option<&'static str>,
     #[serde(flatten)]
     pub(super) column: Column,
-    /// How a row without a value looks. No number is NaN or infinite.
+    /// How a missing value is written. No number is NaN or infinite.
     missing: &'static str,
 }
 
@@ -102,7 +101,7 @@ pub(super) fn dictionary(format: Format, tables: &[Written]) -> Vec<Meaning> {
     columns.map(|(written, column)| meaning(written, column)).collect()
 }
 
-/// All files that are no tables, in their order in the manifest.
+/// All files that are not tables, in manifest order.
 pub(super) fn plain(
     dataset: &Dataset,
     format: Format,
@@ -129,8 +128,7 @@ pub(super) fn plain(
     Ok(files)
 }
 
-/// An entry of configurations.json. The configuration is there byte for byte, so that its hash can be
-/// computed again.
+/// An entry of configurations.json, with the configuration byte for byte, so that its hash can be recomputed.
 fn configuration((hash, json): &(String, String)) -> String {
     format!("{{\"configuration\": \"{hash}\", \"study\": {json}}}")
 }

@@ -1,21 +1,21 @@
-//! What is damaged in the data of an export.
+//! The damage in the data of an export.
 
 use serde::Serialize;
 use std::fmt;
 
-/// A trial that is not as it was stored.
+/// A trial that differs from what was stored.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Damaged {
     /// The participant's number.
     pub participant: i64,
-    /// The trial, if it is known which one.
+    /// The trial, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trial_id: Option<String>,
-    /// How many trials it concerns.
+    /// Number of affected trials.
     pub trials: u64,
-    /// What is wrong.
+    /// The fault.
     pub what: String,
-    /// Whether it can be read. If not, no table has it.
+    /// Whether it can be read. If not, no table contains it.
     #[serde(rename = "readable")]
     pub is_readable: bool,
 }
@@ -31,23 +31,24 @@ impl fmt::Display for Damaged {
     }
 }
 
-/// All that is damaged.
+/// All damage.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Damage {
-    /// How many trials it concerns.
+    /// Number of affected trials.
     #[serde(rename = "damaged_trials")]
     pub count: u64,
-    /// The first of it.
+    /// The first damaged trials.
     #[serde(rename = "damage", skip_serializing_if = "Vec::is_empty")]
     pub first: Vec<Damaged>,
-    /// What the database itself finds wrong with its file, and tallies that do not follow from the trials: rows may be
-    /// missing, or be another participant's.
+    /// Faults that the database finds in its file, and tallies that do not match the trials: rows
+    /// may be missing, or belong to another participant.
     #[serde(rename = "database_damage", skip_serializing_if = "Vec::is_empty")]
     pub database: Vec<String>,
 }
 
 impl Damage {
-    /// Most that is named, so that memory does not grow with the study. The tables mark all that is in them.
+    /// Upper bound on the trials named, so that memory does not grow with the study. The tables
+    /// mark every damaged trial in them.
     const MOST: usize = 10_000;
 
     pub(super) fn add(&mut self, damaged: Damaged) {

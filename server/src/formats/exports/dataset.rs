@@ -1,4 +1,4 @@
-//! What an export has: a study, as it was at one instant.
+//! The data of an export: a study, as it was at one instant.
 
 use super::person::Person;
 use super::{ExportError, Filter, Format};
@@ -13,13 +13,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::mpsc;
 
-/// The participants and configurations that a filter keeps. Trials are read from the store as they are
-/// needed: they never change, so those that were there at this instant are the first of each plan.
+/// The participants and configurations that a filter selects. Trials are read from the store when
+/// needed: they never change, so those of this instant are the first of each plan.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     /// The study.
     pub study: StoredStudy,
-    /// Which data.
+    /// The filter.
     pub filter: Filter,
     pub(super) people: Arc<Vec<RosterEntry>>,
     pub(super) configurations: Arc<Vec<(String, String)>>,
@@ -47,8 +47,9 @@ impl Dataset {
         })
     }
 
-    /// A hash that is the same only if all files of the export are: of the program's version, the format, the
-    /// filter, the configurations and the table of participants, which counts their trials.
+    /// A hash that changes whenever a file of the export does. It covers the program's version, the
+    /// format, the filter, the configurations and the table of participants, which counts their
+    /// trials.
     #[must_use]
     pub fn fingerprint(&self, format: Format) -> String {
         let mut hash = Sha256::new();
@@ -72,20 +73,20 @@ impl Dataset {
         hex::encode(hash.finalize())
     }
 
-    /// Whether programs drove, and no people. A pilot of such a study may be a person.
+    /// Whether all drivers are programs. A pilot of a synthetic study may be a person.
     #[must_use]
     pub fn is_synthetic(&self) -> bool {
         self.study.config.synthetic && !self.filter.pilots
     }
 
-    /// How many trials its participants have.
+    /// Number of trials of its participants.
     #[must_use]
     pub fn trials(&self) -> u64 {
         let counts = self.people.iter().flat_map(|person| person.trials);
         u64::try_from(counts.sum::<i64>()).unwrap_or(0)
     }
 
-    /// When something of it was last stored, ms since 1970; none if nobody took part.
+    /// When any of it was last stored, ms since 1970; none if nobody took part.
     #[must_use]
     pub fn changed_at_ms(&self) -> Option<i64> {
         let excluded = |person: &RosterEntry| person.exclusion.as_ref().map(|(at_ms, _)| *at_ms);
@@ -95,8 +96,8 @@ impl Dataset {
         self.people.iter().filter_map(times).max()
     }
 
-    /// Reads the participants with their trials, one after the other, ahead of whoever takes them. After an
-    /// error there are no further ones, and `failed` is set before the error can be taken.
+    /// Reads the participants with their trials, one after another, ahead of the consumer. After an
+    /// error there are no further ones, and `failed` is set before the consumer can get the error.
     pub(super) fn driven(&self, store: &Store, failed: Arc<AtomicBool>) -> People {
         let (sender, receiver) = mpsc::channel(4);
         let (store, people) = (store.clone(), Arc::clone(&self.people));
@@ -104,7 +105,7 @@ impl Dataset {
             let (store, people) = (store.clone(), Arc::clone(&people));
             async move { read(&store, &people[at]).await }
         };
-        // The next participant's trials are read while one's are replayed.
+        // The next participant's trials are read while this one's are replayed.
         let mut reading = stream::iter(0..self.people.len()).map(one).buffered(2);
         tokio::spawn(async move {
             while let Some(person) = reading.next().await {

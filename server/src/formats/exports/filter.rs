@@ -1,41 +1,41 @@
-//! Which data an export has.
+//! The filter of an export.
 
 use crate::formats::tables::Driven;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sidestep::trial::{Flag, Phase};
 
-/// Whose trials an export has and which, with their steps and key events. The default has all of
-/// participants and nothing of pilots.
+/// Selects the participants of an export, and their trials with steps and key events. The default
+/// selects all participants and no pilots.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Filter {
     /// Only trials of this phase.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub phase: Option<Phase>,
-    /// Which trials by their flags.
+    /// Selects trials by their flags.
     pub quality: Quality,
     /// Only participants who enrolled under the configuration with this hash.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub configuration: Option<String>,
-    /// Pilots instead of participants. Never both: they have numbers of their own.
+    /// Pilots instead of participants; never both, because pilots have their own numbers.
     pub pilots: bool,
 }
 
-/// Which trials an export has by their flags.
+/// Selects trials by their flags.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(rename = "ExportQuality")]
 pub enum Quality {
-    /// All of them.
+    /// All trials.
     #[default]
     All,
-    /// Those without a flag, besides that they were imported, and without damage.
+    /// Trials without damage and without a flag other than `imported`.
     Unflagged,
 }
 
 impl Filter {
-    /// Whether the export has this trial, if it has its participant.
+    /// Whether the export has this trial, given that it has its participant.
     #[must_use]
     pub fn keeps(&self, Driven { trial, damage, .. }: &Driven<'_>) -> bool {
         let head = &trial.head;

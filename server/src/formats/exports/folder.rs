@@ -1,4 +1,4 @@
-//! An export as a folder: the tables, what belongs to them, and a manifest that is written last.
+//! An export as a folder: the tables, their companion files, and a manifest that is written last.
 
 use super::companions::{FileEntry, MANIFEST, Manifest, dictionary, plain};
 use super::damage::Damage;
@@ -24,7 +24,7 @@ use std::path::Path;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// The export that a folder has.
+/// The earlier export in a folder.
 #[derive(Deserialize)]
 struct Former {
     study: String,
@@ -36,11 +36,12 @@ struct FormerFile {
     name: String,
 }
 
-/// Writes an export into a folder. That of the same study which is there, in whatever format, is replaced when everything
-/// new is on the disk; in between there is no manifest.
+/// Writes an export into a folder. An earlier export of the same study there, in any format, is
+/// replaced once all new files are on disk; in between there is no manifest.
 ///
 /// # Errors
-/// [`ExportError`], also if the folder has the export of another study, or if `cancel` was cancelled; the folder has no new file then, or no manifest.
+/// [`ExportError`], also if the folder contains the export of another study, or `cancel` was
+/// cancelled. Then the folder has no new file, or no manifest.
 pub async fn write(
     store: &Store,
     dataset: Dataset,
@@ -59,11 +60,11 @@ pub async fn write(
         obsolete.extend(files.into_iter().map(|file| file.name).filter(|name| !name.contains('/')));
     }
     let draft = Draft::begin_private(folder)?;
-    // Replaying trials does not tell whose they are.
+    // Replaying trials does not show whose they are.
     let database = soundness::damage_of_database(store).await?;
     let people = dataset.driven(store, Arc::default());
     let (path, asked) = (draft.path().to_owned(), cancel.clone());
-    // Tasks read; a thread prints.
+    // An async task reads; a thread prints.
     let writing = tokio::task::spawn_blocking(move || {
         let (files, damage) =
             tables(&path, &dataset, format, |printing| printing.add_all(people, &asked))?;
@@ -79,14 +80,14 @@ pub async fn write(
     draft.keep(&obsolete, cancel)?;
     let manifest = Manifest::new(&dataset, format, created_at, files, damage);
     let text = manifest.text()?;
-    // From here on it is complete but for this.
+    // From here on, only the manifest is missing.
     let cancel = CancellationToken::new();
     atomic_file::write_private(&folder.join(MANIFEST), &cancel, |out| out.write_all(&text))?;
     Ok(manifest)
 }
 
-/// Writes all files but the manifest into a folder; `fill` adds the participants with their trials. Returns what is
-/// damaged, too.
+/// Writes all files except the manifest into a folder; `fill` adds the participants with their
+/// trials. Also returns the damage.
 pub(super) fn tables(
     folder: &Path,
     dataset: &Dataset,
@@ -142,7 +143,7 @@ pub(super) fn tables(
     Ok((entries, damage))
 }
 
-/// A new file, with its folder. Only this user can read it: it may have external ids of participants.
+/// Creates a file and its folder. Only this user can read the file: it may contain external ids of participants.
 fn created(path: &Path) -> io::Result<File> {
     if let Some(parent) = path.parent() {
         private::make_folder(parent)?;
@@ -150,7 +151,7 @@ fn created(path: &Path) -> io::Result<File> {
     private::new_file(path)
 }
 
-/// The entry of a file that something else has written.
+/// The entry of a file that other code has written.
 fn of_file(path: &Path, rows: u64) -> io::Result<FileEntry> {
     let mut hashed = Hashed::new(io::sink());
     io::copy(&mut File::open(path)?, &mut hashed)?;

@@ -1,4 +1,4 @@
-//! The formats of an export, and what its files are called.
+//! The formats of an export, and the names of its files.
 
 use super::table::Table;
 use schemars::JsonSchema;
@@ -22,7 +22,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The word for it on the command line and in addresses.
+    /// Its word on the command line and in URLs.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -34,7 +34,7 @@ impl Format {
         }
     }
 
-    /// How a row without a value looks in a column.
+    /// How a missing value is written.
     pub(super) fn missing(self) -> &'static str {
         match self {
             Self::Csv | Self::PsychDs => "an empty field",
@@ -43,8 +43,8 @@ impl Format {
         }
     }
 
-    /// Rows after which a batch is written. A row group of a Parquet file is to be long, and text goes to
-    /// the file while it is in the processor's cache.
+    /// Rows per batch. A row group of a Parquet file should be long; text should be written while
+    /// it is in the processor's cache.
     pub(super) fn batch_rows(self) -> usize {
         match self {
             Self::Csv | Self::Jsonl | Self::PsychDs => 1,
@@ -53,7 +53,7 @@ impl Format {
         }
     }
 
-    /// The path of a table's file within the export of a study.
+    /// The path of a table's file in the export of a study.
     pub(super) fn file(self, study: &str, table: Table) -> String {
         let name = table.name();
         match self {
@@ -61,7 +61,7 @@ impl Format {
             Self::Jsonl => format!("{name}.jsonl"),
             Self::Parquet => format!("{name}.parquet"),
             Self::PsychDs => {
-                // Keywords are letters, and their values letters and digits.
+                // Keywords contain only letters, values only letters and digits.
                 let value = |text: &str| -> String {
                     text.chars().filter(char::is_ascii_alphanumeric).collect()
                 };
@@ -72,7 +72,7 @@ impl Format {
         }
     }
 
-    /// The folder of what is no table, with the slash.
+    /// The folder of files that are not tables, with the slash.
     pub(super) fn beside(self) -> &'static str {
         match self {
             Self::PsychDs => "documentation/",
@@ -81,5 +81,5 @@ impl Format {
     }
 }
 
-/// The file of an export as SQLite.
+/// The file of a SQLite export.
 pub(super) const DATABASE: &str = "study.sqlite";

@@ -1,4 +1,4 @@
-//! What is written with its length and hash.
+//! A writer that counts and hashes.
 
 use sha2::{Digest, Sha256};
 use std::io::{self, Write};

@@ -1,4 +1,4 @@
-//! A participant with all that they drove.
+//! A participant with all of their trials.
 
 use super::damage::Damaged;
 use crate::formats::tables::Driven;
@@ -10,12 +10,12 @@ use crate::store::{Store, StoreError};
 pub(super) struct Person {
     /// The participant's number.
     number: i64,
-    /// How many trials were stored.
+    /// Number of trials that were stored.
     stored: usize,
     trials: Vec<Result<Examined, Wrong>>,
     /// Why no trial can be read.
     unreadable: Option<String>,
-    /// How many were stored that are not found: damage hides them.
+    /// Number of stored trials that cannot be found: damage hides them.
     hidden: usize,
 }
 
@@ -30,25 +30,25 @@ impl Person {
         let stored = usize::try_from(entry.trials.iter().sum::<i64>()).unwrap_or(0);
         let mut hidden = 0;
         if unreadable.is_none() && trials.len() < stored {
-            // Unless they were deleted since.
+            // Unless they were deleted meanwhile.
             let left = usize::try_from(store.stored_trials(&entry.id).await?).unwrap_or(0);
             hidden = stored.min(left).saturating_sub(trials.len());
         }
         Ok(Self { number: entry.number, stored, trials, unreadable, hidden })
     }
 
-    /// How many trials are stored, if that is known.
+    /// Number of stored trials, if known.
     pub(super) fn count(&self) -> Option<usize> {
         self.unreadable.is_none().then_some(self.trials.len() + self.hidden)
     }
 
-    /// Forgets all but the first trials of the plan.
+    /// Drops all but the first trials of the plan.
     pub(super) fn keep_first(&mut self, count: usize) {
         self.trials.truncate(count);
     }
 
-    /// Their trials that can be read, numbered by their place in the plan, of which the first ones are driven, so that
-    /// (participant, trial) identifies a trial, also where others are left out.
+    /// Their readable trials, numbered by place in the plan. So (participant, trial) identifies a
+    /// trial even if others are left out.
     pub(super) fn driven(&self) -> impl Iterator<Item = Driven<'_>> {
         self.trials.iter().filter_map(|examined| {
             let Examined { trial, config, fault } = examined.as_ref().ok()?;
@@ -57,7 +57,7 @@ impl Person {
         })
     }
 
-    /// What is damaged.
+    /// The damage.
     pub(super) fn damaged(&self) -> impl Iterator<Item = Damaged> {
         let of = |trial_id: Option<&str>, trials: usize, what: &str, is_readable| Damaged {
             participant: self.number,
@@ -77,9 +77,8 @@ impl Person {
         });
         let hidden = (self.hidden > 0).then(|| {
             let (hidden, stored) = (self.hidden, self.stored);
-            let what = format!(
-                "of {stored} trials that were stored, {hidden} are not found by their scenes"
-            );
+            let what =
+                format!("of {stored} stored trials, {hidden} cannot be found by their scenes");
             of(None, hidden, &what, false)
         });
         trials.chain(unreadable).chain(hidden)

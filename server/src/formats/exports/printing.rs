@@ -1,4 +1,4 @@
-//! From participants to the tables that follow from their trials.
+//! Fills tables from the trials of participants.
 
 use super::damage::Damage;
 use super::dataset::People;
@@ -32,7 +32,7 @@ impl<W: Write + Send> Printing<W> {
         }
     }
 
-    /// Adds participants until there are no more, and waits for them on this thread.
+    /// Adds participants until there are no more. Blocks this thread.
     pub(super) fn add_all(
         &mut self,
         mut people: People,
@@ -52,14 +52,14 @@ impl<W: Write + Send> Printing<W> {
                 }
             }
         }
-        // The rows that are left.
+        // The remaining rows.
         for (file, batch) in &mut self.tables {
             file.write(batch)?;
         }
         Ok(())
     }
 
-    /// The tables, and what is damaged.
+    /// The tables, and the damage.
     pub(super) fn finish(self) -> (Vec<TableFile<W>>, Damage) {
         (self.tables.into_iter().map(|(file, _)| file).collect(), self.damage)
     }

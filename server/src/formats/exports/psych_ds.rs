@@ -1,5 +1,5 @@
-//! What makes a folder one of the Psych-DS standard (psych-ds.github.io): metadata of schema.org that name
-//! every column, and the folders and texts that the standard recommends.
+//! The Psych-DS standard (psych-ds.github.io) for a folder: schema.org metadata that name every
+//! column, and the folders and texts that the standard recommends.
 
 use super::dataset::Dataset;
 use super::table::Table;
@@ -11,13 +11,13 @@ use std::collections::BTreeSet;
 /// The version of the standard that the metadata name.
 const STANDARD: &str = "Psych-DS 0.4.0";
 
-/// Files that the standard does not know, for its validator.
+/// Files that the standard's validator should ignore.
 const IGNORED: &str = "manifest.json\n.psychds-ignore\n";
 
 /// The files beside the tables.
 pub(super) fn files(dataset: &Dataset, tables: &[Written]) -> Vec<Plain> {
     let title = title(dataset);
-    // The most specific table first: whoever reads the description of a shared column learns most.
+    // The most specific table first: its description of a shared column is the most useful.
     let order = [Table::Participants, Table::Trials, Table::Steps, Table::KeyEvents];
     let in_order =
         order.iter().flat_map(|&wanted| tables.iter().filter(move |t| t.table == wanted));
@@ -87,7 +87,7 @@ fn about(dataset: &Dataset) -> String {
     )
 }
 
-/// An object of schema.org of the type Dataset, as a file.
+/// A schema.org object of type Dataset, as a file.
 fn metadata(fields: &[(&str, Value)]) -> String {
     let mut object = json!({ "@context": "https://schema.org/", "@type": "Dataset" });
     for (name, value) in fields {
@@ -96,7 +96,7 @@ fn metadata(fields: &[(&str, Value)]) -> String {
     format!("{object:#}\n")
 }
 
-/// A column as schema.org has it.
+/// A column in schema.org terms.
 fn variable(column: &Column) -> Value {
     let mut description = column.meaning.to_string();
     for (word, more) in [("frame", column.frame), ("values", column.range.as_deref())] {
@@ -127,8 +127,8 @@ fn readme(dataset: &Dataset, tables: &[Written]) -> String {
         text += &format!("- `{name}`: {meaning} A row is identified by {key}.\n");
     }
     text += "\nAn empty field has no value; no number is NaN or infinite. A text that begins like a formula \
-        has an\napostrophe before it, so that spreadsheets do not compute it. Numbers have as many digits as \
-        are needed\nto read back the same bits. `documentation/dictionary.json` has the type, unit, frame and \
+        has an\napostrophe before it, so that spreadsheets do not compute it. Numbers have enough digits \
+        to\nread back the same bits. `documentation/dictionary.json` has the type, unit, frame and \
         range of every\ncolumn, `manifest.json` the rows and SHA-256 of every file, `analysis/` scripts that \
         load the tables.\n\n## Before you publish\n\nThe table of participants contains the recruiting \
         service's ids, completion codes, parameters of links and\nanswers. Remove what identifies people, and \

@@ -1,4 +1,4 @@
-//! What only the export as SQLite has: the dictionary and the configurations as tables beside the data.
+//! The additional tables of a SQLite export: the dictionary and the configurations.
 
 use super::ExportError;
 use super::companions::Meaning;
@@ -9,7 +9,7 @@ use crate::store::snapshot::{Type, Value};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-/// Adds the tables `dictionary` and `configurations`, and ends the file. Returns its path.
+/// Adds the tables `dictionary` and `configurations`, and closes the file. Returns its path.
 ///
 /// # Panics
 /// If a table is still being written, which is a defect of this program.

@@ -16,7 +16,7 @@ pub(super) enum Table {
 }
 
 impl Table {
-    /// The tables that follow from trials.
+    /// The tables made from trials.
     pub(super) const DRIVEN: [Self; 3] = [Self::Steps, Self::Trials, Self::KeyEvents];
 
     /// Its name.
@@ -29,7 +29,7 @@ impl Table {
         }
     }
 
-    /// What a row is.
+    /// The meaning of a row.
     pub(super) fn meaning(self) -> &'static str {
         match self {
             Self::Steps => "A row for each step: the state before it and the input held in it.",
@@ -49,7 +49,7 @@ impl Table {
         }
     }
 
-    /// The columns of a table that follows from trials.
+    /// The columns of a table made from trials.
     pub(super) fn columns(self) -> Vec<Column> {
         match self {
             Self::Steps => steps::columns(),
@@ -78,7 +78,7 @@ impl Table {
     }
 }
 
-/// Adds key events, if those of a damaged trial can be read.
+/// Adds key events; for a damaged trial, only if they can be read.
 fn events(batch: &mut Batch, driven: &Driven<'_>) -> Result<(), ExportError> {
     match key_events::add(batch, driven) {
         Err(error) if driven.damage.is_none() => {

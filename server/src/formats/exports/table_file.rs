@@ -23,14 +23,14 @@ pub(super) struct TableFile<W: Write + Send> {
 }
 
 enum Content<W: Write + Send> {
-    /// Text on its way to the file, and how rows become text.
+    /// A text file being written, and the conversion of rows to text.
     Text {
         out: Hashed<W>,
         text: Vec<u8>,
         print: fn(&[Column], &Batch, &mut Vec<u8>),
     },
     Parquet(ParquetFile<Hashed<W>>),
-    /// A table of a database with others.
+    /// A table of a shared database.
     Rows(Database),
 }
 
@@ -42,11 +42,11 @@ pub(super) fn database(folder: &Path) -> Result<Database, StoreError> {
     Ok(Arc::new(Mutex::new(Snapshot::create(&folder.join(DATABASE))?)))
 }
 
-/// Where a table is written to.
+/// The destination of a table.
 pub(super) enum Place<W> {
-    /// A file of its own with this name.
+    /// Its own file with this name.
     File(String, W),
-    /// A database with others.
+    /// A shared database.
     Database(Database),
 }
 
@@ -103,7 +103,7 @@ impl<W: Write + Send> TableFile<W> {
         }
     }
 
-    /// Ends the file, if the table has one of its own.
+    /// Closes the file, if the table has its own.
     pub(super) fn finish(self) -> io::Result<Option<Hashed<W>>> {
         match self.content {
             Content::Text { out, .. } => Ok(Some(out)),
@@ -113,7 +113,7 @@ impl<W: Write + Send> TableFile<W> {
     }
 }
 
-/// What SQLite is told about a column.
+/// The SQLite type of a column.
 pub(super) fn type_of(kind: Kind) -> Type {
     match kind {
         Kind::Whole => Type::Whole,
@@ -134,7 +134,7 @@ fn cell(row: usize) -> impl for<'a> Fn(&'a Cells) -> Value<'a> {
     }
 }
 
-/// Numbers columns that differ only in capitals, which are the same to SQLite.
+/// Numbers columns whose names differ only in case, which SQLite treats as equal.
 fn make_distinct(columns: &mut [Column]) {
     let mut known = BTreeSet::new();
     for column in columns {

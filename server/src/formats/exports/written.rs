@@ -1,4 +1,4 @@
-//! What is in an export, as its descriptions need it.
+//! The content of an export, as its descriptions need it.
 
 use super::table::Table;
 use crate::formats::table::Column;
@@ -11,7 +11,7 @@ pub(super) struct Written {
     pub(super) columns: Vec<Column>,
 }
 
-/// A file that is no table.
+/// A file that is not a table.
 #[derive(Clone, Debug)]
 pub(super) struct Plain {
     pub(super) name: String,

@@ -1,4 +1,4 @@
-//! Files that come back, and complaints about those that cannot.
+//! Round trips, and errors for invalid files.
 
 use super::*;
 use npyz::WriterBuilder;
@@ -124,7 +124,7 @@ fn a_truncated_file_is_refused() {
     assert!(read(Cursor::new(&flipped)).is_err(), "the check sum tells");
 }
 
-/// What is read from the archive with one array replaced.
+/// Reads the archive with one array replaced.
 fn changed(
     name: &str,
     change: impl FnOnce(&mut ZipWriter<Cursor<Vec<u8>>>),

@@ -13,12 +13,12 @@ pub enum Cells {
     Text(Texts),
 }
 
-/// The texts of a column. Most are the same as in the row before, so each is kept once.
+/// The texts of a column. Most equal the one in the row before, so each is stored once.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Texts {
     /// The texts, no two adjacent ones the same.
     pub distinct: Vec<String>,
-    /// For each row the place of its text.
+    /// The index of each row's text.
     pub rows: Vec<Option<u32>>,
 }
 
@@ -48,7 +48,7 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// No rows of a table with these columns.
+    /// An empty batch for a table with these columns.
     #[must_use]
     pub fn new(columns: &[Column]) -> Self {
         let cells = |column: &Column| match column.kind {
@@ -71,7 +71,7 @@ impl Batch {
         &self.columns
     }
 
-    /// Drops the rows, and keeps their memory for others.
+    /// Drops the rows and keeps the allocated memory.
     pub fn clear(&mut self) {
         self.rows = 0;
         for column in &mut self.columns {
@@ -86,7 +86,7 @@ impl Batch {
         }
     }
 
-    /// Adds rows. Their values follow column by column, in the order of the columns.
+    /// Adds rows, whose values are then set column by column, in order.
     pub fn add(&mut self, rows: usize) -> NewRows<'_> {
         self.rows += rows;
         NewRows { columns: self.columns.iter_mut(), rows }
@@ -104,7 +104,7 @@ impl NewRows<'_> {
     /// The values of the next column, which holds whole numbers.
     ///
     /// # Panics
-    /// If the next column holds something else: the code does not fit the table.
+    /// If the next column has another type, which is a bug.
     pub fn whole(&mut self, value: impl Fn(usize) -> Option<i64>) {
         match self.columns.next() {
             Some(Cells::Whole(cells)) => cells.extend((0..self.rows).map(value)),
@@ -112,10 +112,10 @@ impl NewRows<'_> {
         }
     }
 
-    /// The values of the next column, which holds numbers. Those that are not finite are left out.
+    /// The values of the next column, which holds numbers. Numbers that are not finite are left out.
     ///
     /// # Panics
-    /// If the next column holds something else: the code does not fit the table.
+    /// If the next column has another type, which is a bug.
     pub fn number(&mut self, value: impl Fn(usize) -> Option<f64>) {
         let finite = |row: usize| value(row).filter(|value| value.is_finite());
         match self.columns.next() {
@@ -127,7 +127,7 @@ impl NewRows<'_> {
     /// The value of the next column, which holds texts, in all these rows.
     ///
     /// # Panics
-    /// If the next column holds something else: the code does not fit the table.
+    /// If the next column has another type, which is a bug.
     pub fn text<'t>(&mut self, text: impl Into<Option<&'t str>>) {
         match self.columns.next() {
             Some(Cells::Text(cells)) => cells.push(text.into(), self.rows),

@@ -1,4 +1,4 @@
-//! Batches as CSV: comma-separated UTF-8 text, lines that end with LF.
+//! Batches as CSV: comma-separated UTF-8 text with LF line endings.
 
 use super::batch::{Batch, Cells, Texts};
 use super::{Column, Kind, decimal};
@@ -15,8 +15,8 @@ pub fn csv_header(columns: &[Column]) -> Vec<u8> {
     line
 }
 
-/// Appends a line for each row. A text that a spreadsheet could take for a formula has an apostrophe before
-/// it; numbers are as they are. What has no value is empty.
+/// Appends a line for each row. Text that a spreadsheet could take for a formula gets a leading
+/// apostrophe; numbers are unchanged. A missing value is empty.
 pub fn csv_rows(columns: &[Column], batch: &Batch, out: &mut Vec<u8>) {
     let mut printers: Vec<Printer<'_>> = columns
         .iter()
@@ -50,7 +50,7 @@ enum Printer<'a> {
     },
     Text {
         rows: &'a [Option<u32>],
-        /// All texts as they are printed, and for each the end.
+        /// All texts as printed, and the end of each.
         printed: Vec<u8>,
         ends: Vec<usize>,
     },
@@ -103,16 +103,16 @@ impl<'a> Printer<'a> {
     }
 }
 
-/// The text, with an apostrophe before it if a spreadsheet could take it for a formula.
+/// The text, with a leading apostrophe if a spreadsheet could take it for a formula.
 fn disarmed(text: &str) -> std::borrow::Cow<'_, str> {
-    // The wide forms too: some spreadsheets take them for the narrow ones.
+    // Full-width forms too: some spreadsheets treat them like the ASCII ones.
     match text.starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠']) {
         true => format!("'{text}").into(),
         false => text.into(),
     }
 }
 
-/// Appends a field, in quotation marks if it has to be.
+/// Appends a field, quoted if necessary.
 fn quoted(out: &mut Vec<u8>, text: &str) {
     if !text.contains([',', '"', '\n', '\r']) {
         out.extend_from_slice(text.as_bytes());

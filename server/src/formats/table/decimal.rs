@@ -1,11 +1,11 @@
-//! Numbers as text, fast.
+//! Fast formatting of numbers.
 
 use std::io::Write;
 
-/// Appends the shortest decimal that reads back as the same bits, in the form of `{:?}`: `4.0`, `1e16`. Of two that are
-/// equally near it is the even one.
+/// Appends the shortest decimal that parses to the same bits, in the form of `{:?}`: `4.0`, `1e16`.
+/// Of two that are equally near it is the even one.
 pub(super) fn number(out: &mut Vec<u8>, number: f64) {
-    // Outside of this range `{:?}` chooses between decimals and exponents as no faster library does.
+    // Outside this range `{:?}` switches between decimals and exponents, as no faster library does.
     if (1e-4..1e16).contains(&number.abs()) || number == 0.0 {
         out.extend_from_slice(zmij::Buffer::new().format_finite(number).as_bytes());
     } else {
@@ -44,7 +44,7 @@ mod tests {
             [(text(number), format!("{value:?}")), (text(time), format!("{value}"))]
         {
             if text != standard {
-                // The standard library does not take the even one of two that are equally near.
+                // The standard library does not choose the even one of two equally near decimals.
                 let is_tie = (value.abs().fract() * 20.0) % 2.0 == 1.0;
                 assert!(is_tie && text.len() == standard.len(), "{text}, {standard}");
                 let read: f64 = text.parse().unwrap();

@@ -3,7 +3,7 @@
 use super::batch::{Batch, Cells};
 use super::{Column, decimal};
 
-/// Appends a line for each row. What has no value is null; JSON inside a column is a text.
+/// Appends a line for each row. A missing value is null; JSON inside a column is a string.
 pub fn json_rows(columns: &[Column], batch: &Batch, out: &mut Vec<u8>) {
     let keys: Vec<Vec<u8>> = columns
         .iter()

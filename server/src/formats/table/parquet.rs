@@ -1,4 +1,4 @@
-//! Batches as a Parquet file: a row group for each, so that readers need memory for one at a time.
+//! Batches as a Parquet file: one row group per batch, so that readers need memory for one at a time.
 
 use super::batch::{Batch, Cells, Texts};
 use super::{Column, Kind};
@@ -17,8 +17,7 @@ pub struct ParquetFile<W: Write + Send> {
 }
 
 impl<W: Write + Send> ParquetFile<W> {
-    /// Begins a file. Whole numbers are INT64, numbers DOUBLE, all else UTF-8; every column may have rows
-    /// without a value.
+    /// Begins a file. Whole numbers are INT64, numbers DOUBLE, everything else UTF-8; every column is nullable.
     ///
     /// # Errors
     /// The error of `out`.
@@ -41,7 +40,7 @@ impl<W: Write + Send> ParquetFile<W> {
                 }
             };
             if physical != Physical::BYTE_ARRAY {
-                // Few numbers are the same, and those that are compress well.
+                // Few numbers repeat, and repeated ones compress well without a dictionary.
                 let path = ColumnPath::from(column.name.to_string());
                 properties = properties.set_column_dictionary_enabled(path, false);
             }
@@ -121,7 +120,7 @@ fn write_column(
     column.close()
 }
 
-/// For each row whether it has a value.
+/// Definition levels: 1 for each row with a value, else 0.
 fn levels<T>(cells: &[Option<T>]) -> Vec<i16> {
     cells.iter().map(|cell| i16::from(cell.is_some())).collect()
 }

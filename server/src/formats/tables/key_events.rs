@@ -15,7 +15,7 @@ pub fn columns() -> Vec<Column> {
         Column::new("event", Whole, "number of the event in the trial, from 0"),
         Column::new("t_ms", Time, "time after the scene's start; negative for a key held before")
             .unit("ms"),
-        Column::new("key", Text, "the key's name; blur when the window lost its keys"),
+        Column::new("key", Text, "the key's name; blur when the window lost the keyboard"),
         Column::new("down", Whole, "1 if it went down, 0 if it went up").range("0, 1"),
     ]
 }
@@ -23,7 +23,7 @@ pub fn columns() -> Vec<Column> {
 /// Adds the key events of a trial.
 ///
 /// # Errors
-/// If the stored events are not such JSON.
+/// If the stored events are not valid JSON.
 pub fn add(batch: &mut Batch, driven: &Driven<'_>) -> serde_json::Result<()> {
     let Driven { number, trial, .. } = *driven;
     let events: Vec<KeyEvent> = serde_json::from_str(&trial.content.key_events)?;

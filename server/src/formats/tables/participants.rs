@@ -23,10 +23,10 @@ const FIXED: [(&str, Kind, &str, &str); 26] = [
         "last_seen_at_ms",
         Whole,
         "ms since 1970",
-        "when the server last stored something of theirs, or they came back",
+        "when the server last stored data of the participant, or they returned",
     ),
     ("understood_at_ms", Whole, "ms since 1970", "when the check was passed"),
-    ("screened_out_at_ms", Whole, "ms since 1970", "when wrong answers ended it"),
+    ("screened_out_at_ms", Whole, "ms since 1970", "when wrong answers ended the participation"),
     ("answered_at_ms", Whole, "ms since 1970", "when the questions were answered"),
     ("completed_at_ms", Whole, "ms since 1970", "when the participation was completed"),
     ("withdrawn_at_ms", Whole, "ms since 1970", "when the participant withdrew"),
@@ -61,7 +61,7 @@ struct Extra {
 }
 
 impl Extra {
-    /// Those of the present configuration in its order, then others that participants have.
+    /// The columns of the present configuration in its order, then others that participants have.
     fn of(study: &StudyConfig, people: &[RosterEntry]) -> Self {
         let joined = |known: Vec<String>, found: BTreeSet<&String>| {
             let more = found.into_iter().filter(|name| !known.contains(name)).cloned();
@@ -91,8 +91,8 @@ pub struct Participants<'a> {
 }
 
 impl<'a> Participants<'a> {
-    /// The table of these people. The columns of parameters and answers are those of the study's present
-    /// configuration, and then those that people have from earlier ones.
+    /// The table of these people. Columns of parameters and answers are those of the study's
+    /// present configuration, then those that people have from earlier ones.
     #[must_use]
     pub fn new(study: &'a StudyConfig, people: &'a [RosterEntry]) -> Self {
         Self { study, people, extra: Extra::of(study, people) }
@@ -113,7 +113,7 @@ impl<'a> Participants<'a> {
         let answer = |name: &String| {
             let question = self.study.questions.iter().find(|question| question.name == *name);
             let (mut kind, range) = question.map_or((Text, None), kind_of);
-            // An earlier configuration may have asked for something else under the same name.
+            // An earlier configuration may have asked another question under the same name.
             let is_number = |answer: &Value| answer.is_null() || answer.is_i64();
             let mut answers = self.people.iter().filter_map(|person| person.answers.get(name));
             if kind == Whole && !answers.all(is_number) {
@@ -182,7 +182,7 @@ impl<'a> Participants<'a> {
     }
 }
 
-/// Whether a text of this person holds the character that stands for one that no file can hold.
+/// Whether a text of this person contains the replacement for a character that no file can contain.
 fn is_replaced(person: &RosterEntry) -> bool {
     let answers = person.answers.values().filter_map(Value::as_str);
     let mut texts = answers.chain(person.parameters.values().map(String::as_str));

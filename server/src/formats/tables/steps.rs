@@ -5,7 +5,7 @@ use crate::formats::table::Kind::{Number, Time, Whole, Word};
 use crate::formats::table::{Batch, Column};
 use crate::store::trials::flag_words;
 
-/// The columns. A file to be imported must have the first eleven.
+/// The columns. An import requires the first eleven.
 #[must_use]
 pub fn columns() -> Vec<Column> {
     const WORLD: &str = "world: x to the right, y up";

@@ -70,7 +70,7 @@ impl Columns {
     }
 }
 
-/// The flags of a row; none stand for no flag.
+/// The flags of a row; `None` means no flag.
 pub(super) type Flags = Option<Arc<[Flag]>>;
 
 /// One row, parsed.
@@ -89,7 +89,7 @@ pub(super) struct Row {
     pub(super) synthetic: bool,
 }
 
-/// Parses rows. Ids and flags are mostly those of the row before, so that they are parsed once.
+/// Parses rows. Ids and flags mostly equal those of the row before, so they are parsed once.
 pub(super) struct Parser {
     columns: Columns,
     parameters: SceneParameters,
@@ -146,7 +146,7 @@ impl Parser {
     }
 }
 
-/// The value of a text, parsed only if the last text was another one.
+/// The value of a text, parsed only if it differs from the last text.
 fn repeated<T: Clone + Default>(
     last: &mut (String, T),
     text: Option<&str>,

@@ -1,4 +1,4 @@
-//! What the page about the interface shows, from the OpenAPI document.
+//! Content of the documentation page, from the OpenAPI document.
 
 use serde::Serialize;
 use serde_json::Value;
@@ -57,14 +57,14 @@ struct Row<'a> {
     text: &'a str,
 }
 
-/// A part of the words for a value: the name of a type, or other text.
+/// A part of the description of a value: the name of a type, or other text.
 #[derive(Debug, PartialEq, Serialize)]
 struct Piece {
     text: String,
     link: bool,
 }
 
-/// What the page shows of a document.
+/// The content of the page for an OpenAPI document.
 pub(super) fn of(document: &Value) -> View<'_> {
     let groups = items(&document["tags"]).iter().map(|tag| {
         let name = text(tag, "name");
@@ -118,7 +118,7 @@ fn operation<'a>(path: &'a str, method: String, it: &'a Value) -> Operation<'a> 
         Value::Array(schemes) if schemes[0].get("key").is_some() => {
             "An experimenter, with a key or the session's cookie."
         }
-        _ => "Anyone; a participant may send their token.",
+        _ => "Anyone; participants may send their token.",
     };
     Operation {
         id: text(it, "operationId"),
@@ -134,7 +134,7 @@ fn operation<'a>(path: &'a str, method: String, it: &'a Value) -> Operation<'a> 
     }
 }
 
-/// A command that sends such a request.
+/// A curl command that sends an example request.
 fn example(path: &str, method: &str, it: &Value) -> String {
     let mut command = "curl".to_owned();
     if method != "GET" {
@@ -189,7 +189,7 @@ fn fields(schema: &Value) -> Vec<Row<'_>> {
         .collect()
 }
 
-/// What a value is, in words.
+/// A type in words.
 fn words(schema: &Value) -> Vec<Piece> {
     if let Some(name) = schema.get("$ref").and_then(Value::as_str) {
         let name = name.rsplit('/').next().unwrap_or(name);

@@ -1,4 +1,4 @@
-//! Archives as they are sent: a thread writes, the answer takes.
+//! Streaming of archives: a thread writes, the response reads.
 
 use crate::formats::exports::{Damage, Dataset, ExportError, Format, archive};
 use crate::http::lengths::Lengths;
@@ -12,10 +12,10 @@ use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 
-/// How long a request waits for the length of an archive, less than requests may take.
+/// How long a request waits for the length of an archive; less than the request timeout.
 const MEASURING: Duration = Duration::from_secs(20);
 
-/// Pieces that wait to be sent.
+/// Capacity of the queue between thread and response, chunks.
 const WAITING: usize = 4;
 
 /// An archive that can be written.
@@ -24,13 +24,13 @@ pub(super) struct Outlet {
     pub(super) store: Store,
     pub(super) dataset: Dataset,
     pub(super) format: Format,
-    /// A folder for a database.
+    /// The folder for a temporary database.
     pub(super) scratch: PathBuf,
     pub(super) tag: String,
 }
 
 impl Outlet {
-    /// Writes it; this blocks.
+    /// Writes it; blocks the thread.
     fn write(
         &self,
         runtime: &Handle,
@@ -41,7 +41,7 @@ impl Outlet {
     }
 }
 
-/// The length of an archive; none if measuring takes longer than a request may wait. It goes on then.
+/// The length of an archive; none if measuring takes longer than a request may wait. Measuring then continues.
 pub(super) async fn measure(lengths: &Lengths, outlet: &Outlet) -> Option<u64> {
     let (length, outlet) = (lengths.of(&outlet.tag), outlet.clone());
     let measuring = tokio::spawn(async move {
@@ -64,7 +64,7 @@ pub(super) async fn measure(lengths: &Lengths, outlet: &Outlet) -> Option<u64> {
     }
 }
 
-/// The bytes of an archive from a place to another. If it cannot be written to its end, the answer breaks off.
+/// A byte range of an archive. If it cannot be written to its end, the response is aborted.
 pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Lengths>>) -> Body {
     let (sender, receiver) = mpsc::channel(WAITING);
     let runtime = Handle::current();
@@ -91,7 +91,7 @@ pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Len
             }
             Err(ExportError::Disk(error)) if error.kind() == io::ErrorKind::BrokenPipe => {}
             Err(error) => {
-                tracing::warn!(%error, "an export broke off");
+                tracing::warn!(%error, "an export was interrupted");
                 let _ = sender.blocking_send(Piece::Failure);
             }
         }
@@ -102,7 +102,7 @@ pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Len
             Some(Piece::Bytes(bytes)) => Some((Ok(bytes), Some(receiver))),
             Some(Piece::End) => None,
             Some(Piece::Failure) | None => {
-                Some((Err(io::Error::other("the export broke off")), None))
+                Some((Err(io::Error::other("the export was interrupted")), None))
             }
         }
     }))
@@ -110,7 +110,7 @@ pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Len
 
 enum Piece {
     Bytes(Bytes),
-    /// Only after this is the answer whole.
+    /// The response is complete only after this.
     End,
     Failure,
 }
@@ -124,7 +124,7 @@ impl Counter {
         (Self(Arc::clone(&count)), count)
     }
 
-    /// Adds, and returns how many there were.
+    /// Adds to the count, and returns the count before.
     fn add(&self, bytes: usize) -> u64 {
         let mut count = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         *count += bytes as u64;
@@ -143,7 +143,7 @@ impl Write for Counter {
     }
 }
 
-/// Sends the bytes from a place to another.
+/// Sends only the bytes of a range.
 struct Part {
     counter: Counter,
     begin: u64,

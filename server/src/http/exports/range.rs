@@ -1,32 +1,32 @@
-//! Which bytes of an archive a request wants.
+//! The requested byte range of an archive.
 
 use axum::http::HeaderMap;
 use axum::http::header::{HeaderName, IF_MATCH, IF_NONE_MATCH, IF_RANGE, RANGE};
 
-/// What a request wants, given the tag of the present data.
+/// The content that a request asks for, given the tag of the current data.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Wanted {
     /// All of it.
     Whole,
     /// A part.
     Part(Bytes),
-    /// Nothing: the client has it.
+    /// Nothing: the client has the current data.
     Known,
-    /// Other data than the present ones.
+    /// A part of other data than the current.
     Other,
 }
 
-/// Bytes from a place to a place, or the last ones.
+/// A byte range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Bytes {
-    /// From the first to the last, if that is known; both belong to it.
+    /// From a first byte to a last one, if given; both inclusive.
     From(u64, Option<u64>),
     /// This number of bytes at the end.
     Last(u64),
 }
 
 impl Wanted {
-    /// What the headers want. Several ranges, and other units than bytes, mean the whole.
+    /// Parses the headers. Multiple ranges, and units other than bytes, mean the whole.
     pub(super) fn of(headers: &HeaderMap, tag: &str) -> Self {
         let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
         let names =
@@ -61,7 +61,8 @@ impl Bytes {
         }
     }
 
-    /// The first byte and the one after the last, in an archive of this length; none if it has none of them.
+    /// The first byte and the one after the last, in an archive of this length; none if the range
+    /// is outside it.
     pub(super) fn within(self, length: u64) -> Option<(u64, u64)> {
         let (begin, end) = match self {
             Self::From(first, last) => {

@@ -1,4 +1,4 @@
-//! The document as a whole.
+//! The complete document.
 
 use super::operation::{Operation, Who, problem};
 use super::problems::meaning;
@@ -7,27 +7,27 @@ use crate::http::app::COOKIE;
 use axum::http::Method;
 use serde_json::{Map, Value, json};
 
-/// A method of a route, to be documented.
+/// A documented method of a route.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry<'a> {
-    /// The heading under which it stands.
+    /// Its group in the document.
     pub group: &'a str,
     /// Its method.
     pub method: &'a Method,
-    /// Its address, with parameters in braces.
+    /// Its path, with parameters in braces.
     pub path: &'a str,
-    /// What it does, in a line.
+    /// A summary of one line.
     pub summary: &'a str,
-    /// What else one should know; may be empty.
+    /// Further details; may be empty.
     pub detail: &'a str,
 }
 
-/// What a resource's place in an address holds, by the word before it.
+/// Descriptions of path parameters, by the path segment before each.
 const PARAMETERS: [(&str, &str, &str); 8] = [
-    ("studies", "The study's name in addresses, such as `default`.", "string"),
+    ("studies", "The study's name in URLs, such as `default`.", "string"),
     (
         "value-functions",
-        "Id of a value function: SHA-256 of its game and of how it was solved.",
+        "Id of a value function: SHA-256 of its game and solution method.",
         "string",
     ),
     ("keys", "Number of the key.", "integer"),
@@ -38,7 +38,7 @@ const PARAMETERS: [(&str, &str, &str); 8] = [
     ("files", "Name of the file, such as `report.html` or `models/lr-1-hrd-1.json`.", "string"),
 ];
 
-/// The document that grows by one method of a route at a time.
+/// The document, to which methods of routes are added one by one.
 #[derive(Debug, Default)]
 pub struct Document {
     groups: Vec<(&'static str, &'static str)>,
@@ -47,12 +47,12 @@ pub struct Document {
 }
 
 impl Document {
-    /// A heading with what stands under it.
+    /// Adds a group with its description.
     pub fn group(&mut self, name: &'static str, text: &'static str) {
         self.groups.push((name, text));
     }
 
-    /// Adds a method of a route; `describe` notes what it takes and answers.
+    /// Adds a method of a route; `describe` adds its inputs and responses.
     pub fn add(&mut self, entry: Entry<'_>, describe: impl FnOnce(&mut Operation, &mut Schemas)) {
         let mut operation = Operation::default();
         describe(&mut operation, &mut self.schemas);
@@ -80,8 +80,8 @@ impl Document {
             let text = match (status, text.is_empty()) {
                 (_, false) => text,
                 (201, _) => "Stored.".to_owned(),
-                (204, _) => "Done; there is nothing to say.".to_owned(),
-                _ => "What was asked for.".to_owned(),
+                (204, _) => "Done; no content.".to_owned(),
+                _ => "The requested content.".to_owned(),
             };
             let mut answer = json!({ "description": text });
             if !content.is_empty() {
@@ -120,7 +120,7 @@ impl Document {
         written
     }
 
-    /// The whole document.
+    /// The complete document.
     #[must_use]
     pub fn finished(self) -> Value {
         let tag = |(name, text): &(&str, &str)| json!({ "name": name, "description": text });
@@ -133,9 +133,9 @@ impl Document {
                 "license": { "name": "MIT OR Apache-2.0", "identifier": "MIT OR Apache-2.0" },
                 "description": "The interface between a Sidestep server, the participants' pages, the \
                     laboratory and programs. Bodies are JSON in UTF-8, of at most 262144 bytes. Lengths \
-                    are in metres, angles in radians counter-clockwise from +x, times in the unit that \
-                    the name ends with. Every answer that is not a success has a problem body: a \
-                    `code` for programs, a `message` for people, and the `field` that it is about.",
+                    are in metres, angles in radians counter-clockwise from +x, times in the unit at \
+                    the end of the name. Every unsuccessful response has a problem body: a `code` for \
+                    programs, a `message` for people, and the `field` that it is about.",
             },
             "servers": [{ "url": "/" }],
             "tags": self.groups.iter().map(tag).collect::<Vec<_>>(),
@@ -144,7 +144,7 @@ impl Document {
                 "participant": {
                     "type": "http",
                     "scheme": "bearer",
-                    "description": "The token in the answer to an enrolment.",
+                    "description": "The token in the response to an enrolment.",
                 },
                 "key": {
                     "type": "http",
@@ -155,7 +155,7 @@ impl Document {
                     "type": "apiKey",
                     "in": "cookie",
                     "name": COOKIE,
-                    "description": "The cookie of an experimenter who has signed in.",
+                    "description": "The cookie of a signed-in experimenter.",
                 },
             } },
         });
@@ -173,7 +173,7 @@ fn security(who: Who) -> Value {
     }
 }
 
-/// The parameters of an address, each described by the word before it.
+/// The parameters of a path, each described by the segment before it.
 fn path_parameters(path: &str) -> Vec<Value> {
     let words: Vec<&str> = path.split('/').collect();
     let described = |pair: &[&str]| {
@@ -191,7 +191,7 @@ fn path_parameters(path: &str) -> Vec<Value> {
     words.windows(2).filter_map(described).collect()
 }
 
-/// Such as `put_participants_me_trials_trial_id`.
+/// For example `put_participants_me_trials_trial_id`.
 fn operation_id(method: &Method, path: &str) -> String {
     let words = path.trim_start_matches("/api/v1").split('/').filter(|word| !word.is_empty());
     let words = words.map(|word| word.trim_matches(['{', '}']).replace(['-', '.'], "_"));

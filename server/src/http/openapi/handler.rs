@@ -1,11 +1,11 @@
-//! What a handler takes and answers, by the types of its parameters and its result.
+//! Inputs and responses of a handler, from the types of its parameters and its result.
 
 use super::operation::{Input, Operation, Output};
 use super::schemas::Schemas;
 
 /// A handler with parameters `I` and the result `O`.
 pub trait Documented<I, O> {
-    /// Notes what the handler takes and answers.
+    /// Adds the handler's inputs and responses.
     fn describe(operation: &mut Operation, schemas: &mut Schemas);
 }
 

@@ -1,4 +1,4 @@
-//! What one method of a route takes and answers.
+//! Inputs and responses of a method of a route.
 
 use super::problems::{Meaning, meaning};
 use super::schemas::Schemas;
@@ -17,27 +17,27 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Who may send a request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Who {
-    /// Everybody.
+    /// Everyone.
     #[default]
     Anyone,
-    /// Everybody; a participant's token changes the answer.
+    /// Everyone; a participant's token changes the response.
     MaybeParticipant,
     /// A participant, with the token of their enrolment.
     Participant,
-    /// An experimenter whose key has that right.
+    /// An experimenter whose key has this access level.
     Experimenter(Access),
 }
 
-/// What one method of a route takes and answers.
+/// Inputs and responses of a method of a route.
 #[derive(Clone, Debug, Default)]
 pub struct Operation {
     /// Who may send it.
     pub who: Who,
-    /// Parameters of the query, as OpenAPI has them.
+    /// Query parameters in OpenAPI's format.
     pub parameters: Vec<Value>,
-    /// The schema of the body that it takes.
+    /// The schema of the request body.
     pub body: Option<Value>,
-    /// What each status of success has: a sentence and schemas by media type.
+    /// A description and schemas by media type, for each status of success.
     pub answers: BTreeMap<u16, (String, Map<String, Value>)>,
     /// Codes of problems, by status.
     pub problems: BTreeMap<u16, BTreeSet<&'static str>>,
@@ -56,13 +56,13 @@ impl Operation {
         self.problems.entry(status).or_default().insert(code);
     }
 
-    /// Adds an answer with one media type. A further one of the same status is an alternative.
+    /// Adds a response with one media type. Several of the same status are alternatives.
     pub fn answer(&mut self, status: u16, media_type: &str, schema: Value) {
         let (_, content) = self.answers.entry(status).or_default();
         content.insert(media_type.to_owned(), json!({ "schema": schema }));
     }
 
-    /// Adds the parameters that a query of this type has.
+    /// Adds the parameters of a query of this type.
     pub fn query<T: JsonSchema>(&mut self, schemas: &mut Schemas) {
         let schema = schemas.of_query::<T>();
         let required =
@@ -83,7 +83,7 @@ impl Operation {
     }
 }
 
-/// The schema of a parameter that is there, in the place of one that may be null.
+/// The schema of a parameter without null: a nullable parameter is omitted instead.
 fn present(mut schema: Value) -> Value {
     if let Some(Value::Array(kinds)) = schema.get_mut("type") {
         kinds.retain(|kind| kind != "null");
@@ -99,9 +99,9 @@ fn present(mut schema: Value) -> Value {
     schema
 }
 
-/// Something that a handler takes from a request.
+/// A part of a request that a handler extracts.
 pub trait Input {
-    /// Notes what it takes, and the problems that it finds.
+    /// Adds what it extracts, and the problems that it reports.
     fn describe(_: &mut Operation, _: &mut Schemas) {}
 }
 
@@ -118,13 +118,13 @@ impl<T> Input for Result<Path<T>, PathRejection> {
     }
 }
 
-/// Something that a handler returns.
+/// A result of a handler.
 pub trait Output {
-    /// Notes the statuses and bodies of success, and the problems.
+    /// Adds the statuses and bodies of success, and the problems.
     fn describe(operation: &mut Operation, schemas: &mut Schemas);
 }
 
-/// A body that the type does not tell; the table of routes tells it.
+/// The type does not describe this body; the table of routes does.
 impl Output for Response {
     fn describe(_: &mut Operation, _: &mut Schemas) {}
 }
@@ -135,14 +135,14 @@ impl<T: JsonSchema> Output for Json<T> {
     }
 }
 
-/// Something was made.
+/// Created.
 impl<T: JsonSchema> Output for (StatusCode, Json<T>) {
     fn describe(operation: &mut Operation, schemas: &mut Schemas) {
         operation.answer(201, "application/json", schemas.of_answer::<T>());
     }
 }
 
-/// Something was done, and there is nothing to say.
+/// Done, without a body.
 impl Output for StatusCode {
     fn describe(operation: &mut Operation, _: &mut Schemas) {
         operation.answers.entry(204).or_default();

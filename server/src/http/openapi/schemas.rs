@@ -1,4 +1,4 @@
-//! JSON schemas of requests and answers, from their Rust types.
+//! JSON schemas of requests and responses, from their Rust types.
 
 use schemars::generate::{Contract, SchemaSettings};
 use schemars::{JsonSchema, SchemaGenerator};
@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 const OF_ANSWERS: &str = "#/components/schemas/";
 const OF_REQUESTS: &str = "#/components/requests/";
 
-/// The schemas so far. What may be absent differs between a request, which is read, and an answer, which is
-/// written: a type that is both may have two schemas.
+/// The schemas so far. Optional fields differ between requests, which are deserialized, and
+/// responses, which are serialized: a type used in both may have two schemas.
 #[derive(Debug)]
 pub struct Schemas {
     requests: SchemaGenerator,
@@ -34,22 +34,22 @@ impl Default for Schemas {
 }
 
 impl Schemas {
-    /// The schema of what a client sends.
+    /// The schema of data that clients send.
     pub fn of_request<T: JsonSchema>(&mut self) -> Value {
         self.requests.subschema_for::<T>().into()
     }
 
-    /// The whole schema of what a client sends, without a reference to it.
+    /// The inline schema of data that clients send, without a reference.
     pub fn of_query<T: JsonSchema>(&mut self) -> Value {
         T::json_schema(&mut self.requests).into()
     }
 
-    /// The schema of what the server sends.
+    /// The schema of data that the server sends.
     pub fn of_answer<T: JsonSchema>(&mut self) -> Value {
         self.answers.subschema_for::<T>().into()
     }
 
-    /// Puts the named schemas into a document in which all references are resolved then.
+    /// Adds the named schemas to a document, and resolves all its references.
     pub fn put_into(mut self, document: &mut Value) {
         let mut schemas = self.answers.take_definitions(true);
         let requests = self.requests.take_definitions(true);
@@ -63,7 +63,7 @@ impl Schemas {
     }
 }
 
-/// Names with one schema in requests and another in answers, themselves or in something that they contain.
+/// Names whose schemas differ between requests and responses, directly or in a part.
 fn twofold(requests: &Map<String, Value>, answers: &Map<String, Value>) -> BTreeSet<String> {
     let mut twofold = BTreeSet::new();
     loop {
@@ -85,7 +85,7 @@ fn named(name: &str, twofold: &BTreeSet<String>) -> String {
     if twofold.contains(name) { format!("{name}Input") } else { name.to_owned() }
 }
 
-/// Lets references of requests refer to the schemas, and writes what comments refer to as plain words.
+/// Points references of requests to their schemas, and replaces doc links in descriptions with plain words.
 fn resolve(value: &mut Value, twofold: &BTreeSet<String>) {
     match value {
         Value::Object(members) => {
@@ -106,7 +106,7 @@ fn resolve(value: &mut Value, twofold: &BTreeSet<String>) {
     }
 }
 
-/// A comment without links to other items, on one line a paragraph.
+/// A doc comment without links to other items, with one line per paragraph.
 fn plain(text: &str) -> String {
     let mut plain = String::new();
     let mut rest = text;

@@ -1,4 +1,4 @@
-//! Routes that are served and documented at once, so that neither is without the other.
+//! Routes that are served and documented together, so that neither can be missing.
 
 use super::document::{Document, Entry};
 use super::handler::Documented;
@@ -52,26 +52,26 @@ endpoint!(post, POST);
 endpoint!(delete, DELETE);
 
 impl Endpoint {
-    /// What else one should know.
+    /// Adds further details.
     #[must_use]
     pub fn detail(mut self, text: &'static str) -> Self {
         self.detail = text;
         self
     }
 
-    /// Codes of problems that the handler itself finds.
+    /// Adds codes of problems that the handler itself reports.
     #[must_use]
     pub fn problems<const N: usize>(self, codes: [&'static str; N]) -> Self {
         self.and(move |operation| operation.problems(&codes))
     }
 
-    /// A problem whose code stands for another status elsewhere.
+    /// Adds a problem whose code has another status elsewhere.
     #[must_use]
     pub fn problem_with(self, status: u16, code: &'static str) -> Self {
         self.and(move |operation| operation.problem(meaning(code, Some(status))))
     }
 
-    /// What a status of success means.
+    /// Describes a status of success.
     #[must_use]
     pub fn says(self, status: u16, text: &'static str) -> Self {
         self.and(move |operation| {
@@ -79,7 +79,7 @@ impl Endpoint {
         })
     }
 
-    /// 200 with the same body as 201: what was sent is there already.
+    /// Adds a 200 with the same body as the 201, for content that exists already.
     #[must_use]
     pub fn or_200(self, text: &'static str) -> Self {
         self.and(move |operation| {
@@ -88,19 +88,19 @@ impl Endpoint {
         })
     }
 
-    /// 200 with a body of this media type: text, unless the schema says otherwise.
+    /// Adds a 200 with a body of this media type: text, unless the schema is another.
     #[must_use]
     pub fn sends(self, media_type: &'static str) -> Self {
         self.sends_as(media_type, json!({ "type": "string" }))
     }
 
-    /// 200 with bytes of this media type.
+    /// Adds a 200 with bytes of this media type.
     #[must_use]
     pub fn sends_bytes(self, media_type: &'static str) -> Self {
         self.sends_as(media_type, json!({ "type": "string", "contentMediaType": media_type }))
     }
 
-    /// 200 with JSON of any shape.
+    /// Adds a 200 with JSON of any shape.
     #[must_use]
     pub fn sends_any_json(self) -> Self {
         self.sends_as("application/json", json!({}))
@@ -110,7 +110,7 @@ impl Endpoint {
         self.and(move |operation| operation.answer(200, media_type, schema))
     }
 
-    /// 200 with JSON of this type, of a handler whose type does not tell.
+    /// Adds a 200 with JSON of this type, for a handler whose own type is not documented.
     #[must_use]
     pub fn sends_json<T: schemars::JsonSchema>(mut self) -> Self {
         let describe = self.describe;
@@ -122,13 +122,13 @@ impl Endpoint {
         self
     }
 
-    /// Anyone; a participant's token changes the answer.
+    /// Marks it as open to everyone; a participant's token changes the response.
     #[must_use]
     pub fn for_participants_too(self) -> Self {
         self.and(|operation| operation.who = super::operation::Who::MaybeParticipant)
     }
 
-    /// Compresses the answers.
+    /// Compresses the responses.
     #[must_use]
     pub fn compressed(mut self) -> Self {
         self.served = self.served.layer(CompressionLayer::new());
@@ -162,7 +162,7 @@ impl Table {
         self
     }
 
-    /// A route, whose address has parameters in braces, and its methods.
+    /// Adds a route, whose path has parameters in braces, and its methods.
     #[must_use]
     pub fn route<const N: usize>(mut self, path: &str, endpoints: [Endpoint; N]) -> Self {
         let mut served = MethodRouter::new();
@@ -176,7 +176,7 @@ impl Table {
         self
     }
 
-    /// The routes, and the document about them.
+    /// The router, and its document.
     pub fn finished(self) -> (Router<Arc<App>>, Value) {
         (self.router, self.document.finished())
     }

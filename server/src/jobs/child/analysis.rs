@@ -21,10 +21,10 @@ use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, PoisonError};
 
-/// Rows of the index in one message.
+/// Rows of the index per message.
 const ROWS_AT_ONCE: usize = 1_000;
 
-/// What is to be analysed.
+/// The input of an analysis.
 pub(super) struct Task {
     request: Request,
     recording: Recording,
@@ -68,7 +68,7 @@ impl Task {
         Ok(Self { request, recording, safety })
     }
 
-    /// Computes the analysis, and sends everything that it gives.
+    /// Computes the analysis, and sends the results.
     pub(super) fn run(self, server: &Server) -> io::Result<()> {
         let (answer, answers) = channel();
         end_with_stdin(move |message, beside| {
@@ -92,7 +92,7 @@ impl Task {
     }
 }
 
-/// Sends the files one by one, then what lists and replays say, then the result in brief.
+/// Sends the files one by one, then the index, then the summary.
 fn send(analysis: &Analysis, ids: &TrialIds, server: &Server) -> io::Result<()> {
     report::each_file(analysis, &mut |name, write| {
         let mut out = Counted { out: gzip(), bytes: 0 };
@@ -118,7 +118,7 @@ fn in_parts<T>(mut rows: impl Iterator<Item = T>) -> impl Iterator<Item = Vec<T>
     })
 }
 
-/// The outcome of an analysis in brief.
+/// The summary of an analysis.
 fn result(analysis: &Analysis) -> AnalysisResult {
     let (data, comparison) = (&analysis.data, &analysis.comparison);
     let sets = comparison.sets();
@@ -172,7 +172,7 @@ impl<W: Write> Write for Counted<W> {
     }
 }
 
-/// The cells of the study that the server has.
+/// The server's cells of the study.
 struct ServersCells<'a> {
     server: &'a Server,
     answers: Mutex<Receiver<Option<Vec<u8>>>>,
@@ -181,7 +181,7 @@ struct ServersCells<'a> {
 impl Cache for ServersCells<'_> {
     fn get(&self, key: &str) -> Option<Vec<Cell>> {
         let bytes = {
-            // One question at a time, so that an answer is that to the question.
+            // One query at a time, so that each answer matches its query.
             let answers = self.answers.lock().unwrap_or_else(PoisonError::into_inner);
             self.server.tell(&FromChild::Wanted(key.to_owned()), &[]).ok()?;
             answers.recv().ok()??
@@ -195,7 +195,7 @@ impl Cache for ServersCells<'_> {
         let told = packed
             .and_then(|()| out.finish())
             .and_then(|bytes| self.server.tell(&FromChild::Computed(key.to_owned()), &bytes));
-        // Without the server there is no more to do: the next step of the analysis notices.
+        // If the server has ended, the next step of the analysis notices.
         drop(told);
     }
 }

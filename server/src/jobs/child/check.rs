@@ -9,7 +9,7 @@ use std::io;
 use std::path::Path;
 use tokio_util::sync::CancellationToken;
 
-/// Checks the database, or writes a backup and checks that.
+/// Checks the database, or writes a backup and checks the backup.
 pub(super) fn run(server: &Server, database: &str, backup: Option<&Path>) -> io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let said = match runtime.block_on(checked(database, backup)) {
@@ -23,7 +23,7 @@ async fn checked(database: &str, backup: Option<&Path>) -> Result<Written, Backu
     let store = Store::open(database, Purpose::Read).await?;
     let written = match backup {
         Some(file) => {
-            // A faulty trial must not end all backups: it is told, and those of before are kept.
+            // A faulty trial must not prevent all backups: it is reported, and earlier backups are kept.
             let kept = FaultyTrials::Kept;
             backups::write(&store, file, kept, &CancellationToken::new(), |_, _| ()).await
         }

@@ -1,4 +1,4 @@
-//! Where models turn, as maps.
+//! Maps of where models turn.
 
 use super::{Figure, TONES, WIDTH, drawn, opacity};
 use sidestep::chart::{Area, Axis, Cells, Chart, Drawing, Ink, Note, Pen, Sign, colours, disc};
@@ -6,7 +6,7 @@ use sidestep::comparison::Analysis;
 use sidestep::comparison::decision_map::DecisionMap;
 use sidestep::math::PI;
 
-/// Maps of the probability of a turn; none without maps.
+/// Maps of the probability of a turn; `None` if there are no maps.
 pub(super) fn decisions(analysis: &Analysis) -> Option<Figure> {
     let maps = analysis.maps.iter().filter(|map| !map.probabilities.is_empty());
     let charts: Vec<Chart> =
@@ -14,7 +14,7 @@ pub(super) fn decisions(analysis: &Analysis) -> Option<Figure> {
     (!charts.is_empty()).then(|| Figure { has_tones: true, ..drawn("decisions", &charts, square) })
 }
 
-/// A metre is as long along both axes.
+/// A chart with the same scale on both axes.
 fn square(chart: &Chart) -> Drawing {
     let side = chart.frame_within([WIDTH, WIDTH]).width;
     let [above, below] = chart.room();
@@ -23,7 +23,7 @@ fn square(chart: &Chart) -> Drawing {
 
 fn decision_map(map: &DecisionMap, radius_m: f64) -> Chart {
     let side_m = DecisionMap::SIDE as f64 * DecisionMap::CELL_M;
-    // To the right is what is less to the left.
+    // Right is the negative of left.
     let right = -(DecisionMap::RIGHT_M + side_m);
     let x = Axis::linear("robot to the right", "m", [right, right + side_m], 6);
     let behind = DecisionMap::BEHIND_M;
@@ -45,14 +45,14 @@ fn decision_map(map: &DecisionMap, radius_m: f64) -> Chart {
     let dashed = Pen::new(colours::TEXT, 1.2).dashed(3.0, 2.5);
     outline("danger zone", disc([0.0, 0.0], radius_m), dashed);
     chart.add(Note::sign(Sign::Vehicle(0.5 * PI, 17.0), [0.0, 0.0], colours::HUMAN));
-    // The robot's heading, as the human who heads up sees it.
+    // The robot's heading as the human sees it, whose own heading is up.
     let arrow = Sign::Arrow(map.heading + 0.5 * PI, 28.0);
     let corner = Note::sign(arrow, [right + side_m, behind + side_m], colours::ROBOT);
     chart.add(Note { offset: [-24.0, 24.0], ..corner });
     chart
 }
 
-/// The cells of each tone, neighbours in a row as one.
+/// The cells of each tone; adjacent cells in a row are merged.
 fn tones(map: &DecisionMap) -> Vec<Vec<[f64; 4]>> {
     let tone = |p: f64| ((p * TONES as f64) as usize).min(TONES - 1);
     let mut boxes = vec![Vec::new(); TONES];

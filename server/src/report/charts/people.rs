@@ -1,4 +1,4 @@
-//! What people did, and how it changes from the first tasks to the last.
+//! People's behaviour, and its change from the first tasks to the last.
 
 use super::{Figure, figure, range};
 use sidestep::behaviour::{Behaviour, BehaviourSummary, PARTS};

@@ -1,4 +1,4 @@
-//! How models do when they drive on from a moment.
+//! How well models do when they drive on from some moment.
 
 use super::{Figure, figure, look, range};
 use sidestep::chart::{Axis, Chart, Mark, Pen, Series, colours};
@@ -18,14 +18,14 @@ struct Line {
 }
 
 impl Line {
-    /// Of a model on a feature set.
+    /// The curve of a model on a feature set.
     fn of(model: ModelName, features: &'static str) -> Self {
         let (colour, mark) = look(model);
         let (driver, name, pen) = (model.word(), model.row().short, Pen::new(colour, 2.0));
         Self { driver, features, name, pen, mark: Some(mark) }
     }
 
-    /// Of a driver who does not think.
+    /// The curve of a simple driver.
     fn simple(driver: Simple, name: &'static str, dash: f64) -> Self {
         let pen = Pen::new(colours::MUTED, 2.0).dashed(dash, 3.0);
         Self { driver: driver.word(), features: "", name, pen, mark: None }
@@ -43,7 +43,7 @@ pub(super) fn rollouts(analysis: &Analysis) -> Figure {
     figure("rollouts", &rollout_charts(analysis, &lines), 250.0)
 }
 
-/// Roll-outs of models that know more than the paper's; none where there are not two.
+/// Roll-outs of models with more inputs than the paper's; none if there are fewer than two.
 pub(super) fn beyond(analysis: &Analysis) -> Option<Figure> {
     let lines = BEYOND.map(|Beyond { model, features, words, look }| {
         let mut line = Line::of(model, features);

@@ -1,6 +1,6 @@
-//! What the findings of the report say, against numbers that are computed here from the CSV files of the
-//! same analysis: every direction, count, p-value and interval. A sentence with a number that nothing here
-//! expects fails.
+//! Checks the findings of the report against numbers that are computed here from the CSV files of
+//! the same analysis: every direction, count, p-value and interval. A sentence with a number that
+//! nothing here expects fails.
 
 use super::testing::made_up_but;
 use crate::report::{Content, each_file};
@@ -51,13 +51,13 @@ fn number(row: &Row, column: &str) -> f64 {
     row[column].parse().unwrap_or_else(|_| panic!("{column}: {row:?}"))
 }
 
-/// One comparison of two sets, as the files have it.
+/// One comparison of two sets, from the files.
 struct Told {
     model: String,
     numeral: &'static str,
     metric: String,
     people: usize,
-    /// Gains, where cells.csv has them.
+    /// Gains, if cells.csv has them.
     gains: Option<Vec<f64>>,
     mean: f64,
     p: f64,
@@ -111,7 +111,7 @@ impl Told {
         all
     }
 
-    /// p, interval, estimate, direction and counts are of one mind, and of what cells.csv has.
+    /// Checks that p, interval, estimate, direction and counts agree with each other and with cells.csv.
     fn agrees(&self) {
         let said = format!("{:?}", self.row);
         if let Some(gains) = &self.gains {
@@ -119,7 +119,8 @@ impl Told {
             assert_eq!(differ.len(), self.differing, "{said}");
             let mean = gains.iter().sum::<f64>() / gains.len() as f64;
             assert!((mean - self.mean).abs() < 1e-4, "{said}");
-            // Over pairs: the positive means less the negative ones are the balance of ranks.
+            // The rank-biserial correlation is the number of pairs with a positive mean, less those
+            // with a negative one.
             let pairs = (0..differ.len()).flat_map(|i| (i..differ.len()).map(move |j| (i, j)));
             let sign = |(i, j): (usize, usize)| match differ[i] + differ[j] {
                 sum if sum.abs() < 1e-9 => 0.0,
@@ -145,7 +146,7 @@ impl Told {
         format!("{model} {}", self.numeral)
     }
 
-    /// Without the experiment where there is only one.
+    /// Without the experiment if there is only one.
     fn name(&self) -> String {
         let name = self.full_name();
         if self.metric == "accuracy" { name } else { name.replace(" II", "") }
@@ -159,7 +160,7 @@ impl Told {
         }
     }
 
-    /// As an entry of the list below the sentence.
+    /// An entry of the list below the sentence.
     fn entry(&self, mean: f64, r: f64, [p, holm]: [f64; 2]) -> String {
         let mean = match self.metric.as_str() {
             "accuracy" => signed(mean, 1),
@@ -176,7 +177,7 @@ impl Told {
         format!("{} {mean} {p}, r {r} Holm {holm}{differ}", self.name())
     }
 
-    /// The same, however its numbers of four places, and p-values of seven digits, are rounded.
+    /// The same for every rounding of its four-place numbers and seven-digit p-values.
     fn entries(&self) -> impl Iterator<Item = String> {
         let means = near(self.mean).into_iter();
         let alike = |p: f64| [p * (1.0 - 6e-7), p, p * (1.0 + 6e-7)].map(|p| p.min(1.0));
@@ -191,7 +192,7 @@ impl Told {
     }
 }
 
-/// Numbers that files print alike, with four places.
+/// Numbers that files print alike with four places.
 fn near(number: f64) -> [f64; 3] {
     let less = if number == 0.0 { 0.0 } else { 6e-5 };
     [number - less, number, number + less]
@@ -415,7 +416,7 @@ fn expected(files: &Files) -> Vec<(String, Vec<Told>)> {
     headlines.into_iter().zip([safety, instead, too, baseline, ends, level]).collect()
 }
 
-/// The first paragraph of the first finding, however the numbers of files are rounded.
+/// The first paragraph of the first finding, for every rounding of the files' numbers.
 fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
     let mean = |set| {
         let all = files.accuracies(&of.model, "1", set);
@@ -471,7 +472,7 @@ fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
     all.into_iter().map(|told| format!("{begin}{told}")).collect()
 }
 
-/// What is said of people who are too few; the least p-value by hand.
+/// The sentence about too few people; the smallest p-value is computed by hand.
 fn power_sentence(people: usize, family: usize) -> String {
     let least = (0..people).fold(2.0, |p: f64, _| 0.5 * p).min(1.0);
     let needed = (1..60).find(|n| 2.0 * 0.5_f64.powi(*n) * (family as f64) < 0.05).unwrap();
@@ -517,7 +518,7 @@ fn has_class(node: &Node<'_, '_>, class: &str) -> bool {
     node.attribute("class").is_some_and(|all| all.split(' ').any(|one| one == class))
 }
 
-/// Every sentence of the findings about comparisons is what the files say.
+/// Checks that every sentence of the findings about comparisons agrees with the files.
 fn check(analysis: &Analysis) {
     let files = Files::of(analysis);
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
@@ -591,8 +592,8 @@ fn check(analysis: &Analysis) {
     }
 }
 
-/// Studies of random people: of some, models do equally well on every set; of the others, better or worse by
-/// some steps.
+/// Studies of random people: for some, models do equally well on every set; for the others, better
+/// or worse by some steps.
 fn random(people: usize, tied: f64, lean: usize, seed: u64) -> Analysis {
     made_up_but(people, None, |results| {
         let mut rng = SeededRng::new(seed);
@@ -619,8 +620,8 @@ fn sentences_are_what_the_files_say() {
     }
 }
 
-/// 18 of 24 people do equally well with every set; of the others every model is better with safety levels,
-/// or, turned round, worse.
+/// 18 of 24 people do equally well with every set; for the others every model is better with safety
+/// levels, or in the reverse case worse.
 #[test]
 fn those_who_tie_turn_no_sentence_round() {
     for (worse, word) in [("d", "better"), ("hrd", "worse")] {
@@ -641,7 +642,7 @@ fn those_who_tie_turn_no_sentence_round() {
     }
 }
 
-/// How many studies are searched: six, or as many as `SENTENCE_STUDIES` says.
+/// Number of studies to search: six, or `SENTENCE_STUDIES`.
 fn studies() -> u32 {
     std::env::var("SENTENCE_STUDIES").map_or(6, |number| number.parse().unwrap())
 }

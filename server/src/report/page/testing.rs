@@ -19,13 +19,13 @@ const STEPS: usize = 10;
 const TRIALS: usize = 2;
 
 /// People who turn in steps 3 to 6 of each trial. Models on sets with a safety level miss one step
-/// of each trial, others two, and everybody after the first one more; the first step of avoidance
-/// is found.
+/// of each trial, others two, and for everyone after the first person one more; the first step of
+/// avoidance is found.
 pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
     made_up_but(people, synthetic, |_| {})
 }
 
-/// The same with results that `change` has changed.
+/// The same with results modified by `change`.
 pub(super) fn made_up_but(
     people: usize,
     synthetic: Option<&str>,
@@ -104,7 +104,7 @@ pub(super) fn made_up_but(
     Analysis::of(data, Settings::new().unwrap(), results, behaviour, vec![map]).unwrap()
 }
 
-/// What a model says that misses the last steps of the turn.
+/// The predictions of a model that misses the last steps of the turn.
 fn predictions(experiment: Experiment, missed: usize) -> Predictions {
     let turn = 1;
     let truth = |step: &usize| if (3..7).contains(step) { turn } else { 0 };

@@ -29,7 +29,7 @@ fn read(html: &str) -> Document<'_> {
     Document::parse_with_options(html, options).unwrap()
 }
 
-/// All that is read, in one line.
+/// All visible text, in one line.
 fn words(document: &Document<'_>) -> String {
     let texts = document.descendants().filter(|node| node.is_text());
     let texts = texts.filter(|node| !node.parent().is_some_and(|of| of.has_tag_name("style")));
@@ -44,7 +44,7 @@ fn with_class(document: &Document<'_>, class: &str) -> usize {
     document.descendants().filter(is).count()
 }
 
-/// It parses as XML too, so that every element is closed and every quote in its place.
+/// The report also parses as XML, so every element is closed and every attribute quoted.
 #[test]
 fn it_stands_alone_and_names_cannot_break_it() {
     let html = html(&made_up(7, None));
@@ -52,7 +52,7 @@ fn it_stands_alone_and_names_cannot_break_it() {
     let named =
         |name: &str| document.descendants().filter(|node| node.tag_name().name() == name).count();
     assert_eq!(["script", "img", "link", "iframe"].map(named), [0; 4]);
-    // Addresses are names of languages only; nothing is fetched.
+    // URLs only name XML vocabularies; nothing is fetched.
     for node in document.descendants() {
         for attribute in node.attributes() {
             assert!(
@@ -92,7 +92,7 @@ fn charts_and_tables_can_be_heard() {
     }
 }
 
-/// With 7 people, of whom 4 miss a step more or two of ten.
+/// With 7 people: on hrd, models miss one of ten steps for 4 of them and two for the others.
 #[test]
 fn it_tells_the_numbers_of_the_tables() {
     let analysis = made_up(7, None);
@@ -120,11 +120,11 @@ fn it_tells_the_numbers_of_the_tables() {
     assert_eq!(found[0], ("85.71".to_owned(), true));
     assert_eq!(found[6], ("75.71".to_owned(), false));
     assert_eq!(found[9], ("60.00".to_owned(), false));
-    // Equals are all the best, but not what the paper did not compare.
+    // Ties are all the best, but not sets that the paper did not compare.
     assert!(found[..6].iter().all(|(_, bold)| *bold) && !found[7].1);
     // The paper's row follows.
     assert!(html.contains("<span class=\"paper\"><strong>78.67</strong></span>"));
-    // No turn at all is no pair: 7 people, 14 trials, all found.
+    // Trials without any turn do not count; all 14 trials of the 7 people have one.
     assert!(words(&read(&html)).contains("mean over 14 test trials"));
     let lines = html.replace('\n', "");
     assert!(lines.contains("<td>70.25</td><td>91.50</td><td>+21.25</td>"));
@@ -159,7 +159,7 @@ fn words_follow_the_numbers() {
         "Safety levels predict better than distance alone, in every model and experiment."
     ));
     assert!(!many.contains("no difference could be shown"));
-    // Nobody differs, so that there is nothing to show it from.
+    // Nobody differs, so there is nothing to test.
     let same =
         "Too few people to show whether the human’s or the robot’s safety level predicts better.";
     assert!(many.contains(same), "{many}");
@@ -175,7 +175,7 @@ fn a_level_that_says_nothing_has_a_warning() {
         analysis.data.safety = Some(quality);
         html(&analysis)
     };
-    // Nothing else of the report changes, whatever the levels are.
+    // Nothing else in the report depends on the levels.
     assert_eq!(said(sound, sound), html(&made_up(6, None)));
     let restless =
         LevelQuality { converged: false, last_change_m: Some(1.3e-3), spread_m: 0.1, ..sound };
@@ -279,7 +279,7 @@ fn fewer_tasks_other_people_and_fewer_features_are_shown() {
     let page = html(&analysis);
     let document = read(&page);
     let text = words(&document);
-    // Models of others that are the person's own: nobody gains.
+    // Models of others equal the person's own: nobody gains.
     let row = "DT IBhrd85.00 81.2585.000.00 1.0001.000 0.00";
     for told in [row, "What more tasks are worth.", "Mean loss in points. v_h: 3.5."] {
         assert!(text.contains(told), "{told}: {text}");
@@ -324,7 +324,7 @@ fn what_was_asked_for_is_told() {
     assert_eq!([files(&analysis), files(&made_up(6, None))], [false, true]);
 }
 
-/// What the report says in words and pictures is in tables too.
+/// Everything in the report's words and pictures is also in tables.
 #[test]
 fn intervals_and_families_are_in_files() {
     let rows = |people: usize, wanted: &str| -> Vec<BTreeMap<String, String>> {
@@ -341,19 +341,19 @@ fn intervals_and_families_are_in_files() {
         assert_eq!(found.len(), count, "{file}");
         for row in found {
             let number = |column: &str| row[column].parse::<f64>().unwrap();
-            // Where nobody differs, no interval says anything.
+            // If nobody differs, no interval is meaningful.
             if row["differing"] == "0" {
                 assert_eq!((&*row["gain_low"], number("wilcoxon_persons")), ("", 1.0), "{row:?}");
                 continue;
             }
             let interval = number("gain_low")..=number("gain_high");
             assert!(interval.contains(&number("typical_gain")), "{row:?}");
-            // The interval is what the test does not reject.
+            // The interval contains the values that the test does not reject.
             assert_eq!(number("wilcoxon_persons") < 0.05, !interval.contains(&0.0), "{row:?}");
         }
         assert!(rows(5, file).iter().all(|row| row["gain_low"].is_empty()));
     }
-    // 7 people gain, or save, the same each.
+    // All 7 people gain, or save, the same amount.
     let of = |metric: &str| {
         let mut all = rows(7, "tests.csv").into_iter();
         all.find(|row| row["metric"] == metric && row["second"] == "d").unwrap()
@@ -413,7 +413,7 @@ fn latex_has_the_best_in_bold_and_says_who() {
     assert_eq!(count("{"), count("}"));
 }
 
-/// 35 of 40 people gain ten points; the others lose all that the model had right.
+/// 35 of 40 people gain ten points; the others lose everything that the model had right.
 #[test]
 fn a_mean_that_points_the_other_way_is_told() {
     let analysis = made_up_but(40, None, |results| {
@@ -430,7 +430,7 @@ fn a_mean_that_points_the_other_way_is_told() {
     assert!(!words(&read(&html(&made_up(40, None)))).contains(told));
 }
 
-/// Numbers come from the library: nothing that prints them tests, pools or averages.
+/// The library computes all statistics: code that prints must not test, pool or average.
 #[test]
 fn printing_computes_no_statistics() {
     const FORBIDDEN: [&str; 9] = [

@@ -1,4 +1,4 @@
-//! The tables that are copied, with their columns. A test compares them with the databases' own lists.
+//! The copied tables and their columns. A test compares them with the databases' own lists.
 
 use crate::store::StoreError;
 use crate::store::sql::{Connection, Kind, params};
@@ -12,12 +12,11 @@ pub(super) struct Table {
     pub(super) owner: Option<&'static str>,
     /// Whether the trial's number is copied, shifted.
     pub(super) is_numbered: bool,
-    /// Which rows, of the participant or analysis with the id $1.
+    /// The condition for its rows of the participant or analysis with the id $1.
     pub(super) of: &'static str,
-    /// In which order.
+    /// The order of its rows.
     pub(super) order: &'static str,
-    /// Whether the row is there already, because a trigger made it, and only gets these values. The first
-    /// column tells which row it is.
+    /// Whether a trigger creates the row and the copy only updates it. The first column identifies the row.
     pub(super) is_made: bool,
 }
 
@@ -51,7 +50,7 @@ impl Table {
         format!("DELETE FROM {} WHERE {}", self.name, self.of)
     }
 
-    /// The names of the columns, in a list.
+    /// The comma-separated names of the columns.
     pub(super) fn names(&self) -> String {
         let names: Vec<&str> = self.columns.iter().map(|(name, _)| *name).collect();
         names.join(", ")
@@ -64,7 +63,7 @@ macro_rules! columns {
 
 const OF_PARTICIPANT: &str = "participant_id = $1";
 
-/// The rows of a participant, after those that they refer to.
+/// A participant's tables; rows come after the rows that they refer to.
 pub(super) const PARTICIPANT_TABLES: &[Table] = &[
     Table::new(
         "participant",
@@ -129,7 +128,7 @@ pub(super) const PARTICIPANT_TABLES: &[Table] = &[
 
 const OF_ANALYSIS: &str = "analysis = (SELECT sequence FROM analysis WHERE id = $1)";
 
-/// The rows of an analysis, after those that they refer to.
+/// An analysis's tables; rows come after the rows that they refer to.
 pub(super) const ANALYSIS_TABLES: &[Table] = &[
     Table::new(
         "analysis",
@@ -161,7 +160,7 @@ pub(super) const ANALYSIS_TABLES: &[Table] = &[
         .of(OF_ANALYSIS, "participant_id, trial_id"),
 ];
 
-/// Who may use the laboratory, and what they did. Sessions end with a copy.
+/// The experimenters' keys, and the audit trail. Sessions are not copied.
 pub(super) const ACCESS_TABLES: &[Table] = &[
     Table::new(
         "api_key",
@@ -175,7 +174,7 @@ pub(super) const ACCESS_TABLES: &[Table] = &[
         .of("", "sequence"),
 ];
 
-/// Ensures that the numbers up to `last` of a table are not given to new rows.
+/// Ensures that new rows of a table get numbers above `last`.
 pub(super) fn take_numbers(db: &Connection, table: &str, last: i64) -> Result<(), StoreError> {
     match db.is_sqlite() {
         true => {
@@ -198,7 +197,7 @@ pub(super) fn take_numbers(db: &Connection, table: &str, last: i64) -> Result<()
     Ok(())
 }
 
-/// Ensures that no number of a table that was filled with its numbers is given again.
+/// Ensures that a table that was filled with explicit numbers does not assign them again.
 pub(super) fn never_use_again(db: &Connection, table: &str) -> Result<(), StoreError> {
     take_numbers(db, table, 0)
 }
@@ -209,8 +208,8 @@ mod tests {
     use crate::store::tests::store;
     use std::collections::BTreeSet;
 
-    /// Columns that a copy does not take along: numbers that are given anew, who computes an analysis,
-    /// what the database computes itself.
+    /// Columns that are not copied: numbers that are reassigned, the worker of an analysis, and
+    /// columns that the database computes.
     const LEFT_OUT: &[(&str, &[&str])] = &[
         ("trial", &["sequence"]),
         ("note", &["id"]),

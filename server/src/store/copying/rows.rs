@@ -5,7 +5,7 @@ use crate::store::StoreError;
 use crate::store::sql::{Connection, Kind, Row, ToSql, Value};
 use sha2::{Digest, Sha256};
 
-/// Rows of a table in their order.
+/// Rows of a table, in order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rows {
     rows: Vec<Vec<Value<'static>>>,
@@ -24,7 +24,7 @@ impl Rows {
         self.numbers.append(&mut more.numbers);
     }
 
-    /// Each row alone.
+    /// Each row separately.
     pub(super) fn apart(&self) -> impl Iterator<Item = Self> {
         self.rows.iter().enumerate().map(|(at, row)| Self {
             rows: vec![row.clone()],
@@ -40,7 +40,7 @@ impl Rows {
         })
     }
 
-    /// The number, or the truth as 1 or 0, in the only row of a table that has one.
+    /// The integer, or the Boolean as 1 or 0, in the single row of such a table.
     pub(super) fn number(&self, table: &Table, column: &str) -> Option<i64> {
         let place = table.columns.iter().position(|(name, _)| *name == column)?;
         match self.rows.first()?.get(place)? {
@@ -50,7 +50,7 @@ impl Rows {
         }
     }
 
-    /// Adds all values to a hash: each with its kind and, if it has any length, with its length.
+    /// Adds all values to a hash: each with its kind and, if its length varies, its length.
     pub(super) fn hash(&self, hasher: &mut Sha256) {
         hasher.update((self.rows.len() as u64).to_le_bytes());
         for value in self.rows.iter().flatten() {
@@ -71,7 +71,7 @@ impl Rows {
     }
 }
 
-/// The rows of a table that belong to the participant or analysis with this id; all without one.
+/// The rows of a table that belong to the participant or analysis with this id; all rows without an id.
 pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<Rows, StoreError> {
     match id {
         Some(id) => read_where(db, table, table.of, Some(&id)),
@@ -79,7 +79,7 @@ pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<R
     }
 }
 
-/// The rows of a table for which a condition on $1 holds.
+/// The rows of a table that satisfy a condition on $1.
 pub(super) fn read_where(
     db: &Connection,
     table: &Table,

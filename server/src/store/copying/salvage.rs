@@ -1,8 +1,9 @@
-//! What can still be read of a damaged file of SQLite: the copies of a sound one, and where a query fails, row by
-//! row.
+//! The readable rest of a damaged SQLite file: the same queries as for copying a sound file; where
+//! one fails, its rows are read one by one.
 //!
-//! An index has the keys of rows whose page is damaged, so these rows can be named. Where the index is damaged,
-//! the rows of the table are walked from number to number, past pages that cannot be read.
+//! An index still has the keys of rows whose page is damaged, so lost rows can be named. If the
+//! index is damaged, the rows of the table are read by ascending number, skipping pages that cannot
+//! be read.
 
 use super::columns::{ACCESS_TABLES, ANALYSIS_TABLES, PARTICIPANT_TABLES, Table};
 use super::rows::{Rows, insert, read, read_where};
@@ -15,7 +16,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt;
 use tokio::sync::mpsc;
 
-/// What was read.
+/// An item of the salvage.
 #[derive(Debug)]
 pub enum Salvaged {
     /// A study, without its participants and analyses.
@@ -26,16 +27,16 @@ pub enum Salvaged {
     Analysis(i64, RowsCopy),
     /// Keys and audit trail.
     Access(RowsCopy),
-    /// What cannot be read.
+    /// A lost row.
     Lost(Lost),
 }
 
 /// A row that is lost.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Lost {
-    /// Its table.
+    /// The table.
     pub table: String,
-    /// What is known of its key.
+    /// Its key, as far as known.
     pub key: String,
     /// Why it is lost.
     pub why: String,
@@ -64,10 +65,10 @@ impl RowsCopy {
 }
 
 impl Store {
-    /// Reads whatever can be read, and sends it: each study before its participants.
+    /// Reads everything that can be read and sends it, each study before its participants.
     ///
     /// # Errors
-    /// [`StoreError`] if the file cannot be read at all, or nobody takes what is sent.
+    /// [`StoreError`] if the file cannot be read at all, or the receiver is dropped.
     pub async fn salvage(&self, out: mpsc::Sender<Salvaged>) -> Result<(), StoreError> {
         self.read_long(move |db| {
             let (walks, seen) = (HashMap::new(), HashSet::new());
@@ -76,10 +77,10 @@ impl Store {
         .await
     }
 
-    /// Stores the rows of a participant one by one, each that the database takes. Returns those that it does not.
+    /// Stores the rows of a participant one by one. Returns those that the database refuses.
     ///
     /// # Errors
-    /// [`StoreError`] if the disk or the server refuses.
+    /// [`StoreError`] if the transaction fails.
     pub async fn put_rows_apart(
         &self,
         target: CopyTarget,
@@ -105,7 +106,7 @@ impl Store {
         .await
     }
 
-    /// Deletes a trial that is not sound.
+    /// Deletes an unsound trial.
     pub async fn drop_unsound(&self, trial_id: &str) -> Result<(), StoreError> {
         let trial_id = trial_id.to_owned();
         self.write_behind([Lock::Studies], move |db| {
@@ -115,19 +116,19 @@ impl Store {
     }
 }
 
-/// Numbers of rows with their keys, by whom they belong to.
+/// Numbers and keys of rows, by their owner.
 type Walk = HashMap<String, Vec<(i64, String)>>;
 
 struct Reader<'a> {
     db: &'a Connection,
     out: mpsc::Sender<Salvaged>,
-    /// What was walked, by its table.
+    /// The walked rows, by table.
     walks: HashMap<&'static str, Walk>,
-    /// Trials that were read, or named as lost.
+    /// Trials that were read or reported as lost.
     seen: HashSet<String>,
 }
 
-/// The columns by which a row is named, and by which it belongs to somebody.
+/// The columns with the key of a row, and with its owner.
 fn key_and_owner(table: &str) -> [&'static str; 2] {
     match table {
         "study" => ["slug", "slug"],
@@ -141,7 +142,7 @@ fn key_and_owner(table: &str) -> [&'static str; 2] {
 }
 
 impl Reader<'_> {
-    /// Most numbers of rows that are tried after the last one that can be read.
+    /// How many row numbers are tried after the last readable row.
     const MOST_TRIED: i64 = 100_000;
 
     fn run(mut self) -> Result<(), StoreError> {
@@ -188,7 +189,7 @@ impl Reader<'_> {
         self.send(Salvaged::Lost(Lost::new(table, key, why)))
     }
 
-    /// What was read; a row that is lost, if it cannot be read.
+    /// The result, or none with the row reported as lost if it cannot be read.
     fn unless_lost<T>(
         &self,
         table: &str,
@@ -204,7 +205,7 @@ impl Reader<'_> {
     /// The keys of all rows of a table.
     fn ids(&mut self, table: &'static str) -> Result<Vec<String>, StoreError> {
         let [_, owner] = key_and_owner(table);
-        // Without an order, an index answers this alone.
+        // Without ORDER BY, the index alone answers this query.
         match texts(self.db, &format!("SELECT {owner} FROM {table}")) {
             Err(StoreError::Corrupt(_)) => {}
             found => return found,
@@ -230,7 +231,7 @@ impl Reader<'_> {
         Ok(self.walk(table)?.get(owner).cloned().unwrap_or_default())
     }
 
-    /// All rows of a table that can be read, without the help of an index.
+    /// All readable rows of a table, without using an index.
     fn walk(&mut self, table: &'static str) -> Result<&Walk, StoreError> {
         if !self.walks.contains_key(table) {
             let walk = self.walk_once(table)?;
@@ -249,7 +250,7 @@ impl Reader<'_> {
         let mut walk = Walk::new();
         let (mut last, mut many) = (0, MANY);
         let end = self.last(table);
-        // The first row after the last one that was read, if it cannot be, and why not.
+        // The first unreadable row after the last row that was read, and why it cannot be read.
         let mut damaged: Option<(i64, String)> = None;
         while last < end && damaged.as_ref().is_none_or(|(from, _)| last - from < Self::MOST_TRIED)
         {
@@ -284,7 +285,7 @@ impl Reader<'_> {
         Ok(walk)
     }
 
-    /// The highest number of a row, as far as it is known.
+    /// The highest row number, as far as known.
     fn last(&self, table: &str) -> i64 {
         let highest = format!("SELECT max(rowid) FROM {table} NOT INDEXED");
         let highest = self.db.query_row(&highest, [], |row| row.get::<_, Option<i64>>(0));
@@ -295,7 +296,7 @@ impl Reader<'_> {
         highest.ok().map(|highest| highest.unwrap_or(0)).or_else(given).unwrap_or(i64::MAX)
     }
 
-    /// Those of these rows that can be read.
+    /// The readable ones of these rows.
     fn rows(&self, table: &Table, rowids: &[(i64, String)]) -> Result<Rows, StoreError> {
         let mut rows = Rows::default();
         for (rowid, key) in rowids {
@@ -311,7 +312,7 @@ impl Reader<'_> {
         Ok(rows)
     }
 
-    /// A participant with all rows that can be read; none if their own row is lost.
+    /// A participant with all readable rows; none if their own row is lost.
     fn participant(&mut self, id: &str) -> Result<Option<RowsCopy>, StoreError> {
         match rows_copy(self.db, PARTICIPANT_TABLES, id) {
             Err(StoreError::Corrupt(_)) | Ok(None) => {}
@@ -326,7 +327,7 @@ impl Reader<'_> {
         for table in PARTICIPANT_TABLES {
             let mut rowids = Vec::new();
             match table.name {
-                // It follows from the other rows.
+                // It is derived from the other rows.
                 "tally" => {}
                 "trial" => {
                     for trial_id in &scenes {
@@ -360,7 +361,7 @@ impl Reader<'_> {
         Ok(exists.then(|| RowsCopy { id: id.to_owned(), tables }))
     }
 
-    /// A study; its configurations and value functions as far as they can be read.
+    /// A study, with its configurations and value functions as far as they can be read.
     fn study(&mut self, slug: &str) -> Result<Option<StudyCopy>, StoreError> {
         match study_copy(self.db, slug) {
             Err(StoreError::Corrupt(_)) => {}
@@ -375,7 +376,7 @@ impl Reader<'_> {
         let own = self.unless_lost("study", slug, own.map_err(StoreError::from))?;
         let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
         let mut versions = versions.unwrap_or_default();
-        // The last version says the same as the row.
+        // The last version has the same data as the row.
         let last = versions.last().map(|(_, hash, at_ms, _)| (hash.clone(), *at_ms));
         let Some((config_hash, created_at_ms)) = own.or(last) else { return Ok(None) };
         if versions.is_empty() {
@@ -430,7 +431,7 @@ impl Reader<'_> {
         }))
     }
 
-    /// Analyses, each whole or not at all: they can be computed again.
+    /// Analyses, each complete or not at all: they can be computed again.
     fn analyses(&self) -> Result<(), StoreError> {
         let ids = texts(self.db, "SELECT id FROM analysis ORDER BY sequence");
         for id in self.unless_lost("analysis", "list", ids)?.into_iter().flatten() {

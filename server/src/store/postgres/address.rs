@@ -1,11 +1,12 @@
-//! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`, with several hosts if there are standbys.
+//! The address of a database: `postgres://USER:PASSWORD@HOST:PORT/DATABASE?…`; several hosts if
+//! there are standbys.
 
 use crate::store::OpenError;
 use sqlx::ConnectOptions;
 use sqlx::postgres::{PgConnectOptions, PgSslMode};
 use std::time::Duration;
 
-/// How long a connection may take.
+/// Timeout of connecting.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The options that sqlx reads from an address.
@@ -31,13 +32,13 @@ const OPTIONS: [&str; 19] = [
     "connect_timeout",
 ];
 
-/// An address that was understood.
+/// A parsed address.
 pub(super) struct Address {
-    /// How to connect to each host.
+    /// Connection options for each host.
     pub(super) hosts: Vec<PgConnectOptions>,
-    /// How long a connection may take.
+    /// Timeout of connecting.
     pub(super) patience: Duration,
-    /// What messages call the database: the address without the password.
+    /// The database's name in messages: the address without the password.
     pub(super) name: String,
 }
 
@@ -47,13 +48,13 @@ impl Address {
     }
 
     /// # Errors
-    /// [`OpenError::Address`], without the address, which may hold a password.
+    /// [`OpenError::Address`], without the address, which may contain a password.
     pub(super) fn parse(url: &str) -> Result<Self, OpenError> {
         Self::read(url)
             .map_err(|found| OpenError::Address { url: "postgres:…".to_owned(), found })
     }
 
-    /// What is wrong with an address: an option by its name, but nothing else of what was given.
+    /// The error names invalid options, but quotes nothing else of the address.
     fn read(url: &str) -> Result<Self, String> {
         let unreadable = || "an address that cannot be read".to_owned();
         let (scheme, rest) = url.split_once("://").ok_or_else(unreadable)?;
@@ -72,7 +73,7 @@ impl Address {
                     patience = Duration::from_secs(value.parse().map_err(|_| refused())?);
                     continue;
                 }
-                // Only this makes sense here.
+                // The only value that makes sense.
                 "target_session_attrs" if value == "read-write" => continue,
                 "target_session_attrs" => return Err(refused()),
                 "sslmode" | "ssl-mode" => drop(value.parse::<PgSslMode>().map_err(|_| refused())?),
@@ -99,7 +100,8 @@ impl Address {
             }
             let url = format!("{scheme}://{at}{host}/{database}?{}", others.join("&"));
             let options: PgConnectOptions = url.parse().map_err(|_| unreadable())?;
-            // Between machines nobody reads along, or takes the server's place, unless the address allows it.
+            // Between machines, nobody can eavesdrop on the connection or impersonate the server,
+            // unless the address allows it.
             let is_chosen = others.iter().any(|option| option.starts_with("ssl"));
             let mode = match (is_chosen, options.get_ssl_mode()) {
                 (false, _) if is_this_machine(&options) => PgSslMode::Disable,
@@ -121,7 +123,8 @@ impl Address {
     }
 }
 
-/// Most statements that stay prepared; the store has fewer, but for lists that are filtered in many ways.
+/// Maximum number of cached prepared statements. The store has fewer, except for the many
+/// combinations of list filters.
 const STATEMENTS: usize = 256;
 
 /// Checks that a file holds certificates.

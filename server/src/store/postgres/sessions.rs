@@ -1,4 +1,4 @@
-//! Sessions with the server that takes writes, in a pool of sqlx.
+//! Sessions with the primary server, in a pool of sqlx.
 
 use super::address::Address;
 use crate::store::error::StoreError;
@@ -12,28 +12,29 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 
-/// What holds in every session. `synchronous_commit`: an acknowledged trial survives a power cut, whatever
-/// the server's default is. `enable_seqscan`: a session keeps the plans of its statements; one that was made
-/// while a table was nearly empty would read the whole of it for every trial, until PostgreSQL next analyses it.
-/// `jit`: such plans look too dear, and would be compiled. The other limits let nobody wait for ever.
+/// Settings of every session. `synchronous_commit`: an acknowledged trial survives a power failure,
+/// whatever the server's default is. `enable_seqscan`: a session caches the plans of its
+/// statements; a plan made while a table was nearly empty would scan the whole table for every
+/// trial, until PostgreSQL next analyses it. `jit`: the costs of such plans are overestimated, so
+/// they would be compiled. The other limits let nobody wait forever.
 const SETTINGS: &str = "SET synchronous_commit = on; SET lock_timeout = '10s'; \
                         SET idle_in_transaction_session_timeout = '60s'; \
                         SET client_min_messages = warning; \
                         SET enable_seqscan = off; SET jit = off";
 
-/// What must hold on a server, and what it says of itself.
+/// The properties of a server that are checked and reported.
 const ABOUT: &str = "SELECT CAST(current_setting('server_version_num') AS BIGINT), \
      current_setting('server_version'), current_setting('server_encoding'), \
      coalesce(current_setting('sidestep.writers', TRUE), ''), \
      pg_is_in_recovery() OR current_setting('transaction_read_only') = 'on'";
 
-/// Where a server that takes writes is in its write-ahead log.
+/// The position of the primary in its write-ahead log.
 const POSITION: &str = "SELECT (SELECT system_identifier FROM pg_control_system()), \
      CAST(CAST('x' || substr(pg_walfile_name(pg_current_wal_lsn()), 1, 8) AS BIT(32)) AS BIGINT), \
      CAST(pg_current_wal_lsn() - '0/0' AS BIGINT)";
 
-/// How far a database was seen to have come. A standby that becomes the primary begins a new timeline; the old primary, which
-/// stays on its own, lacks what is stored from then on.
+/// How far a database has come, as seen by this server. A standby that becomes the primary begins a
+/// new timeline; the old primary, left on its own, lacks everything stored since.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Position {
     timeline: i64,
@@ -41,10 +42,10 @@ struct Position {
     bytes: i64,
 }
 
-/// The most that a server has seen of a database.
+/// The most advanced state of a database that this server has seen.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
-    /// Which cluster it is: its copies have the same.
+    /// The identifier of the cluster, which its replicas share.
     system: i64,
     position: Position,
 }
@@ -56,7 +57,7 @@ impl Seen {
         Ok(Self { system: row.try_get(0)?, position })
     }
 
-    /// Refuses what lacks something of this.
+    /// Refuses a server that lacks data of this state.
     fn check(&self, found: &Self) -> Result<(), StoreError> {
         let place = |position: Position| {
             let (high, low) = (position.bytes >> 32, position.bytes & 0xffff_ffff);
@@ -69,9 +70,7 @@ impl Seen {
         };
         let (seen, position) = (self.position, found.position);
         if found.system != self.system {
-            return refuse(
-                "the server that answers is another PostgreSQL cluster than before".to_owned(),
-            );
+            return refuse("the server is another PostgreSQL cluster than before".to_owned());
         }
         if position.timeline < seen.timeline || position.bytes < seen.bytes {
             let (found, seen) = (place(position), place(seen));
@@ -84,20 +83,21 @@ impl Seen {
     }
 }
 
-/// The oldest PostgreSQL that is known to work.
+/// The oldest supported version of PostgreSQL.
 const OLDEST: i64 = 140_000;
 
-/// How many transactions store trials at a time unless the database says otherwise. One alone stores as many as wait, with
-/// one statement of each kind; only where PostgreSQL has many cores do several together store more.
+/// Number of concurrent transactions that store trials, unless the database's setting says
+/// otherwise. A single one stores all waiting trials with one statement of each kind; several store
+/// more only if PostgreSQL has many cores.
 const WRITERS: usize = 1;
 
-/// Most that a database may ask for.
+/// Upper bound of the database's setting.
 const MOST_WRITERS: usize = 64;
 
-/// A session that was idle for longer is asked whether it still lives.
+/// Sessions that were idle for longer are tested before use.
 const TRUSTED: Duration = Duration::from_secs(1);
 
-/// The number that the database's setting names, if it is one; [`WRITERS`] if there is no setting.
+/// The value of the database's setting, if it is valid; [`WRITERS`] if it is not set.
 fn writers_of(setting: &str) -> Option<usize> {
     match setting.trim() {
         "" => Some(WRITERS),
@@ -105,25 +105,25 @@ fn writers_of(setting: &str) -> Option<usize> {
     }
 }
 
-/// The sessions, and where the server is.
+/// The session pool, and the location of the primary.
 pub(super) struct Sessions {
     pool: PgPool,
     runtime: Handle,
     hosts: Vec<PgConnectOptions>,
     patience: Duration,
-    /// How many transactions of all servers store trials at a time: the database's setting `sidestep.writers`; 0
-    /// until it was asked for.
+    /// Number of concurrent transactions of all servers that store trials: the database's setting
+    /// `sidestep.writers`; 0 until it is read.
     writers: AtomicUsize,
-    /// Sessions that were begun before are given up: the database, or the way to it, was lost.
+    /// When the database or the connection to it was lost; older sessions are discarded.
     lost_at: Arc<Mutex<Option<Instant>>>,
-    /// Whether the server that takes writes must be looked for.
+    /// Whether the primary must be found again.
     is_lost: AtomicBool,
-    /// The most that was seen of the database.
+    /// The most advanced state of the database that was seen.
     seen: Arc<Mutex<Option<Seen>>>,
 }
 
 impl Sessions {
-    /// At most `count` sessions, which `runtime` waits for. There is none yet.
+    /// A pool of at most `count` sessions, driven by `runtime`. It is empty at first.
     pub(super) fn new(address: &Address, count: u32, runtime: Handle) -> Self {
         let lost_at = Arc::new(Mutex::new(None));
         let lost = Arc::clone(&lost_at);
@@ -132,7 +132,7 @@ impl Sessions {
         let options = PgPoolOptions::new()
             .max_connections(count)
             .acquire_timeout(address.patience)
-            // Asking each session each time would double the ways to the database.
+            // Testing each session before each use would double the round trips.
             .test_before_acquire(false)
             .before_acquire(move |session, meta| {
                 let lost: Option<Instant> = *lost.lock().unwrap_or_else(PoisonError::into_inner);
@@ -157,12 +157,12 @@ impl Sessions {
         Self { pool, runtime, hosts, patience, writers, lost_at, is_lost, seen }
     }
 
-    /// How many transactions of all servers store trials at a time.
+    /// Number of concurrent transactions of all servers that store trials.
     pub(super) fn writers(&self) -> usize {
         self.writers.load(Ordering::Relaxed).max(1)
     }
 
-    /// Finds the server that takes writes among those of the address: of several, the one on the newest timeline.
+    /// Finds the primary among the hosts of the address: of several, the one on the newest timeline.
     pub(super) async fn find(&self) -> Result<(), StoreError> {
         let tries = self.hosts.iter().map(|host| async move {
             let silent = |_| StoreError::Unavailable("the server does not answer".to_owned());
@@ -172,7 +172,7 @@ impl Sessions {
         let takes = |(at, found): (usize, &Result<Seen, StoreError>)| {
             Some((found.as_ref().ok()?.position, at))
         };
-        // Of equal ones, the first of the address.
+        // Ties go to the first in the address.
         let best = found
             .iter()
             .enumerate()
@@ -190,15 +190,15 @@ impl Sessions {
         Ok(())
     }
 
-    /// Notes which cluster answers, and its timeline. Its position says nothing: a standby need not have what nobody
-    /// was told is stored.
+    /// Records the cluster that answers, and its timeline. Its position is ignored: a standby need
+    /// not have unacknowledged commits.
     fn note(&self, found: Seen) {
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = seen.map_or(0, |seen| seen.position.bytes);
         *seen = Some(Seen { position: Position { bytes, ..found.position }, ..found });
     }
 
-    /// Notes that something was acknowledged that is in the write-ahead log up to here.
+    /// Records that a commit up to this position in the write-ahead log was acknowledged.
     pub(super) fn note_acknowledged(&self, bytes: i64) {
         if let Some(seen) = &mut *self.seen.lock().unwrap_or_else(PoisonError::into_inner) {
             seen.position.bytes = seen.position.bytes.max(bytes);
@@ -212,7 +212,7 @@ impl Sessions {
         let (encoding, writers): (String, String) = (about.try_get(2)?, about.try_get(3)?);
         let refuses: bool = about.try_get(4)?;
         let found = if refuses { None } else { Some(Seen::of(&mut session).await?) };
-        // Nothing is lost if the server does not hear the goodbye.
+        // Nothing is lost if the server misses the end of the session.
         let _ = session.close().await;
         if number < OLDEST {
             let old = format!("expected PostgreSQL {} or newer, found {version}", OLDEST / 10_000);
@@ -226,7 +226,7 @@ impl Sessions {
             return Err(StoreError::Unavailable(other));
         }
         let Some(found) = found else {
-            let standby = "the server does not allow writes; it is a standby, or set to be read only; name the primary";
+            let standby = "the server does not allow writes; it is a standby, or set to read-only; name the primary";
             return Err(StoreError::Unavailable(standby.to_owned()));
         };
         let seen = *self.seen.lock().unwrap_or_else(PoisonError::into_inner);
@@ -243,7 +243,7 @@ impl Sessions {
                 if self.writers.load(Ordering::Relaxed) == 0 {
                     return Err(StoreError::Unavailable(faulty));
                 }
-                // A server that runs goes on as before.
+                // A server that is already running continues with its old setting.
                 tracing::warn!("{faulty}");
             }
         }
@@ -259,9 +259,9 @@ impl Sessions {
         }
         match self.pool.acquire().await {
             Ok(session) => Ok(session),
-            // The pool tries for as long as it may, and does not say why it failed.
+            // The pool retries until its timeout, and does not report why it failed.
             Err(sqlx::Error::PoolTimedOut) => {
-                // Until it is found, nobody else waits for the pool.
+                // Until the primary is found, no other caller waits for the pool.
                 self.is_lost.store(true, Ordering::Relaxed);
                 self.find().await?;
                 Err(sqlx::Error::PoolTimedOut.into())
@@ -273,20 +273,20 @@ impl Sessions {
         }
     }
 
-    /// A session. To be called on a thread that may block.
+    /// Takes a session. Call it on a thread that may block.
     pub(super) fn take(&self) -> Result<Connection, StoreError> {
         let session = self.runtime.block_on(self.acquire())?;
         Ok(Connection::to_server(session, self.runtime.clone()))
     }
 
-    /// A session in which the statements of `begin` were run.
+    /// Takes a session and runs the statements of `begin` in it.
     pub(super) fn begin(&self, begin: &str) -> Result<Connection, StoreError> {
         let mut is_second = false;
         loop {
             let db = self.take()?;
             match db.batch(begin).map_err(StoreError::from) {
                 Ok(()) => return Ok(db),
-                // The database was restarted meanwhile; nothing was done yet.
+                // The database was restarted meanwhile; nothing has been done yet.
                 Err(StoreError::Unavailable(_)) if !is_second => self.give_up(db),
                 Err(error) => {
                     match db.roll_back("ROLLBACK") {
@@ -300,7 +300,7 @@ impl Sessions {
         }
     }
 
-    /// Reads outside a transaction.
+    /// Runs a read outside a transaction.
     pub(super) fn with<T>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError>,
@@ -313,7 +313,7 @@ impl Sessions {
         found
     }
 
-    /// Ends a session that does not work, and all that are idle.
+    /// Closes a broken session and all idle ones.
     pub(super) fn give_up(&self, db: Connection) {
         if let Some(mut session) = db.into_session() {
             session.close_on_drop();
@@ -326,7 +326,7 @@ impl Sessions {
         self.is_lost.store(true, Ordering::Relaxed);
     }
 
-    /// How many sessions are idle.
+    /// Number of idle sessions.
     pub(super) fn idle(&self) -> usize {
         self.pool.num_idle()
     }

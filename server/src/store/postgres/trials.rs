@@ -1,5 +1,5 @@
-//! Trials that wait for a session: one transaction stores all that wait, so that many share the work of a
-//! transaction and the wait for the disk.
+//! The queue of trials that wait for a session: one transaction stores all of them, so that they
+//! share its overhead and the wait for the disk.
 
 use super::{COMMIT, QUEUE, Shared, taking};
 use crate::store::error::StoreError;
@@ -10,27 +10,27 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Most trials of a transaction.
+/// Maximum number of trials in a transaction.
 const BATCH: usize = 32;
 
-/// A trial that waits to be stored.
+/// A trial in the queue.
 pub(super) struct Waiting {
-    /// What its storing depends on.
+    /// The locks that it needs.
     pub(super) locks: Vec<Lock>,
     /// Stores it.
     pub(super) operation: Box<dyn Operation>,
 }
 
-/// For how long after a trial others are expected.
+/// After a trial, more trials are expected for this long.
 const COMING: Duration = Duration::from_millis(200);
 
-/// The trials that wait, the oldest first.
+/// The queue, oldest first.
 #[derive(Default)]
 pub(super) struct Trials {
     waiting: Mutex<VecDeque<Waiting>>,
-    /// When the newest came.
+    /// Arrival of the newest trial.
     newest: Mutex<Option<Instant>>,
-    /// How many transactions were begun.
+    /// Number of transactions begun.
     turns: AtomicUsize,
 }
 
@@ -45,18 +45,18 @@ impl Trials {
         Ok(())
     }
 
-    /// Whether people are driving, so that trials come all the time.
+    /// Whether participants are driving, so that trials arrive continuously.
     pub(super) fn are_coming(&self) -> bool {
         let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
         newest.is_some_and(|newest| newest.elapsed() < COMING)
     }
 
-    /// How many wait.
+    /// Length of the queue.
     pub(super) fn count(&self) -> usize {
         self.waiting().len()
     }
 
-    /// Takes as many as one transaction stores; none if others have taken them.
+    /// Takes a batch for one transaction; empty if other transactions have taken all.
     fn take(&self) -> Vec<Waiting> {
         let mut waiting = self.waiting();
         waiting.retain(|trial| trial.operation.is_wanted());
@@ -69,12 +69,13 @@ impl Trials {
     }
 }
 
-/// The kind of the locks of which a transaction that stores trials has one; see [`Lock::numbers`] for the others.
+/// First number of the advisory locks that limit concurrent transactions with trials: each takes
+/// one. See [`Lock::numbers`] for the other locks.
 const TURN: i32 = 1_000;
 
-/// Begins a transaction when it is its turn: of all servers together, `writers` store trials at a time. With more of them
-/// than PostgreSQL has cores, each takes longer, and trials share fewer transactions. It tries the turns from `first` on,
-/// and waits for that one if all are taken.
+/// Begins a transaction when it gets its turn: all servers together run `writers` transactions that
+/// store trials. With more of them than PostgreSQL has cores, each takes longer, and fewer trials
+/// share one. Tries the locks from `first` on, and waits for that one if all are taken.
 fn begin_in_turn(writers: usize, first: usize) -> String {
     let turns = (0..writers).map(|i| (first + i) % writers);
     let tries: String = turns
@@ -87,8 +88,8 @@ fn begin_in_turn(writers: usize, first: usize) -> String {
 }
 
 impl Shared {
-    /// Stores trials that wait, in one transaction. If one of them fails, each is stored in its own: savepoints
-    /// would cost every trial two messages, and each a lock of its own on the row of the study.
+    /// Stores queued trials in one transaction. If one of them fails, each is stored in its own:
+    /// savepoints would cost two round trips per trial, and a separate lock on the study's row.
     pub(super) fn write_trials(&self) {
         if self.trials.count() == 0 {
             return;
@@ -96,7 +97,7 @@ impl Shared {
         let mut batch = Vec::new();
         let committed = self.write_together(|| self.trials.take(), &mut batch);
         if batch.is_empty() && committed.is_err() {
-            // It was nobody's turn: the database is away.
+            // It got no turn: the database is unavailable.
             batch = self.trials.take();
         }
         match committed {
@@ -106,7 +107,7 @@ impl Shared {
                     let mut alone = Some(alone);
                     let committed =
                         self.write_together(|| alone.take().into_iter().collect(), &mut stored);
-                    // It is still here if its turn never came.
+                    // It is still here if it never got a turn.
                     stored.extend(alone);
                     self.answer(stored, committed);
                 }
@@ -115,7 +116,7 @@ impl Shared {
         }
     }
 
-    /// Stores what `take` gives once it is this transaction's turn, and leaves it in `batch`.
+    /// Stores the result of `take` once this transaction gets its turn, and puts it into `batch`.
     fn write_together(
         &self,
         take: impl FnOnce() -> Vec<Waiting>,

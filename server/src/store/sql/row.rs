@@ -1,4 +1,4 @@
-//! Rows that a statement finds.
+//! Rows of results.
 
 use super::Result;
 use sqlx::decode::Decode;
@@ -9,15 +9,15 @@ use std::fmt;
 
 /// A row.
 pub(in crate::store) enum Row {
-    /// Of a file.
+    /// From SQLite.
     Sqlite(SqliteRow),
-    /// Of a server.
+    /// From PostgreSQL.
     Postgres(PgRow),
 }
 
 impl fmt::Debug for Row {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // What people have entered is in it.
+        // Hides the values, which may be personal data.
         f.debug_struct("Row").finish_non_exhaustive()
     }
 }
@@ -29,13 +29,13 @@ pub(in crate::store) trait Index:
 }
 impl<I: sqlx::ColumnIndex<SqliteRow> + sqlx::ColumnIndex<PgRow>> Index for I {}
 
-/// What a column is read as.
+/// A type as which a column can be read.
 pub(in crate::store) trait FromSql: Sized {
     /// The value.
     fn read(row: &Row, column: impl Index) -> sqlx::Result<Self>;
 }
 
-/// A type of which a cell has one value, or NULL.
+/// A type of a single value that may be NULL.
 pub(in crate::store) trait Cell: Sized {
     /// The value.
     fn read(row: &Row, column: impl Index) -> sqlx::Result<Option<Self>>;
@@ -45,7 +45,7 @@ impl Row {
     /// The value in a column.
     ///
     /// # Errors
-    /// [`StoreError::Corrupt`](crate::store::StoreError::Corrupt) if it is of another type.
+    /// [`StoreError::Corrupt`](crate::store::StoreError::Corrupt) if it has another type.
     pub(in crate::store) fn get<I: Index, T: FromSql>(&self, column: I) -> Result<T> {
         Ok(T::read(self, column)?)
     }
@@ -96,7 +96,7 @@ cells! {
     String: |row, column| row.plain(column);
     Vec<u8>: |row, column| row.plain(column);
     i64: |row, column| match row {
-        // A number that stands in the statement.
+        // A literal number in the statement.
         Row::Postgres(of) if of.try_column(&column)?.type_info().name() == "INT4" => {
             Ok(of.try_get::<Option<i32>, _>(column)?.map(i64::from))
         }
@@ -113,7 +113,7 @@ cells! {
     usize: |row, column| number(row, column);
 }
 
-/// A number that is in the range of a type.
+/// An integer in the range of a type.
 fn number<T: TryFrom<i64>>(row: &Row, column: impl Index) -> sqlx::Result<Option<T>> {
     let number = <i64 as Cell>::read(row, column)?;
     let sized =

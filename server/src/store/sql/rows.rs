@@ -4,7 +4,7 @@ use super::row::Row;
 use super::value::Value;
 use std::collections::HashMap;
 
-/// Most rows of one execution. A statement is prepared for each power of two up to this.
+/// Maximum number of rows per execution. A statement is prepared for each power of two up to this.
 const MOST_ROWS: usize = 32;
 
 /// A statement for any number of rows of parameters.
@@ -32,7 +32,7 @@ impl Rows {
 type Execution = (String, Vec<Value<'static>>);
 
 impl Rows {
-    /// As few executions for these rows of parameters as there may be.
+    /// The fewest executions for these rows of parameters.
     pub(super) fn executions(&self, mut values: Vec<Vec<Value<'static>>>) -> Vec<Execution> {
         let mut executions = Vec::new();
         while !values.is_empty() {
@@ -46,13 +46,13 @@ impl Rows {
     }
 }
 
-/// What was asked ahead, by its target: the parameters, and the row that was found.
+/// Results of queries that were asked ahead, by target: the parameters, and the row that was found.
 pub(super) type Asked = HashMap<String, (Vec<Value<'static>>, Option<Row>)>;
 
 /// A question for [`ask_ahead`](super::Connection::ask_ahead): a query, and a row of its parameters.
 pub(in crate::store) type Question = (&'static Rows, Vec<Value<'static>>);
 
-/// Rows that wait for the execution of their statement.
+/// Deferred rows of a statement.
 #[derive(Debug)]
 struct Group {
     rows: &'static Rows,
@@ -60,12 +60,12 @@ struct Group {
     values: Vec<Vec<Value<'static>>>,
 }
 
-/// What a connection has yet to do for rows, in the order of their first rows.
+/// The deferred rows of a connection, in the order of their first rows.
 #[derive(Debug, Default)]
 pub(super) struct Waiting(Vec<Group>);
 
 impl Waiting {
-    /// The statements of all rows, which wait no longer, with their parameters.
+    /// Takes the statements for all deferred rows, with their parameters.
     pub(super) fn take(&mut self) -> Vec<Execution> {
         let groups = std::mem::take(&mut self.0).into_iter();
         groups.flat_map(|group| group.rows.executions(group.values)).collect()
@@ -76,7 +76,7 @@ impl Waiting {
         self.0.iter().any(|group| group.targets.iter().any(|known| known == target))
     }
 
-    /// Adds a row; false if its statement has one with one of these targets already.
+    /// Adds a row. Returns false if its statement already has a row with one of these targets.
     pub(super) fn add(
         &mut self,
         rows: &'static Rows,

@@ -1,4 +1,4 @@
-//! Values of parameters.
+//! Parameter values.
 
 use sqlx::encode::Encode;
 use sqlx::error::BoxDynError;
@@ -25,7 +25,7 @@ pub(in crate::store) enum Kind {
 pub(in crate::store) enum Value<'a> {
     /// NULL of a type.
     Null(Kind),
-    /// A whole number.
+    /// An integer.
     Integer(i64),
     /// A number.
     Real(f64),
@@ -33,12 +33,12 @@ pub(in crate::store) enum Value<'a> {
     Text(Cow<'a, str>),
     /// Bytes.
     Bytes(Cow<'a, [u8]>),
-    /// True or false; SQLite stores 1 or 0.
+    /// A Boolean; SQLite stores 1 or 0.
     Truth(bool),
 }
 
 impl Value<'_> {
-    /// The same as PostgreSQL can store it: its texts have no NUL.
+    /// The same for PostgreSQL, whose texts cannot contain NUL.
     pub(super) fn without_nul(&self) -> Value<'_> {
         match self.value() {
             Value::Text(text) if text.contains('\0') => {
@@ -48,7 +48,7 @@ impl Value<'_> {
         }
     }
 
-    /// The same, which keeps its text or bytes.
+    /// The same, owning its text or bytes.
     pub(in crate::store) fn into_owned(self) -> Value<'static> {
         match self {
             Self::Null(kind) => Value::Null(kind),
@@ -61,11 +61,11 @@ impl Value<'_> {
     }
 }
 
-/// A Rust type that both databases have.
+/// A Rust type that both databases support.
 pub(super) trait Plain<DB: Database>: for<'q> Encode<'q, DB> + Type<DB> {}
 impl<DB: Database, T: for<'q> Encode<'q, DB> + Type<DB>> Plain<DB> for T {}
 
-/// The values as sqlx takes them.
+/// The values as arguments for sqlx.
 pub(super) fn arguments<DB: Database>(values: &[Value<'_>]) -> Result<DB::Arguments, sqlx::Error>
 where
     i64: Plain<DB>,
@@ -98,7 +98,7 @@ where
     Ok(arguments)
 }
 
-/// What can be a parameter.
+/// A type that can be a parameter.
 pub(in crate::store) trait ToSql {
     /// Its value.
     fn value(&self) -> Value<'_>;
@@ -114,7 +114,7 @@ impl ToSql for Value<'_> {
     }
 }
 
-/// A type whose NULL has a type too.
+/// A type with a typed NULL.
 pub(in crate::store) trait Typed {
     /// The type.
     const KIND: Kind;

@@ -1,4 +1,4 @@
-//! A copy of a damaged file in which SQLite reads all that is left.
+//! A copy of a damaged file that SQLite can read as far as its data survive.
 
 use super::connection;
 use super::file::DatabaseFile;
@@ -11,13 +11,13 @@ use std::fs::{File, TryLockError};
 use std::io::{self, Seek};
 use std::path::Path;
 
-/// Copies a file that no server uses, with what its log has, also if that continues a later state of the file. Trees of the
-/// copy are built anew over the rows that are left, where a page of them is lost, and so are indices of tables that can be
-/// read: a damaged one may miss rows. A log that is not the file's own is copied for whoever opens the copy to refuse. Returns
-/// which parts of the log are lost, and why.
+/// Copies a file that no server uses, including the content of its log, even if the log continues a
+/// later state. In the copy, trees with lost pages are rebuilt over the surviving rows, and so are
+/// indices of readable tables, since damaged ones may miss rows. A log that is not the file's own
+/// is copied, too; opening the copy then fails. Returns the lost parts of the log, with reasons.
 ///
 /// # Errors
-/// What stands in the way.
+/// The reason if it cannot be copied.
 pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static str)>> {
     if !std::fs::metadata(from)?.is_file() {
         return Err(io::Error::other("it is a directory or a pipe"));
@@ -33,7 +33,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
     let mut lost = Vec::new();
     if source.has_log() {
         if mark::of_file(&copy).is_err() {
-            // So that the mark can be read, by which the log is known to be the file's own.
+            // The mark must be readable, since it identifies the file's own log.
             trees::mend(&copy, page)?;
         }
         io::copy(&mut File::open(source.log())?, &mut private::new_file(copy.log())?)?;
@@ -42,7 +42,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
             None => false,
             Some(Misplaced::Damaged) => true,
             Some(Misplaced::Later) => {
-                let why = "it continues a later state than the file has; what was stored between them is missing, without its name";
+                let why = "it continues a later state than the file has; the data in between are missing and cannot be named";
                 lost.push(("(before its beginning)".to_owned(), why));
                 false
             }
@@ -54,7 +54,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
         io::copy(&mut file, &mut out)?;
         let applied = log::apply(copy.log(), Some(page), is_damaged, index().as_ref(), &out)?;
         if applied.lost > 0 {
-            let why = "damaged; what was stored last may be missing, without its name";
+            let why = "damaged; the latest data may be missing, and cannot be named";
             lost.push((format!("({} pages)", applied.lost), why));
         }
         if let Some(length) = applied.length {
@@ -62,10 +62,10 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
         }
         std::fs::remove_file(copy.log())?;
     }
-    // The last page may be there in part.
+    // The last page may be incomplete.
     out.set_len(out.metadata()?.len().next_multiple_of(page as u64))?;
     trees::mend(&copy, page)?;
-    // What cannot be made anew here is left to whoever reads the file.
+    // The rest, if it cannot be renewed here, is left to the reader of the file.
     if !copy.is_empty()
         && let Ok(db) = connection::mending(to)
     {

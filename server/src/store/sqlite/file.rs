@@ -9,17 +9,17 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// What every file of SQLite begins with.
+/// The first bytes of every SQLite file.
 pub const MAGIC: &[u8; 16] = b"SQLite format 3\0";
 
 /// Free space, bytes, below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 
-/// How often a lock is looked at that others may hold for a moment, and after which pause.
+/// Number of attempts to take a lock that another process may hold briefly, and the pause between them.
 const ATTEMPTS: usize = 10;
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// The file of a database, with the write-ahead log.
+/// A database file with its write-ahead log.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct DatabaseFile {
     path: PathBuf,
@@ -30,7 +30,7 @@ pub(in crate::store) struct DatabaseFile {
 pub(in crate::store) type Identity = (u64, u64);
 
 impl DatabaseFile {
-    /// The file of an address `sqlite:FILE`, or what was found instead.
+    /// The file of an address `sqlite:FILE`; the error is what was found instead.
     pub(in crate::store) fn of_url(url: &str) -> Result<Self, String> {
         let Some(name) = url.strip_prefix("sqlite:") else {
             return Err(match url.contains([':', '=']) {
@@ -44,7 +44,7 @@ impl DatabaseFile {
             && !Path::new(name).exists()
         {
             return Err(format!(
-                "options, {options:?}, which a file has none of; write sqlite:{file}"
+                "options, {options:?}, which a file does not support; write sqlite:{file}"
             ));
         }
         if name.is_empty() || name.contains(":memory:") || name.contains("mode=memory") {
@@ -55,19 +55,19 @@ impl DatabaseFile {
 
     /// The file at a path.
     pub(in crate::store) fn at(path: &Path) -> Self {
-        // SQLite keeps the log beside the file itself, also if the path is that of a symbolic link.
+        // SQLite keeps the log beside the target file, even if the path is a symbolic link.
         let mut log = path.canonicalize().unwrap_or_else(|_| path.to_owned()).into_os_string();
         log.push("-wal");
         Self { path: path.to_owned(), log: log.into() }
     }
 
-    /// Whether there is something in the log: a server uses the file, or did not close it.
+    /// Whether the log is not empty: a server uses the file, or exited without closing it.
     pub(in crate::store) fn has_log(&self) -> bool {
         std::fs::metadata(&self.log).is_ok_and(|log| log.len() > 0)
     }
 
-    /// Whether the file's log is that of another of its names (hard links), as far as its folder and the lock of a server
-    /// tell.
+    /// Whether the file's log belongs to another of its names (hard links), judging by its folder
+    /// and a server's lock.
     pub(in crate::store) fn has_log_of_other_name(&self) -> bool {
         let is_twin = |other: &Self| {
             self.path.file_name() != other.path.file_name()
@@ -80,12 +80,12 @@ impl DatabaseFile {
                 || names.map(|entry| Self::at(&entry.path())).any(|other| is_twin(&other)))
     }
 
-    /// Whether there is a log whose database is not here. SQLite would delete it.
+    /// Whether there is a log without its database. SQLite would delete it.
     pub(super) fn is_log_alone(&self) -> bool {
         std::fs::metadata(&self.path).map_or(true, |file| file.len() == 0) && self.has_log()
     }
 
-    /// Whether this user cannot change the file, and nobody uses it: there is no log.
+    /// Whether this user cannot change the file and no process uses it: there is no log.
     pub(super) fn is_fixed(&self) -> bool {
         let is_writable = |path: &Path| access(path, Access::WRITE_OK).is_ok();
         let is_used = std::fs::exists(&self.log).unwrap_or(true);
@@ -93,7 +93,7 @@ impl DatabaseFile {
         !is_used && !may_change
     }
 
-    /// Whether a server uses the file, or did not close it.
+    /// Whether a server uses the file, or exited without closing it.
     pub(in crate::store) fn is_in_use(&self) -> bool {
         self.has_log() || self.lock().is_ok_and(|lock| lock.is_none())
     }
@@ -107,7 +107,7 @@ impl DatabaseFile {
         &self.path
     }
 
-    /// Whether there is nothing yet: no file, or an empty one without a log.
+    /// Whether there is no database yet: no file, or an empty one without a log.
     pub(super) fn is_empty(&self) -> bool {
         match std::fs::metadata(&self.path) {
             Ok(file) => file.len() == 0 && !self.has_log(),
@@ -124,7 +124,7 @@ impl DatabaseFile {
         }
     }
 
-    /// The identity of the file that is at the database's path now.
+    /// The identity of the file that is now at the database's path.
     pub(in crate::store) fn identity(&self) -> Result<Identity, StoreError> {
         identity(&self.path)
     }
@@ -137,27 +137,27 @@ impl DatabaseFile {
         index.into()
     }
 
-    /// The identities of the files that are at the paths of the log and of its index now; none of one that is not there.
+    /// The identities of the files that are now at the paths of the log and its index; none for a missing file.
     pub(super) fn companions(&self) -> [Option<Identity>; 2] {
         [&self.log, &*self.index()].map(|path| identity(path).ok())
     }
 
-    /// Whether whoever opens the file now has the same index of the log as the server that uses it, which keeps its own
-    /// locked; also if no server does. SQLite would make another one for an index that is gone, and two writers would not
-    /// know of each other.
+    /// Whether opening the file now gives the same index of the log that the server uses, which the
+    /// server keeps locked. True if no server uses the file. If the index was deleted, SQLite would
+    /// create another one, and two writers would be unaware of each other.
     pub(super) fn shares_index(&self) -> bool {
         let is_locked = |path: &Path| {
             File::open(path)
                 .is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
         };
-        // A server locks its file a moment before it has an index.
+        // A server locks its file just before its index exists.
         (0..ATTEMPTS).any(|attempt| {
             std::thread::sleep(if attempt == 0 { Duration::ZERO } else { PAUSE });
             is_locked(&self.index()) || !is_locked(&self.path)
         })
     }
 
-    /// As [`Self::lock`], past a command that looks for a moment whether there is a lock.
+    /// As [`Self::lock`], retrying in case a command is briefly testing the lock.
     pub(super) fn lock_soon(&self) -> io::Result<Option<File>> {
         for _ in 1..ATTEMPTS {
             match self.lock()? {
@@ -174,9 +174,9 @@ impl DatabaseFile {
         folder.unwrap_or(Path::new("."))
     }
 
-    /// A copy of the file, empty yet, in a folder of its own that only this user can read: beside it, where there is
-    /// room, or where the system has temporary files, if nothing can be written beside it. Deletes what commands that
-    /// were killed have left there.
+    /// A copy of the file, still empty, in a new private folder: beside the file if there is space,
+    /// or in the system's temporary directory if nothing can be written beside it. Deletes copies
+    /// left there by killed commands.
     pub(super) fn new_copy(&self) -> io::Result<Copied> {
         let needed = std::fs::metadata(&self.path)?.len() + LEAST_FREE_BYTES;
         let beside = match self.free_bytes() {
@@ -191,10 +191,10 @@ impl DatabaseFile {
         self.disk().map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 
-    /// Checks that the disk has room and takes writes.
+    /// Checks that the disk has space and accepts writes.
     pub(super) fn check_disk(&self) -> Result<(), StoreError> {
         if self.disk()?.f_flag.contains(StatVfsMountFlags::RDONLY) {
-            return Err(StoreError::Unavailable("its disk takes no writes".to_owned()));
+            return Err(StoreError::Unavailable("its disk is read-only".to_owned()));
         }
         if self.free_bytes()? < LEAST_FREE_BYTES { Err(StoreError::Full) } else { Ok(()) }
     }
@@ -203,13 +203,13 @@ impl DatabaseFile {
         statvfs(self.folder()).map_err(|error| StoreError::Unavailable(error.to_string()))
     }
 
-    /// Deletes the copies of files in the same folder that commands which were killed have left behind.
+    /// Deletes copies of files that killed commands left in the same folder.
     pub(super) fn sweep_copies(&self) {
         Copied::sweep(self.folder());
     }
 
-    /// A lock that a server holds while it runs; none if another process holds it. It is not one of
-    /// SQLite's locks, so commands can work beside the server.
+    /// The lock that a server holds while it runs; none if another process holds it. It is not one
+    /// of SQLite's locks, so commands can work beside the server.
     pub(super) fn lock(&self) -> io::Result<Option<File>> {
         let file = File::open(&self.path)?;
         match file.try_lock() {
@@ -220,11 +220,11 @@ impl DatabaseFile {
     }
 }
 
-/// A temporary copy of a database, which is deleted when this is dropped.
+/// A temporary copy of a database, deleted on drop.
 #[derive(Debug)]
 pub(super) struct Copied {
     folder: TempDir,
-    /// Locked, as long as this process uses it.
+    /// Locked while this process uses the copy.
     _lock: File,
 }
 
@@ -254,7 +254,7 @@ impl Copied {
         for entry in std::fs::read_dir(parent).into_iter().flatten().flatten() {
             let is_copy = entry.file_name().to_string_lossy().starts_with(Self::PREFIX);
             if is_copy && Self::file_in(&entry.path()).lock().is_ok_and(|lock| lock.is_some()) {
-                // What cannot be deleted is another user's.
+                // If it cannot be deleted, it belongs to another user.
                 let _ = std::fs::remove_dir_all(entry.path());
             }
         }

@@ -1,7 +1,7 @@
 //! SQLite's write-ahead log, frame by frame: <https://www.sqlite.org/fileformat2.html#walformat>.
 //!
-//! Each frame has a page and the checksum of all that comes before it. SQLite reads up to the first frame whose checksum is
-//! wrong, as after a power cut, and overwrites what is behind that, without a word.
+//! Each frame has a page and a cumulative checksum. SQLite reads up to the first frame whose
+//! checksum is wrong, as after a power failure, and silently overwrites the rest.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -11,40 +11,40 @@ use std::path::Path;
 const HEADER: usize = 32;
 const FRAME: usize = 24;
 
-/// The length of a page that is assumed where nothing tells it, bytes.
+/// The page length assumed if it is unknown, bytes.
 pub(super) const PAGE: usize = 4096;
 
-/// A log that is read from its beginning.
+/// A log being read from its beginning.
 pub(super) struct Frames {
     log: BufReader<File>,
     sum: Checksum,
-    /// Of this writing of the log: SQLite draws others when it begins the log anew.
+    /// The salts of this log generation: SQLite draws new ones when it restarts the log.
     salts: [u8; 8],
-    /// Whether everything so far is as SQLite wrote it.
+    /// Whether every frame so far is as SQLite wrote it.
     is_sound: bool,
-    /// The sums in the frame before, where they can be trusted.
+    /// The checksums of the previous frame, if they can be trusted.
     before: Option<[u8; 8]>,
     frame: Vec<u8>,
 }
 
-/// A frame of a log: of this writing, or left of one before.
+/// A frame of a log: of this generation, or left over from an earlier one.
 pub(super) struct Frame<'a> {
     /// The number of the page, from 1.
     pub(super) page: u32,
-    /// How many pages the file has after it, if a transaction ends with it; 0 otherwise.
+    /// Number of pages of the file after it, if it ends a transaction; otherwise 0.
     pub(super) pages: u32,
-    /// Whether it and all before it are as SQLite wrote them.
+    /// Whether it and all frames before it are as SQLite wrote them.
     pub(super) is_sound: bool,
-    /// Whether it is of this writing.
+    /// Whether it is of this generation.
     is_own: bool,
-    /// Whether it is of this writing and as SQLite wrote it, as far as the one before it tells.
+    /// Whether it is of this generation and as SQLite wrote it, given the checksums of the previous frame.
     is_intact: bool,
     /// The page.
     pub(super) content: &'a [u8],
 }
 
 impl Frames {
-    /// Opens a log; none if there is none, or nothing in it. Where its header is damaged, `page` is the length of a page.
+    /// Opens a log; none if it is missing or empty. `page` is the page length if the log's header is damaged.
     pub(super) fn open(path: &Path, page: Option<usize>) -> io::Result<Option<Self>> {
         let file = match File::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -78,7 +78,8 @@ impl Frames {
         Ok(Some(found))
     }
 
-    /// The first salts that two frames in a row have, which are no filling: each frame has those of the header.
+    /// The first salts that two consecutive frames share and that are not filler bytes: each frame
+    /// has those of the header.
     fn repeated_salts(&mut self) -> io::Result<[u8; 8]> {
         let mut last = [0; 8];
         while read_whole(&mut self.log, &mut self.frame)? {
@@ -123,30 +124,31 @@ impl Frames {
 
 /// The index of a log, which all connections share: <https://www.sqlite.org/walformat.html#walidxfmt>.
 pub(super) struct Index {
-    /// Of the writing of the log that it is about.
+    /// The salts of the log generation that it describes.
     pub(super) salts: [u8; 8],
-    /// How many frames of the log are committed.
+    /// Number of committed frames of the log.
     pub(super) frames: u64,
-    /// How many of them are in the file.
+    /// Number of these frames that are in the file.
     pub(super) written_back: u32,
-    /// All of it, or only its header.
+    /// The whole index, or only its header.
     bytes: Vec<u8>,
 }
 
 impl Index {
-    /// The length of a part, bytes: the numbers of the pages of some frames, and a table for searching them.
+    /// The length of a block, bytes: the page numbers of some frames, and a hash table.
     const PART: usize = 32_768;
-    /// The length of the header of the first part.
+    /// The length of the header in the first block.
     const HEADER: usize = 136;
-    /// How many frames a part is about; the first part is about fewer, because it has the header.
+    /// Number of frames of a block; the first block has fewer because of the header.
     const FRAMES: usize = 4096;
 
-    /// None if there is none that a connection has written. It may be written at the same time.
+    /// Reads an index that a connection has initialised. It may be written concurrently.
     pub(super) fn read(file: &File, is_whole: bool) -> Option<Self> {
         let length = if is_whole { usize::try_from(file.metadata().ok()?.len()).ok()? } else { 0 };
         let mut bytes = vec![0; length.max(Self::HEADER)];
         file.read_exact_at(&mut bytes, 0).ok()?;
-        // The header is there twice, so that a half written one is known; it says that it is ready, and the number of frames.
+        // The header is stored twice, to detect a torn write; it has a flag that it is initialised,
+        // and the number of frames.
         let (one, other) = (&bytes[..48], &bytes[48..96]);
         if one != other || one[12] != 1 {
             return None;
@@ -161,7 +163,7 @@ impl Index {
         })
     }
 
-    /// Whether the frame with this number, from 1, may have this page, as far as is known.
+    /// Whether the frame with this number, from 1, may have this page, as far as the index tells.
     pub(super) fn may_have(&self, frame: u64, page: u32) -> bool {
         let first = Self::FRAMES - Self::HEADER / 4;
         let Some(at) = usize::try_from(frame).ok().filter(|_| frame <= self.frames) else {
@@ -176,17 +178,18 @@ impl Index {
     }
 }
 
-/// What was written into a copy.
+/// The result of applying a log to a copy.
 #[derive(Debug, Default)]
 pub(super) struct Applied {
-    /// How long the copy is then, if the log tells.
+    /// The length of the copy afterwards, if the log contains it.
     pub(super) length: Option<u64>,
-    /// How many pages of the log are damaged, or were in it and are not any more.
+    /// Number of pages of the log that are damaged or missing.
     pub(super) lost: u64,
 }
 
-/// Writes into a copy of the file what SQLite would read of the log; of a damaged one, all that is not damaged. `page` is
-/// as in [`Frames::open`]; `index` tells how many frames there were.
+/// Applies to a copy of the file what SQLite would read of the log; if the log is damaged, every
+/// intact frame. `page` is as in [`Frames::open`]; `index` is the number of frames in the log's
+/// index.
 pub(super) fn apply(
     log: &Path,
     page: Option<usize>,
@@ -204,7 +207,7 @@ pub(super) fn apply(
             (end, pages) = (count, frame.pages);
         }
     }
-    // Behind the last commit are pages of a transaction that was not finished.
+    // After the last commit are pages of an unfinished transaction.
     let Some(mut frames) = Frames::open(log, page)? else { return Ok(Applied::default()) };
     let length = (frames.frame.len() - FRAME) as u64;
     let mut lost = if is_damaged { index.saturating_sub(end) } else { 0 };
@@ -216,7 +219,7 @@ pub(super) fn apply(
             _ => lost += 1,
         }
     }
-    // Without an index, what is damaged there may be of one that was.
+    // Without an index, damaged frames here may have been committed.
     while index == 0
         && is_damaged
         && let Some(frame) = frames.next()?
@@ -226,7 +229,7 @@ pub(super) fn apply(
     Ok(Applied { length: (pages > 0).then_some(u64::from(pages) * length), lost })
 }
 
-/// Whether a whole buffer could be read.
+/// Whether the whole buffer could be filled.
 pub(super) fn read_whole(from: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
     match from.read_exact(buffer) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
@@ -238,7 +241,7 @@ fn number(bytes: &[u8]) -> u32 {
     u32::from_be_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
 }
 
-/// The checksum of a log, over numbers in the byte order that its header names.
+/// The checksum of a log, over words in the byte order given by its header.
 #[derive(Clone, Copy)]
 struct Checksum {
     sums: [u32; 2],
@@ -277,7 +280,7 @@ mod tests {
     use super::super::file::DatabaseFile;
     use super::*;
 
-    /// How many frames a log has, and how many SQLite reads.
+    /// Number of frames of a log, and number of those that SQLite reads.
     fn frames(path: &Path) -> [usize; 2] {
         let mut frames = Frames::open(path, Some(PAGE)).unwrap().unwrap();
         let mut found = [0; 2];
@@ -309,7 +312,7 @@ mod tests {
             let db = connection::reading(file, false).unwrap();
             db.query_row("SELECT count(*) FROM page", [], |row| row.get::<_, i64>(0)).unwrap()
         };
-        // Its header, the salts of a frame, and what a page has at its end, where no row is.
+        // Damages the header, the salts of a frame, and the unused middle of a page.
         let middle = 32 + (all as u64 / 2) * (24 + PAGE as u64);
         for (name, at) in [("header.db", 0), ("salts.db", middle + 8), ("page.db", middle + 64)] {
             let (damaged, mended) = (of(name), of(&format!("mended-{name}")));
@@ -326,7 +329,7 @@ mod tests {
             let applied = apply(damaged.log(), Some(PAGE), true, None, &copy).unwrap();
             assert_eq!(applied.lost, u64::from(name != "header.db"), "{name}");
             assert!(rows(&damaged) < ROWS, "{name}");
-            // A row of the damaged page may be in the same page of a later commit.
+            // A row of the damaged page may be in a later version of the same page.
             let lost = rows(&mended) < ROWS;
             assert!(name != "header.db" || !lost, "{name}");
         }

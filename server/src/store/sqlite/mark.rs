@@ -1,7 +1,8 @@
-//! The mark of a database, by which its file and its write-ahead log are known to belong together.
+//! The mark of a database identifies which file and which write-ahead log belong together.
 //!
-//! SQLite applies any log that has the right name to any file, and deletes the log of a file that is gone. What comes
-//! of it is no database of anybody, and looks sound. So whoever opens a file compares the marks first.
+//! SQLite applies any log with the right name to any file, and deletes the log of a missing file.
+//! The result of a mismatch looks sound but never existed as a database. So the marks are compared
+//! before a file is opened.
 
 use super::connection;
 use super::file::{DatabaseFile, MAGIC};
@@ -12,25 +13,26 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
 
-/// What every mark begins with.
+/// The prefix of every mark.
 const PREFIX: &[u8] = b"sidestep mark ";
-/// The length of an identity, hexadecimal digits.
+/// Length of an identity, hexadecimal digits.
 const IDENTITY: usize = 32;
-/// The length of the number of commits, digits.
+/// Length of the number of commits, digits.
 const COUNT: usize = 20;
-/// The length of the random number of a commit, hexadecimal digits.
+/// Length of the random number of a commit, hexadecimal digits.
 const DRAWN: usize = 16;
 
-/// The mark of a database at some time.
+/// The mark of a database after some commit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Mark {
-    /// Which database it is.
+    /// The identity of the database.
     pub(super) identity: String,
-    /// How many commits it had.
+    /// Number of commits so far.
     pub(super) commits: u64,
-    /// What the commit before the last one has drawn at random.
+    /// The random number of the previous commit.
     before: String,
-    /// What the last one has drawn: two databases that were copies of each other have different ones.
+    /// The random number of the last commit. It differs between databases that were copies of each
+    /// other and diverged.
     drawn: String,
 }
 
@@ -45,7 +47,7 @@ impl Mark {
         Some(Self { identity, commits, before: parts.next()?, drawn: parts.next()? })
     }
 
-    /// Whether a mark of a log goes on where this one of the file is, as far as they tell.
+    /// Whether the log's mark continues from this mark of the file, as far as they show.
     fn is_followed_by(&self, log: &Self) -> bool {
         match log.commits {
             commits if commits == self.commits => log.drawn == self.drawn,
@@ -55,25 +57,25 @@ impl Mark {
     }
 }
 
-/// Where a file has its mark.
+/// The page of a file that has its mark.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
-    /// Where the page begins, bytes.
+    /// Offset of the page, bytes.
     pub(super) offset: u64,
-    /// How long it is, bytes.
+    /// Its length, bytes.
     pub(super) length: usize,
 }
 
-/// The mark in a file, without what its log says, and where it is; none in one of an older version.
+/// The mark in a file, ignoring its log, and its place; none in a file of an older version.
 pub(super) fn of_file(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     match by_sqlite(file) {
-        // While the log is written back, and after a crash meanwhile, SQLite reads the file with its log alone.
+        // During a write-back, and after a crash in one, SQLite can read the file only with its log.
         Err(error) => Ok(Some(by_bytes(file).ok().flatten().ok_or(error)?)),
         found => found,
     }
 }
 
-/// The mark on the only page of a file that has a mark and nothing else.
+/// The mark on the only page that has a mark and nothing else.
 pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>> {
     let mut bytes = BufReader::with_capacity(1 << 20, File::open(file.path())?);
     let length = page_length(bytes.get_ref()).unwrap_or(PAGE);
@@ -90,12 +92,14 @@ pub(super) fn by_bytes(file: &DatabaseFile) -> io::Result<Option<(Mark, Place)>>
     Ok(found)
 }
 
-/// The mark on a page of a table's tree whose only row has no other value: what people enter is in rows with more.
+/// The mark on a page of a table's tree with a single row and a single value: user input is in rows
+/// with more values.
 fn alone_on(page: &[u8]) -> Option<Mark> {
-    // A leaf with one row; where that begins.
+    // A leaf with one row, and the row's offset.
     let &[13, _, _, 0, 1, _, _, _, high, low, ..] = page else { return None };
     let row = page.get(usize::from(u16::from_be_bytes([high, low]))..)?;
-    // Its length and its number, which is 1; then the length of the header, and a text of 101 bytes.
+    // The row's length and its number, which is 1; then the length of the record header, and a text
+    // of 101 bytes.
     let &[104, 1, 3, 0x81, 0x57, ref text @ ..] = row else { return None };
     Mark::find(text.get(..101)?)
 }
@@ -113,7 +117,7 @@ pub(super) fn by_sqlite(file: &DatabaseFile) -> Result<Option<(Mark, Place)>> {
     Ok(mark.map(|mark| (mark, place)))
 }
 
-/// The length of a page, as a file's first page tells it.
+/// The page length, from the header in a file's first page.
 pub(super) fn page_length(mut file: &File) -> Option<usize> {
     let mut head = [0; 18];
     file.rewind().and_then(|()| file.read_exact(&mut head)).ok()?;
@@ -124,24 +128,26 @@ pub(super) fn page_length(mut file: &File) -> Option<usize> {
     (head.starts_with(MAGIC) && length >= 512 && length.is_power_of_two()).then_some(length)
 }
 
-/// What a write-ahead log says.
+/// Content of a write-ahead log.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Log {
-    /// Of this writing of the log: SQLite draws others when it begins the log anew.
+    /// The salts of this log generation: SQLite draws new ones when it restarts the log.
     pub(super) salts: [u8; 8],
-    /// The first mark and the last of what SQLite would apply.
+    /// The first and the last mark of the transactions that SQLite would apply.
     pub(super) marks: Option<[Mark; 2]>,
-    /// Whether all marks go on where the file's is.
+    /// Whether all marks continue from the file's mark.
     follows: bool,
-    /// How many transactions SQLite would apply.
+    /// Number of transactions that SQLite would apply.
     commits: usize,
-    /// How many frames it would read, if some behind them are of later transactions, or its index has more, or others.
+    /// Number of frames that SQLite would read, if it would lose some: later transactions follow
+    /// them, or the log's index has more or different frames.
     cut: Option<u64>,
 }
 
 impl Log {
-    /// Reads the log of a file with this mark; none if there is nothing in it that SQLite would apply, and nothing is lost
-    /// of it. Only the page of the mark tells: what people enter may look like a mark, too.
+    /// Reads the log of a file with this mark; none if SQLite would neither apply nor lose any
+    /// transaction of it. Only the page of the mark counts: user input may look like a mark,
+    /// too.
     pub(super) fn read(
         path: &Path,
         of: Option<&(Mark, Place)>,
@@ -152,7 +158,7 @@ impl Log {
         };
         let page = of.map(|(_, place)| place.offset / place.length as u64 + 1);
         let mut found = Self { salts: frames.salts(), follows: true, ..Self::default() };
-        // The last mark of a transaction that has not ended yet; how many frames are sound; the last mark behind those.
+        // The last mark of the unfinished transaction; the number of sound frames; the last mark after those.
         let (mut pending, mut sound, mut behind) = (None, 0, 0);
         let index = index.filter(|index| index.salts == found.salts);
         let mut is_indexed = true;
@@ -180,7 +186,8 @@ impl Log {
                 found.marks = Some([first, mark]);
             }
         }
-        // A power cut damages the last transaction at most: SQLite waits for the disk before it begins the next one.
+        // A power failure damages at most the last transaction: SQLite syncs the disk before it
+        // begins the next one.
         let last = found.marks.as_ref().map_or(0, |[_, last]| last.commits);
         let last = of.map_or(last, |(file, _)| last.max(file.commits));
         let is_told = is_indexed && index.is_none_or(|index| index.frames <= sound);
@@ -189,13 +196,13 @@ impl Log {
     }
 }
 
-/// What is wrong with the log beside a file.
+/// A mismatch between a file and the log beside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Misplaced {
-    /// It is another database's.
+    /// The log belongs to another database.
     #[error("it belongs to another database")]
     Other,
-    /// It is of a copy of this database that went on by itself.
+    /// The log belongs to a copy of this database that diverged.
     #[error(
         "it belongs to another copy of this database: both went on from the same state, each by itself"
     )]
@@ -208,31 +215,33 @@ pub enum Misplaced {
     /// The file has more commits than the log.
     #[error("it is older than this file, which has more commits")]
     Earlier,
-    /// No mark is in it.
+    /// The log has no mark.
     #[error(
         "no commit of Sidestep is in it; another program wrote it, or it belongs to another database"
     )]
     Unmarked,
-    /// A part of it cannot be read, and what was stored afterwards is behind that.
-    #[error("a part of it was overwritten, and SQLite would drop all that was stored after that")]
+    /// A part of the log cannot be read, and later transactions follow it.
+    #[error(
+        "a part of it was overwritten, and SQLite would drop everything stored after that part"
+    )]
     Damaged,
 }
 
-/// How often a log is read that a server begins anew meanwhile.
+/// Number of attempts to read a log that a server restarts meanwhile.
 const ATTEMPTS: usize = 20;
 
-/// What is wrong with the log of a file, if anything is. It changes nothing. `index` reads the log's index, if it can be
-/// trusted.
+/// The mismatch of a file and its log, if any. Changes nothing. `index` reads the log's index, if
+/// it can be trusted.
 pub(super) fn misplaced(
     file: &DatabaseFile,
     index: impl Fn() -> Option<Index>,
 ) -> io::Result<Option<Misplaced>> {
     let mut before = None;
     for _ in 0..ATTEMPTS {
-        // First: what comes afterwards is in the log, and may be in the index.
+        // First: frames written later are in the log, and may be in the index.
         let index = index();
         let Some(frames) = Frames::open(file.log(), None)? else { return Ok(None) };
-        // Damage is for whoever opens the file to tell.
+        // Damage is reported by the caller that opens the file.
         let Ok(found) = of_file(file) else { return Ok(None) };
         let Some(log) = Log::read(file.log(), found.as_ref(), index.as_ref())? else {
             return Ok(None);
@@ -240,7 +249,7 @@ pub(super) fn misplaced(
         if frames.salts() != log.salts {
             continue;
         }
-        // A server may write a frame while it is read. It writes no frame twice.
+        // A server may be writing a frame during the read. It writes no frame twice.
         if log.cut.is_none() || before == Some((log.salts, log.cut)) {
             return Ok(compare(found.map(|(mark, _)| mark).as_ref(), &log));
         }
@@ -254,7 +263,7 @@ fn compare(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     foreign.or_else(|| log.cut.map(|_| Misplaced::Damaged))
 }
 
-/// Whether a log is not the file's own.
+/// The mismatch of a log, if it is not the file's own.
 fn strange(file: Option<&Mark>, log: &Log) -> Option<Misplaced> {
     let Some([first, last]) = &log.marks else {
         return file.filter(|_| log.commits > 0).map(|_| Misplaced::Unmarked);
@@ -302,7 +311,7 @@ mod tests {
         assert!(mark('a', 4).is_followed_by(&mark('a', 5)) && !other.is_followed_by(&mark('a', 5)));
         assert!(mark('a', 4).is_followed_by(&mark('a', 4)) && !other.is_followed_by(&mark('a', 4)));
         assert_eq!(of(Some(mark('a', 4)), log(5, 9)), None);
-        // Written back in part, or as a whole.
+        // Written back, partially or completely.
         assert_eq!(of(Some(mark('a', 7)), log(5, 9)), None);
         assert_eq!(of(Some(mark('a', 9)), log(5, 9)), None);
         assert_eq!(of(Some(mark('a', 3)), log(5, 9)), Some(Misplaced::Later));
@@ -310,7 +319,7 @@ mod tests {
         assert_eq!(of(Some(mark('b', 4)), log(5, 9)), Some(Misplaced::Other));
         let unmarked = || Log { follows: true, commits: 1, ..Log::default() };
         assert_eq!(of(Some(mark('a', 4)), unmarked()), Some(Misplaced::Unmarked));
-        // Of an earlier version, whose log has no marks either; or migrated in this log.
+        // The file is of an earlier version, whose log has no marks either; or it was migrated in this log.
         assert_eq!(of(None, unmarked()), None);
         assert_eq!(of(None, log(1, 3)), None);
         assert_eq!(of(None, log(5, 9)), Some(Misplaced::Later));

@@ -1,7 +1,8 @@
-//! Whether the file that was opened is still there, and as SQLite left it.
+//! Checks that the file that was opened is still in place, and as SQLite left it.
 //!
-//! SQLite does not notice when somebody deletes, moves, replaces, overwrites or cuts off the file that it has open. So
-//! this is looked at before each read, before and after each commit, and by [`Watch`] all the time.
+//! SQLite does not notice when another process deletes, moves, replaces, overwrites or truncates
+//! its open file. So this is checked before each read, before and after each commit, and regularly
+//! by [`Watch`].
 
 use super::connection;
 use super::file::{DatabaseFile, Identity};
@@ -18,49 +19,50 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// How often the file is looked at when nobody uses it.
+/// Interval of the checks while the file is not in use.
 const WATCH: Duration = Duration::from_millis(250);
 
-/// In which of these rounds the whole log is read, if it was written to.
+/// Every n-th check reads the whole log, if it was written to.
 const READ_LOG: usize = 3;
 
-/// After which pause a rescue that failed is tried again.
+/// Pause before a failed rescue is retried.
 const AGAIN: Duration = Duration::from_secs(2);
 
-/// The file that was opened first.
+/// The file that was opened.
 #[derive(Debug)]
 pub(super) struct Original {
     file: DatabaseFile,
     identity: Identity,
-    /// Kept open until the end: whoever closes any handle of the file gives up SQLite's locks on it.
+    /// Kept open until the end: closing any handle of the file releases SQLite's locks on it.
     handle: File,
     mark: Mutex<Option<(String, Place)>>,
-    /// The most commits that the file itself has had, and its greatest length, bytes.
+    /// The highest number of commits in the file itself so far, and its greatest length, bytes.
     commits: AtomicU64,
     length: AtomicU64,
-    /// What somebody has done to the content; it cannot be undone.
+    /// The change that another process made to the content, if any; permanent.
     changed: OnceLock<&'static str>,
-    /// The file when it was last looked at.
+    /// State of the file at the last check.
     written: Mutex<Looked>,
-    /// Whether it is to be searched for damage.
+    /// Whether the file must be checked for damage.
     is_suspected: AtomicBool,
-    /// The log and its index, as the writer has them open.
+    /// The log and its index that the writer has open.
     companions: Mutex<Option<[Option<Identity>; 2]>>,
-    /// The log when it was last looked at.
+    /// State of the log at the last check.
     log: Mutex<Seen>,
     /// Whether the log is what SQLite wrote.
     has_log: AtomicBool,
-    /// When the log was last written to, as of the last time that all of it was read.
+    /// When the log was last written to, as of the last time that it was read completely.
     log_read: Mutex<Option<SystemTime>>,
-    /// Each index of the log that was open here, locked. None is ever closed: SQLite's locks on it would be given up.
+    /// Each index of the log that was open here, locked. None is ever closed: that would release
+    /// SQLite's locks on it.
     indices: Mutex<Vec<(Identity, File)>>,
-    /// Whether what is rescued may be written to other folders.
+    /// Whether rescued data may be written to other folders.
     goes_elsewhere: AtomicBool,
-    /// Where what was stored is safe, while the file is not.
+    /// The rescued copy, while the file is not usable.
     rescued: Mutex<Option<PathBuf>>,
 }
 
-/// What was seen of a log.
+/// State of a log.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     salts: [u8; 8],
@@ -68,7 +70,7 @@ struct Seen {
     length: u64,
 }
 
-/// When a file was last written to, and how much of its log was in it then: whoever writes the log back changes both.
+/// When a file was last written to, and how much of its log it contained then. A write-back changes both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Written {
     at: SystemTime,
@@ -76,21 +78,21 @@ struct Written {
     frames: u32,
 }
 
-/// What was seen of a file in place.
+/// The checks for writes in place.
 #[derive(Debug, Default)]
 struct Looked {
     last: Option<Written>,
-    /// Whether it was written to, and nothing of the log came into it. Another process may be about to say so.
+    /// Whether the file was written to without a write-back. Another process may be about to record one.
     is_odd: bool,
 }
 
 impl Original {
-    /// The current file, with all migrations applied. One that is served is searched for damage first.
+    /// The current file, with all migrations applied. A served file is checked for damage first.
     pub(super) fn new(file: DatabaseFile, is_served: bool) -> Result<Self, StoreError> {
         let identity = file.identity()?;
         let unreadable = |error: std::io::Error| StoreError::Unavailable(error.to_string());
         let handle = File::open(file.path()).map_err(unreadable)?;
-        // A file that is read may be of an older version, and a new one's mark may still be in the log alone.
+        // A file opened to read may be of an older version, and a new file's mark may still be only in the log.
         let mark = mark::of_file(&file)?.map(|(mark, place)| (mark.identity, place));
         let length = handle.metadata().map_err(unreadable)?.len();
         Ok(Self {
@@ -113,7 +115,7 @@ impl Original {
         })
     }
 
-    /// Checks that the file is the one that was opened, and has what SQLite wrote to it.
+    /// Checks that the file is the one that was opened, and has the content that SQLite wrote.
     pub(super) fn check(&self) -> Result<(), StoreError> {
         let what = match self.changed.get() {
             Some(what) => what,
@@ -130,14 +132,14 @@ impl Original {
     fn gone(&self, what: &str) -> StoreError {
         StoreError::Gone(match self.rescued() {
             Some(rescued) if is_log(&rescued) => {
-                format!("{what}; what was stored last is in {}", rescued.display())
+                format!("{what}; the latest data are in {}", rescued.display())
             }
-            Some(rescued) => format!("{what}; what it had is in {}", rescued.display()),
+            Some(rescued) => format!("{what}; its data are in {}", rescued.display()),
             None => what.to_owned(),
         })
     }
 
-    /// Notes which log and which index the writer has open, if it has any.
+    /// Records the log and the index that the writer has open, if any.
     pub(super) fn note_companions(&self, are_open: bool) {
         let found = are_open.then(|| self.file.companions());
         if let Some([_, Some(index)]) = found {
@@ -146,20 +148,20 @@ impl Original {
         *self.companions.lock().unwrap_or_else(PoisonError::into_inner) = found;
     }
 
-    /// Keeps an index locked, so that others know whether they share it.
+    /// Keeps an index locked, so that other processes can tell whether they share it.
     fn keep_index(&self, identity: Identity) {
         let mut indices = self.indices.lock().unwrap_or_else(PoisonError::into_inner);
         if indices.iter().all(|(kept, _)| *kept != identity)
             && let Ok(index) = File::open(self.file.index())
         {
-            // Others that write here may have locked it, too.
+            // Other writers of this process may hold a lock on it, too.
             let _ = index.try_lock_shared();
             indices.push((identity, index));
         }
     }
 
-    /// The same of the file, its log and all that the log has. Whoever writes the log back calls it first: what somebody has
-    /// overwritten there would be in the file then.
+    /// The same for the file, its log and all frames of the log. Called before a write-back, which
+    /// would copy frames that another process has overwritten into the file.
     pub(super) fn check_all(&self) -> Result<(), StoreError> {
         self.check_with_log()?;
         let written = std::fs::metadata(self.file.log()).and_then(|log| log.modified()).ok();
@@ -188,7 +190,7 @@ impl Original {
         Index::read(open, is_whole)
     }
 
-    /// Whether the index is of another writing of the log than the one that is there.
+    /// Whether the index belongs to another generation of the log than the log that is there.
     fn has_other_index(&self) -> bool {
         let is_other = || {
             let Some(index) = self.index(false).filter(|index| index.frames > 0) else {
@@ -199,22 +201,21 @@ impl Original {
             log.is_ok_and(|log| log.read_exact_at(&mut header, 0).is_ok())
                 && header[16..24] != index.salts
         };
-        // SQLite begins a log and its index anew one after the other.
+        // SQLite restarts a log and its index one after the other.
         (0..3).all(|attempt| {
             std::thread::sleep(Duration::from_millis(5 * attempt));
             is_other()
         })
     }
 
-    /// The same of the file and its log.
+    /// The same for the file and its log.
     pub(super) fn check_with_log(&self) -> Result<(), StoreError> {
         self.check()?;
         let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
         if known.is_some_and(|known| known != self.file.companions()) {
             // A connection that has both open can still read everything.
             return Err(self.gone(
-                "separated from its write-ahead log or that log's index (-wal, -shm), which somebody deleted, moved or \
-                 replaced",
+                "separated from its write-ahead log or the log's index (-wal, -shm), which was deleted, moved or replaced",
             ));
         }
         if let Some(what) = self.found_of_log()
@@ -227,7 +228,8 @@ impl Original {
         self.check()
     }
 
-    /// Notes that somebody has overwritten the index of the log. What is in the log is whole then, and stays there.
+    /// Records that another process has overwritten the index of the log. The content of the log is
+    /// then intact, and stays there.
     fn check_index(&self) {
         if self.has_other_index() {
             self.has_log.store(false, Ordering::Relaxed);
@@ -238,12 +240,12 @@ impl Original {
         }
     }
 
-    /// What somebody has done to the log.
+    /// The change that another process made to the log, if any.
     fn found_of_log(&self) -> Option<&'static str> {
         const CUT: &str = "separated from its write-ahead log, which was cut off";
         const OTHER: &str = "separated from its write-ahead log, which was overwritten";
         let mut header = [0; 32];
-        // Whether it is there at all was looked at.
+        // Its existence was checked before.
         let log = File::open(self.file.log()).ok()?;
         let length = log.metadata().ok()?.len();
         let mut known = self.log.lock().unwrap_or_else(PoisonError::into_inner);
@@ -252,7 +254,7 @@ impl Original {
             if known.length == 0 {
                 return None;
             }
-            // SQLite makes it empty once everything was written back, and knows that.
+            // SQLite empties it when everything is written back, and its index then says so.
             let pages =
                 connection::reading(&self.file, false).and_then(|db| connection::log_pages(&db));
             if pages != Ok(0) || is_read {
@@ -266,7 +268,7 @@ impl Original {
             known.length = known.length.max(length);
             return is_shorter.then_some(CUT);
         }
-        // It begins anew, after everything was written back.
+        // The log was restarted after a complete write-back.
         let mark = mark::of_file(&self.file).ok()?;
         let log = Log::read(self.file.log(), mark.as_ref(), None).ok()??;
         let [_, last] = log.marks?;
@@ -278,7 +280,7 @@ impl Original {
         None
     }
 
-    /// Writes the log back. What anybody else writes to the file meanwhile is not told from that.
+    /// Writes the log back. Simultaneous writes by other processes cannot be distinguished from that.
     pub(super) fn writing_back<T>(&self, write_back: impl FnOnce() -> T) -> T {
         let mut looked = self.written.try_lock();
         if let Ok(looked) = &mut looked {
@@ -298,8 +300,8 @@ impl Original {
         Some(Written { at, salts: index.salts, frames: index.written_back })
     }
 
-    /// Notes whether somebody has written to the file without writing its log back. Returns whether that was so before,
-    /// and is over.
+    /// Records whether another process has written to the file without a write-back. Returns
+    /// whether such a write was found before and has ended.
     fn look(&self, looked: &mut Looked) -> bool {
         let (last, found) = (looked.last, self.written());
         looked.last = found;
@@ -314,7 +316,7 @@ impl Original {
         was_odd && !looked.is_odd
     }
 
-    /// Has SQLite look for damage, at first and if somebody has written to the file in place.
+    /// Makes SQLite check for damage, at first and after another process has written to the file in place.
     fn check_in_place(&self) {
         let is_over = self.written.try_lock().is_ok_and(|mut looked| self.look(&mut looked));
         if !self.is_suspected.swap(false, Ordering::Relaxed) && !is_over {
@@ -323,10 +325,10 @@ impl Original {
         let db = connection::reading(&self.file, true).map_err(StoreError::from);
         match db.and_then(|db| Ok(connection::first_damage(&db)?)) {
             Ok(None) if is_over => tracing::warn!(
-                "somebody has written to the database file; SQLite finds no damage, and 'sidestep check' replays every trial"
+                "another process wrote to the database file; SQLite finds no damage, and 'sidestep check' replays every trial"
             ),
             Ok(None) => {}
-            // Without its log it is damaged, and with it not.
+            // Without its log the file is damaged, with it it is not.
             Ok(Some(_)) | Err(StoreError::Corrupt(_)) if self.check_with_log().is_ok() => {
                 self.changed.get_or_init(
                     || "damaged; stop the server: 'sidestep check' says where, and what to do",
@@ -336,17 +338,17 @@ impl Original {
         }
     }
 
-    /// Where what was stored is safe.
+    /// The rescued copy.
     pub(super) fn rescued(&self) -> Option<PathBuf> {
         self.rescued.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Notes where it is; nowhere, once the file is back.
+    /// Records the rescued copy; none once the file is back.
     pub(super) fn note_rescued(&self, file: Option<PathBuf>) {
         *self.rescued.lock().unwrap_or_else(PoisonError::into_inner) = file;
     }
 
-    /// What somebody has done to the content.
+    /// The change that another process made to the content, if any.
     fn found(&self) -> Option<&'static str> {
         let length = self.handle.metadata().map_or(0, |found| found.len());
         if length < self.length.fetch_max(length, Ordering::Relaxed) {
@@ -368,7 +370,7 @@ impl Original {
         }
     }
 
-    /// Whether the mark is there after all: while SQLite writes the page, it may be seen half.
+    /// Whether a retry finds the mark: while SQLite writes the page, a read may be torn.
     fn is_found_again(&self) -> bool {
         (1..=4).any(|attempt| {
             std::thread::sleep(Duration::from_millis(5 * attempt));
@@ -385,7 +387,7 @@ impl Original {
         {
             *known = place;
         }
-        // VACUUM makes a file shorter, and says so in its header: the length of a page and the number of pages.
+        // VACUUM shortens the file and records this in the header: the page length and the number of pages.
         let mut header = [0; 100];
         let length = self.handle.metadata().map_or(0, |found| found.len());
         if self.handle.read_exact_at(&mut header, 0).is_err() {
@@ -403,23 +405,23 @@ impl Original {
         self.found().is_none()
     }
 
-    /// Whether its content is what SQLite wrote: the file was moved, deleted or replaced at most.
+    /// Whether the content is what SQLite wrote: at most, the file was moved, deleted or replaced.
     pub(super) fn is_whole(&self) -> bool {
         self.changed.get().is_none()
     }
 
-    /// Whether its log is what SQLite wrote.
+    /// Whether the log is what SQLite wrote.
     pub(super) fn has_log(&self) -> bool {
         self.has_log.load(Ordering::Relaxed)
     }
 
-    /// Whether the file is where it was.
+    /// Whether the file is still at its path.
     pub(super) fn is_in_place(&self) -> bool {
         self.file.identity() == Ok(self.identity)
     }
 
-    /// Whether somebody has done something to the file, and what it had is in no other one. A log that was rescued is not
-    /// enough once the file itself is gone.
+    /// Whether another process has tampered with the file, and its data have not been rescued. A
+    /// rescued log is not enough once the file itself is gone.
     pub(super) fn lacks_rescue(&self) -> bool {
         let log =
             || self.has_log() && (self.is_whole() || self.is_own_log() && self.file.has_log());
@@ -429,7 +431,7 @@ impl Original {
         }
     }
 
-    /// Writes what the file has, whatever became of its name, into another one.
+    /// Copies the content of the open file, wherever its name is now, into another file.
     pub(super) fn copy_to(&self, mut out: &File) -> std::io::Result<()> {
         let (mut piece, mut at) = (vec![0; 1 << 20], 0);
         loop {
@@ -442,19 +444,19 @@ impl Original {
         }
     }
 
-    /// Whether the log that lies beside the file is the one that the writer has open.
+    /// Whether the log beside the file is the one that the writer has open.
     pub(super) fn is_own_log(&self) -> bool {
         let known = *self.companions.lock().unwrap_or_else(PoisonError::into_inner);
         known.is_none_or(|[log, _]| log == self.file.companions()[0])
     }
 
-    /// Allows other folders than the file's for what is rescued.
+    /// Allows rescue files in other folders than the file's.
     pub(super) fn rescue_elsewhere(&self) {
         self.goes_elsewhere.store(true, Ordering::Relaxed);
     }
 
-    /// New names for what is rescued: beside the file, and where that fails and is allowed, in the working directory or in
-    /// that for temporary files.
+    /// New names for rescue files: beside the file, and if that fails and is allowed, in the
+    /// working directory or the temporary directory.
     pub(super) fn rescue_names(&self) -> impl Iterator<Item = PathBuf> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut name = self.file.path().file_name().unwrap_or_default().to_owned();
@@ -466,12 +468,12 @@ impl Original {
     }
 }
 
-/// Whether a rescued file is a log alone.
+/// Whether a rescue file is only a log.
 fn is_log(rescued: &Path) -> bool {
     rescued.extension().is_some_and(|end| end == "rescued-wal")
 }
 
-/// Looks at a file all the time.
+/// Checks a file regularly.
 #[derive(Debug)]
 pub(super) struct Watch {
     stop: Option<Sender<()>>,
@@ -479,7 +481,7 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Starts its thread, which calls `noticed` whenever somebody has changed the file.
+    /// Starts the thread. It calls `noticed` whenever another process has changed the file.
     pub(super) fn start(
         original: Arc<Original>,
         noticed: impl Fn() + Send + 'static,

@@ -8,15 +8,15 @@ use crate::store::sql::Connection;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Semaphore;
 
-/// Most long reads that run at the same time.
+/// Maximum number of concurrent long reads.
 const LONG_READS: usize = 4;
 
-/// Connections that only read.
+/// Read-only connections.
 #[derive(Debug)]
 pub(super) struct Readers {
     file: DatabaseFile,
     original: Arc<Original>,
-    /// Whether the file is to be left as it is.
+    /// Whether the file must stay untouched.
     only_reads: bool,
     /// None once the store is closed.
     idle: Mutex<Option<Vec<Connection>>>,
@@ -24,14 +24,14 @@ pub(super) struct Readers {
 }
 
 impl Readers {
-    /// Readers of the original file; they never read one that replaces it.
+    /// Readers of the original file; they never read a file that replaces it.
     pub(super) fn new(file: DatabaseFile, original: Arc<Original>, only_reads: bool) -> Self {
         let idle = Mutex::new(Some(Vec::new()));
         Self { file, original, only_reads, idle, long: Arc::new(Semaphore::new(LONG_READS)) }
     }
 
-    /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and a few rows take some
-    /// microseconds, less than passing the work to another thread.
+    /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and a few rows take
+    /// some microseconds, less than handing the work to another thread.
     pub(super) fn short<T>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError>,
@@ -59,12 +59,12 @@ impl Readers {
             Arc::clone(&self.long).acquire_owned().await.map_err(|_| StoreError::closed())?;
         let readers = Arc::clone(self);
         let reading = tokio::task::spawn_blocking(move || {
-            // The caller may have gone: the permit stays with the work.
+            // The caller may be cancelled: the permit stays with the work.
             let _permit = permit;
             readers.short(|db| {
                 db.control("BEGIN")?;
                 let found = read(db);
-                // COMMIT would fail once more for a damaged page that `read` has met and told.
+                // COMMIT would fail again because of a damaged page that `read` has already reported.
                 db.control("ROLLBACK")?;
                 found
             })
@@ -72,11 +72,11 @@ impl Readers {
         reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
-    /// A connection that nobody uses now and that has the file open, whatever became of its name; it may copy what it sees.
+    /// An idle connection that has the file open, wherever its name is now. It may copy the data that it sees.
     pub(super) fn take_idle(&self) -> Option<Connection> {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         let db = idle.as_mut()?.pop()?;
-        // A copy counts as a write.
+        // VACUUM INTO counts as a write.
         db.batch("PRAGMA query_only = OFF").ok()?;
         Some(db)
     }
@@ -86,11 +86,12 @@ impl Readers {
         let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).take();
         for db in idle.into_iter().flatten() {
             if self.original.check().is_err() {
-                // The last connection would delete a log that may be another file's, or the only copy.
+                // Closing the last connection would delete the log, which may belong to another
+                // file, or be the only copy.
                 std::mem::forget(db);
                 continue;
             }
-            // The last connection deletes an empty log, if it may; one with content is left as it is.
+            // Closing the last connection deletes an empty log, if allowed; a log with content stays.
             if !self.only_reads && !self.file.has_log() {
                 let _ = db.batch("PRAGMA query_only = OFF");
             }

@@ -1,8 +1,9 @@
-//! Trees of a damaged file of SQLite, built anew over the rows that are left:
+//! Rebuilds the trees of a damaged SQLite file over the surviving rows:
 //! <https://www.sqlite.org/fileformat2.html#b_tree_pages>.
 //!
-//! SQLite finds rows from the first page of a table downwards, so that a lost inner page hides all rows below it. Pages
-//! with rows tell which rows they have, and by the kinds of their values of which table they are.
+//! SQLite finds rows from the root page of a table downwards, so a lost inner page hides all rows
+//! below it. Leaf pages still contain the numbers of their rows, and the types of the values show
+//! which table they belong to.
 
 mod page;
 mod columns;
@@ -17,8 +18,8 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 
-/// Builds the trees of a file anew where a page of them is lost. The file has no log. What is missing is, in the trees, on a
-/// page that SQLite calls damaged.
+/// Rebuilds the trees of a file that have lost a page. The file has no log. In the rebuilt trees,
+/// missing rows refer to a page that SQLite reports as damaged.
 ///
 /// # Errors
 /// If the file cannot be read or written.
@@ -31,19 +32,19 @@ pub(super) fn mend(named: &DatabaseFile, page: usize) -> io::Result<()> {
     pages.mend(&[Table::of_schema()])?;
     match tables(named) {
         Ok(tables) => pages.mend(&tables),
-        // SQLite says itself what is wrong with the file.
+        // SQLite itself reports the file's damage.
         Err(_) => Ok(()),
     }
 }
 
-/// The rows of a tree from the one after the part before, up to this one.
+/// The rows of a tree from the end of the previous part up to `last`.
 struct Part {
     last: i64,
-    /// The page that they are on; none if it is not known.
+    /// The page of these rows; none if unknown.
     page: Option<u32>,
 }
 
-/// A page with rows that no tree leads to.
+/// A leaf page that no tree refers to.
 struct Stray {
     page: u32,
     first: i64,
@@ -53,7 +54,7 @@ struct Stray {
 }
 
 impl Stray {
-    /// None if the page has no rows, or anything in it cannot be.
+    /// None if the page has no rows, or anything in it is impossible.
     fn read(page: u32, content: &[u8]) -> Option<Self> {
         if content.first() != Some(&LEAF) {
             return None;
@@ -75,14 +76,14 @@ impl Stray {
 struct Pages<'a> {
     file: &'a File,
     size: usize,
-    /// How many there are.
+    /// The number of pages.
     count: u32,
-    /// Those that a tree leads to.
+    /// The pages that a tree refers to.
     reached: HashSet<u32>,
 }
 
 impl<'a> Pages<'a> {
-    /// More levels than a tree of 2³² pages has.
+    /// More than the levels of a tree of 2³² pages.
     const DEPTH: usize = 20;
 
     fn of(file: &'a File, size: usize) -> io::Result<Self> {
@@ -107,7 +108,7 @@ impl<'a> Pages<'a> {
         Ok(self.count)
     }
 
-    /// Builds the trees of these tables anew, if anything of them is lost.
+    /// Rebuilds the trees of these tables, if any of their pages are lost.
     fn mend(&mut self, tables: &[Table]) -> io::Result<()> {
         let mut damaged = Vec::new();
         for table in tables {
@@ -128,14 +129,14 @@ impl<'a> Pages<'a> {
             }
         }
         if damaged[0].0.root == 1 && found[0].is_empty() {
-            // Perhaps it is no database at all.
+            // Perhaps it is not a database at all.
             return Ok(());
         }
         let lost = self.append(&vec![0; self.size])?;
         for ((table, parts), strays) in damaged.iter().zip(&found) {
             let mut pages = filled(parts, strays, lost);
             if table.root == 1 {
-                // SQLite reads all tables or none.
+                // SQLite reads either all tables or none.
                 pages.retain(|(_, page)| *page != lost);
             }
             self.build(table.root, pages)?;
@@ -174,7 +175,7 @@ impl<'a> Pages<'a> {
         Ok(())
     }
 
-    /// The pages with rows that no tree leads to, in the order of their rows.
+    /// The leaf pages that no tree refers to, in the order of their rows.
     fn strays(&self) -> io::Result<Vec<Stray>> {
         let mut strays = Vec::new();
         for page in (2..=self.count).filter(|page| !self.reached.contains(page)) {
@@ -184,9 +185,9 @@ impl<'a> Pages<'a> {
         Ok(strays)
     }
 
-    /// Writes a tree over these pages, each with the number of its last row.
+    /// Writes a tree over these pages, each given with the number of its last row.
     fn build(&mut self, root: u32, mut pages: Vec<(i64, u32)>) -> io::Result<()> {
-        // What fits whatever the numbers of the rows.
+        // The number of cells that always fits, however long the row numbers are.
         let most = (self.size - HEADER - 12) / 15;
         while pages.len() > most {
             let mut above = Vec::new();
@@ -200,7 +201,7 @@ impl<'a> Pages<'a> {
         self.file.write_all_at(&content, self.offset(root))
     }
 
-    /// Writes how many pages there are. None of them is free: the list of the free ones may be damaged, too.
+    /// Writes the number of pages. No page is marked free: the free list may be damaged, too.
     fn write_header(&self) -> io::Result<()> {
         let mut header = [0; HEADER];
         self.file.read_exact_at(&mut header, 0)?;
@@ -209,7 +210,7 @@ impl<'a> Pages<'a> {
             header[..16].copy_from_slice(MAGIC);
             let size = u16::try_from(self.size).unwrap_or(1);
             header[16..18].copy_from_slice(&size.to_be_bytes());
-            // With a write-ahead log; the parts of a page that rows may fill; schema format 4; UTF-8.
+            // WAL mode; fractions of a page that payloads may fill; schema format 4; UTF-8.
             header[18..24].copy_from_slice(&[2, 2, 0, 64, 32, 32]);
             header[47] = 4;
             header[59] = 1;
@@ -222,8 +223,8 @@ impl<'a> Pages<'a> {
     }
 }
 
-/// The one table that lacks these rows and may have them. None if there are two: rows must not appear where they never
-/// were.
+/// The one table that lacks these rows and could have them. None if there are two: rows must not
+/// appear in a table where they never were.
 fn owner(damaged: &[(&Table, Vec<Part>)], stray: &Stray) -> Option<usize> {
     let is_missing = |parts: &[Part]| {
         let mut before = i64::MIN;
@@ -245,7 +246,7 @@ fn owner(damaged: &[(&Table, Vec<Part>)], stray: &Stray) -> Option<usize> {
     only(true).or_else(|| only(false))
 }
 
-/// All pages of a table, each with the number of its last row; `lost` for rows that are on none.
+/// All pages of a table, each with the number of its last row; `lost` for rows without a page.
 fn filled(parts: &[Part], strays: &[&Stray], lost: u32) -> Vec<(i64, u32)> {
     let (mut pages, mut strays) = (Vec::new(), strays.iter().peekable());
     let mut before = 0;
@@ -281,7 +282,7 @@ mod tests {
     use std::collections::BTreeSet;
     use std::path::Path;
 
-    /// A file with two tables of three levels, and one of few rows.
+    /// A file with two tables of three levels, and a small one.
     fn written(path: &Path) -> Vec<u8> {
         let file = DatabaseFile::at(path);
         file.create().unwrap();
@@ -295,12 +296,12 @@ mod tests {
              CREATE TABLE study_config (hash TEXT NOT NULL) STRICT",
         )
         .unwrap();
-        // As in a file of this program, the table of all tables has several pages.
+        // As in a file of this program, the schema table has several pages.
         for view in 0..8 {
             let text = "x".repeat(900);
             db.batch(&format!("CREATE VIEW view{view} AS SELECT '{text}'")).unwrap();
         }
-        // Numbers of rows are of many lengths; two tables grow at once, so that their pages alternate.
+        // Row numbers have various lengths; two tables grow together, so that their pages alternate.
         let rows =
             "WITH RECURSIVE n (n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM n WHERE n < 400) ";
         for part in 0..3 {
@@ -317,7 +318,7 @@ mod tests {
         std::fs::read(path).unwrap()
     }
 
-    /// The names of the rows that SQLite reads, from each row that it finds to the next one.
+    /// The names of the rows that SQLite reads, stepping from each row to the next.
     fn names(file: &DatabaseFile) -> BTreeSet<String> {
         let db = connection::without_log(file).unwrap();
         let mut found = BTreeSet::new();
@@ -340,7 +341,7 @@ mod tests {
         found
     }
 
-    /// The names in the pages with rows of a file, by whoever knows nothing of trees: these rows are left.
+    /// The names found in leaf pages without following trees: the rows that survived.
     fn left(content: &[u8]) -> BTreeSet<String> {
         let mut found = BTreeSet::new();
         for page in content.chunks_exact(PAGE).filter(|page| page[0] == LEAF) {
@@ -356,7 +357,7 @@ mod tests {
         found
     }
 
-    /// Mends a file of these bytes, and compares what is read with what is left.
+    /// Mends a file of these bytes, and compares the readable rows with the surviving ones.
     fn compare(path: &Path, content: &[u8], what: &str) -> usize {
         std::fs::write(path, content).unwrap();
         let file = DatabaseFile::at(path);
@@ -377,7 +378,7 @@ mod tests {
         let inner: Vec<_> =
             (0..whole.len() / PAGE).filter(|page| whole[page * PAGE] == INNER).collect();
         assert!(inner.len() > 4, "{inner:?}");
-        // The first page has the tables, and the trees begin in the next ones.
+        // The first page has the schema, and the next ones are the roots of the trees.
         for lost in inner.iter().copied().chain([0, 1, 2, 3, 40]) {
             let mut content = whole.clone();
             content[lost * PAGE..][..PAGE].fill(0);

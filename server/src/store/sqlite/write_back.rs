@@ -1,9 +1,9 @@
-//! Writing the write-ahead log back to the database while the writer goes on.
+//! Writes the write-ahead log back to the database while the writer continues.
 //!
-//! SQLite would do it in the commit that makes the log long, and everybody who waits for the writer
-//! would wait for two syncs of many pages. So a thread with a connection of its own does it, in rounds
-//! until few pages are left. The writer writes these back itself between two batches: SQLite begins the
-//! log anew only when nothing is left in it.
+//! SQLite would do so in the commit that makes the log long, and every caller that waits for the
+//! writer would wait for two syncs of many pages. So a thread with its own connection does it, in
+//! rounds, until few pages are left. The writer writes these back itself between two batches:
+//! SQLite restarts the log only when it is written back completely.
 
 use super::connection;
 use super::file::DatabaseFile;
@@ -14,26 +14,26 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// Pages of the log after which it is written back.
+/// Number of pages in the log that triggers a write-back.
 const LONG: i64 = 4_000;
 
-/// Pages after which the writer does not wait for the thread.
+/// Number of pages at which the writer no longer waits for the thread.
 const TOO_LONG: i64 = 10 * LONG;
 
-/// So few pages are left to the writer.
+/// At most this many pages are left to the writer.
 const FEW: i64 = 64;
 
-/// Rounds of the thread. Each writes back what came during the one before.
+/// Maximum number of rounds. Each writes back the pages that came during the previous one.
 const MOST_ROUNDS: usize = 8;
 
-/// Whose turn it is.
+/// Who writes back next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Turn {
-    /// Nobody's: the log is short, or was left as it is.
+    /// Nobody: the log is short, or was left as it is.
     Nobody,
-    /// The thread writes back.
+    /// The thread.
     Thread,
-    /// Only few pages are left, for the writer.
+    /// The writer: only few pages are left.
     Writer,
 }
 
@@ -42,13 +42,14 @@ pub(super) struct WriteBack {
     begin: Option<SyncSender<()>>,
     turn: Arc<Mutex<Turn>>,
     original: Arc<Original>,
-    /// Pages at which the log is written back next: after an error or a round that left much, not at every commit.
+    /// Number of pages at which the log is next written back. Raised after an error or an
+    /// incomplete round, so that not every commit retries.
     due: i64,
     thread: Option<JoinHandle<()>>,
 }
 
 impl WriteBack {
-    /// Starts the thread. It touches no other file than the expected one.
+    /// Starts the thread. It writes only to the expected file.
     pub(super) fn start(file: DatabaseFile, original: Arc<Original>) -> Result<Self, StoreError> {
         let turn = Arc::new(Mutex::new(Turn::Nobody));
         let (begin, asked) = sync_channel(1);
@@ -68,9 +69,9 @@ impl WriteBack {
         Ok(Self { begin: Some(begin), turn, original: own, due: LONG, thread: Some(thread) })
     }
 
-    /// Has a long log written back. To be called by the writer's thread after a commit.
+    /// Triggers the write-back of a long log. Called by the writer's thread after a commit.
     pub(super) fn after_commit(&mut self, db: &Connection) {
-        // Whoever cannot tell cannot write it back either, and the next commit says why.
+        // If the number cannot be read, a write-back would fail, too, and the next commit reports the error.
         let pages = connection::log_pages(db).unwrap_or(0);
         if pages < LONG {
             self.due = LONG;
@@ -86,7 +87,7 @@ impl WriteBack {
             }
         } else if is_due && let Some(begin) = &self.begin {
             self.due = pages.saturating_add(LONG);
-            // First: the thread may be done before this one goes on.
+            // Set first: the thread may finish before this one continues.
             set(&self.turn, Turn::Thread);
             if begin.try_send(()).is_err() {
                 set(&self.turn, Turn::Nobody);
@@ -105,12 +106,12 @@ impl Drop for WriteBack {
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
-            tracing::error!("the thread that writes the log back ended badly");
+            tracing::error!("the thread that writes the log back failed");
         }
     }
 }
 
-/// Writes back what is in the log. Returns whether only few pages are left, which came meanwhile.
+/// Writes the log back. Returns whether only few pages are left, which arrived meanwhile.
 fn write_back(file: &DatabaseFile, original: &Original) -> Result<bool, StoreError> {
     original.check_all()?;
     let db = connection::writing(file.path())?;

@@ -1,14 +1,16 @@
-//! The one writer: a thread with the only connection that writes.
+//! The single writer: a thread with the only connection that writes.
 //!
-//! Operations wait in bounded queues. The writer takes a batch, runs its operations in one transaction (trials
-//! together, each other one in a savepoint), commits once, and only then answers: one wait for the disk serves many requests.
-//! After an error that may have ended the transaction, the writer closes the connection and refuses
-//! the whole batch, so that writing resumes as soon as a full disk or an I/O error is gone.
+//! Operations wait in bounded queues. The writer takes a batch, runs its operations in one
+//! transaction (trials together, every other operation in a savepoint), commits once, and only then
+//! answers: one wait for the disk serves many requests. After an error that may have ended the
+//! transaction, the writer closes the connection and refuses the whole batch, so that writing
+//! resumes as soon as a full disk or an I/O error is gone.
 //!
 //! There are three queues (lanes). Trials go first, since a browser waits for each. Other requests
-//! follow for about as long as the disk takes, so that a class that enrols at once hardly delays participants
-//! who are driving. Background work (files and cells of an analysis, value functions) has transactions of
-//! its own, one operation between two batches, so that requests wait for at most one of them.
+//! follow, for about as long as a commit takes, so that a class that enrols at once hardly delays
+//! participants who are driving. Background work (files and cells of an analysis, value functions)
+//! runs in separate transactions, one operation between two batches, so that requests wait for at
+//! most one of them.
 
 use super::connection;
 use super::file::DatabaseFile;
@@ -30,13 +32,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
-/// Most operations that wait in a lane; further ones are refused.
+/// Maximum length of a lane's queue; more operations are refused.
 const QUEUE: usize = 1_024;
 
-/// Most trials in a batch.
+/// Maximum number of trials in a batch.
 const BATCH: usize = 64;
 
-/// Most other requests in a batch.
+/// Maximum number of other requests in a batch.
 const OTHERS: usize = 64;
 
 /// Pause between two background operations while requests wait.
@@ -52,9 +54,9 @@ struct Lanes {
     background: VecDeque<Box<dyn Operation>>,
     /// When to try to empty the log, if requested.
     empty_log_at: Option<Instant>,
-    /// Whether somebody has changed the file.
+    /// Whether another process has changed the file.
     rescue: bool,
-    /// Whether the disk has refused a write, and taken none since.
+    /// Whether the last write failed because of the disk.
     has_failed: bool,
     closed: bool,
 }
@@ -73,7 +75,7 @@ enum Next {
     },
     Background(Batch),
     EmptyLog,
-    /// Writes what the database had, which somebody has changed, into another file.
+    /// Rescues the data of a database that another process has changed into another file.
     Rescue,
     Stop,
 }
@@ -101,7 +103,7 @@ impl Queue {
         Ok(())
     }
 
-    /// Waits for the next action. Operations that were pushed before the end are still done.
+    /// Waits for the next action. Operations queued before the end still run.
     fn next(&self, last_background: Instant) -> Next {
         let mut lanes = self.lanes();
         loop {
@@ -139,7 +141,7 @@ impl Queue {
         }
     }
 
-    /// Has other requests wait again, before those that came later.
+    /// Requeues other requests, before those that came later.
     fn put_back(&self, others: Batch) {
         let mut lanes = self.lanes();
         for other in others.into_iter().rev() {
@@ -199,7 +201,7 @@ impl Writer {
         Ok(Self { queue, committed, observed, thread: Mutex::new(Some(thread)) })
     }
 
-    /// The writer of a file that is only read: it refuses everything.
+    /// The writer of a file that is opened read-only: it refuses everything.
     pub(super) fn none() -> Self {
         let lanes = Lanes { closed: true, ..Lanes::default() };
         Self {
@@ -222,12 +224,12 @@ impl Writer {
         answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
     }
 
-    /// The number of commits, whenever it changes.
+    /// Publishes the number of commits.
     pub(super) fn commits(&self) -> watch::Receiver<u64> {
         self.committed.subscribe()
     }
 
-    /// Whether the disk has refused a write, and taken none since.
+    /// Whether the last write failed because of the disk.
     pub(super) fn has_failed(&self) -> bool {
         self.queue.lanes().has_failed
     }
@@ -236,7 +238,7 @@ impl Writer {
         &self.observed
     }
 
-    /// How many trials, other requests and jobs wait.
+    /// Number of waiting trials, other requests and jobs.
     pub(super) fn waiting(&self) -> [usize; 3] {
         let lanes = self.queue.lanes();
         [lanes.trials.len(), lanes.requests.len(), lanes.background.len()]
@@ -249,7 +251,7 @@ impl Writer {
         self.queue.changed.notify_one();
     }
 
-    /// Has what the database had written into another file.
+    /// Returns a function that triggers the rescue of the data into another file.
     pub(super) fn rescue(&self) -> impl Fn() + Send + 'static {
         let queue = Arc::clone(&self.queue);
         move || {
@@ -266,7 +268,7 @@ impl Writer {
         if let Some(thread) = thread
             && thread.join().is_err()
         {
-            tracing::error!("the database's writer ended badly");
+            tracing::error!("the database's writer failed");
         }
     }
 }
@@ -284,13 +286,13 @@ struct Thread {
     file: DatabaseFile,
     /// The file that was opened first; the thread never writes to another one.
     original: Arc<Original>,
-    /// They may have the file open while the writer has not.
+    /// Readers may have the file open while the writer does not.
     readers: Arc<Readers>,
     /// None after an error; the next batch opens another connection.
     db: Option<Connection>,
-    /// Keeps the log short.
+    /// Writes the log back when it is long.
     log: WriteBack,
-    /// How long the disk took for the last commit.
+    /// Duration of the last commit.
     disk: Duration,
 }
 
@@ -309,7 +311,8 @@ impl Thread {
                 Next::Stop => {
                     if self.original.check_all().is_err() {
                         self.rescue();
-                        // Closing it would delete a log that may be another file's, or the only copy.
+                        // Closing it would delete the log, which may belong to another file, or be
+                        // the only copy.
                         std::mem::forget(self.db.take());
                     }
                     return;
@@ -333,7 +336,7 @@ impl Thread {
         if committed.is_ok() {
             self.observed.note(batch.len(), begun.elapsed());
         }
-        // What has changed nothing, as a look whether writes succeed, is no news.
+        // Commits that change no rows, such as a readiness check, are not published.
         if committed == Ok(true) {
             self.committed.send_modify(|commits| *commits += 1);
             self.queue.lanes().has_failed = false;
@@ -349,7 +352,7 @@ impl Thread {
         for operation in batch {
             operation.answer(committed.clone().map(|_| ()));
         }
-        // A strange log must not be written back.
+        // A log that is not the file's own must not be written back.
         if let Some(open) = &self.db
             && self.original.check().is_ok()
         {
@@ -357,8 +360,9 @@ impl Thread {
         }
     }
 
-    /// Returns whether a row changed. The connection is used again only after a successful commit: a new connection is in
-    /// no failed transaction. One to a file that somebody has changed stays: it may be all that is left of it.
+    /// Returns whether a row changed. After a failed commit, the connection is replaced: a new one
+    /// is in no failed transaction. A connection to a file that another process has changed stays
+    /// open: it may be the last access to the data.
     fn commit(&mut self, batch: &mut Batch, trials: usize) -> Result<bool, StoreError> {
         self.original.check_with_log()?;
         let open = match self.db.take() {
@@ -366,12 +370,12 @@ impl Thread {
             None => open(&self.file, &self.original)?,
         };
         let committed = self.transact(&open, batch, trials);
-        // SQLite reports success also for a deleted file, whose content is lost.
+        // SQLite reports success even for a deleted file, whose content is lost.
         let checked = self.original.check_with_log();
         if committed.is_ok() || checked.is_err() {
             self.db = Some(open);
         } else {
-            // If nobody else has the file open, closing it deletes both.
+            // If no other connection has the file open, closing this one deletes the log and its index.
             self.original.note_companions(false);
         }
         checked?;
@@ -388,7 +392,7 @@ impl Thread {
         db.control("BEGIN IMMEDIATE")?;
         let (first, others) = batch.split_at_mut(trials);
         run_trials(db, first)?;
-        // At least one, and those for which there is time: a trial that comes meanwhile waits for them.
+        // At least one, and more while there is time: a trial that arrives meanwhile waits for them.
         let (begun, mut done) = (Instant::now(), 0);
         for operation in others {
             run(db, &mut **operation)?;
@@ -408,8 +412,8 @@ impl Thread {
         Ok(has_changed)
     }
 
-    /// Writes what the database had into another file: all of it, if only its name was changed; else what is not beside
-    /// its name any more.
+    /// Rescues the data into another file: all of them, if only the file's name was changed;
+    /// otherwise those that are no longer beside its name.
     fn rescue(&mut self) {
         if !self.original.lacks_rescue() {
             return;
@@ -419,9 +423,9 @@ impl Thread {
         let open = self.db.as_ref().or(reader.as_ref()).filter(|_| is_whole);
         let is_in_place = self.original.is_in_place();
         let (what, end) = match open {
-            None if is_in_place => ("the log of the database, with what was stored last,", "-wal"),
+            None if is_in_place => ("the log of the database, with the latest data,", "-wal"),
             None => ("the file that the server has open, as it is, and its log", ".db"),
-            Some(_) => ("what the database had", ".db"),
+            Some(_) => ("the data of the database", ".db"),
         };
         for name in self.original.rescue_names() {
             let (unfinished, name) = (ended(&name, ".part"), ended(&name, end));
@@ -443,7 +447,7 @@ impl Thread {
                 }
             }
         }
-        // Closing it may delete a log that is another file's, or the only copy.
+        // Closing it may delete a log that belongs to another file, or is the only copy.
         std::mem::forget(reader);
     }
 
@@ -455,7 +459,7 @@ impl Thread {
         copied.map_err(refused)
     }
 
-    /// Writes the file `to`, and its log where it belongs to the file's later name.
+    /// Writes the file to `to`, and its log beside `name`, the file's final name.
     fn rescue_file(&self, to: &Path, name: &Path) -> Result<(), StoreError> {
         let copied = private::new_file(to).and_then(|to| self.original.copy_to(&to));
         copied.map_err(refused)?;
@@ -507,8 +511,8 @@ fn open(file: &DatabaseFile, original: &Original) -> Result<Connection, StoreErr
     Ok(db)
 }
 
-/// Stores trials together. If one of them fails, each is stored in a savepoint: those would cost every trial two
-/// statements, and a statement for each of its rows.
+/// Stores trials together. If one of them fails, each is stored in a savepoint: savepoints would
+/// always cost every trial two statements, and separate statements for its rows.
 fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), StoreError> {
     match trials {
         [] => return Ok(()),
@@ -520,7 +524,7 @@ fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), 
         if error.ends_transaction() {
             return Err(error);
         }
-        // After some errors SQLite has rolled the whole transaction back, and there is no savepoint any more.
+        // After some errors SQLite has rolled back the whole transaction, and the savepoint is gone.
         db.roll_back("ROLLBACK TO trials").map_err(|_| error)?;
         for trial in trials {
             run(db, &mut **trial)?;
@@ -529,8 +533,8 @@ fn run_trials(db: &Connection, trials: &mut [Box<dyn Operation>]) -> Result<(), 
     Ok(db.control("RELEASE trials")?)
 }
 
-/// Runs an operation in a savepoint, so that a failed operation is undone and the others remain. An
-/// error of this function concerns the whole transaction.
+/// Runs an operation in a savepoint, so that only a failed operation is undone. An error of this
+/// function concerns the whole transaction.
 fn run(db: &Connection, operation: &mut dyn Operation) -> Result<(), StoreError> {
     db.control("SAVEPOINT operation")?;
     let done = operation.run(db).and_then(|()| {
@@ -540,7 +544,7 @@ fn run(db: &Connection, operation: &mut dyn Operation) -> Result<(), StoreError>
         if error.ends_transaction() {
             return Err(error);
         }
-        // After some errors SQLite has rolled the whole transaction back, and there is no savepoint any more.
+        // After some errors SQLite has rolled back the whole transaction, and the savepoint is gone.
         db.roll_back("ROLLBACK TO operation").map_err(|_| error)?;
     }
     db.control("RELEASE operation")?;

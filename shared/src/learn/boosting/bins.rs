@@ -1,4 +1,4 @@
-//! Columns cut into bins of about equally many rows: trees then try few splits.
+//! Cuts columns into bins with about equally many rows, so that trees try few splits.
 
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
@@ -7,19 +7,19 @@ use core::ops::Range;
 
 /// The bins of each row.
 pub(super) struct Bins {
-    /// Rows × columns: the bin, counted through all columns.
+    /// Rows × columns: the index of the bin, over all columns.
     cells: Vec<u32>,
-    /// Where each column's bins begin, and where the last one's end.
+    /// First bin of each column, and the total number of bins.
     begins: Vec<usize>,
     /// For each column, the threshold between each bin and the next.
     edges: Vec<Vec<f64>>,
 }
 
 impl Bins {
-    /// At most `most` ≥ 2 bins a column; values that a tree would not separate share one.
+    /// At most `most` ≥ 2 bins per column. Values that a tree would not separate share a bin.
     ///
     /// # Errors
-    /// As for [`Columns::new`].
+    /// The errors of [`Columns::new`].
     pub(super) fn new(samples: &Samples<'_>, most: usize) -> Result<Self, Invalid> {
         let (width, rows) = (samples.width(), samples.labels().len());
         let exact = Columns::new(samples)?;
@@ -56,7 +56,7 @@ impl Bins {
         self.edges.len()
     }
 
-    /// Bins of all columns together.
+    /// Total number of bins.
     pub(super) fn count(&self) -> usize {
         self.begins[self.edges.len()]
     }
@@ -66,15 +66,15 @@ impl Bins {
         self.begins[column]..self.begins[column + 1]
     }
 
-    /// The bins that a row is in, one a column.
+    /// The bins of a row, one per column.
     #[inline(always)]
     pub(super) fn of(&self, row: usize) -> &[u32] {
         let width = self.edges.len();
         &self.cells[row * width..(row + 1) * width]
     }
 
-    /// The feature's threshold between two of its bins, of which those in between are empty:
-    /// after the bin in the middle.
+    /// The feature's threshold between two bins with only empty bins in between: after the middle
+    /// bin.
     pub(super) fn threshold(&self, column: usize, last: usize, next: usize) -> f64 {
         self.edges[column][(last + next) / 2]
     }
@@ -100,7 +100,7 @@ mod tests {
     fn many_values_share_bins_equally() {
         let values: Vec<f64> = (0..100).map(f64::from).collect();
         assert_eq!(bins(&values, 4), [24.5, 49.5, 74.5]);
-        // A value that fills several bins takes one.
+        // A value that would fill several bins takes one.
         let values: Vec<f64> = (0..100).map(|i| f64::from((i - 60).max(0))).collect();
         assert_eq!(bins(&values, 4), [0.5, 14.5]);
     }

@@ -1,4 +1,4 @@
-//! Round after round of Newton trees.
+//! Adds Newton trees, round by round.
 
 use super::bins::Bins;
 use super::grower::{Grower, Limits};
@@ -10,7 +10,7 @@ use crate::math::{exp, ln};
 use crate::predict::boosting::{Boosted, Summand, scores_of};
 use crate::predict::tree::{DEEPEST, Node, Questions};
 
-/// A model that grows by a round of trees at a time.
+/// A model that grows by one round of trees at a time.
 pub(super) struct Booster<'a> {
     labels: &'a [usize],
     bins: Bins,
@@ -18,11 +18,11 @@ pub(super) struct Booster<'a> {
     rate: f64,
     intercepts: Vec<f64>,
     trees: Vec<Summand>,
-    /// Rows × scores, and the probabilities that belong to them.
+    /// Rows × scores, and the corresponding probabilities.
     scores: Vec<f64>,
     shares: Vec<f64>,
     newton: Newton,
-    /// Of each row, in the tree that was grown last.
+    /// The leaf of each row in the latest tree.
     leaf_of: Vec<usize>,
 }
 
@@ -70,7 +70,7 @@ impl<'a> Booster<'a> {
         }
         let begin = self.trees.len();
         for output in 0..outputs {
-            // With two classes, the one score is the second's.
+            // With two classes, the only score is the second class's.
             let class = if outputs == 1 { 1 } else { output };
             let shares = self.shares.iter().skip(output).step_by(outputs);
             for ((derivatives, &label), p) in
@@ -89,7 +89,8 @@ impl<'a> Booster<'a> {
         &self.trees[begin..]
     }
 
-    /// A tree of Newton steps, times the rate, for features as they are. Notes each row's leaf.
+    /// A tree of Newton steps, multiplied by the rate, on unbinned features. Records each row's
+    /// leaf.
     fn tree(&mut self) -> Summand {
         let grown = self.grower.grow(&self.bins, &self.newton, &mut self.leaf_of);
         let value = |(node, sums): (&Node, Sums)| match node.is_leaf() {
@@ -101,7 +102,7 @@ impl<'a> Booster<'a> {
     }
 }
 
-/// Logarithms of (n_c + 1) / (n + K); of two classes, the second's less the first's.
+/// Logarithms of (n_c + 1) / (n + K); for two classes, the second's minus the first's.
 fn first_scores(counts: &[usize]) -> Vec<f64> {
     let whole = (counts.iter().sum::<usize>() + counts.len()) as f64;
     let logs: Vec<f64> = counts.iter().map(|&n| ln((n + 1) as f64 / whole)).collect();
@@ -111,8 +112,8 @@ fn first_scores(counts: &[usize]) -> Vec<f64> {
     }
 }
 
-/// Scores to probabilities; the logarithm of the sum of all e^score. A single score is that of
-/// the second of two classes.
+/// Converts scores to probabilities; returns the logarithm of the sum of all e^score. A single
+/// score is the second of two classes'.
 pub(super) fn to_shares(scores: &mut [f64]) -> f64 {
     let two = scores.len() == 1;
     let top = scores.iter().copied().fold(if two { 0.0 } else { f64::NEG_INFINITY }, f64::max);

@@ -1,25 +1,25 @@
 //! Grows the trees of boosting from histograms.
 //!
 //! A node's histogram has, for each bin of each column, the sums of its rows' gradients and
-//! Hessians and their number. All splits are tried on it. Of two children, only the smaller
-//! one's rows are summed; the other gets the rest of the parent's sums. Sums are integers, so that
-//! both ways give the same result. Ties go as in [`tree`](super::super::tree): to the column of
-//! lowest index, and there to the lowest threshold.
+//! Hessians and their number. All splits are evaluated on it. Of two children, only the smaller
+//! one's rows are summed; the other's sums are the differences from the parent's. Sums are
+//! integers, so both ways give the same result. Ties are broken as in [`tree`](super::super::tree):
+//! by the lowest column index, then by the lowest threshold.
 
 use super::bins::Bins;
 use super::newton::{Newton, Sums};
 use crate::predict::tree::Node;
 use core::ops::{AddAssign, SubAssign};
 
-/// How far trees grow.
+/// Limits on the growth of trees.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub(super) depth: usize,
-    /// Rows at a leaf at the least.
+    /// Minimum number of rows in a leaf.
     pub(super) leaf: usize,
 }
 
-/// Rows of a bin, together.
+/// Totals of a bin's rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Bin {
     sums: Sums,
@@ -50,7 +50,7 @@ struct Split {
     score: f64,
     column: usize,
     last: usize,
-    /// The next bin that has rows.
+    /// The next non-empty bin.
     next: usize,
     left: Bin,
 }
@@ -62,12 +62,12 @@ pub(super) struct Grown {
     pub(super) sums: Vec<Sums>,
 }
 
-/// Memory that trees grow in, reused from one to the next.
+/// Buffers for growing trees, reused from one tree to the next.
 pub(super) struct Grower {
     limits: Limits,
-    /// Node after node, the rows of each together.
+    /// The rows of each node, contiguous.
     rows: Vec<u32>,
-    /// Histograms that are not in use.
+    /// Unused histograms.
     spare: Vec<Vec<Bin>>,
 }
 
@@ -91,7 +91,7 @@ impl Grower {
     }
 }
 
-/// A tree that grows.
+/// A tree while it grows.
 struct Growing<'a> {
     bins: &'a Bins,
     newton: &'a Newton,
@@ -101,8 +101,8 @@ struct Growing<'a> {
 }
 
 impl Growing<'_> {
-    /// Adds the node of `rows` and all below it; returns its number. Without a histogram it is
-    /// a leaf.
+    /// Adds the node of `rows` and its subtree; returns its index. Without a histogram it is a
+    /// leaf.
     fn node(
         &mut self,
         rows: &mut [u32],
@@ -137,7 +137,7 @@ impl Growing<'_> {
         place as u32
     }
 
-    /// Histograms of two children that may be split; their parent's is needed no more.
+    /// Histograms of two children that may be split. Their parent's is no longer needed.
     fn children(
         &mut self,
         left: &[u32],
@@ -184,7 +184,7 @@ impl Growing<'_> {
         for column in 0..self.bins.columns() {
             let bins = &histogram[self.bins.range(column)];
             let mut left = Bin::default();
-            // The last bin that had rows.
+            // The last non-empty bin.
             let mut last = None;
             for (next, bin) in bins.iter().enumerate().filter(|(_, bin)| bin.rows > 0) {
                 let smaller = (left.rows as usize).min(rows - left.rows as usize);
@@ -203,7 +203,7 @@ impl Growing<'_> {
         best.filter(|best| best.score > self.newton.gain(sums))
     }
 
-    /// Puts rows that go left before the others; returns their number.
+    /// Moves rows that go left before the others; returns their number.
     fn part(&self, rows: &mut [u32], split: Split) -> usize {
         let last = self.bins.range(split.column).start + split.last;
         let mut end = 0;
@@ -223,10 +223,10 @@ mod tests {
     use crate::learn::tree::grower::{self, Columns, Criterion};
     use crate::math::SeededRng;
 
-    /// The plain way: every split of the sorted rows.
+    /// The reference implementation: every split of the sorted rows.
     impl Criterion for Newton {
         type Total = Sums;
-        /// On the left, and in all.
+        /// On the left, and in total.
         type Scan = (Sums, Sums);
         type Score = f64;
 
@@ -271,7 +271,7 @@ mod tests {
             let samples = Samples::new(width, &values, &labels, 2).unwrap();
             let cut = Bins::new(&samples, bins).unwrap();
             let mut gradient = || {
-                // Coarse gradients, so that splits tie.
+                // Coarse gradients produce ties between splits.
                 let p = (rng.unit() * 8.0).round() / 8.0;
                 [
                     super::super::newton::in_quanta(p - 0.5),
@@ -299,7 +299,7 @@ mod tests {
 
             let mut leaves = vec![usize::MAX; rows];
             let mut grower = Grower::new(Limits { depth, leaf });
-            // Twice, since room is used again.
+            // Twice, because buffers are reused.
             grower.grow(&cut, &newton, &mut leaves);
             let grown = grower.grow(&cut, &newton, &mut leaves);
             assert_eq!(leaves, expected_leaves);

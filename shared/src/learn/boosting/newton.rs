@@ -1,6 +1,6 @@
 //! Newton steps of the deviance, in integers.
 
-/// The unit that gradients and Hessians are rounded to.
+/// Gradients and Hessians are rounded to multiples of this.
 const QUANTUM: f64 = 1.0 / (1u64 << 40) as f64;
 
 /// Sums of gradients and of Hessians, in quanta.
@@ -11,7 +11,7 @@ pub(super) fn in_quanta(value: f64) -> i64 {
     (value / QUANTUM).round() as i64
 }
 
-/// How much a split lowers the deviance, to second order.
+/// The decrease of the deviance through a split, to second order.
 pub(super) struct Newton {
     /// Gradient and Hessian of each row's deviance with respect to the score.
     pub(super) derivatives: Vec<Sums>,
@@ -19,14 +19,14 @@ pub(super) struct Newton {
 }
 
 impl Newton {
-    /// Of these rows.
+    /// The sums over these rows.
     pub(super) fn total(&self, rows: impl Iterator<Item = usize>) -> Sums {
         rows.fold([0; 2], |[g, h], row| {
             [g + self.derivatives[row][0], h + self.derivatives[row][1]]
         })
     }
 
-    /// G² / (H + λ): twice what one leaf gains.
+    /// G² / (H + λ): twice the gain of a leaf.
     pub(super) fn gain(&self, [gradient, hessian]: Sums) -> f64 {
         let gradient = gradient as f64 * QUANTUM;
         let whole = hessian as f64 * QUANTUM + self.penalty;

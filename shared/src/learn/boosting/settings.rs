@@ -6,19 +6,19 @@ use crate::invalid::{Invalid, positive};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct BoostingSettings {
-    /// Most trees for each score.
+    /// Maximum number of trees for each score.
     pub rounds: usize,
-    /// In cross-validation: stop after this many rounds in a row that do not lower the log loss.
+    /// In cross-validation: stop after this many consecutive rounds without a lower log loss.
     pub patience: usize,
     /// Depth of the trees.
     pub depth: usize,
-    /// Learning rate: the share of each Newton step that is taken.
+    /// Learning rate: the applied share of each Newton step.
     pub rate: f64,
-    /// Fewest rows of a leaf.
+    /// Minimum number of rows in a leaf.
     pub min_leaf: usize,
     /// λ ≥ 0 of the penalty ½ λ w² on the value w of each leaf.
     pub penalty: f64,
-    /// Most bins of each column.
+    /// Maximum number of bins per column.
     pub bins: usize,
 }
 
@@ -37,7 +37,7 @@ impl Default for BoostingSettings {
 }
 
 impl BoostingSettings {
-    /// Sets [`Self::rounds`], the most trees for each score.
+    /// Sets [`Self::rounds`], the maximum number of trees for each score.
     #[must_use]
     pub fn with_rounds(self, rounds: usize) -> Self {
         Self { rounds, ..self }
@@ -55,13 +55,13 @@ impl BoostingSettings {
         Self { depth, ..self }
     }
 
-    /// Sets [`Self::rate`], the share of each Newton step that is taken.
+    /// Sets [`Self::rate`], the applied share of each Newton step.
     #[must_use]
     pub fn with_rate(self, rate: f64) -> Self {
         Self { rate, ..self }
     }
 
-    /// Sets [`Self::min_leaf`], the fewest rows of a leaf.
+    /// Sets [`Self::min_leaf`], the minimum number of rows in a leaf.
     #[must_use]
     pub fn with_min_leaf(self, min_leaf: usize) -> Self {
         Self { min_leaf, ..self }
@@ -73,7 +73,7 @@ impl BoostingSettings {
         Self { penalty, ..self }
     }
 
-    /// Sets [`Self::bins`], the most bins of each column.
+    /// Sets [`Self::bins`], the maximum number of bins per column.
     #[must_use]
     pub fn with_bins(self, bins: usize) -> Self {
         Self { bins, ..self }
@@ -82,7 +82,7 @@ impl BoostingSettings {
     /// Accepts settings that are in range.
     ///
     /// # Errors
-    /// [`Invalid`] naming the setting.
+    /// [`Invalid`] that names the setting.
     pub(super) fn check(&self) -> Result<(), Invalid> {
         positive("rate", self.rate)?;
         if !(self.penalty.is_finite() && self.penalty >= 0.0) {

@@ -1,5 +1,5 @@
-//! The small dense problem for pairwise and Newton steps: its variables, its part of the kernel matrix,
-//! and its gradient.
+//! The small dense problem for pairwise and Newton steps: its variables, its submatrix of the
+//! kernel, and its gradient.
 
 use super::gram::{Block, Entry, LANES, entry, entry_mut};
 
@@ -12,34 +12,35 @@ pub(super) struct Variable {
 }
 
 impl Variable {
-    /// Whether it is free: it may both rise and fall.
+    /// Whether it is free: it can both rise and fall.
     pub(super) fn is_free(self) -> bool {
         self.lower < self.beta && self.beta < self.upper
     }
 }
 
-/// Arrays by variable, in blocks; entries after the last variable can neither rise nor fall.
+/// Arrays by variable, in blocks; padding entries can neither rise nor fall.
 #[derive(Clone, Debug)]
 pub(super) struct Dense<T> {
     pub(super) variables: Vec<Variable>,
-    /// Blocks from a row of `matrix` to the next: one more than the capacity, so that a column's entries
-    /// do not all map to the same few sets of a cache.
+    /// Blocks from one row of `matrix` to the next: one more than the capacity, so that a column's
+    /// entries do not all map to the same few cache sets.
     pub(super) stride: usize,
-    /// K among the variables.
+    /// K between the variables.
     pub(super) matrix: Vec<Block<T>>,
-    /// One over the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`; only rows that
-    /// are `ready`. Many steps raise the same few variables, and division is the slowest operation.
+    /// One over the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`; valid
+    /// only in rows that are `ready`. Many steps raise the same few variables, and division is the
+    /// slowest operation.
     pub(super) inverse: Vec<Block<T>>,
     pub(super) ready: Vec<bool>,
-    /// Memory for a row of `matrix`.
+    /// Buffer for a row of `matrix`.
     gathered: Vec<T>,
     /// K_ii.
     pub(super) diagonal: Vec<Block<T>>,
     /// v.
     pub(super) gradient: Vec<Block<T>>,
-    /// 0 where β may rise, −∞ where not.
+    /// 0 if β can rise, otherwise −∞.
     pub(super) rise: Vec<Block<T>>,
-    /// 0 where β may fall, −∞ where not.
+    /// 0 if β can fall, otherwise −∞.
     pub(super) fall: Vec<Block<T>>,
 }
 
@@ -60,7 +61,7 @@ impl<T: Entry> Dense<T> {
         }
     }
 
-    /// Removes all variables, and keeps the memory.
+    /// Removes all variables, but keeps the memory.
     pub(super) fn clear(&mut self) {
         self.variables.clear();
         let never = T::from_f64(f64::NEG_INFINITY);
@@ -92,8 +93,7 @@ impl<T: Entry> Dense<T> {
         }
     }
 
-    /// Fills in the kernel of variable `slot` with all `members`, from its row of the whole
-    /// matrix.
+    /// Copies the kernel between variable `slot` and all `members` from its row of the full matrix.
     pub(super) fn fill(&mut self, slot: usize, members: &[usize], row: &[Block<T>]) {
         self.ready.fill(false);
         self.gathered.clear();

@@ -1,4 +1,4 @@
-//! Kernel matrices in lanes. Each row is computed when it is first needed.
+//! Kernel matrices in lanes. Each row is computed on first use.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -6,10 +6,10 @@ use crate::parallel::{Kernel, in_widest_lanes};
 use crate::predict::svm::exponential::{exp32, exp64};
 use crate::real::Real;
 
-/// Entries of a block. Work is done block by block for any lane width of the processor.
+/// Entries of a block. Work is done in blocks, for any lane width of the processor.
 pub(super) const LANES: usize = 16;
 
-/// A block of a row, on a cache line of its own.
+/// A block of a row, aligned to a cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Block<T>(pub(super) [T; LANES]);
@@ -20,18 +20,18 @@ impl<T: Real> Block<T> {
     }
 }
 
-/// The entries of blocks in a row.
+/// The entries of a row's blocks.
 pub(super) fn entries<T>(blocks: &[Block<T>]) -> impl Iterator<Item = &T> {
     blocks.iter().flat_map(|block| &block.0)
 }
 
-/// Entry `i` of blocks in a row.
+/// Entry `i` of a row's blocks.
 #[inline(always)]
 pub(super) fn entry<T>(blocks: &[Block<T>], i: usize) -> &T {
     &blocks[i / LANES].0[i % LANES]
 }
 
-/// Entry `i` of blocks in a row.
+/// Entry `i` of a row's blocks, mutable.
 #[inline(always)]
 pub(super) fn entry_mut<T>(blocks: &mut [Block<T>], i: usize) -> &mut T {
     &mut blocks[i / LANES].0[i % LANES]
@@ -57,10 +57,10 @@ impl Entry for f64 {
     }
 }
 
-/// Rows of a matrix, each computed when it is first needed; many never are.
+/// Rows of a matrix, each computed on first use; many are never used.
 #[derive(Clone, Debug)]
 struct Lazy<T> {
-    /// The place of each row in memory, in rows; [`NOWHERE`] before the row is computed.
+    /// The position of each row in `data`, in rows; [`NOWHERE`] before the row is computed.
     place: Vec<u32>,
     data: Vec<Block<T>>,
 }
@@ -72,7 +72,7 @@ impl<T: Entry> Lazy<T> {
         Self { place: Vec::new(), data: Vec::new() }
     }
 
-    /// Forgets all rows. Reserves address space for all `rows`; only used rows take memory.
+    /// Drops all rows. Reserves address space for all `rows`; only used rows consume memory.
     fn reset(&mut self, rows: usize, blocks: usize) {
         self.place.clear();
         self.place.resize(rows, NOWHERE);
@@ -89,7 +89,7 @@ impl<T: Entry> Lazy<T> {
         &self.data[self.place[i] as usize * blocks..][..blocks]
     }
 
-    /// A new row, all zero.
+    /// Adds a row of zeros.
     fn add(&mut self, i: usize, blocks: usize) -> &mut [Block<T>] {
         let begin = self.data.len();
         self.place[i] = (begin / blocks) as u32;
@@ -98,8 +98,8 @@ impl<T: Entry> Lazy<T> {
     }
 }
 
-/// The kernel exp(−γ · squared distance) between all rows of data and the first `columns` of them (the
-/// training rows; the others are held out), computed row by row as needed.
+/// The kernel exp(−γ · squared distance) between all data rows and the first `columns` of them (the
+/// training rows; the others are held out). Rows are computed on first use.
 #[derive(Clone, Debug)]
 pub(super) struct Gram<T> {
     width: usize,
@@ -107,15 +107,15 @@ pub(super) struct Gram<T> {
     gamma: T,
     /// Row-major.
     data: Vec<f64>,
-    /// Block by block of the first `columns` rows, feature by feature.
+    /// The first `columns` rows in blocks, feature by feature within each.
     by_block: Vec<Block<T>>,
-    /// Squared distances, kept if several γ follow each other.
+    /// Squared distances, cached if several γ follow each other.
     squares: Option<Lazy<T>>,
     kernel: Lazy<T>,
 }
 
 impl<T: Entry> Gram<T> {
-    /// Memory for the next matrices: for several γ on the same data, or for one.
+    /// Buffers for the next matrices: for several γ on the same data, or for one.
     pub(super) fn empty(of_several: bool) -> Self {
         Self {
             width: 0,
@@ -128,7 +128,8 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// Changes to the rows `data` (row-major, `width` columns); [`Self::set_gamma`] follows.
+    /// Sets the data: rows `data` (row-major, `width` columns). The caller must then call
+    /// [`Self::set_gamma`].
     pub(super) fn set_data(&mut self, width: usize, data: &[f64], columns: usize) {
         (self.width, self.columns) = (width, columns);
         self.data.clear();
@@ -147,7 +148,7 @@ impl<T: Entry> Gram<T> {
         self.kernel.reset(rows, blocks);
     }
 
-    /// Changes to another γ.
+    /// Changes γ.
     pub(super) fn set_gamma(&mut self, gamma: f64) {
         self.gamma = T::from_f64(gamma);
         self.kernel.reset(self.data.len() / self.width, self.blocks());
@@ -158,12 +159,12 @@ impl<T: Entry> Gram<T> {
         self.columns
     }
 
-    /// Blocks of a row.
+    /// Number of blocks in a row.
     pub(super) fn blocks(&self) -> usize {
         self.columns.div_ceil(LANES)
     }
 
-    /// Computes a row unless it is there.
+    /// Computes a row unless it is cached.
     pub(super) fn want(&mut self, i: usize) {
         if !self.kernel.has(i) {
             let Self { width, gamma, data, by_block, squares, kernel, .. } = self;
@@ -173,20 +174,20 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// A computed row; entries after its last column have no meaning.
+    /// A computed row; padding entries are undefined.
     #[inline(always)]
     pub(super) fn row(&self, i: usize) -> &[Block<T>] {
         self.kernel.row(i, self.blocks())
     }
 
-    /// Computes a row into `out` and keeps only the distances.
+    /// Computes a row into `out` and caches only the distances.
     pub(super) fn row_into(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
         let row = &data[i * *width..(i + 1) * *width];
         in_widest_lanes(Fresh { gamma: *gamma, i, row, by_block, squares, out });
     }
 
-    /// The same with the lane width of the build.
+    /// The same with the build's lane width.
     #[cfg(test)]
     pub(super) fn row_into_plainly(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
@@ -194,7 +195,7 @@ impl<T: Entry> Gram<T> {
         Fresh { gamma: *gamma, i, row, by_block, squares, out }.run();
     }
 
-    /// All inner products of the rows, instead of a kernel.
+    /// Stores all inner products of the rows instead of a kernel.
     #[cfg(test)]
     pub(super) fn of_products(width: usize, data: &[f64]) -> Self {
         let mut gram = Self::empty(false);
@@ -211,7 +212,7 @@ impl<T: Entry> Gram<T> {
     }
 }
 
-/// Row `i` of the kernel, from the squared distances, which are computed if they are missing.
+/// Row `i` of the kernel, from the squared distances, which are computed if missing.
 struct Fresh<'a, T> {
     gamma: T,
     i: usize,
@@ -264,7 +265,7 @@ fn distances<T: Entry>(row: &[f64], by_block: &[Block<T>], out: &mut [Block<T>])
     }
 }
 
-/// Adds `share` times each given row to `sums`, on a run of blocks.
+/// Adds `share` times each given row to `sums`, on a range of blocks.
 pub(super) struct Combine<'a, T> {
     pub(super) gram: &'a Gram<T>,
     pub(super) rows: &'a [(usize, f64)],
@@ -301,12 +302,13 @@ impl<T: Entry> Kernel for Combine<'_, T> {
     }
 }
 
-/// Number of blocks whose coefficients are kept or omitted together.
+/// Number of adjacent blocks whose coefficients are stored or omitted together.
 const GROUP: usize = 4;
-/// Number of rows that are multiplied together, so that each coefficient is read once for all.
+/// Number of rows that are multiplied together, so that each coefficient is read once for all of
+/// them.
 pub(super) const TOGETHER: usize = 4;
 
-/// Coefficients without the groups of blocks that are zero.
+/// Coefficients without the all-zero groups of blocks.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
     groups: Vec<(usize, [Block<f64>; GROUP])>,
@@ -325,12 +327,12 @@ impl Sparse {
 
 /// Inner products of rows with coefficients.
 pub(super) struct Products<'a, T> {
-    /// Blocks of a row.
+    /// Number of blocks in a row.
     pub(super) blocks: usize,
     /// [`TOGETHER`] rows.
     pub(super) rows: &'a [Block<T>],
     pub(super) coefficients: &'a [Sparse],
-    /// Of each row, for each of the coefficients.
+    /// For each row, one result per set of coefficients.
     pub(super) out: &'a mut [[f64; TOGETHER]],
 }
 

@@ -1,7 +1,8 @@
 //! Cross-validation of many settings at once.
 //!
-//! The distances of a fold serve every γ; a kernel matrix serves every C, pair of classes and
-//! target, and the held-out rows too. Each C starts from the solution of the one before.
+//! The distances of a fold are shared by every γ; a kernel matrix is shared by every C, pair of
+//! classes and target, and by the held-out rows. Each C starts from the solution of the previous
+//! one.
 
 use super::dense::Dense;
 use super::gram::{Block, Gram, Products, Sparse, TOGETHER};
@@ -16,7 +17,7 @@ use crate::predict::svm::{Kernel, pair_count, pairs, vote};
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Kernels {
-    /// The linear one.
+    /// Linear.
     Linear,
     /// Radial basis functions with each of these γ.
     Rbf(Vec<f64>),
@@ -25,13 +26,13 @@ pub enum Kernels {
 /// The settings to try: each C with each kernel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// Linear, or the γ.
+    /// Linear, or the values of γ.
     pub kernels: Kernels,
-    /// The values of C, best in rising order: each starts from the solution of the one before.
+    /// The values of C, preferably ascending: each starts from the solution of the previous one.
     pub c: Vec<f64>,
-    /// Stop when the optimality conditions hold to this (radial basis functions).
+    /// Stop when the optimality conditions hold to this tolerance (radial basis functions).
     pub tolerance: f64,
-    /// Most pairwise steps of a fit (radial basis functions).
+    /// Maximum number of pairwise steps of a fit (radial basis functions).
     pub max_steps: usize,
 }
 
@@ -71,11 +72,11 @@ pub struct GridCell {
     pub kernel: Kernel,
     /// C.
     pub c: f64,
-    /// For each fold, in rising order of their numbers: the share of the held-out rows whose
-    /// label is predicted (by votes).
+    /// For each fold, ascending by number: the share of held-out rows whose label is predicted (by
+    /// votes).
     pub accuracy: Vec<f64>,
-    /// Decision values of each row from the SVMs that were trained without its fold (rows × pairs,
-    /// row-major); if a class of the pair is missing there, 1 or −1 for the other.
+    /// Decision values of each row from the SVMs trained without its fold (rows × pairs,
+    /// row-major). If a class of the pair is missing there, 1 or −1 for the other class.
     pub decisions: Vec<f64>,
 }
 
@@ -96,15 +97,15 @@ pub fn best(cells: &[GridCell]) -> Option<&GridCell> {
     cells.iter().reduce(|best, cell| if better(best, cell) { cell } else { best })
 }
 
-/// Tries all settings on all targets: for each target its cells, C by C, and within a C γ by γ.
+/// Tries all settings on all targets. Returns each target's cells, ordered by C, then by γ.
 ///
-/// `rows` are raw features (row-major, `width` columns), standardised by the training rows of
-/// each fold; `folds` has the number of each row's fold. Memory: at most two matrices of all rows ×
+/// `rows` are raw features (row-major, `width` columns), standardised by the training rows of each
+/// fold; `folds` contains the number of each row's fold. Memory: at most two matrices of all rows ×
 /// training rows in f32.
 ///
 /// # Errors
-/// [`Invalid`] if lengths do not fit, a number is not finite or not > 0 where it must be,
-/// there are fewer than two folds, or a fit does not converge.
+/// [`Invalid`] if lengths do not match, a number is not finite or not > 0 where it must be, there
+/// are fewer than two folds, or a fit does not converge.
 pub fn cross_validate(
     width: usize,
     rows: &[f64],
@@ -152,7 +153,7 @@ pub fn cross_validate(
             }
             Kernels::Rbf(gammas) => {
                 gram.set_data(width, &data, trained.len());
-                // Of each target and pair, the last kernel's solution for the first C.
+                // For each target and pair, the last kernel's solution for the first C.
                 let mut starts: Vec<Vec<Start>> =
                     targets.iter().map(|target| vec![None; pair_count(target.classes)]).collect();
                 for (k, &gamma) in gammas.iter().enumerate() {
@@ -191,8 +192,8 @@ pub fn cross_validate(
     Ok(cells)
 }
 
-/// Linear SVMs for a cell's C: fills in the decisions of the held-out rows, which `data`
-/// has after the trained ones.
+/// Linear SVMs for a cell's C. Fills in the decisions of the held-out rows, which follow the
+/// training rows in `data`.
 fn planes(
     width: usize,
     data: &[f64],
@@ -226,21 +227,21 @@ fn constant(sides: &[i8]) -> Option<f64> {
     }
 }
 
-/// A solution that another problem may start from.
+/// A starting point from the solution of a similar problem.
 type Start = Option<Vec<Block<f64>>>;
 
-/// One target.
+/// The problem of one target.
 struct Radial<'a> {
     labels: &'a [usize],
     classes: usize,
     grid: &'a Grid,
 }
 
-/// A solution, or the one decision value of rows that are all of one side.
+/// A solution, or the constant decision value if all rows are on one side.
 type Trained = Result<DualSolution, f64>;
 
 impl Radial<'_> {
-    /// Trains for each pair and C, and passes each solution on with the indices of both.
+    /// Trains for each pair and C, and passes each solution to the callback with both indices.
     fn solve(
         &self,
         gram: &mut Gram<f32>,
@@ -268,7 +269,7 @@ impl Radial<'_> {
     }
 }
 
-/// What a solution belongs to.
+/// Target, pair and cell of a solution.
 struct Place {
     target: usize,
     pair: usize,
@@ -294,7 +295,7 @@ impl TrainedSvms {
         self.intercepts.push(intercept);
     }
 
-    /// Fills in the decisions of the held-out rows, which `gram` has after the trained ones.
+    /// Fills in the decisions of the held-out rows, which follow the training rows in `gram`.
     fn decide(
         &self,
         gram: &mut Gram<f32>,

@@ -1,16 +1,16 @@
-//! Linear SVMs: an interior point method on the dual, for many rows of few features.
+//! Linear SVMs: an interior-point method on the dual, for many rows of few features.
 //!
 //! With g_i = y_i (w·x_i + b), the conditions of the optimum are w = Σ α_i y_i x_i,
 //! Σ α_i y_i = 0, g_i − 1 = z_i − u_i, α_i z_i = 0 and (C − α_i) u_i = 0 with all of α, C − α,
-//! z and u ≥ 0. Newton steps towards products μ in place of 0 leave, once α, z and u are
-//! eliminated, a linear system for (w, b) alone (Ferris and Munson 2002, "Interior-point
-//! methods for massive support vector machines"). A predictor and a corrector choose μ
-//! (Mehrotra 1992). The corrector assumes a full step; if only a small part of one is feasible, the
-//! iteration may cycle (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual
-//! corrector interior point algorithm for linear programming"). Therefore, once a step has not
-//! reduced the sum of products, steps have no corrector and are short enough to stay in a
-//! neighbourhood of the central path that contains the present point, where the sum always falls
-//! (Wright 1997, "Primal-dual interior-point methods", chapter 5).
+//! z and u ≥ 0. Newton steps aim at products μ in place of 0; after elimination of α, z and u, a
+//! linear system for (w, b) alone remains (Ferris and Munson 2002, "Interior-point methods for
+//! massive support vector machines"). A predictor and a corrector choose μ (Mehrotra 1992). The
+//! corrector assumes a full step; if only a small part of one is feasible, the iteration may cycle
+//! (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual corrector interior point
+//! algorithm for linear programming"). Therefore, once a step has not reduced the sum of products,
+//! later steps have no corrector and are short enough to stay in a neighbourhood of the central
+//! path that contains the current point, where the sum always falls (Wright 1997, "Primal-dual
+//! interior-point methods", chapter 5).
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -21,19 +21,19 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// A step goes at most this share of the way to the nearest bound.
 const SHARE: f64 = 0.995;
-/// The mean of products that plain steps aim at, as a share of the present mean.
+/// Plain steps aim at a mean of products in this range, as a share of the current mean.
 const PLAIN_CENTRE: (f64, f64) = (0.1, 0.8);
-/// Plain steps leave no product below this share of the mean, or below the share that the smallest
-/// product had when they began: outside that neighbourhood there might be no such step.
+/// Plain steps leave no product below this share of the mean, or below the smallest product's share
+/// when they began: outside that neighbourhood there might be no such step.
 const NEIGHBOURHOOD: f64 = 1e-4;
-/// They reduce the sum by at least this share of the step length.
+/// Plain steps reduce the sum by at least this share of the step length.
 const DECREASE: f64 = 0.01;
 /// The iteration ends when the mean of products is below this times 1 + C …
 const MEAN_PRODUCT: f64 = 1e-12;
 /// … or after this many steps; about fifteen are needed.
 const MAX_STEPS: usize = 200;
 
-/// Rows of a block: sums run over several rows in registers before they go to memory.
+/// Rows in a block: sums over several rows stay in registers before they are stored.
 const ROWS: usize = 4 * LANES;
 
 type Block = [f64; ROWS];
@@ -55,8 +55,8 @@ impl Plane {
     }
 }
 
-/// The SVM of the rows `data` (row-major, `width` columns, standardised) with sides 1 or
-/// −1, both of which occur, or 0 for rows that are no part of it.
+/// The SVM of the rows `data` (row-major, `width` columns, standardised). `sides` is 1 or −1, both
+/// of which must occur, or 0 for rows to ignore.
 ///
 /// # Errors
 /// [`Invalid`] if it does not converge.
@@ -83,17 +83,17 @@ struct State {
     c: f64,
     /// w, then b.
     theta: DVector<f64>,
-    /// For each block of rows y times each feature, then y itself.
+    /// For each block of rows: y times each feature, then y itself.
     columns: Vec<Block>,
     rows: Vec<Row>,
     alpha: Vec<Block>,
-    /// C − α, kept apart: the difference would cancel.
+    /// C − α, stored separately: the difference would cancel.
     room: Vec<Block>,
     z: Vec<Block>,
     u: Vec<Block>,
 }
 
-/// What one pass leaves for the next, for a block of rows.
+/// Intermediate results of one pass for a block of rows, used by the next pass.
 #[derive(Clone, Copy)]
 struct Row {
     /// 1/α and 1/(C − α).
@@ -103,7 +103,7 @@ struct Row {
     weight: Block,
     /// 1 − g.
     lack: Block,
-    /// Right hand sides of the two products.
+    /// Right-hand sides of the two products.
     p: Block,
     q: Block,
     /// Changes of α, z and u.
@@ -173,7 +173,7 @@ impl Kernel for Fit<'_> {
     fn run(self) {
         let state = self.state;
         let products = 2.0 * state.count as f64;
-        // The neighbourhood of plain steps, once they have begun.
+        // The neighbourhood of plain steps, once these have begun.
         let (mut last, mut neighbourhood) = (f64::INFINITY, None);
         for _ in 0..MAX_STEPS {
             let (gap, system) = state.linearise();
@@ -195,7 +195,8 @@ impl Kernel for Fit<'_> {
             let (longest, curvature) = state.turn(&step);
             let share = longest.min(1.0);
             let reached = ((1.0 - share) * gap + share * share * curvature).max(0.0) / gap;
-            // Corrector: the shorter the predictor's step, the more central; with its second order.
+            // Corrector: the shorter the predictor's step, the more central; includes second-order
+            // terms.
             let centre = reached * reached * reached;
             if neighbourhood.is_some() {
                 let (least, most) = PLAIN_CENTRE;
@@ -218,7 +219,7 @@ impl Kernel for Fit<'_> {
 }
 
 impl State {
-    /// The sum of products, and the system's matrix. Right hand sides p, q are 0.
+    /// The sum of products, and the system's matrix. Sets the right-hand sides p and q to 0.
     #[inline(always)]
     fn linearise(&mut self) -> (f64, DMatrix<f64>) {
         let Self { theta, columns, rows, alpha, room, z, u, count, .. } = self;
@@ -274,7 +275,7 @@ impl State {
         (total(&gap), matrix)
     }
 
-    /// The step of (w, b) for the present p and q.
+    /// The step of (w, b) for the current p and q.
     #[inline(always)]
     fn solve(&self, system: &Cholesky<f64, Dyn>) -> DVector<f64> {
         let mut sums = vec![[0.0; LANES]; self.theta.len()];
@@ -296,8 +297,8 @@ impl State {
         system.solve(&right)
     }
 
-    /// Changes of α, z and u for a step of (w, b). Returns the longest share of them that
-    /// stays inside, and Σ Δα (Δz − Δu).
+    /// Computes the changes of α, z and u for a step of (w, b). Returns the longest feasible share
+    /// of them, and Σ Δα (Δz − Δu).
     #[inline(always)]
     fn turn(&mut self, step: &DVector<f64>) -> (f64, f64) {
         let Self { columns, rows, z, u, .. } = self;
@@ -317,7 +318,7 @@ impl State {
                 let pull = row.p[l] * over_alpha - row.q[l] * over_room;
                 let alpha = row.weight[l] * (row.lack[l] + pull - turn[l]);
                 row.alpha[l] = alpha;
-                // Padding rows have no weight, and stay.
+                // Padding rows have zero weight, and do not change.
                 let part = if row.weight[l] > 0.0 { 1.0 } else { 0.0 };
                 row.z[l] = part * (row.p[l] * over_alpha - z[l] - z[l] * over_alpha * alpha);
                 row.u[l] = part * (row.q[l] * over_room - u[l] + u[l] * over_room * alpha);
@@ -332,7 +333,7 @@ impl State {
         (1.0 / fastest.into_iter().fold(0.0, f64::max), total(&curvature))
     }
 
-    /// Right-hand sides for products μ, less a share of the second-order terms of the present
+    /// Right-hand sides for products μ, minus a share of the second-order terms of the current
     /// changes.
     #[inline(always)]
     fn aim(&mut self, mu: f64, second_order: f64) {
@@ -352,8 +353,8 @@ impl State {
         places.map(product).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether a share of the changes leaves no product further behind their mean than
-    /// `neighbourhood` says, and lessens their sum, now `gap`.
+    /// Whether a share of the changes keeps every product at least `neighbourhood` times their mean
+    /// and reduces their sum, currently `gap`.
     fn stays_in(&self, neighbourhood: f64, share: f64, gap: f64) -> bool {
         let (mut least, mut sum) = (f64::INFINITY, 0.0);
         for (b, row) in self.rows.iter().enumerate() {
@@ -369,7 +370,7 @@ impl State {
         least >= neighbourhood * mean && sum <= (1.0 - DECREASE * share) * gap
     }
 
-    /// Takes a share of the changes.
+    /// Applies a share of the changes.
     #[inline(always)]
     fn advance(&mut self, share: f64, step: &DVector<f64>) {
         for (b, row) in self.rows.iter().enumerate() {
@@ -395,7 +396,7 @@ fn add_product(sums: &mut [f64; LANES], first: &Block, second: &Block) {
     }
 }
 
-/// The sum, in order.
+/// The sum, in index order.
 #[inline(always)]
 fn total(terms: &[f64]) -> f64 {
     terms.iter().sum()

@@ -1,25 +1,25 @@
 //! Newton steps on the free variables of a small problem.
 //!
-//! If the variables at a bound are known, the optimum of the others is the solution of a linear system:
-//! K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly if K is nearly singular (large C, small
-//! γ), but then few variables are free and the system is small. A share ≤ 1 of Δ never makes the
-//! objective worse.
+//! If the variables at a bound are known, the optimum of the others is the solution of a linear
+//! system: K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly if K is nearly singular (large
+//! C, small γ), but then few variables are free and the system is small. A share ≤ 1 of Δ never
+//! worsens the objective.
 
 use super::dense::Dense;
 use super::gram::{Entry, LANES, entry};
 
-/// A variable whose pivot is below this does not move: within single precision it is a linear
+/// A variable whose pivot is below this does not move: to single precision it is a linear
 /// combination of others.
 const LEAST_PIVOT: f64 = 1e-7;
 /// Rows are padded to a multiple of this.
 const WIDTH: usize = 8;
-/// Most bounds that are reached, one after another, before pairwise steps continue.
+/// Maximum number of bounds reached in succession before pairwise steps continue.
 const BOUNDS: usize = 4;
 
-/// A Cholesky factor and vectors, whose memory is reused.
+/// A Cholesky factor and vectors, with reusable memory.
 #[derive(Debug, Default)]
 pub(super) struct Newton {
-    /// The variables that move.
+    /// The variables to move.
     free: Vec<usize>,
     /// Rows of the upper triangle, `stride` apart.
     factor: Vec<f64>,
@@ -31,7 +31,7 @@ pub(super) struct Newton {
 }
 
 impl Newton {
-    /// Moves the free variables to their optimum, or to the bounds that they reach.
+    /// Moves the free variables to their optimum, or to the first bounds on the way.
     #[inline(always)]
     pub(super) fn step<T: Entry>(&mut self, dense: &mut Dense<T>) {
         for _ in 0..BOUNDS {
@@ -46,7 +46,7 @@ impl Newton {
         }
     }
 
-    /// The Cholesky factor of K for the free variables. All operations are row by row, so that lanes
+    /// The Cholesky factor of K for the free variables. All operations go row by row, so that lanes
     /// compute the same as scalar code.
     #[inline(always)]
     fn factorise<T: Entry>(&mut self, dense: &Dense<T>) {

@@ -1,11 +1,11 @@
 //! Sequential minimal optimisation on a small dense problem. Most of the time is spent here.
 //!
-//! The dual in β_i = y_i α_i: maximise Σ y_i β_i − ½ βᵀKβ with Σ β_i = 0 and β_i between
-//! 0 and y_i C. Its gradient is v_i = y_i − Σ_j K_ij β_j. A step raises one β_i and lowers one
-//! β_j by the same amount. i has the greatest gradient among those that may rise; j, among
-//! those that may fall and have a lower gradient, gains most (Fan, Chen, Lin 2005, "Working set
-//! selection using second order information"). It ends where the greatest gradient that may
-//! rise exceeds the least that may fall by less than the tolerance: libsvm's criterion.
+//! The dual in β_i = y_i α_i: maximise Σ y_i β_i − ½ βᵀKβ with Σ β_i = 0 and β_i between 0 and y_i
+//! C. Its gradient is v_i = y_i − Σ_j K_ij β_j. A step raises one β_i and lowers one β_j by the
+//! same amount. i has the greatest gradient among those that can rise; j, among those that can fall
+//! and have a lower gradient, gains most (Fan, Chen, Lin 2005, "Working set selection using second
+//! order information"). The iteration ends when the greatest gradient that can rise exceeds the
+//! least that can fall by less than the tolerance: libsvm's criterion.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -15,7 +15,7 @@ use super::newton::Newton;
 use crate::parallel::Kernel;
 use crate::real::Real;
 
-/// Least curvature that is used, as in libsvm; identical rows have curvature 0.
+/// Lower bound on the curvature, as in libsvm; identical rows have curvature 0.
 const LEAST_CURVATURE: f64 = 1e-12;
 
 /// Number of blocks that are processed together; the capacity for variables is a multiple of it.
@@ -34,8 +34,8 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     fn run(self) {
         let Self { dense, newton, tolerance, steps } = self;
         while *steps > 0 {
-            // Pairwise steps determine which variables are at a bound. They may take a little longer
-            // than a Newton step, which then solves the rest.
+            // Pairwise steps determine which variables are at a bound. They may take slightly
+            // longer than a Newton step, which then solves for the rest.
             let free = dense.variables.iter().filter(|variable| variable.is_free()).count();
             let budget = 4 * dense.variables.len() + free * free * free / 1000;
             if exchange(dense, tolerance, budget.min(*steps), steps) {
@@ -46,8 +46,8 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     }
 }
 
-/// Takes pairwise steps until the tolerance is reached, or `budget` steps, and subtracts them from
-/// `steps`. Returns whether the tolerance is reached.
+/// Takes pairwise steps until the tolerance is reached, at most `budget`, and subtracts their
+/// number from `steps`. Returns whether the tolerance is reached.
 #[inline(always)]
 fn exchange<T: Entry>(
     dense: &mut Dense<T>,
@@ -77,7 +77,7 @@ fn exchange<T: Entry>(
         let wanted = ((top - *entry(&dense.gradient, j)) / curvature).to_f64();
         let (room_above, room_below) = (a.upper - a.beta, b.beta - b.lower);
         let taken = wanted.smaller(room_above).smaller(room_below);
-        // A variable that reaches a bound has exactly its value.
+        // A variable that reaches a bound gets exactly the bound's value.
         dense.variables[i].beta = if taken == room_above { a.upper } else { a.beta + taken };
         dense.variables[j].beta = if taken == room_below { b.lower } else { b.beta - taken };
         step = T::from_f64(taken);
@@ -88,8 +88,8 @@ fn exchange<T: Entry>(
     false
 }
 
-/// Gradients after β_i rose and β_j fell by `step`. Returns the greatest gradient that may rise,
-/// the least that may fall, and the first variable that has the greatest.
+/// Gradients after β_i rose and β_j fell by `step`. Returns the greatest gradient that can rise,
+/// the least that can fall, and the first variable with the greatest.
 #[inline(always)]
 fn move_on<T: Entry>(
     dense: &mut Dense<T>,
@@ -107,7 +107,7 @@ fn move_on<T: Entry>(
     let mut place = [T::ZERO; LANES];
     let mut here = T::ZERO;
     let one = T::from_f64(1.0);
-    // The best of a few blocks in registers, then the best so far in memory.
+    // First the best of a few blocks in registers, then the best so far in memory.
     let groups = gradient.as_chunks_mut::<GROUP>().0.iter_mut().zip(rise.as_chunks::<GROUP>().0);
     let groups = groups.zip(fall.as_chunks::<GROUP>().0);
     let rows = row_i.as_chunks::<GROUP>().0.iter().zip(row_j.as_chunks::<GROUP>().0);
@@ -137,7 +137,7 @@ fn move_on<T: Entry>(
     (greatest, reduced(bottom, T::smaller), at)
 }
 
-/// Makes row `i` of the inverse curvatures ready.
+/// Computes row `i` of the inverse curvatures.
 #[inline(always)]
 fn invert<T: Entry>(dense: &mut Dense<T>, blocks: usize, i: usize, least: T) {
     let row = i * dense.stride..i * dense.stride + blocks;
@@ -153,8 +153,8 @@ fn invert<T: Entry>(dense: &mut Dense<T>, blocks: usize, i: usize, least: T) {
     dense.ready[i] = true;
 }
 
-/// The variable that may fall, has a gradient below `top`, and whose exchange with `i` gains
-/// most: (top − v_j)² / (K_ii + K_jj − 2 K_ij).
+/// The variable that can fall, has a gradient below `top`, and gains most in an exchange with `i`:
+/// (top − v_j)² / (K_ii + K_jj − 2 K_ij).
 #[inline(always)]
 fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T) -> usize {
     let inverse = &dense.inverse[i * dense.stride..i * dense.stride + blocks];
@@ -185,8 +185,8 @@ fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T) -> usize
     first_greatest(&most, &place).1
 }
 
-/// The greatest of the lanes and its variable, the first on a tie; without branches, which would be
-/// unpredictable.
+/// The greatest of the lanes and its variable, the first on a tie. Branch-free, because branches
+/// would be unpredictable.
 #[inline(always)]
 fn first_greatest<T: Entry>(values: &[T; LANES], place: &[T; LANES]) -> (T, usize) {
     let best = reduced(*values, T::larger);

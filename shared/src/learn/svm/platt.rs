@@ -7,17 +7,17 @@
 use crate::math::{exp, ln};
 use crate::predict::svm::Sigmoid;
 
-/// Added to the Hessian's diagonal, since constant decision values make the Hessian singular.
+/// Added to the Hessian's diagonal, because constant decision values make the Hessian singular.
 const RIDGE: f64 = 1e-12;
 /// Newton's method ends when no component of the gradient exceeds this times the number of values.
 const TOLERANCE: f64 = 1e-12;
-/// Most Newton steps: about six are needed.
+/// Maximum number of Newton steps; about six are needed.
 const MAX_STEPS: usize = 100;
 /// Newton's method ends when a step is halved below this share: the loss is flat to rounding.
 const LEAST_SHARE: f64 = 1e-10;
 
-/// The sigmoid of (decision value, whether the first class is true) of held-out rows. Without
-/// any, probabilities are ½ throughout.
+/// The sigmoid for held-out rows, each with its decision value and whether the first class is true.
+/// Without rows, all probabilities are ½.
 pub(super) fn sigmoid(decisions: &[(f64, bool)]) -> Sigmoid {
     let first = decisions.iter().filter(|&&(_, first)| first).count() as f64;
     let second = decisions.len() as f64 - first;
@@ -111,7 +111,7 @@ mod tests {
         // One class only: Laplace's rule.
         let p = sigmoid(&[(1.0, true); 8]).probability(1.0);
         assert!((p - 0.9).abs() < 1e-6, "{p}");
-        // Separated classes stay short of certainty.
+        // Separated classes do not reach certainty.
         let separated: Vec<_> = (0..20).map(|i| (f64::from(i) - 9.5, i >= 10)).collect();
         let p = sigmoid(&separated).probability(9.5);
         assert!(p > 0.9 && p < 1.0, "{p}");

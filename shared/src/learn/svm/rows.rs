@@ -1,4 +1,4 @@
-//! The rows that SVMs are trained on: their classes, checks, order and standardisation.
+//! Training rows of SVMs: classes, checks, order and standardisation.
 
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
@@ -9,7 +9,7 @@ use crate::predict::scale::Scale;
 pub struct Target<'a> {
     /// The class of each row, 0 … `classes` − 1.
     pub labels: &'a [usize],
-    /// How many there are, at least 2.
+    /// Number of classes, at least 2.
     pub classes: usize,
 }
 
@@ -19,7 +19,7 @@ pub(super) fn sides(labels: &[usize], first: usize, second: usize) -> Vec<i8> {
     labels.iter().map(side).collect()
 }
 
-/// Lengths, labels and numbers.
+/// Checks lengths, labels and numbers.
 pub(super) fn check(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Result<(), Invalid> {
     for target in targets {
         Samples::new(width, rows, target.labels, target.classes)?;
@@ -30,8 +30,8 @@ pub(super) fn check(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Resul
     Ok(())
 }
 
-/// The order in which rows are computed with: by labels, then by features. Rows that are
-/// equal in all of it may change places without any effect.
+/// The order of rows in computations: by labels, then by features. Swapping rows that are equal in
+/// all of these has no effect.
 pub(super) fn order(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Vec<usize> {
     let row = |i: usize| &rows[i * width..(i + 1) * width];
     let mut order: Vec<usize> = (0..rows.len() / width.max(1)).collect();
@@ -46,7 +46,7 @@ pub(super) fn order(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Vec<u
     order
 }
 
-/// The scale of the rows `fitted`, and the rows `wanted` on it.
+/// The scale of the rows `fitted`, and the rows `wanted` standardised by it.
 pub(super) fn standardised(
     width: usize,
     rows: &[f64],

@@ -1,9 +1,10 @@
 //! One pair of classes: the dual problem on a kernel matrix, solved through small problems.
 //!
-//! Most rows stay at a bound, so steps are taken on a dense copy of the few other rows ([`Pairwise`]).
-//! Then the gradients of all rows are updated and the rows that violate the optimality conditions most
-//! join the copy, until no row violates them. The solution for a lower C, multiplied by the ratio of
-//! both C, is the start for the next C: variables at a bound stay at it.
+//! Most rows stay at a bound, so steps are taken on a dense copy of the few other rows
+//! ([`Pairwise`]). Then the gradients of all rows are updated and the rows that violate the
+//! optimality conditions most join the copy, until no row violates them. The next C starts from the
+//! solution for the previous C, multiplied by the ratio of the two: variables at a bound stay
+//! there.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -15,17 +16,17 @@ use crate::invalid::Invalid;
 use crate::parallel::{Kernel, in_widest_lanes};
 use core::ops::Range;
 
-/// Number of rows of either kind that join the small problem at a time.
+/// Number of rows of either kind that join the small problem at once.
 const JOIN: usize = 24;
-/// From this many rows on, settled rows leave the small problem when others join.
+/// At this size, settled rows leave the small problem when others join.
 const FULL: usize = 48;
-/// The small problem is solved to this share of the current gap, since the problem soon changes.
+/// The small problem is solved to this share of the current gap, because the problem will change.
 const SHARE: f64 = 0.1;
 
 /// The SVM of a pair: decision f = Σ β_i K(x_i, x) + intercept.
 #[derive(Clone, Debug)]
 pub(super) struct DualSolution {
-    /// In blocks, with an entry for each training row.
+    /// In blocks, with one entry per training row.
     pub(super) beta: Vec<Block<f64>>,
     pub(super) intercept: f64,
 }
@@ -33,15 +34,15 @@ pub(super) struct DualSolution {
 /// The problem of one pair, and its current solution.
 pub(super) struct Smo<'a, T> {
     gram: &'a mut Gram<T>,
-    /// 1 or −1 for the two classes, 0 for rows of others.
+    /// 1 or −1 for the two classes, 0 for rows of other classes.
     sides: &'a [i8],
     /// The range of the pair's rows, in blocks.
     runs: Vec<Range<usize>>,
     c: f64,
     rows: Rows,
-    /// The row of each variable of the small problem.
+    /// The row of each variable in the small problem.
     members: Vec<usize>,
-    /// Whether a row is one of them.
+    /// Whether each row is in the small problem.
     joined: Vec<bool>,
     dense: &'a mut Dense<T>,
     newton: Newton,
@@ -52,16 +53,16 @@ struct Rows {
     beta: Vec<Block<f64>>,
     /// v_i = y_i − Σ K_ij β_j.
     gradient: Vec<Block<f64>>,
-    /// 0 where β may rise, −∞ where not.
+    /// 0 if β can rise, otherwise −∞.
     rise: Vec<Block<f64>>,
-    /// 0 where β may fall, −∞ where not.
+    /// 0 if β can fall, otherwise −∞.
     fall: Vec<Block<f64>>,
 }
 
 impl<'a, T: Entry> Smo<'a, T> {
-    /// The problem whose rows have `sides` 1, −1 (both occur) or 0 (no part of it), with this
-    /// C. It starts from a solution `start` of a similar problem with the same sides and C, or
-    /// from as many rows at the bound as there are of the smaller class.
+    /// The problem for rows with `sides` 1, −1 (both occur) or 0 (ignored), with this C. It starts
+    /// from `start`, a solution of a similar problem with the same sides and C. Without one, all
+    /// rows of the smaller class, and equally many of the other, start at the bound.
     pub(super) fn new(
         gram: &'a mut Gram<T>,
         sides: &'a [i8],
@@ -108,7 +109,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         smo
     }
 
-    /// Solves for this C, starting from the last solution.
+    /// Solves for this C, starting from the previous solution.
     ///
     /// # Errors
     /// [`Invalid`] if `steps` steps do not reach the tolerance.
@@ -125,7 +126,7 @@ impl<'a, T: Entry> Smo<'a, T> {
                 return Ok(self.solution(top, bottom));
             }
             if steps == 0 {
-                return Err(Invalid::new("c", "a problem that the steps allowed solve", c));
+                return Err(Invalid::new("c", "a problem that converges within the step limit", c));
             }
             let middle = 0.5 * (top + bottom);
             let violators = self.violators(middle);
@@ -159,7 +160,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         *entry_mut(&mut self.rows.fall, i) = mask(beta > lower);
     }
 
-    /// Changes to another C.
+    /// Rescales the solution for another C.
     fn stretch(&mut self, c: f64) {
         if c == self.c {
             return;
@@ -169,7 +170,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         for (i, &side) in self.sides.iter().enumerate() {
             let (beta, (lower, upper)) = (*entry(&self.rows.beta, i), self.bounds(i));
             let bound = *entry(&self.rows.rise, i) != 0.0 || *entry(&self.rows.fall, i) != 0.0;
-            // Variables at a bound keep exactly its value.
+            // Variables at a bound get exactly the bound's value.
             self.set(
                 i,
                 match beta {
@@ -184,7 +185,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         }
     }
 
-    /// Adds shares of rows of the kernel matrix to the gradients.
+    /// Adds multiples of kernel rows to the gradients.
     fn combine(&mut self, rows: &[(usize, f64)]) {
         for run in &self.runs {
             let sums = &mut self.rows.gradient[run.clone()];
@@ -203,7 +204,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         }
     }
 
-    /// The greatest gradient that may rise, and the least that may fall.
+    /// The greatest gradient that can rise, and the least that can fall.
     fn extremes(&self) -> (f64, f64) {
         let mut extremes = (f64::NEG_INFINITY, f64::INFINITY);
         in_widest_lanes(Extremes { rows: &self.rows, runs: &self.runs, extremes: &mut extremes });
@@ -262,7 +263,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         }
     }
 
-    /// Makes `row` the variable in `slot`.
+    /// Assigns `row` to the variable in `slot`.
     fn place(&mut self, slot: usize, row: usize) {
         self.members[slot] = row;
         self.joined[row] = true;
@@ -279,7 +280,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         }
     }
 
-    /// Takes over the solution of the small problem, and updates all gradients.
+    /// Copies the solution of the small problem back, and updates all gradients.
     fn unload(&mut self) {
         let mut changes = Vec::new();
         for slot in 0..self.members.len() {
@@ -306,7 +307,7 @@ impl<'a, T: Entry> Smo<'a, T> {
     }
 }
 
-/// All rows of the smaller class at the bound, and as many of the other, evenly spread.
+/// All rows of the smaller class at the bound, and equally many of the other, evenly spread.
 fn balanced(sides: &[i8], c: f64) -> Vec<Block<f64>> {
     let count = |side: i8| sides.iter().filter(|&&s| s == side).count();
     let wanted = count(1).min(count(-1));
@@ -320,7 +321,7 @@ fn balanced(sides: &[i8], c: f64) -> Vec<Block<f64>> {
     beta
 }
 
-/// The greatest gradient that may rise and the least that may fall, on runs of blocks.
+/// The greatest gradient that can rise and the least that can fall, on ranges of blocks.
 struct Extremes<'a> {
     rows: &'a Rows,
     runs: &'a [Range<usize>],
@@ -347,7 +348,7 @@ impl Kernel for Extremes<'_> {
     }
 }
 
-/// The rows that violate the conditions, and by how much their gradients differ from the middle.
+/// The rows that violate the conditions, and the distances of their gradients from the middle.
 struct Violators<'a> {
     rows: &'a Rows,
     runs: &'a [Range<usize>],

@@ -1,8 +1,8 @@
-//! Grows trees by exhaustive search of splits, for any criterion.
+//! Grows trees by exhaustive search over splits, for any criterion.
 //!
-//! Each column is sorted once; a node holds its rows in the order of every column, and a split
-//! divides each of these lists, keeping their order. Trees that differ only in their smallest
-//! allowed leaf are grown together until their best splits differ.
+//! Each column is sorted once. A node contains its rows in the order of every column; a split
+//! divides each of these lists and keeps their order. Trees that differ only in their minimum leaf
+//! size are grown together until their best splits differ.
 
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
@@ -11,12 +11,11 @@ use crate::predict::tree::{DEEPEST, Node};
 /// More rows would overflow the sums of a criterion.
 const MOST_ROWS: usize = 1 << 21;
 
-/// No split separates values closer than this. (In single precision, as in scikit-learn: for large
-/// values it rounds to 0, so that only equal values are not separated.)
+/// No split separates values closer than this. (In single precision, as in scikit-learn: next to
+/// large values it rounds to 0, so only equal values stay together.)
 const CLOSE: f32 = 1e-7;
 
-/// The criterion of a split. The results of all functions must depend only on sets of rows, not
-/// on their order.
+/// The criterion of a split. All results must depend only on sets of rows, not on their order.
 pub(crate) trait Criterion {
     /// The summary of a node's rows.
     type Total;
@@ -29,7 +28,7 @@ pub(crate) trait Criterion {
     fn total(&self, rows: impl Iterator<Item = usize>) -> Self::Total;
     /// Whether a node with this summary needs no split.
     fn is_done(&self, total: &Self::Total) -> bool;
-    /// All of a node's rows on the right.
+    /// The initial scan, with all of the node's rows on the right.
     fn begin(&self, total: &Self::Total) -> Self::Scan;
     /// Moves a row from the right to the left.
     fn pass(&self, scan: &mut Self::Scan, row: usize);
@@ -51,7 +50,7 @@ struct Entry {
 }
 
 impl Entry {
-    /// Whether a value that is not less is too close to this one to be separated.
+    /// Whether a value not less than this one is too close to separate.
     #[inline(always)]
     fn is_close_to(self, next: Self) -> bool {
         next.value <= self.value + CLOSE
@@ -66,7 +65,7 @@ impl Entry {
 /// The columns of samples, each sorted.
 pub(crate) struct Columns {
     rows: usize,
-    /// Column after column.
+    /// Entries, column by column.
     entries: Vec<Entry>,
 }
 
@@ -79,12 +78,12 @@ impl Columns {
             return Err(Invalid::new("rows", format!("at most {MOST_ROWS} rows"), rows));
         }
         let mut entries = Vec::with_capacity(rows * samples.width());
-        // Sign, exponent and fraction as one integer, in the order of the values; then the row.
+        // Sign, exponent and fraction as one order-preserving integer; then the row.
         let mut keys: Vec<u64> = Vec::with_capacity(rows);
         for j in 0..samples.width() {
             keys.clear();
             for (i, row) in samples.rows().enumerate() {
-                // Adding 0 makes −0 a 0.
+                // Adding 0 turns −0 into 0.
                 let value = row[j] as f32 + 0.0;
                 if value.is_infinite() {
                     let expected = "a number within single precision";
@@ -122,16 +121,16 @@ impl Columns {
     }
 }
 
-/// How far trees grow.
+/// Limits on the growth of trees.
 pub(crate) struct Limits {
     depth: usize,
-    /// The smallest allowed leaf of each tree, in rising order.
+    /// The minimum leaf size of each tree, ascending.
     leaves: Vec<usize>,
 }
 
 impl Limits {
     /// # Errors
-    /// [`Invalid`] if `min_leaves` do not rise from at least 1.
+    /// [`Invalid`] if `min_leaves` are not ascending from at least 1.
     pub(crate) fn new(max_depth: Option<usize>, min_leaves: &[usize]) -> Result<Self, Invalid> {
         if min_leaves.first() == Some(&0) || !min_leaves.is_sorted_by(|a, b| a < b) {
             let expected = "numbers from 1, in rising order";
@@ -152,27 +151,27 @@ pub(crate) struct Grown<T> {
 struct Best<S> {
     score: S,
     column: usize,
-    /// Rows on the left.
+    /// Number of rows on the left.
     left: usize,
     threshold: f64,
 }
 
 /// A node that waits for its split.
 struct OpenNode {
-    /// Its rows in the order of each column, column after column; only one column if it is known to be
+    /// Its rows in the order of each column, column by column; only one column if it is known to be
     /// a leaf.
     entries: Vec<Entry>,
     rows: usize,
     depth: usize,
-    /// Which trees it belongs to.
+    /// The trees that contain it.
     trees: Vec<usize>,
-    /// In each of these trees, the parent, unless it is the root.
+    /// Its parent in each of these trees, unless it is the root.
     parents: Vec<usize>,
     is_right: bool,
 }
 
-/// Grows a tree for each of the limits' smallest leaf sizes. `at_leaf(tree, node, rows)` receives the
-/// rows of each leaf.
+/// Grows one tree per minimum leaf size. `at_leaf(tree, node, rows)` receives the rows of each
+/// leaf.
 pub(crate) fn grow<C: Criterion>(
     columns: &Columns,
     criterion: &C,
@@ -225,7 +224,7 @@ where
                 i += 1;
                 continue;
             };
-            // Larger leaves allow fewer splits, so trees that agree are neighbours.
+            // Larger leaves allow fewer splits, so trees that agree are adjacent.
             let same = |other: &Option<Best<C::Score>>| {
                 other.is_some_and(|o| (o.column, o.left) == (split.column, split.left))
             };
@@ -260,8 +259,8 @@ where
     grown
 }
 
-/// For each smallest leaf size (rising), the best split that leaves at least that many rows on both
-/// sides.
+/// For each minimum leaf size (ascending), the best split that leaves at least that many rows on
+/// both sides.
 fn best_splits<C: Criterion>(
     criterion: &C,
     open: &OpenNode,
@@ -285,8 +284,8 @@ fn best_splits<C: Criterion>(
                 continue;
             }
             let score = criterion.score(&scan);
-            // A split that is no better than the best for larger leaves is no better than the
-            // best for smaller leaves, which is at least as good.
+            // The best split for smaller leaves is at least as good as for larger ones. A split no
+            // better than the best for larger leaves is therefore no better for smaller ones.
             for (best, _) in best.iter_mut().zip(leaves).rev().filter(|(_, l)| **l <= smaller) {
                 if best.is_some_and(|best| !criterion.is_better(&score, &best.score)) {
                     break;
@@ -304,7 +303,7 @@ fn best_splits<C: Criterion>(
 
 /// One side of each list of `rows` entries: `kept` entries of each.
 fn part(entries: &[Entry], goes_left: &[bool], left: bool, rows: usize, kept: usize) -> Vec<Entry> {
-    // One more place for entries of the other side, because writing them costs less than a branch.
+    // One spare slot for the other side's entries, because writing them is cheaper than a branch.
     let mut side = vec![Entry { value: 0.0, row: 0 }; entries.len() / rows * kept + 1];
     let mut end = 0;
     for entry in entries {

@@ -1,4 +1,4 @@
-//! Pairwise coupling: class probabilities from those of pairs.
+//! Pairwise coupling: class probabilities from pairwise probabilities.
 //!
 //! Wu, Lin and Weng (2004), "Probability estimates for multi-class classification by
 //! pairwise coupling", second method: the p with Σ p = 1 that minimises
@@ -7,11 +7,11 @@
 
 use super::pairs::pairs;
 
-/// Probabilities are kept at least this far from 0 and 1, as in libsvm: with all r
-/// inside (0, 1) the system has exactly one solution, and it is positive.
+/// Probabilities stay at least this far from 0 and 1, as in libsvm: with all r inside (0, 1) the
+/// system has exactly one solution, and it is positive.
 const EDGE: f64 = 1e-7;
 
-/// Writes the class probabilities to `out`; `pairwise` has P(first class) of each pair.
+/// Writes the class probabilities to `out`; `pairwise` contains P(first class) of each pair.
 pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
     let k = out.len();
     if let ([r], [first, second]) = (pairwise, &mut *out) {
@@ -19,7 +19,7 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
         (*first, *second) = (r, 1.0 - r);
         return;
     }
-    // Rows of Q, each with a column for −λ and the right hand side; then Σ p = 1.
+    // Rows of Q, each with a column for −λ and the right-hand side; then Σ p = 1.
     let stride = k + 2;
     let mut system = vec![0.0; (k + 1) * stride];
     for ((a, b), &r) in pairs(k).zip(pairwise) {
@@ -38,7 +38,7 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
     solve(&mut system, k + 1);
     let mut total = 0.0;
     for (class, p) in out.iter_mut().enumerate() {
-        // Rounding may leave an impossible class a hair below zero.
+        // Rounding may make an impossible class slightly negative.
         *p = system[class * stride + k + 1].max(0.0);
         total += *p;
     }
@@ -47,8 +47,8 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Gauss–Jordan elimination with row pivoting: n rows of n entries and a right hand side,
-/// in whose place the solution is left.
+/// Gauss–Jordan elimination with row pivoting: n rows of n entries and a right-hand side, which the
+/// solution replaces.
 fn solve(system: &mut [f64], n: usize) {
     let stride = n + 1;
     for column in 0..n {

@@ -3,8 +3,8 @@
 use super::exponential::exp64;
 use crate::parallel::{Kernel, in_widest_lanes};
 
-/// Vectors side by side. Sums run within a lane and then over the lanes in order, so that
-/// the processor's own lane width changes nothing.
+/// Vectors in lanes. Sums run within a lane and then over the lanes in order, so the processor's
+/// lane width has no effect.
 const LANES: usize = 8;
 
 type Lanes = [f64; LANES];
@@ -14,7 +14,7 @@ pub(super) struct Support {
     gamma: f64,
     width: usize,
     count: usize,
-    /// Blocks of vectors × features; vectors beyond the last are zero.
+    /// Blocks of vectors × features; zero beyond the last vector.
     vectors: Vec<Lanes>,
     /// Blocks of vectors × pairs; zero beyond the last vector.
     dual: Vec<Lanes>,
@@ -22,7 +22,7 @@ pub(super) struct Support {
 }
 
 impl Support {
-    /// From row-major vectors (`count` × `width`) and coefficients (`pairs` × `count`).
+    /// Builds it from row-major vectors (`count` × `width`) and coefficients (`pairs` × `count`).
     pub(super) fn new(
         gamma: f64,
         width: usize,
@@ -60,7 +60,7 @@ impl Support {
         (0..self.pairs).map(|pair| (0..self.count).map(|i| entry(i, pair)).collect()).collect()
     }
 
-    /// Adds the sum over all vectors for a standardised row to each pair's decision value.
+    /// Adds to each pair's decision value the sum over all vectors for a standardised row.
     pub(super) fn add_to(&self, row: &[f64], decisions: &mut [f64]) {
         let mut sums = vec![[0.0; LANES]; self.pairs];
         in_widest_lanes(Sums { support: self, row, sums: &mut sums });

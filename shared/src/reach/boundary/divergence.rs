@@ -1,12 +1,11 @@
 //! Extremals that diverge beyond double precision.
 //!
-//! Traced backward, two extremals that switch from the highest to the lowest rate one shortly
-//! after the other diverge, the faster the closer to straight they are there: where bounds
-//! forbid straight driving by 10⁻⁴ rad/s, several thousand times in one step. After a few such
-//! steps the parameters of two neighbours at the end differ in their last bit, and metres of the
-//! front lie between their starts. So such neighbours are followed back to where they are just
-//! about to diverge, and the extremals between them get a new parameter there: the share of the
-//! way from one to the other.
+//! Traced backward, two extremals that switch from the highest to the lowest rate shortly after one another
+//! diverge, the faster the closer to straight they are there: where bounds forbid straight driving by 10⁻⁴
+//! rad/s, their distance grows several thousandfold in one step. After a few such steps, two neighbours whose
+//! parameters at the end differ in the last bit have metres of the front between their starts. So such
+//! neighbours are traced back until just before they diverge, and the extremals between them get a new
+//! parameter there: the share of the way from one to the other.
 
 use super::super::budget::Budget;
 use super::super::paths::Paths;
@@ -23,19 +22,20 @@ pub(super) struct Neighbours {
     pub(super) at: PathTime,
 }
 
-/// Extremals closer than this, rad and s, stand for all between them: an end moves by no more.
+/// Extremals closer than this, rad and s, represent all between them: an end moves by no more.
 const CLOSE: f64 = 1e-9;
 
-/// Closer than this, rad and s, two extremals that are neighbours in the family have not diverged.
+/// Two extremals that are neighbours in the family and closer than this, rad and s, have not diverged.
 const NEIGHBOURING: f64 = 1e-5;
 
-/// A search for the instant of divergence traces extremals through about this many steps more than back to the start.
+/// A search for the instant of divergence traces extremals through about this many more steps than
+/// tracing back to the start.
 const SEARCH: usize = 2;
 
 /// Neighbours are followed from one divergence to the next at most this often.
 pub(super) const MOST_DIVERGENCES: u32 = 16;
 
-/// The instant of divergence is found to this, s: a divergence takes longer.
+/// Accuracy of the instant of divergence, s: a divergence takes longer.
 const INSTANT: f64 = 1e-13;
 
 impl Neighbours {
@@ -50,13 +50,12 @@ impl Neighbours {
         Self { first, last, at: to }
     }
 
-    /// Whether nothing between them matters.
+    /// Whether the two are close enough to represent all between them.
     pub(super) fn are_one(&self) -> bool {
         self.first.is_near(&self.last, CLOSE)
     }
 
-    /// The two just before they diverge, going back to `until` at the most; none if they
-    /// have diverged already.
+    /// The two just before they diverge, going back to `until` at most; `None` if they have diverged already.
     pub(super) fn before_divergence(&self, paths: &Paths, until: PathTime) -> Option<Self> {
         if !self.first.is_near(&self.last, NEIGHBOURING) {
             return None;
@@ -87,8 +86,8 @@ impl Neighbours {
         Some(together)
     }
 
-    /// Appends the ends of the extremals between the two, without those of the two, following
-    /// them through at most `divergences` further divergences.
+    /// Appends the ends of the extremals between the two, excluding their own, and follows them
+    /// through at most `divergences` further divergences.
     pub(super) fn bridge(
         &self,
         paths: &Paths,

@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 
-/// Heights, s, that differ by less are the same.
+/// Heights, s, that differ by less count as equal.
 const LEVEL: f64 = 1e-11;
 
 /// The lower envelope of the curves added so far.
@@ -26,8 +26,8 @@ impl Envelope {
         &self.base
     }
 
-    /// Leaves out points between others at the same y, but for rounding: where one curve ends and another begins, the
-    /// envelope would go to and fro.
+    /// Removes points between others at the same y, up to rounding: where one curve ends and
+    /// another begins, the envelope would zigzag.
     pub(super) fn straighten(&mut self) {
         let level = |three: &[Complex<f64>]| three[2].im - three[0].im < LEVEL;
         self.next.clear();
@@ -38,9 +38,8 @@ impl Envelope {
         core::mem::swap(&mut self.base, &mut self.next);
     }
 
-    /// The first curve, whose y must not fall, gives the range of y; of the others
-    /// each stretch of rising, or falling, y counts within this range.
-    /// None may hold points that differ by rounding errors only.
+    /// The first curve, whose y must not fall, defines the range of y; of the others, each stretch of rising or
+    /// falling y counts within this range. Points of a curve must differ by more than rounding errors.
     pub(super) fn add(&mut self, curve: impl Iterator<Item = Complex<f64>>) {
         if self.base.is_empty() {
             self.base.extend(curve);
@@ -80,8 +79,8 @@ impl Envelope {
     }
 }
 
-/// Whether `run` is anywhere below `base`: at a vertex of either, if at all. Most
-/// stretches are not, and need not be merged.
+/// Whether `run` is anywhere below `base`; if so, it is at a vertex of either. Most stretches are
+/// not and need not be merged.
 fn reaches_below(base: &[Complex<f64>], run: &[Complex<f64>]) -> bool {
     let (low, high) = (run[0].im, run[run.len() - 1].im);
     let first = base.partition_point(|point| point.im < low);

@@ -3,12 +3,11 @@
 //! A path whose end is the farthest in some direction θ turns at the highest
 //! rate while it is left of the line through its end in that direction, and at
 //! the lowest while it is right of it: turning a piece of the path moves its end
-//! across the line of sight. With φ = ψ − θ and `rest`, what remains to be
-//! driven, seen along θ, the costate of the heading is p = −Im(rest): p > 0 asks
-//! for the highest rate, p < 0 for the lowest. At the end p = 0, and going back
-//! along an arc both φ and rest have a closed form, so each extremal is exact;
-//! one number (φ at the end) names it. An arc with p = 0 throughout is straight,
-//! with φ = 0: a singular arc.
+//! across the line of sight. Let φ = ψ − θ, and let `rest` be the remaining displacement, seen
+//! along θ. Then the costate of the heading is p = −Im(rest): p > 0 requires the highest rate,
+//! p < 0 the lowest. At the end p = 0, and going back along an arc both φ and rest have a closed
+//! form, so each extremal is exact; one number (φ at the end) identifies it. An arc with p = 0 throughout
+//! is straight, with φ = 0: a singular arc.
 
 use super::super::paths::{Paths, Turn, unit};
 use super::super::sampling::Sample;
@@ -22,9 +21,9 @@ pub(super) struct Costate {
     pub(super) phi: f64,
     /// e^{iφ}.
     facing: Complex<f64>,
-    /// What remains to be driven, in the frame turned by θ, seconds of travel.
+    /// The remaining displacement, in the frame turned by θ, seconds of travel.
     pub(super) rest: Complex<f64>,
-    /// How often the rate switches between the bounds from here to the end.
+    /// Number of switches between the bounds from here to the end.
     pub(super) switches: usize,
     /// Which bound holds just after this instant; at the end, and after a
     /// straight arc, `Side::Straight`.
@@ -37,14 +36,14 @@ pub(super) struct Costate {
     pub(super) second_variation: f64,
     /// The step of the last switch but one.
     pub(super) before_last: Option<usize>,
-    /// What tracing it so far has taken, in units of a budget.
+    /// Cost of tracing it so far, in units of a budget.
     pub(super) work: usize,
 }
 
 /// Where the rate switches from one bound to the other.
 #[derive(Clone, Copy, Debug)]
 struct Switch {
-    /// How far remains to be driven along θ, s.
+    /// The remaining distance along θ, s.
     rest: f64,
     /// How much a shift by a given angle costs along θ, 1/s: |sin φ| by the width of the bounds.
     cost: f64,
@@ -58,7 +57,7 @@ pub(super) struct PathTime {
 }
 
 impl PathTime {
-    /// The beginning of a step; of the one after the last, the end.
+    /// The beginning of a step; for the step after the last one, the end.
     pub(super) fn beginning(step: usize) -> Self {
         Self { step, seconds: 0.0 }
     }
@@ -71,10 +70,10 @@ enum Side {
     High,
 }
 
-/// Costates closer to zero than this, s, are rounding errors of zero.
+/// Costates closer to zero than this, s, count as zero: they are rounding errors.
 const ZERO_COSTATE: f64 = 1e-15;
 
-/// What a turn takes in units of a budget: if p keeps its sign; else, if it is short or long.
+/// Cost of a turn, in units of a budget: if p keeps its sign; otherwise, if the turn is short or long.
 const KEEPING: usize = 3;
 const CROSSING_BRIEFLY: usize = 8;
 const CROSSING: usize = 24;
@@ -184,7 +183,7 @@ impl Costate {
         }
     }
 
-    /// Notes that the rate switches here, in step `step`, between bounds of this width.
+    /// Records that the rate switches here, in step `step`, between bounds of this width.
     fn note_switch(&mut self, step: usize, width: f64) {
         let switch = Switch { rest: self.rest.re, cost: self.facing.im.abs() / width };
         self.switches += 1;
@@ -192,8 +191,8 @@ impl Costate {
             self.before_last = Some(step);
         }
         if self.switches > 1 {
-            // What is driven between the switches is turned by 1/(before − after), what is
-            // driven after the later one by −1/after, here without these denominators.
+            // The path between the switches turns by 1/(before − after), the path after the later
+            // one by −1/after; these denominators are left out here.
             let (before, after) = (switch.rest, self.switch.rest);
             let variation = switch.cost * after * after
                 + self.switch.cost * before * before
@@ -278,7 +277,7 @@ impl Costate {
         if rate.abs() * left < BRIEF {
             let nearest = |z: f64, other: f64| if 0.0 < other && other < z { other } else { z };
             let z = roots.into_iter().fold(f64::INFINITY, nearest);
-            // The tangent of half the turn is little more than that itself.
+            // The tangent of half the turn is little more than half the turn.
             if z > 1.05 * left {
                 return None;
             }
@@ -294,7 +293,7 @@ impl Costate {
 /// a turn.
 const BRIEF: f64 = 0.3;
 
-/// atan(x)/x for |x| < 0.16, to all digits.
+/// atan(x)/x for |x| < 0.16, to full precision.
 fn brief_atan(x: f64) -> f64 {
     let x2 = x * x;
     let mut sum = 0.0;

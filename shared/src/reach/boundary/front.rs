@@ -33,8 +33,8 @@ pub(super) fn front(
     space(points, from);
 }
 
-/// If one may always drive straight: turn as `path` does for some time, and go straight,
-/// from no turn to the whole path.
+/// If straight is always admissible: turn like `path` for some time and go straight, from no turn
+/// to the whole path.
 fn turn_then_straight(
     path: &Path,
     steps: usize,

@@ -1,11 +1,11 @@
 //! Extremals of the rear whose rate switches more than once.
 //!
-//! Their rates switch to and fro about the direction back, φ = π. Where both switches are between wide
-//! bounds, shifting the two switching times together gets farther back, so such a path does not
-//! bound the set (the second variation of [`Costate`] is below 0). The others have a switch where
-//! bounds are narrow, and exist for short ranges of end headings φ only. So that none is overlooked,
-//! the search begins where the last switch passes from one step to the next, and goes on while
-//! the switch before it skips a step.
+//! Their rates switch back and forth about the backward direction, φ = π. If both switches are
+//! between wide bounds, shifting the two switching times together gets farther back, so such a path
+//! does not bound the set (the second variation of [`Costate`] is below 0). The others have a
+//! switch where bounds are narrow, and exist only for short ranges of end headings φ. To find them
+//! all, the search begins where the last switch passes from one step to the next, and continues
+//! while the switch before it skips a step.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
@@ -13,35 +13,35 @@ use super::super::sampling::{Curves, Sample, triangle_height};
 use super::extremal::Costate;
 use crate::math::{PI, TAU, atan2};
 
-/// Bounds that always admit straight driving are wide if the rates span at most this many times
-/// their width: no switch between them belongs to a path of the rear with more than one. At 2.5
-/// times, two switches were seen to gain 0.3 mm in 2 s; at 2 times, nothing.
+/// If straight driving is always admissible, the bounds of a step are wide if the rates span at
+/// most this many times their width: no rear path with more than one switch has a switch between
+/// wide bounds. Measured: at 2.5 times, two switches gain 0.3 mm in 2 s; at 2 times, nothing.
 const WIDE: f64 = 2.0;
 
-/// More switches than one gain at most this share of the time travelled, times the square of
-/// the angle, rad, that the highest rate turns by in it. They were seen to gain 0.0015.
+/// More switches than one gain at most this share of the travel time, times the square of the
+/// angle, rad, that the highest rate turns by in it. Measured: 0.0015.
 const MOST_GAIN: f64 = 0.002;
 
-/// Where straight driving is always admissible and bounds are less asymmetric than this on average
-/// (0: as wide to both sides; 1: no width to one side), nothing is gained: up to 0.4, no gain was seen.
+/// Where straight driving is always admissible and bounds are less asymmetric than this on average (0: equally
+/// wide on both sides; 1: no width on one side), nothing is gained. Measured: no gain up to 0.4.
 const ASYMMETRY: f64 = 0.3;
 
-/// Beyond, gains were seen to rise with the asymmetry at most 1.35 times as steeply as in
-/// proportion up to [`MOST_GAIN`].
+/// Above that asymmetry, the gain rises at most this many times as steeply as a straight line to
+/// [`MOST_GAIN`]. Measured: 1.35.
 const STEEPNESS: f64 = 1.5;
 
 /// Extremals with more switches than this plus one for each step are not considered.
 const MOST_SWITCHES: usize = 3;
 
-/// A range of end headings is halved at most this often. Where the ends jump, more would
+/// A range of end headings is halved at most this often. Where the ends jump, more halvings would
 /// only come closer to the jump.
 const MOST_HALVINGS: u32 = 20;
 
-/// The end of a range of end headings is found to this multiple of the tolerance divided by the
-/// time travelled, rad. Up to 8 nothing was seen to be lost; at 32 the first places were.
+/// Accuracy of the ends of a range of end headings, as a multiple of the tolerance divided by the
+/// travel time, rad. Measured: up to 8 nothing is lost; at 32 the first positions are.
 const EDGE: f64 = 3.0;
 
-/// No extremal is traced that ends nearer than this, rad, to φ = π: exactly there, it may
+/// Extremals that end nearer than this, rad, to φ = π are not traced: exactly there, they may
 /// chatter without end.
 const AT_REST: f64 = 1e-6;
 
@@ -71,8 +71,8 @@ pub(super) fn append(
             let end = search.trace(phi);
             let matters = search.narrow(step) || search.skips(start, end);
             if matters || start.more || end.more {
-                // Several times what a smooth curve as long as the horizon takes. Where the
-                // ends of extremals chatter, there is no end to it.
+                // Several times as many as a smooth curve as long as the horizon needs. Where the
+                // ends of extremals chatter, no number suffices.
                 let mut traces = 64 + (2.0 * (search.seconds / tolerance).sqrt()) as usize;
                 search.connect(start, end, (MOST_HALVINGS, &mut traces), curves);
             }
@@ -82,9 +82,8 @@ pub(super) fn append(
     curves.nodes = nodes;
 }
 
-/// Replaces `nodes` by the end headings to begin a search from, in order from `near` on, and
-/// the step of the last switch: up to that heading it stays in that step. After the switch,
-/// `path` is followed.
+/// Replaces `nodes` by the end headings at which a search begins, in order from `near` on, each with the step
+/// of the last switch up to that heading. After the switch, the extremals follow `path`.
 fn last_switches(
     path: &Path,
     steps: usize,
@@ -96,7 +95,7 @@ fn last_switches(
     let reach = |phi: f64| (phi - near) * side;
     nodes.clear();
     nodes.extend((0..steps).filter_map(|step| {
-        // The way from the switch to the end leads straight back along θ.
+        // The displacement from the switch to the end points straight back along θ.
         let back = (path.point(step) - end) * facing.conj();
         let phi = -atan2(back.im, back.re);
         let phi = if phi < 0.0 { phi + TAU } else { phi };
@@ -115,7 +114,7 @@ struct Trace {
     candidate: bool,
     /// Whether it is a candidate with more than one switch.
     more: bool,
-    /// One more than the step of the last switch but one; 0 without.
+    /// One more than the step of the last switch but one; 0 if there is none.
     before_last: usize,
     sample: Sample,
 }
@@ -148,7 +147,7 @@ impl<'a> Search<'a> {
         !self.straight || WIDE * width < self.rates.0 + self.rates.1
     }
 
-    /// The most, s, by which these paths stay farther back.
+    /// Upper bound, s, on how much farther back these paths stay.
     fn gain(&self) -> f64 {
         let turn = self.rates.0.max(self.rates.1) * self.seconds;
         let most = MOST_GAIN * self.seconds * turn * turn;
@@ -178,15 +177,15 @@ impl<'a> Search<'a> {
         Trace { phi, candidate, more, before_last, sample: costate.sample() }
     }
 
-    /// Whether between two the last switch but one skips steps with narrow bounds.
+    /// Whether, between two extremals, the last switch but one skips steps with narrow bounds.
     fn skips(&self, start: Trace, end: Trace) -> bool {
         let (a, b) = (start.before_last, end.before_last);
         (a.min(b) + 1..a.max(b)).any(|place| self.narrow(place - 1))
     }
 
-    /// Appends the ends of the extremals between two, without those with too many
-    /// switches, and without the places where the ends jump: there an extremal passes
-    /// near a singular one, and its neighbours diverge. At most `traces` are made.
+    /// Appends the ends of the extremals between two, except those with too many switches and those
+    /// at jumps, where an extremal passes near a singular one and its neighbours diverge. Traces at
+    /// most `traces` extremals.
     fn connect(
         &self,
         start: Trace,
@@ -204,7 +203,7 @@ impl<'a> Search<'a> {
         let three = [start, middle, end];
         let close = |a: Trace, b: Trace| triangle_height(a.sample, b.sample) <= self.tolerance;
         let any = three.iter().any(|trace| trace.more);
-        // The ends of the extremals may run away and come back: the middle tells.
+        // The ends of the extremals may move away and come back, so the middle is checked.
         if any
             && three.iter().all(|trace| trace.candidate)
             && close(start, end)
@@ -218,7 +217,7 @@ impl<'a> Search<'a> {
             curves.points().extend([through, to]);
             return;
         }
-        // Where a second switch begins or ends to bound nothing, a range that bounds the set may be between.
+        // If one is a candidate and the other is not, a range that bounds the set may be in between.
         let differ = |a: Trace, b: Trace| a.candidate != b.candidate;
         for (a, b) in [(start, middle), (middle, end)] {
             if any || differ(a, b) || self.skips(a, b) {

@@ -1,9 +1,8 @@
 //! The rear of a planar set: the ends of the paths that stay farthest back.
 //!
-//! Nothing is gained by driving straight here: these paths are bang-bang, their rate switches
-//! between its bounds. One switch is enough where the bounds are the same in every step;
-//! otherwise a path may have to cross the line through its end more often, and the extremals
-//! with two switches and more are added.
+//! Driving straight gains nothing here: these paths are bang-bang, their rate switches between its bounds. One
+//! switch is enough where the bounds are the same in every step; otherwise a path may have to cross the line
+//! through its end more often, so extremals with two or more switches are added.
 
 use super::super::budget::Budget;
 use super::super::paths::{Path, Paths};
@@ -62,7 +61,7 @@ fn one_switch(
             return;
         }
         let (turn, other) = (first.piece(step, count), last.piece(step, count));
-        // What comes after the switch is turned by how far the headings differ.
+        // The path after the switch is turned by the difference of the headings.
         let back = other.turned.conj();
         let (mut point, mut facing) = (first.point(step), first.facing(step));
         let mut seen = ahead;

@@ -21,7 +21,7 @@ use nalgebra::Complex;
 pub(super) struct Piece {
     pub(super) from: f64,
     pub(super) to: f64,
-    /// Where its extremals lie side by side.
+    /// Where its extremals are side by side.
     origin: PathTime,
     kind: Kind,
 }
@@ -30,11 +30,11 @@ pub(super) struct Piece {
 enum Kind {
     /// Ends with φ = parameter.
     End,
-    /// Turned at `rate` in step `step` for the first `parameter` seconds of it,
-    /// then ran straight along the singular extremal. What remained to be driven
-    /// at the beginning of the step, had it been straight: `rest`.
+    /// Turned at `rate` in step `step` for the first `parameter` seconds of it, then ran straight
+    /// along the singular extremal. `rest` is the remaining distance from the beginning of the step
+    /// if all of it is straight.
     Fan { rate: f64, rest: f64 },
-    /// Between two that are about to diverge, at the share of the way that the parameter names.
+    /// Between two that are about to diverge; the parameter is the share of the way.
     Between { first: Costate, last: Costate },
 }
 
@@ -68,7 +68,7 @@ impl Piece {
         Neighbours { first, last, at: self.origin }
     }
 
-    /// Its first and the last one of the piece to the left.
+    /// Its first extremal, and the last one of the piece to the left.
     pub(super) fn neighbours(&self, left: &Self, paths: &Paths) -> Neighbours {
         let at = if self.origin < left.origin { self.origin } else { left.origin };
         Neighbours { first: self.at(paths, at, self.from), last: left.at(paths, at, left.to), at }
@@ -84,8 +84,8 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budge
     if left < -GAP {
         family.push(end(left, -GAP));
     }
-    // Where the singular extremal sits in the family, and what remains to be
-    // driven along it from the end of the step looked at.
+    // Index of the singular extremal in the family, and the remaining distance along it from the
+    // end of the current step.
     let mut singular = Some((family.len(), 0.0));
     if right > GAP {
         family.push(end(GAP, right));
@@ -110,7 +110,7 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>, budge
             }
         };
         singular = Some((place, rest));
-        // The earlier one leaves, the nearer to φ = 0.
+        // The earlier an extremal leaves, the nearer it is to φ = 0.
         let (lo, hi) = (paths.lo[step], paths.hi[step]);
         let origin = PathTime::beginning(step);
         let fan = |from, to, rate| Piece { from, to, origin, kind: Kind::Fan { rate, rest } };
@@ -130,17 +130,15 @@ struct Onset {
     place: usize,
     /// Seconds from the beginning of the step to the onset.
     seconds: f64,
-    /// What remains to be driven from the beginning of the step on, straight
-    /// until the onset.
+    /// The remaining distance from the beginning of the step, straight until the onset.
     rest: f64,
 }
 
-/// The family stops this far, rad or s or as a share, on both sides of a singular
-/// extremal, so that rounding does not send a neighbour to the wrong side.
+/// The family stops this far, rad or s or as a share, on both sides of a singular extremal, so that
+/// rounding does not put a neighbour on the wrong side.
 const GAP: f64 = 1e-12;
 
-/// To this value of p, s, no rounding sends a neighbour of a singular extremal to the wrong
-/// side.
+/// From this value of p, s, on, rounding does not put a neighbour of a singular extremal on the wrong side.
 const CLEAR: f64 = 1e-12;
 
 /// If no extremal of the family is singular at the end of step `step`, in which straight is
@@ -161,7 +159,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
             })?
         }
     };
-    // Between two that have diverged by now there are others.
+    // Between two that have diverged by now, there are others.
     for _ in 0..MOST_DIVERGENCES {
         let gap = family[place].neighbours(&family[place - 1], paths);
         if gap.back(paths, end).are_one() {
@@ -177,7 +175,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     }
     let (left, right) = (&family[place - 1], &family[place]);
     let [above, below] = [left.at(paths, end, left.to), right.at(paths, end, right.from)];
-    // Where the rate on one side is zero the value jumps, and none may arrive.
+    // Where the rate on one side is zero, the value jumps, and no extremal may arrive.
     let [more, less] = [above, below].map(|costate| p_at_zero(costate, bounds).abs());
     if more.min(less) > NEAR && more.max(less) == f64::INFINITY {
         return None;

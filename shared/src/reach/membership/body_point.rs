@@ -1,14 +1,15 @@
 //! Proof that no admissible path leads to a state.
 //!
-//! In a state with position p and heading ψ, a point c of the vehicle (in its frame) is at p + e^{iψ}c. If no admissible
-//! path takes *that point* there, none leads to the state. Where the point can be is a planar set again, which `outer`
-//! surrounds by construction. So one such point is proof.
+//! In a state with position p and heading ψ, a point c of the vehicle (in its frame) is at p +
+//! e^{iψ}c. If no admissible path takes *that point* there, none leads to the state. The positions
+//! of the point form a planar set again, which `outer` encloses by construction. So one such point
+//! is a proof.
 //!
-//! Which point to take is guessed from the curves of `slice`, and a bad guess proves nothing wrong. Let d(p, ψ) be the
-//! distance from the curves, and λ the direction in which it grows. All states that have the point in the same place, q − e^{iφ}c
-//! with heading φ, must be outside; so d must not change to first order along them: the component of e^{iψ}c across λ is
-//! −∂d/∂ψ. The component along λ bends them outward. Where boundary paths switch on a line along λ, the point is
-//! between the two switches.
+//! The point is guessed from the curves of `slice`; a bad guess cannot prove anything false. Let d(p, ψ) be the
+//! distance from the curves, and λ the direction in which it grows. All states that have the point in the same
+//! place, q − e^{iφ}c with heading φ, must be outside; so d must not change to first order along them: the
+//! component of e^{iψ}c across λ is −∂d/∂ψ. The component along λ bends them outward. Where boundary paths
+//! switch on a line along λ, the point is between the two switches.
 
 use super::super::budget::Budget;
 use super::super::outer::{Outer, Request};
@@ -19,21 +20,21 @@ use nalgebra::Complex;
 
 type Point = Complex<f64>;
 
-/// States that may be reached from some starts.
+/// The claim that no state near this one is reached from some starts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Claim {
     /// Seen from the start in the middle, s of travel and rad.
     pub(super) position: Point,
     pub(super) heading: f64,
-    /// How far from it no state may be reached, s of travel and rad.
+    /// No state within these distances may be reached, s of travel and rad.
     pub(super) near: f64,
     pub(super) turn: f64,
-    /// By how much the heading at the start may differ, rad.
+    /// Largest deviation of the start heading, rad.
     pub(super) start_heading: f64,
 }
 
-/// The component of e^{iψ}c along λ, and what is added to the one across, as shares of the time travelled; and the accuracy, as
-/// a share of the distance that is claimed.
+/// The component of e^{iψ}c along λ and the offset of the one across, as shares of the travel time;
+/// and the accuracy, as a share of the claimed distance.
 const GUESSES: [[f64; 3]; 12] = [
     [0.5, 0.0, 1.0],
     [0.25, 0.0, 1.0],
@@ -49,16 +50,16 @@ const GUESSES: [[f64; 3]; 12] = [
     [0.25, -0.1, 0.5],
 ];
 
-/// Step of the difference of d over the heading, rad.
+/// Step of the finite difference of d in the heading, rad.
 const SMALL: f64 = 1e-4;
 
-/// Most pieces of time of one proof.
+/// Largest number of pieces of time in a proof.
 const MOST_PIECES: usize = 200;
 
-/// Smaller distances, s, are not told apart.
+/// Smaller distances, s, are not resolved.
 const FINEST: f64 = 1e-6;
 
-/// Searches for proofs, one after the other in the same memory.
+/// Searches for proofs, one after the other with the same buffers.
 #[derive(Debug, Default)]
 pub(super) struct Prover {
     outer: Outer,
@@ -90,7 +91,7 @@ impl Prover {
         }
         let excess = distance - claim.near;
         if claim.start_heading == 0.0 && (0..steps).all(|step| paths.lo[step] == paths.hi[step]) {
-            // There is one path.
+            // There is only one path.
             return excess > 0.0;
         }
         if excess < FINEST {
@@ -112,7 +113,8 @@ impl Prover {
                 heading: claim.start_heading,
                 body_point: arm * unit(-claim.heading),
             };
-            // Where the point is in the states whose headings are as near, up to the height of an arc over its chord.
+            // The positions of the point for all headings of the claim, up to the height of an arc
+            // over its chord.
             let line = [-claim.turn, claim.turn].map(|turn| claim.position + arm * unit(turn));
             let height = 0.5 * arm.norm_sqr().sqrt() * claim.turn * claim.turn;
             let clearance = self.outer.clearance(paths, request, line, &mut self.outliner, budget);

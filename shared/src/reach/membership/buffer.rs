@@ -1,4 +1,4 @@
-//! Memory of one query: on the stack, unless there are very many steps.
+//! The buffer of a query: on the stack, unless there are very many steps.
 
 use core::ops::{Deref, DerefMut};
 

@@ -18,7 +18,7 @@ use crate::math::PI;
 use core::cell::RefCell;
 use nalgebra::Complex;
 
-/// Parabolas are fitted at most so often.
+/// Largest number of rounds in which parabolas are fitted.
 const MOST_ROUNDS: usize = 6;
 
 /// Rounds end when no weight changes by more than this.
@@ -73,7 +73,7 @@ impl<'a> MixedFront<'a> {
     /// The directions of the lowest and of the highest path.
     pub(super) fn directions(&self) -> (f64, f64) {
         let parts = &self.parts;
-        // After each part, how far below and above the end heading one may be.
+        // The range of headings after each part that the start reaches and that still leads to the end heading.
         let (mut low, mut high) = (parts.end_heading, parts.end_heading);
         let (mut under, mut over) = (parts.heading, parts.heading);
         for part in 0..parts.count {
@@ -133,7 +133,7 @@ impl Scratch {
                 best[part - 1] = maximum;
                 continue;
             }
-            // Toward where the slope vanishes, or the last heading that still leads to the end.
+            // Toward the zero of the slope, or the last heading that still leads to the end.
             while slope > 0.0 && *count > 0 {
                 let Stretch { length, fall } = stack[*count - 1];
                 let way = slope / (fall + sum);
@@ -201,7 +201,7 @@ impl Arc for MixedFront<'_> {
     }
 }
 
-/// Weights are no less: beyond π the cosine has no such parabola.
+/// Lower bound on weights: beyond π the cosine has no such parabola.
 const LEAST_WEIGHT: f64 = 1e-3;
 
 /// sin φ/φ to within 0.003 up to π.

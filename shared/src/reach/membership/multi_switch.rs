@@ -1,15 +1,15 @@
 //! The rear of a slice where paths with more than two switches stay farther back.
 //!
-//! Wanted is the path that ends farthest out along a direction, on the line through the
-//! position asked about. The conditional-gradient method (Frank and Wolfe 1956) starts from the path
-//! of a window that ends nearest: each round finds, to first order, how turning in each part of the
-//! horizon moves the end, and gives the parts beyond some line the highest rate, as many as the
-//! end heading demands, and the others the lowest. The direction of that line is chosen so that the
-//! path ends where it should sideways. Because a concave function is minimised, a round gains more
-//! than its first order.
+//! The goal is the path that ends farthest out along a direction, on the line through the queried
+//! position. The conditional-gradient method (Frank and Wolfe 1956) starts from the path of a
+//! window that ends nearest: each round finds, to first order, how turning in each part of the
+//! horizon moves the end, and gives the parts beyond some line the highest rate, as many as the end
+//! heading requires, and the others the lowest. The direction of that line is chosen so that the
+//! path ends on the line through the position. Because a concave function is minimised, a round
+//! gains more than its first-order estimate.
 //!
-//! The paths between the one found and those of the window to both sides of the nearest (headings
-//! interpolated) are all admissible, so the three form a loop of reachable positions.
+//! All paths between the one found and those of the window on both sides of the nearest one
+//! (headings interpolated) are admissible, so the three form a loop of reachable positions.
 
 use super::super::budget::Budget;
 use super::super::paths::unit;
@@ -19,20 +19,20 @@ use super::search::Arc;
 use super::span::Span;
 use nalgebra::Complex;
 
-/// A path is improved at most so often.
+/// A path is improved at most this often.
 const MOST_ROUNDS: usize = 6;
 
 /// Rounds end when one gains less than this, s.
 const LEAST_GAIN: f64 = 1e-6;
 
-/// If only a given distance matters: all later rounds together are assumed to gain at most this
-/// multiple of what one gained.
+/// If only a given distance matters: assumed upper bound on the gain of all later rounds together,
+/// as a multiple of one round's gain.
 const MOST_GROWTH: f64 = 30.0;
 
 /// The line is turned at most this far from the direction of interest, rad.
 const MOST_TILT: f64 = 1.3;
 
-/// Steps, rad, in which the direction is sought at first.
+/// Initial step of the search for the direction, rad.
 const TILT_STEP: f64 = 0.35;
 
 /// Directions closer than this, rad, count as equal.
@@ -42,13 +42,13 @@ const LEAST_TILT: f64 = 3e-3;
 /// at a loss of less than 10⁻⁵ s.
 const SAME_END: f64 = 5e-3;
 
-/// The direction of the line is sought in at most this many trials.
+/// The search for the direction of the line takes at most this many trials.
 const MOST_TRIALS: usize = 24;
 
-/// What a trial takes for each part of the path, in units of a [`Budget`].
+/// Cost of a trial per part of the path, in units of a [`Budget`].
 const TRYING: usize = 8;
 
-/// Ends this near, s, to where they should be sideways are on the line.
+/// Ends at most this far, s, to the side of the line count as on it.
 const ON_LINE: f64 = 1e-5;
 
 /// The loop of three paths and those between them. The parameter is 0 and 3 for the first, 1 for
@@ -70,7 +70,7 @@ type Rank = (f64, usize);
 
 impl<'a> Loop<'a> {
     /// The loop of a window's paths at three parameters. The middle one is improved until it ends
-    /// `enough`, s, beyond `position`, seen from where it ended, or as far out as it gets.
+    /// `enough`, s, beyond `position`, seen from its original end, or gets no farther.
     pub(super) fn new(
         span: Span<'a>,
         headings: impl Fn(f64, &mut [f64]),
@@ -136,7 +136,7 @@ impl Line<'_> {
     }
 
     /// To first order the farthest path that ends on the line, given the middles of the parts of
-    /// a path; none if there is none.
+    /// a path; `None` if there is none.
     fn farther(&self, middles: &[Complex<f64>]) -> Option<Buffer<f64>> {
         let mut ranks = Buffer::new(self.parts.count);
         // Tilted to the right, paths end more to the right.

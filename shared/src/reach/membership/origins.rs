@@ -1,10 +1,9 @@
 //! Does any pose of an uncertain start lead to a state?
 //!
-//! All poses of a range of headings and a box of positions are decided at once: from the pose in
-//! the middle the state is some distance from the reachable ones. From a pose that is turned by δ
-//! and shifted by s, paths to the same end heading end at most |s| + δ·(time travelled) away from
-//! those, since their headings need not change by more than δ anywhere. So the whole range is
-//! decided, or halved.
+//! All poses of a cell (a range of headings and a box of positions) are decided at once. From the pose in the
+//! middle, the state is some distance from the reachable ones. From a pose that is turned by δ and shifted by
+//! s, paths to the same end heading end at most |s| + δ·(travel time) away from those, since their headings
+//! differ by at most δ at any time. So the whole cell is decided, or halved.
 
 use super::super::budget::Budget;
 use super::super::paths::unit;
@@ -16,18 +15,18 @@ use crate::math::{PI, TAU, hypot};
 use crate::vehicle::Pose;
 use nalgebra::Complex;
 
-/// Distances are sought this much farther than needed, s, so that rounding decides nothing.
+/// Distances are searched this much farther than needed, s, so that rounding decides nothing.
 const GUARD: f64 = 1e-6;
 
 /// Poses whose paths end no farther apart than this, s, count as one.
 const SAME_POSE: f64 = 1e-4;
 
-/// The question whether a start leads to a state.
+/// The query whether a start leads to a state.
 pub(super) struct Origins<'a> {
     set: &'a ReachableSet,
     step: usize,
     seconds: f64,
-    /// Of the state, seen from the pose in the middle, s and rad.
+    /// The state, seen from the pose in the middle, s and rad.
     position: Complex<f64>,
     heading: f64,
     /// The tolerated distance, s, including the disc of positions in which the start may be, and
@@ -47,7 +46,8 @@ struct Cell {
 }
 
 impl Cell {
-    /// How far apart, s, paths from its poses end at most that turn alike from the one in the middle.
+    /// Largest distance, s, between the ends of paths from its poses and of paths from its middle
+    /// pose that turn alike.
     fn spread(&self, seconds: f64) -> f64 {
         0.5 * seconds * (self.headings.1 - self.headings.0) + self.half[0] + self.half[1]
     }
@@ -91,7 +91,7 @@ impl<'a> Origins<'a> {
             position: set.local(state),
             heading: state.psi - set.start.psi,
             near: (tolerance.position_m + set.start_set.extents().0) / set.speed_mps,
-            // Half a turn to either side are all headings.
+            // Half a turn to either side covers all headings.
             turn: tolerance.heading_rad.min(PI),
             budget,
         }
@@ -114,7 +114,7 @@ impl<'a> Origins<'a> {
             return Membership::Inside;
         }
         let mut prover = Prover::default();
-        // One proof for all poses of the start is one for every number of whole turns.
+        // A proof for all poses of the start holds for every number of whole turns.
         let all = self.set.start_set.heading_rad;
         let whole = Cell { shift: Complex::new(0.0, 0.0), half, headings: (-all, all) };
         let proven = self
@@ -127,7 +127,7 @@ impl<'a> Origins<'a> {
         if outside { Membership::Outside } else { Membership::Open }
     }
 
-    /// The state's heading is known up to whole turns; each admits some headings at the start.
+    /// The state's heading is known up to whole turns; each number of turns admits some headings at the start.
     fn cells(&self, half: [f64; 2]) -> impl Iterator<Item = (Cell, f64)> {
         let most = self.set.start_set.heading_rad;
         let (low, high) = self.set.end_headings(self.step);
@@ -144,13 +144,13 @@ impl<'a> Origins<'a> {
             })
     }
 
-    /// Whether any of these poses does, if the state's heading, not wrapped, is `heading`. Halves that come nearer are
-    /// looked at first.
+    /// Whether any pose of the cell leads to the state, if the state's heading, not wrapped, is
+    /// `heading`. The nearer half is searched first.
     fn any_of(&self, cell: Cell, heading: f64) -> bool {
         self.any_near(cell, self.distance_from(cell, heading), heading)
     }
 
-    /// The same, if from the middle of the cell the state is this far away.
+    /// The same, given the state's `distance` from the states that the middle of the cell leads to.
     fn any_near(&self, cell: Cell, distance: f64, heading: f64) -> bool {
         let spread = cell.spread(self.seconds);
         if distance <= self.near {
@@ -168,13 +168,13 @@ impl<'a> Origins<'a> {
         self.any_near(first.0, first.1, heading) || self.any_near(second.0, second.1, heading)
     }
 
-    /// Distance of the state from those that the pose in the middle of the cell leads to; see [`Self::distance`].
+    /// Distance of the state from those that the middle pose of the cell leads to; see [`Self::distance`].
     fn distance_from(&self, cell: Cell, heading: f64) -> f64 {
         let (position, turned) = cell.seen_from(self.position, heading);
         self.distance(position, turned, self.near + cell.spread(self.seconds))
     }
 
-    /// Whether surely none of these poses does.
+    /// Whether it is proven that no pose of the cell leads to the state.
     fn none_of(&self, cell: Cell, heading: f64, prover: &mut Prover, trials: &mut usize) -> bool {
         if self.proves(cell, heading, prover, trials) {
             return true;
@@ -188,7 +188,7 @@ impl<'a> Origins<'a> {
                 .all(|cell| self.none_of(cell, heading, prover, trials))
     }
 
-    /// Whether one body point proves that.
+    /// Whether one body point proves it for the whole cell.
     fn proves(&self, cell: Cell, heading: f64, prover: &mut Prover, trials: &mut usize) -> bool {
         let (position, turned) = cell.seen_from(self.position, heading);
         let claim = Claim {
@@ -201,8 +201,8 @@ impl<'a> Origins<'a> {
         prover.proves(&self.set.paths, self.step, claim, trials, self.budget)
     }
 
-    /// Distance of a position from those reached from the pose in the middle with a heading, or
-    /// with one that differs by what is tolerated; some number above `reach` if it is more.
+    /// Distance of a position from those reached from the pose in the middle with a heading, or with one that
+    /// differs by no more than the tolerance; some number above `reach` if it is farther.
     fn distance(&self, position: Complex<f64>, heading: f64, reach: f64) -> f64 {
         let (low, high) = self.set.end_headings(self.step);
         let to = |heading: f64, reach: f64| {
@@ -210,7 +210,7 @@ impl<'a> Origins<'a> {
             let slice = Slice::new(&self.set.paths, self.step, heading, self.budget);
             slice.outside_by(position, self.near, reach + GUARD)
         };
-        // The end of a path moves by at most this when it is turned by what is tolerated.
+        // Turning a path by the tolerance moves its end by at most the second term.
         let turned = reach + self.turn * self.seconds;
         let distance = to(heading, turned);
         if distance <= self.near || distance > turned {

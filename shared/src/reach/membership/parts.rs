@@ -12,7 +12,7 @@ pub(super) const PARTS: usize = 4;
 pub(super) struct Parts<'a> {
     paths: &'a Paths,
     first: usize,
-    /// How many there are.
+    /// Number of parts.
     pub(super) count: usize,
     /// Length of a part, s.
     pub(super) seconds: f64,
@@ -21,7 +21,7 @@ pub(super) struct Parts<'a> {
     point: Complex<f64>,
     /// Heading where the last part ends.
     pub(super) end_heading: f64,
-    /// The way driven afterwards.
+    /// The displacement after the last part.
     rest: Complex<f64>,
 }
 

@@ -1,5 +1,5 @@
-//! How near a curve comes to a position and how it winds about it, computing only as many
-//! of its points as that takes.
+//! The distance of a curve from a position, and how the curve winds about it, from as few of its
+//! points as possible.
 
 use super::super::budget::Budget;
 use super::super::sampling::to_segment;
@@ -7,30 +7,30 @@ use nalgebra::Complex;
 
 /// A curve whose points can be computed one by one, with a bound on how far it is from chords.
 pub(super) trait Arc {
-    /// A point of the curve, with what the bound needs.
+    /// A point of the curve, with the data for the bound.
     type Knot: Copy;
 
     /// The point at a parameter.
     fn knot(&self, parameter: f64) -> Self::Knot;
 
-    /// About what computing a point takes, in units of a [`Budget`].
+    /// Approximate cost of computing a point, in units of a [`Budget`].
     fn work(&self) -> usize;
 
     /// Parameter and point of a knot.
     fn place(knot: Self::Knot) -> (f64, Complex<f64>);
 
-    /// How far the curve between two knots may be from their chord.
+    /// Upper bound on the distance of the curve from the chord between two knots.
     fn deviation(&self, a: Self::Knot, b: Self::Knot) -> f64;
 }
 
-/// What is known about the curves followed so far; nothing once the budget is spent.
+/// The result for the curves followed so far; meaningless once the budget is spent.
 #[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
     budget: &'a Budget<'a>,
     position: Complex<f64>,
     /// The smallest distance found, or the reach if none is below it.
     pub(super) distance: f64,
-    /// About the parameter and the point where it was found.
+    /// The approximate parameter and the point where it was found.
     pub(super) nearest: f64,
     pub(super) point: Complex<f64>,
     /// The search ends when a point at this distance or nearer is found.
@@ -63,7 +63,7 @@ impl<'a> Search<'a> {
         self.distance <= self.enough
     }
 
-    /// Whether there is nothing to search for any more.
+    /// Whether the search is over.
     fn ends(&self) -> bool {
         self.found() || self.budget.is_spent()
     }
@@ -83,7 +83,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Adds the crossing of a short way between two points that differ by rounding.
+    /// Adds the crossing of the gap between two points that differ by rounding.
     pub(super) fn join(&mut self, from: Complex<f64>, to: Complex<f64>) {
         self.crossings += crossing(self.position, from, to);
     }
@@ -103,8 +103,7 @@ impl<'a> Search<'a> {
         let ((from, start), (to, end)) = (A::place(a), A::place(b));
         let deviation = arc.deviation(a, b);
         let (distance, share) = to_segment(self.position, start, end);
-        // From here the position is outside of all that curve and chord enclose: both cross
-        // the ray alike.
+        // The position is outside the region between curve and chord: both cross the ray alike.
         let clear = distance > deviation && distance - deviation >= self.distance;
         if clear || deviation <= EXACT || halvings == 0 {
             if distance < self.distance {

@@ -36,7 +36,7 @@ pub(super) struct Slice<'a> {
     kind: Kind,
 }
 
-/// Which turns the bounds admit, which decides what the front consists of.
+/// The turns that the bounds admit; they determine the front.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     AlwaysLeft,
@@ -56,12 +56,12 @@ pub(super) enum Curve {
     MultiSwitch,
 }
 
-/// Paths with more than two switches are sought this near the other curves only: share of the
-/// time travelled, times the square of the angle, rad, that the highest rate turns by in it. They
-/// were seen to gain 0.0018.
+/// Paths with more than two switches are searched only this near the other curves, as a share of
+/// the travel time times the square of the angle, rad, that the highest rate turns by in it.
+/// Measured gain: 0.0018.
 const MOST_GAIN: f64 = 0.002;
 
-/// What a point of a window or of the front takes, in units of a [`Budget`].
+/// Cost of a point of a window or of the front, in units of a [`Budget`].
 const OF_KNOT: usize = 24;
 
 /// Width of a loop of such paths, s.
@@ -70,8 +70,8 @@ const LOOP_S: f64 = 0.04;
 const WINDOWS: [Curve; 2] = [Curve::LoWindow, Curve::HiWindow];
 
 impl<'a> Slice<'a> {
-    /// The slice after `steps` steps; `heading`, rad and not wrapped, must be
-    /// admissible. Once the budget is spent, it knows nothing.
+    /// The slice after `steps` steps; `heading`, rad and not wrapped, must be admissible. Once the
+    /// budget is spent, its results are meaningless.
     pub(super) fn new(
         paths: &'a Paths,
         steps: usize,
@@ -119,7 +119,7 @@ impl<'a> Slice<'a> {
         matches!(self.kind, Kind::StraightAdmissible | Kind::Mixed)
     }
 
-    /// How far from the other curves, s, such paths are sought.
+    /// The distance from the other curves, s, within which those paths are searched.
     fn most_gain(&self) -> f64 {
         let rates = self.span.bounds().flat_map(|(lo, hi)| [lo, hi]);
         let fastest = rates.fold(0.0, |most: f64, rate| most.max(rate.abs()));
@@ -127,8 +127,8 @@ impl<'a> Slice<'a> {
         MOST_GAIN * seconds * (fastest * seconds) * (fastest * seconds)
     }
 
-    /// Distance of a position from the slice, s; 0 inside. A distance of `enough` or less ends
-    /// the search; if it is `reach` or more, or the budget is spent, the answer is some number from `reach` on.
+    /// Distance of a position from the slice, s; 0 inside. A distance of `enough` or less ends the search; if
+    /// it is `reach` or more, or the budget is spent, the result is some number ≥ `reach`.
     pub(super) fn outside_by(&self, position: Complex<f64>, enough: f64, reach: f64) -> f64 {
         let mut nearest = f64::INFINITY;
         let mut winding = None;
@@ -175,7 +175,7 @@ impl<'a> Slice<'a> {
         nearest
     }
 
-    /// The point nearest to a position of the curves other than those of `multi_switch`, and its distance, s.
+    /// The nearest point to a position on the curves other than those of `multi_switch`, and its distance, s.
     pub(super) fn nearest(&self, position: Complex<f64>) -> (Complex<f64>, f64) {
         let searches = self.curves().map(|curve| self.search(curve, position, 0.0, f64::INFINITY));
         let nearest = searches.min_by(|a, b| a.distance.total_cmp(&b.distance));
@@ -203,7 +203,7 @@ impl<'a> Slice<'a> {
         }
         let found = || found.iter().flatten();
         let nearer = |a: (f64, Curve), b: (f64, Curve)| if b.0 < a.0 { b } else { a };
-        // A position that two curves surround is inside, as far as the nearer of the two.
+        // A position that two curves surround is inside, by the distance of the nearer one.
         let pairs = found().flat_map(|(first, a)| {
             found()
                 .filter(|(_, b)| a.crossings != b.crossings)
@@ -218,8 +218,7 @@ impl<'a> Slice<'a> {
         })
     }
 
-    /// What is found about the loop of paths with more switches next to a window, near the
-    /// position.
+    /// The search along the loop of paths with more switches next to a window, near the position.
     fn more_switches(
         &self,
         curve: Curve,
@@ -237,8 +236,7 @@ impl<'a> Slice<'a> {
         let apart = 0.5 * LOOP_S / (knot.to - knot.from).max(LOOP_S);
         let parameters = [-apart, 0.0, apart].map(|by| (found.nearest + by).clamp(0.0, most));
         let headings = |parameter: f64, path: &mut [f64]| window.headings(parameter, path);
-        // To the middle of what is near enough, or as far as possible if the distance itself
-        // matters.
+        // To the middle of the range that is near enough, or as far as possible if the distance itself matters.
         let beyond = if reach.is_finite() { -0.5 * enough } else { f64::INFINITY };
         let found = Loop::new(self.span, headings, parameters, (position, beyond), self.budget);
         search.follow(&found, [0.0, 1.0, 2.0, 3.0]);
@@ -270,7 +268,7 @@ impl<'a> Slice<'a> {
                 let front = MixedFront::new(self.span);
                 let (lowest, highest) = front.directions();
                 search.follow(&front, [lowest, highest]);
-                // The ends of its curve are a little off those of the windows.
+                // The ends of its curve differ slightly from those of the windows.
                 let window = self.lo_window();
                 let tips = [0.0, self.above_low].map(|from| window.knot(from).point);
                 let [first, last] =
@@ -292,14 +290,14 @@ impl<'a> Slice<'a> {
         Window { slice: self, outer, inner, width: self.above_low, sign: -1.0 }
     }
 
-    /// When the two outermost paths' headings have come to differ by `turn`.
+    /// The moment at which the headings of the two outermost paths have come to differ by `turn`.
     fn apart_by(&self, turn: f64) -> Moment {
         let (low, high) = (&self.span.paths.low, &self.span.paths.high);
         self.instant(turn, |step| high.heading(step) - low.heading(step))
     }
 
-    /// When a quantity reaches `value` that never falls and is linear between its values `at` the
-    /// beginning of each step; an end of the steps with a choice if it does not.
+    /// The moment at which a quantity reaches `value`; an end of the steps with a choice if it does not. The
+    /// quantity never falls and is linear between its values `at` the beginning of each step.
     fn instant(&self, value: f64, at: impl Fn(usize) -> f64) -> Moment {
         let (mut first, mut last) = (self.span.first, self.span.last);
         // at(first) ≤ value < at(last), if there are such steps.
@@ -343,9 +341,9 @@ struct Knot {
     to: f64,
 }
 
-/// The rates of `outer`, but for a stretch with those of `inner`, in which the
-/// heading comes to differ by `width` from that under `outer`. Parameter: how
-/// much the headings of the outermost paths differ where the stretch begins.
+/// The rates of `outer`, except for a stretch with those of `inner`, in which the heading comes to
+/// differ by `width` from that under `outer`. The parameter is the difference of the outermost
+/// paths' headings where the stretch begins.
 struct Window<'a> {
     slice: &'a Slice<'a>,
     outer: &'a Path,
@@ -356,7 +354,7 @@ struct Window<'a> {
 }
 
 impl Window<'_> {
-    /// Fills in the headings after each part of the path named by the parameter.
+    /// Fills in the headings after each part of the path with this parameter.
     fn headings(&self, parameter: f64, path: &mut [f64]) {
         let parts = Parts::new(self.slice.span);
         let (mut low, mut high) = (parts.heading, parts.heading);
@@ -426,8 +424,7 @@ impl Arc for Straight<'_> {
         } else {
             (rising(direction + slice.below_high), high, -slice.below_high)
         };
-        // Where a full rate is zero its path is straight too, and its instant may come
-        // out anywhere there.
+        // Where a full rate is zero, its path is straight too, and the computed instant may be anywhere on it.
         if to.time < from.time {
             if (toward.at(to).1 - direction).abs() < SAME_HEADING {
                 from = to;

@@ -6,10 +6,10 @@ use super::super::paths::Paths;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span<'a> {
     pub(super) paths: &'a Paths,
-    /// How many steps the paths take.
+    /// Number of steps of the paths.
     pub(super) steps: usize,
-    /// The first step with a choice, and the one after the last. Those before and after
-    /// move and turn all paths as one.
+    /// The first step with a choice, and the one after the last. Earlier and later steps move and
+    /// turn all paths alike.
     pub(super) first: usize,
     pub(super) last: usize,
     /// At the end, rad in the human's frame, not wrapped.

@@ -1,4 +1,4 @@
-//! Curves of arcs to polygons around them.
+//! Converts curves of arcs to polygons around them.
 
 use super::super::paths::unit;
 use super::super::sampling::to_segment;
@@ -6,11 +6,11 @@ use super::swept::{Corner, Edge, cross};
 use super::{MOST_CORNERS, Point};
 use crate::math::{PI, atan2};
 
-/// Its tolerance is doubled this often.
+/// The tolerance of [`coarsen`] is doubled at most this often.
 const MOST_DOUBLINGS: u32 = 6;
 
-/// Replaces `boundary` by a polygon around the curve, by at most `tolerance`: outside of arcs to the left, and along the
-/// chords of arcs to the right.
+/// Replaces `boundary` by a polygon around the curve that exceeds it by at most `tolerance`:
+/// outside of arcs to the left, and along the chords of arcs to the right.
 pub(super) fn polyline(corners: &[Corner], tolerance: f64, boundary: &mut Vec<Point>) {
     boundary.clear();
     for (i, corner) in corners.iter().enumerate() {
@@ -45,7 +45,7 @@ pub(super) fn polyline(corners: &[Corner], tolerance: f64, boundary: &mut Vec<Po
     }
 }
 
-/// Most edges of an arc.
+/// Largest number of edges of an arc.
 const MOST_EDGES: f64 = 100.0;
 
 /// [Loosens](loosen) a polygon until it has few vertices.
@@ -60,8 +60,8 @@ pub(super) fn coarsen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, toler
     }
 }
 
-/// Takes out vertices so that the polygon grows, and nowhere by more than `tolerance`: a vertex at which it turns
-/// right is left out; two at which it turns left are replaced by where their other edges meet.
+/// Removes vertices so that the polygon grows, nowhere by more than `tolerance`: a vertex at which it turns
+/// right is left out; two at which it turns left are replaced by the intersection of their other edges.
 pub(super) fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolerance: f64) {
     for _ in 0..4 {
         let n = boundary.len();
@@ -91,7 +91,7 @@ pub(super) fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolera
                 let d = at(i + 2);
                 let cd = d - c;
                 let (first, second, both) = (turn, cross(bc, cd), cross(ab, cd));
-                // All three edges go much the same way: no tip of a spike.
+                // All three edges have similar directions, so this is no tip of a spike.
                 let alike = |a: Point, b: Point| (a * b.conj()).re > 0.0;
                 let onward = alike(ab, bc) && alike(bc, cd) && alike(ab, cd);
                 if i + 2 < n && onward && first > 0.0 && second > 0.0 && both > 0.0 {
@@ -114,7 +114,7 @@ pub(super) fn loosen(boundary: &mut Vec<Point>, scratch: &mut Vec<Point>, tolera
     }
 }
 
-/// How far a line is from what a polygon encloses, s of travel; 0 if it touches that.
+/// Distance of a line from the inside of a polygon, s of travel; 0 if they touch.
 pub(super) fn outside_by(polygon: &[Point], [from, to]: [Point; 2]) -> f64 {
     let (mut winding, mut nearest) = (0, f64::INFINITY);
     for (i, &a) in polygon.iter().enumerate() {

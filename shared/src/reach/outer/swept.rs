@@ -2,16 +2,17 @@
 //!
 //! A rotation moves an arc to an arc, so these curves stay exact however often they are swept.
 //!
-//! Take a closed curve that winds about each position at least 0 times. On a circle about the origin, the number of
-//! windings goes up where the curve crosses the circle outward, and down where it crosses it inward (in the direction of
-//! increasing angle). Rotate all outward crossings by −α and all inward ones by +α: then at each angle there are as many
-//! windings as there were at *any* angle up to α away, or more; and none where there were none. So the parts of the
-//! curve that recede from the origin ([`Chain`]s, between the extremes of the distance) go right, the others go left, arcs about
-//! the origin connect them, and the new curve winds about each position of the union at least once, and about no
-//! other.
+//! Take a closed curve that winds about each position at least 0 times. On a circle about the
+//! origin, the number of windings goes up where the curve crosses the circle outward, and down
+//! where it crosses it inward (in the direction of increasing angle). Rotate all outward crossings
+//! by −α and all inward ones by +α: then the number of windings at each angle is at least the old
+//! number at *any* angle up to α away, and 0 if all of those were 0. So the parts of the curve that
+//! recede from the origin ([`Chain`]s, between the extremes of the distance) go right, the others
+//! go left, arcs about the origin connect them, and the new curve winds about each position of the
+//! union at least once, and about no other.
 //!
-//! Where two neighbouring chains overlap after that, both are left out up to where they cross: what they enclosed is
-//! then counted once instead of twice.
+//! Where two neighbouring chains overlap after that, both are removed up to where they cross: the
+//! area that they enclosed is then counted once instead of twice.
 
 use super::super::paths::unit;
 use crate::math::{PI, TAU, atan2};
@@ -19,7 +20,7 @@ use nalgebra::Complex;
 
 type Point = Complex<f64>;
 
-/// How a curve goes on from a corner to the next one.
+/// The edge of a curve from a corner to the next one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Edge {
     Line,
@@ -38,7 +39,7 @@ pub(super) struct Corner {
     pub(super) edge: Edge,
 }
 
-/// Square of a length, s of travel, that is nothing.
+/// Square of a length, s of travel, that counts as zero.
 const NOTHING: f64 = 1e-24;
 
 /// Widest arc, rad.
@@ -47,14 +48,14 @@ const WIDEST: f64 = 0.5 * PI;
 /// Chains less apart than this, rad, coincide.
 const LEAST_APART: f64 = 1e-9;
 
-/// Chains are cut after rotations by up to this, rad: two that overlap by about half a turn are not told apart from two that do
-/// not.
+/// Chains are cut only after rotations by up to this, rad: an overlap of about half a turn cannot
+/// be distinguished from none.
 const WIDEST_CUT: f64 = 1.2;
 
-/// Square of a share of the distance within which two points are one.
+/// Squared relative distance within which two points count as one.
 const SAME: f64 = 1e-14;
 
-/// How often a bracket of a crossing is narrowed at most.
+/// Largest number of steps that narrow the bracket of a crossing.
 const MOST_ROUNDS: usize = 60;
 
 impl Corner {
@@ -84,7 +85,7 @@ struct Chain {
     /// Its last edge, and where on it the chain ends.
     last: usize,
     end: Point,
-    /// Whether its start, its end was cut off.
+    /// Whether its start and its end were cut off.
     cut: [bool; 2],
     gone: bool,
 }
@@ -95,14 +96,14 @@ struct Extreme {
     point: Point,
     /// A maximum.
     far: bool,
-    /// Whether an arc connects the chains; else they meet, or are gone.
+    /// Whether an arc connects the chains; otherwise they meet, or are gone.
     connects: bool,
     /// Where the arc begins and ends, if part of it was cut off.
     from: Option<Point>,
     to: Option<Point>,
 }
 
-/// A curve, and memory for the next one.
+/// A curve, and buffers for the next one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curve {
     pub(super) corners: Vec<Corner>,
@@ -115,8 +116,8 @@ pub(super) struct Curve {
 }
 
 impl Curve {
-    /// Replaces the curve by one around the union of what it encloses, rotated about the origin by every angle up to
-    /// `angle` to both sides. Returns how many extremes of the distance it had.
+    /// Replaces the curve by one around the union of its inside rotated about the origin by every
+    /// angle up to `angle` to both sides. Returns how many extremes of the distance it had.
     pub(super) fn sweep(&mut self, angle: f64) -> usize {
         self.divide();
         self.find_extremes();
@@ -156,7 +157,7 @@ impl Curve {
         }
     }
 
-    /// Has the curve lead from the origin, which it encloses, and back.
+    /// Makes the curve lead from the origin, which it encloses, and back.
     pub(super) fn begin_at_origin(&mut self) {
         let Some(&Corner { point: first, .. }) = self.corners.first() else { return };
         if first.norm_sqr() < NOTHING {
@@ -166,8 +167,8 @@ impl Curve {
         self.corners.push(Corner { point: first, edge: Edge::Line });
     }
 
-    /// Lets a polygon begin where it is nearest to the origin: the way there from the origin, which it encloses, is inside, and
-    /// stays so when it is swept.
+    /// Makes a polygon begin where it is nearest to the origin, which it encloses: the line there
+    /// from the origin is inside, and stays inside when it is swept.
     pub(super) fn begin_nearest(&mut self) {
         let Self { corners, .. } = self;
         let n = corners.len();
@@ -266,7 +267,7 @@ impl Curve {
         (corner.edge, corner.point, self.radial[(i + 1) % n].0.point)
     }
 
-    /// Where an edge is at this square of a distance.
+    /// The point of an edge at this squared distance.
     fn at(&self, i: usize, distance2: f64) -> Point {
         let (edge, a, b) = self.edge(i);
         match edge {
@@ -291,9 +292,9 @@ impl Curve {
         }
     }
 
-    /// Cuts off what the chains before and after an extreme have twice. They may overlap to where they cross, or to the end of
-    /// one of them, from where on the arc there takes its place. If they do not, or if that arc is cut off otherwise, all
-    /// stays as it is.
+    /// Cuts off the overlap of the chains before and after an extreme. They may overlap up to where
+    /// they cross, or up to the end of one of them, from where the arc there replaces it. If they
+    /// do not overlap, or if that arc is cut off otherwise, nothing changes.
     fn cut(&mut self, k: usize, angle: f64) {
         let count = self.chains.len();
         let (before, after) = ((k + count - 1) % count, k);
@@ -307,7 +308,8 @@ impl Curve {
         }
         let far = extreme.far;
         let wide = unit(-2.0 * angle);
-        // e^{iδ}, multiplied by the square of the distance; δ is how far the chain that goes left is to the right of the other.
+        // e^{iδ}, multiplied by the square of the distance; δ is how far the chain that goes left
+        // is to the right of the other.
         let apart = |a: Point, b: Point| if far { a * b.conj() } else { b * a.conj() };
         let sides = if far { [unit(-angle), unit(angle)] } else { [unit(angle), unit(-angle)] };
         let mut distance2 = extreme.point.norm_sqr();
@@ -323,13 +325,14 @@ impl Curve {
             let to_b = if b_ends { b.end.norm_sqr() } else { begin(j + 1) };
             let next = if far { to_a.max(to_b) } else { to_a.min(to_b) };
             let (a_over, b_over) = (to_a == next && a_ends, to_b == next && b_ends);
-            // An end is exactly known. Computed, it is off where its edge just touches the circle, and the arc from there to
-            // the other chain could come out a hair below zero and be taken for a whole turn.
+            // The ends are known exactly. Computed, they would be inaccurate where an edge just
+            // touches the circle, and the arc from there to the other chain could come out slightly
+            // below zero and be taken for a whole turn.
             let p = if a_over { a.start } else { self.at(i, next) };
             let q = if b_over { b.end } else { self.at(j, next) };
             let between = apart(p, q);
-            // They must not meet before: beyond that, or where they coincide, there is something of the set between
-            // them, which grows, and no notch, which shrinks.
+            // They must not meet earlier: beyond that, or where they coincide, the gap between them
+            // is a part of the set, which grows, instead of a notch, which shrinks.
             let middle = 0.5 * (distance2 + next);
             let meanwhile = apart(self.at(i, middle), self.at(j, middle));
             if between.im <= 0.0
@@ -385,7 +388,7 @@ impl Curve {
         }
     }
 
-    /// Whether two edges meet between two squares of distances, but for a known point.
+    /// Whether two edges meet between two squared distances, other than at a known point.
     fn meet_within(&self, [i, j]: [usize; 2], range: [f64; 2], known: Point) -> bool {
         let slack = LEAST_APART * range[0].max(range[1]);
         let (low, high) = (range[0].min(range[1]) - slack, range[0].max(range[1]) + slack);
@@ -402,7 +405,7 @@ impl Curve {
         })
     }
 
-    /// Where two edges have `overlap` 0, between two squares of distances with different signs of it.
+    /// The squared distance at which two edges have `overlap` 0, between two with different signs of it.
     fn meet(
         &self,
         [i, j]: [usize; 2],
@@ -418,7 +421,7 @@ impl Curve {
             } else {
                 high - at_high * (high - low) / (at_high - at_low)
             };
-            // The rule of Illinois: the end that stays counts half.
+            // Illinois algorithm: the value at the end that stays is halved.
             let found = value(middle);
             best = middle;
             if found.abs() < 1e-15 * middle || (high - low).abs() < 1e-14 * middle {
@@ -435,7 +438,7 @@ impl Curve {
         (self.at(i, best), self.at(j, best))
     }
 
-    /// Writes the curve of what is left.
+    /// Writes the curve from the remaining chains and arcs.
     fn write(&mut self, angle: f64) {
         let Self { corners, radial, extremes, chains, .. } = self;
         let n = radial.len();

@@ -1,4 +1,4 @@
-//! One Runge–Kutta stage on a run of nodes, in lanes. Most of a solve's time is spent here.
+//! One Runge–Kutta stage on a run of nodes, in SIMD lanes. Most of a solve's time is spent here.
 
 use super::super::game::{Game, TERMS};
 use super::super::grid::Grid;
@@ -47,13 +47,13 @@ pub(super) enum Base<'a, T> {
     Other(T, &'a [T]),
 }
 
-/// Where the values of a tube are.
+/// The range of a tube's values.
 #[derive(Clone, Copy)]
 pub(super) struct Range<T> {
-    /// The least value that the target has had. The one of a tube is not below: a path's value is the target's
-    /// somewhere on it, or the obstacle's, which is more. Schemes of higher order undershoot a little.
+    /// The least value of the target so far. A tube's value is not below it: a path's value is the target's
+    /// somewhere on it, or the obstacle's, which is larger. Higher-order schemes undershoot a little.
     pub(super) lowest: T,
-    /// Lower and higher than any scheme gets in one stage: there the game is at fault, or the number type ends.
+    /// Bounds that no scheme exceeds in one stage: beyond them the game is wrong, or the number type overflows.
     pub(super) possible: [T; 2],
 }
 
@@ -64,11 +64,11 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) tables: &'a Tables<T, D>,
     /// Factors of the differences of neighbours, by axis.
     pub(super) units: [T; D],
-    /// Beside an obstacle: differences of neighbours, by axis, that are jumps.
+    /// Beside an obstacle: by axis, the difference of neighbours above which there is a jump.
     pub(super) steep: Option<[T; D]>,
-    /// Where the obstacle has jumps that are lower than that: above 0 near these.
+    /// For obstacles with jumps that are lower than `steep`: above 0 near these jumps.
     pub(super) near: Option<&'a [T]>,
-    /// Whether V can jump, beside an obstacle that does.
+    /// Whether V can jump because the obstacle does.
     pub(super) jumps: bool,
     /// Half the scale of the data, for the mean of the two derivatives (negative
     /// for forward sets) and for their difference.
@@ -84,7 +84,7 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
 }
 
 impl<T: Real> Range<T> {
-    /// A moved value, at least the lowest one; not a number if it is impossible.
+    /// Clamps a moved value to at least the lowest one; NaN if the value is impossible.
     #[inline(always)]
     fn keep(&self, moved: T) -> T {
         let [least, most] = self.possible;
@@ -187,7 +187,7 @@ impl<T: Real, const D: usize> Run<T, D> {
     }
 }
 
-/// What one block needs, in the nearest cache.
+/// The data of one block, in the L1 cache.
 struct Scratch<T, const D: usize> {
     /// The right derivatives, by axis.
     rights: [[T; BLOCK]; D],
@@ -195,8 +195,8 @@ struct Scratch<T, const D: usize> {
     moved: [T; BLOCK],
 }
 
-/// Left derivatives of nodes that are still to come: a face gives them along with the right derivative of the
-/// node before it.
+/// Left derivatives of nodes that are computed later: a face yields them along with the right
+/// derivative of the node before it.
 struct Carried<T, const D: usize> {
     /// By axis, at each node's place in its slice.
     lefts: [Vec<T>; D],
@@ -213,7 +213,7 @@ impl<T: Real, const D: usize> Carried<T, D> {
         Self { lefts: layout.strides.map(|stride| array(stride.min(layout.slice_length()))), next }
     }
 
-    /// Where the left derivatives belong that the faces behind the cells from `here` on give.
+    /// The storage for the left derivatives from the faces behind the cells from `here` on.
     #[inline(always)]
     fn behind(&mut self, d: usize, here: usize, layout: &Layout<D>) -> &mut [T; BLOCK] {
         if d == 0 && Layout::<D>::LOOP_AXES > 0 {
@@ -275,7 +275,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
                 carried.lefts[d][offset] = if is_plain { plain } else { left };
                 continue;
             }
-            // What a last block computes too much is computed again before it is read.
+            // The excess of the last block is recomputed before it is read.
             for start in (0..count).step_by(BLOCK) {
                 let lefts = block_mut(&mut carried.lefts[d], offset + start);
                 self.faces(d, at + start, &mut scratch.rights[d], lefts);
@@ -362,8 +362,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             Base::Own(keep) => combine(keep, target, moved),
             Base::Other(keep, other) => combine(keep, block(other, at), moved),
         }
-        // Into another array than the one that is read, else the compiler makes stores conditional, which are
-        // slow. This order of comparison preserves a NaN from the game.
+        // Writes to another array than the one that is read: otherwise the compiler makes stores
+        // conditional, which is slow. This order of comparison preserves a NaN from the game.
         match (self.ceiling, self.floor) {
             (None, None) => *target = *moved,
             (Some(ceiling), None) => {

@@ -1,4 +1,4 @@
-//! How the nodes of a grid lie in memory, with their ghosts.
+//! The memory layout of a grid's nodes and their ghosts.
 
 use super::super::grid::{Boundary, Grid};
 use crate::real::Real;
@@ -7,7 +7,7 @@ use crate::real::Real;
 /// reads.
 pub(super) const BLOCK: usize = 256;
 
-/// How the axes lie in memory, ghosts included.
+/// The memory layout of the axes, including ghosts.
 #[derive(Clone, Copy)]
 pub(super) struct Layout<const D: usize> {
     pub(super) reach: usize,
@@ -42,7 +42,7 @@ impl<const D: usize> Layout<D> {
         (1..Self::LOOP_AXES).map(|d| self.nodes[d]).product()
     }
 
-    /// Slices along axis 0 that threads share.
+    /// Number of slices along axis 0; threads share them.
     pub(super) fn slices(&self) -> usize {
         if Self::LOOP_AXES == 0 { 1 } else { self.nodes[0] }
     }
@@ -79,22 +79,22 @@ impl<const D: usize> Layout<D> {
     }
 }
 
-/// What the ghosts of an axis repeat or continue.
+/// The values of an axis's ghosts.
 #[derive(Clone, Copy)]
 pub(super) enum Ghosts<'a> {
-    /// As the boundary says.
+    /// Determined by the boundary condition.
     Of(Boundary),
-    /// At the low end the mirror image, at the high end values extrapolate.
+    /// The mirror image at the low end, extrapolated values at the high end.
     Mirrored {
         /// Whether the first node is the middle.
         centred: bool,
-        /// Each place of a row and that of its image.
+        /// Each index in a row and that of its image.
         cells: &'a [(usize, usize)],
     },
 }
 
-/// Fills the ghosts of `axis` in `data`, whose entries form whole slices of it. Where V can have `jumps`, none goes on
-/// outside: see [`extend`].
+/// Fills the ghosts of `axis` in `data`, whose entries form whole slices of it. If V can have
+/// `jumps`, they are not continued outside: see [`extend`].
 #[inline(always)]
 pub(super) fn fill_ghosts<T: Real, const D: usize>(
     data: &mut [T],
@@ -162,7 +162,8 @@ fn wrapped(reach: usize, nodes: usize) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
-/// Fills the ghosts of a periodic row: single copies would take longer than a stage's arithmetic.
+/// Fills the ghosts of a periodic row of single entries, for which `copy_within` would take longer
+/// than a stage's arithmetic.
 #[inline(always)]
 fn wrap<T: Copy>(line: &mut [T], reach: usize, nodes: usize) {
     for (from, to) in wrapped(reach, nodes) {
@@ -170,9 +171,9 @@ fn wrap<T: Copy>(line: &mut [T], reach: usize, nodes: usize) {
     }
 }
 
-/// The `k`-th row of ghosts beyond the row `edge`, whose neighbour is `inner`, before which is `deeper`. Below 0, where V has
-/// `jumps`, the slope is the lesser of the two at the edge: beside a wall the first one is the jump, and V would come in from
-/// outside far too low.
+/// The `k`-th row of ghosts beyond the row `edge`, whose neighbours inside are `inner` and
+/// `deeper`. If V has `jumps`, values below 0 use the smaller of the two slopes at the edge: beside
+/// a wall the first slope is the jump, and values far too low would enter from outside.
 #[inline(always)]
 fn extend<T: Real>(ghosts: &mut [T], [edge, inner, deeper]: [&[T]; 3], k: usize, jumps: bool) {
     for (((ghost, edge), inner), deeper) in ghosts.iter_mut().zip(edge).zip(inner).zip(deeper) {
@@ -189,7 +190,7 @@ fn extend<T: Real>(ghosts: &mut [T], [edge, inner, deeper]: [&[T]; 3], k: usize,
     }
 }
 
-/// Calls `f` with the index of every interior node of slice `slice` and its place in it.
+/// Calls `f` with the index of every interior node of slice `slice` and its position in it.
 pub(super) fn each_interior<const D: usize>(
     layout: &Layout<D>,
     slice: usize,
@@ -203,7 +204,7 @@ pub(super) fn each_interior<const D: usize>(
     });
 }
 
-/// Calls `f` with the index and the place of the first node of every line along the last axis.
+/// Calls `f` with the index and the position of the first node of every line along the last axis.
 pub(super) fn each_line<const D: usize>(
     layout: &Layout<D>,
     slice: usize,

@@ -1,4 +1,4 @@
-//! What V may not exceed and what it may not fall below, and where these jump.
+//! Upper and lower limits of V, and their jumps.
 
 use super::super::grid::Grid;
 use super::kernel::Range;
@@ -15,17 +15,18 @@ pub(super) struct Nodes<'a, const D: usize> {
     pub(super) workers: &'a Workers,
 }
 
-/// What V may not exceed and what it may not fall below, on the nodes.
+/// Upper and lower limits of V on the nodes.
 pub(super) struct Limits<T> {
     pub(super) ceiling: Option<Vec<T>>,
     pub(super) floor: Option<Vec<T>>,
-    /// Whether the obstacle has been higher somewhere than it is in `floor`.
+    /// Whether `floor` has been below the obstacle somewhere.
     pub(super) is_capped: bool,
     /// Whether the obstacle has had jumps, and V may still have them.
     pub(super) jumps: bool,
-    /// Whether the target's slope has hidden some.
+    /// Whether the target's slope has hidden some of them.
     hides_jumps: bool,
-    /// [`NEAR`] at the nodes where it has, and one less for each cell away from there. Empty where none is looked for.
+    /// [`NEAR`] at the nodes of hidden jumps, and one less for each cell away from there. Empty if
+    /// no jumps are searched.
     near: Vec<T>,
     /// The target's steepest slope at the beginning.
     pub(super) slope: f64,
@@ -34,7 +35,8 @@ pub(super) struct Limits<T> {
 }
 
 impl<T: Real> Limits<T> {
-    /// Of a target whose values are `target`; `ceiling` says whether V may not exceed them, `near` is empty or as long.
+    /// The limits for a target with these values; with `ceiling`, V may not exceed them. `near` is
+    /// empty or as long.
     pub(super) fn new<const D: usize>(
         target: &[T],
         layout: &Layout<D>,
@@ -59,15 +61,15 @@ impl<T: Real> Limits<T> {
         self.hides_jumps.then_some(&self.near[..])
     }
 
-    /// Differences of neighbours, by axis, that are far steeper than the target's slope.
+    /// By axis, the difference of neighbours above which they are far steeper than the target's slope.
     pub(super) fn steep<const D: usize>(&self, grid: &Grid<D>) -> [f64; D] {
         grid.axes.map(|axis| STEEP * self.slope * axis.spacing())
     }
 
-    /// Lowers an obstacle to M, the largest magnitude of the target. A path's value is
-    /// max(target at its end, highest obstacle on it), and max(l, g) is at most M exactly where max(l, min(g, M)) is, so
-    /// that this changes V to min(V, M) and no sign. Numbers that are far above the target's, as those that stand for
-    /// "never", would round the target's away beside them, and bring their error into V.
+    /// Lowers an obstacle to M, the largest magnitude of the target. A path's value is max(target at its end,
+    /// highest obstacle on it), and max(l, g) is at most M exactly where max(l, min(g, M)) is, so this changes
+    /// V to min(V, M) and keeps its sign. Otherwise, obstacle values far above the target's (used for
+    /// "never") would round the target's values away, and their error would enter V.
     pub(super) fn cap_floor(&mut self) {
         let cap = T::from_f64(self.largest());
         let mut is_capped = false;
@@ -84,7 +86,8 @@ impl<T: Real> Limits<T> {
         if largest > 0.0 { largest } else { f64::INFINITY }
     }
 
-    /// Where the values of a tube are, and where one stage can bring them. Neighbours, ghosts too, differ by at most
+    /// The range of a tube's values, and the range that one stage can reach. Neighbours, ghosts
+    /// too, differ by at most
     /// the range R of the data, and second differences by at most 2 R, so that no one-sided derivative exceeds
     /// (1 + 14/6) R over the spacing: ENO3's and WENO's coefficients. A stage moves V by at most
     /// Δt Σ speed (|mean of two| + |half of their difference|), and Δt Σ speed/Δx is at most the share `cfl`.
@@ -98,13 +101,14 @@ impl<T: Real> Limits<T> {
         Range { lowest: T::from_f64(lowest), possible }
     }
 
-    /// Notes whether the obstacle jumps: whether, within the target's values, the difference of two neighbours is more than
-    /// a quarter of the obstacle's range and than four times those beside it that have its sign, as no slope's is. Where it
-    /// is too low there to be far steeper than the target's steepest slope, that slope hides the jumps of V. This matters in
-    /// passages: elsewhere first order would cost more than jumps do.
+    /// Records whether the obstacle jumps: whether, within the target's values, the difference of
+    /// two neighbours exceeds a quarter of the obstacle's range and four times the adjacent
+    /// differences of the same sign, which no slope does. If a jump is too low to be far steeper
+    /// than the target's steepest slope, that slope hides the jumps of V. This matters only in
+    /// passages: elsewhere first order would cost more accuracy than jumps do.
     pub(super) fn look_for_jumps<const D: usize>(&mut self, nodes: &Nodes<'_, D>) {
         let Some(floor) = &self.floor else { return };
-        // A scheme of first order asks only whether there are any.
+        // A first-order scheme only needs to know whether there are any.
         let is_first_order = self.near.is_empty();
         if is_first_order && self.jumps {
             return;
@@ -114,13 +118,13 @@ impl<T: Real> Limits<T> {
         let (lead, length) = (layout.lead(), layout.slice_length());
         let [low, high] = range(floor, layout).map(|value| value.max(lowest));
         let (share, hidden) = (0.25 * (high - low), T::from_f64(NEAR));
-        // Rounded differences may be a little less.
+        // Rounded differences may be slightly smaller.
         let [least, suspect] = [lowest, 0.999 * share].map(T::from_f64);
         let (steep, jumps) = (self.steep(grid), AtomicBool::new(self.jumps));
         let look = |i: usize, near: &mut [T]| {
             each_line(layout, i, |mut index, start| {
                 let start = lead + i * length + start;
-                // Nearly everywhere there is none, and that is soon seen.
+                // Nearly all lines have none, and this check is fast.
                 if is_flat_line(floor, grid, layout, &index, start, [least, suspect]) {
                     return;
                 }
@@ -146,7 +150,7 @@ impl<T: Real> Limits<T> {
                             let size = this.abs();
                             size > share && size > STEEP * beside(k - 1).max(beside(k + 1))
                         };
-                        // From the foot of a wall on: whether another one, or the end, is near.
+                        // Whether another wall, or the end, is near the foot of this one.
                         let is_passage = |k: isize| {
                             let way = -rise(k).signum() as isize;
                             (1..=PASSAGE).map(|nodes| k + way * nodes).any(|k| {
@@ -224,10 +228,10 @@ fn is_flat_line<T: Real, const D: usize>(
     })
 }
 
-/// Accumulators that do not wait for each other.
+/// Number of independent accumulators.
 const LANES: usize = 16;
 
-/// The largest difference of values that face each other, each raised to `least`.
+/// The largest difference of corresponding values, each raised to `least`.
 fn largest_difference<T: Real>(one: &[T], other: &[T], least: T) -> T {
     let difference = |a: T, b: T| (a.larger(least) - b.larger(least)).abs();
     let mut largest = [T::ZERO; LANES];
@@ -241,7 +245,7 @@ fn largest_difference<T: Real>(one: &[T], other: &[T], least: T) -> T {
     largest.into_iter().chain(rest).fold(T::ZERO, T::larger)
 }
 
-/// The least and the largest value at a node.
+/// The least and the largest value at interior nodes.
 pub(super) fn range<T: Real, const D: usize>(data: &[T], layout: &Layout<D>) -> [f64; 2] {
     let (mut lows, mut highs) =
         ([T::from_f64(f64::INFINITY); LANES], [T::from_f64(f64::NEG_INFINITY); LANES]);
@@ -283,7 +287,7 @@ pub(super) fn steepest<T: Real, const D: usize>(
     if steepest > 0.0 && steepest.is_finite() { steepest } else { 1.0 }
 }
 
-/// Spreads along `axis` how near a jump is.
+/// Spreads the distance to jumps along `axis`.
 fn spread<T: Real, const D: usize>(
     near: &mut [T],
     layout: &Layout<D>,
@@ -291,7 +295,7 @@ fn spread<T: Real, const D: usize>(
     is_periodic: bool,
 ) {
     let (reach, nodes, stride) = (layout.reach, layout.nodes[axis], layout.strides[axis]);
-    // Twice around where there is no end.
+    // Twice around a periodic axis.
     let steps = if is_periodic { 2 * nodes } else { nodes };
     for line in near.chunks_exact_mut((nodes + 2 * reach) * stride) {
         let mut pass = |to: usize, from: usize| {
@@ -312,14 +316,14 @@ fn spread<T: Real, const D: usize>(
     }
 }
 
-/// The range of both.
+/// The smallest range that contains both.
 pub(super) fn joined([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64; 2] {
     [low.min(other_low), high.max(other_high)]
 }
 
-/// How many times as steep as others is a jump, where there is an obstacle.
+/// Beside an obstacle, a slope this many times as steep as others is a jump.
 pub(super) const STEEP: f64 = 4.0;
-/// At most this many nodes between walls, or a wall and the grid's end, are a passage.
+/// At most this many nodes between two walls, or a wall and the grid's end, are a passage.
 const PASSAGE: isize = 6;
-/// How many cells away from jumps faces may be of first order although nothing in them jumps.
+/// Faces up to this many cells away from a jump may be of first order although nothing in them jumps.
 const NEAR: f64 = 8.0;

@@ -75,7 +75,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         fill_ghosts(destination, layout, 0, ghosts[0], limits.jumps);
     }
 
-    /// What the ghosts of each axis are.
+    /// The ghosts of each axis.
     fn ghosts(&self) -> [Ghosts<'_>; D] {
         core::array::from_fn(|d| match &self.mirror {
             Some(Mirror { axis, centred, .. }) if *axis == d => {
@@ -90,7 +90,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         Nodes { grid, layout, ghosts: self.ghosts(), workers }
     }
 
-    /// Brings the limits that move to `time`.
+    /// Updates time-dependent limits to `time`.
     fn move_limits(&self, limits: &mut Limits<T>, time: f64) -> Result<(), Invalid> {
         if let Some(ceiling) = &mut limits.ceiling
             && self.problem.target.moves()
@@ -108,7 +108,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         Ok(())
     }
 
-    /// The values of the whole grid's nodes at `time`, row-major, an obstacle's at its own height.
+    /// The values of the whole grid's nodes at `time`, row-major, with the obstacle at its full height.
     fn stored(
         &self,
         value: &[T],
@@ -136,7 +136,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         }
     }
 
-    /// What to tell of an obstacle beside which V is far flatter than the target.
+    /// Reports an obstacle beside which V is far flatter than the target.
     fn shallow(&self, floor: &[T], limits: &Limits<T>) -> Option<ShallowObstacle> {
         let (target, lowest) = (limits.seen[0], range(floor, &self.layout)[0]);
         if lowest <= target {
@@ -152,7 +152,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         (free > 0 && is_flat).then_some(ShallowObstacle { lowest, target })
     }
 
-    /// Refuses a fixed obstacle outside of which there is nothing, or nothing of a fixed target.
+    /// Rejects a fixed obstacle that covers all of the grid, or all of a fixed target.
     fn check_room(&self, target: &[T], floor: &[T]) -> Result<(), Invalid> {
         let Some(avoid) = self.problem.avoid.as_ref().filter(|avoid| !avoid.region.moves()) else {
             return Ok(());
@@ -227,8 +227,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         }
     }
 
-    /// Checks V after `time`: finite, and a tube's between the bounds that target and obstacle give. The first node
-    /// where it is not is named.
+    /// Checks V after `time`: finite, and a tube's between the bounds from target and obstacle. The
+    /// error names the first node that fails.
     fn check_values(&self, data: &[T], limits: &Limits<T>, time: f64) -> Result<(), Invalid> {
         let mut complaint = None;
         for slice in 0..self.layout.slices() {
@@ -247,7 +247,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
                 if complaint.is_none() && !is_right {
                     let place = format!("{value} at {:?} after {time} s", self.grid.node(index));
                     let [low, high] = bounds.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-                    let range = format!("from {low} to {high}, as the target and the obstacle say");
+                    let range = format!("from {low} to {high}, bounded by target and obstacle");
                     let range = if bounds.is_some() { &range } else { "finite" };
                     let expected = format!(
                         "{range}; the game moves V further in one step than its speed bounds allow, or a number is too large for {}: correct the bounds, or take smaller units or f64",
@@ -260,7 +260,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         complaint.map_or(Ok(()), Err)
     }
 
-    /// Names the first node from slice `first` on whose value is not finite.
+    /// Returns an error that names the first node from slice `first` on whose value is not finite.
     fn all_finite(&self, name: &str, sign: f64, data: &[T], first: usize) -> Result<(), Invalid> {
         let (layout, mut complaint) = (&self.layout, None);
         for slice in first..layout.slices() {
@@ -293,7 +293,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         return Err(Invalid::new("cfl", "above 0 and at most 1", settings.cfl).into());
     }
     check_times(problem, settings)?;
-    // First order needs to look for no jumps.
+    // First order need not search for jumps.
     let looks = problem.avoid.is_some() && S::REACH > 1;
     let reach = if looks { JUMP_REACH } else { S::REACH };
     let stages = settings.scheme.stages();
@@ -306,7 +306,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * reach)));
     let arrays = (stages.max(2) + limits.iter().sum::<usize>()).saturating_add(settings.slices);
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
-    // It looks at every node: after the check that there are not too many.
+    // This visits every node, so it follows the check of their number.
     let mirror = Mirror::of(problem, reach);
     let grid = mirror.as_ref().map_or(problem.grid, Mirror::half);
 
@@ -388,7 +388,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
             2 => marcher.stage(time_step, &first, Base::Own(half), &limits, &mut value),
             _ => {
                 let base = Base::Other(quarters, &value[..]);
-                // This stage stands for the middle of the step.
+                // This stage gives V in the middle of the step.
                 marcher.move_limits(&mut limits, time - 0.5 * time_step)?;
                 marcher.stage(time_step, &first, base, &limits, &mut second);
                 marcher.move_limits(&mut limits, time)?;
@@ -406,14 +406,14 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
             break;
         }
     }
-    // One more Euler stage tells how fast V still changes.
+    // One more Euler stage measures how fast V still changes.
     marcher.stage(time_step, &value, Base::Nothing, &limits, &mut first);
     residual = largest_change(&value, &first, &layout) / time_step;
     let time = steps as f64 * time_step;
     marcher.check_values(&value, &limits, time)?;
     let values = marcher.stored(&value, &limits, time, &mut first)?;
     let Problem { direction, kind, .. } = *problem;
-    // Without rounding where the march went to its end.
+    // Exact if the march reached its end.
     let horizon_s = if steps as f64 >= planned { longest } else { steps as f64 * time_step };
     Ok(Solution {
         grid: problem.grid,
@@ -429,7 +429,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     })
 }
 
-/// Refuses what needs to know when the march ends, if nobody knows.
+/// Rejects settings and regions that need a finite horizon if there is none.
 fn check_times<const D: usize, G>(
     problem: &Problem<'_, D, G>,
     settings: &Settings,
@@ -446,7 +446,7 @@ fn check_times<const D: usize, G>(
     ] {
         if matches!(region, Some(Region::OfTime(_))) && problem.direction == Direction::Backward {
             let expected = "a region that is static or of march time, unless the horizon is finite";
-            return Err(Invalid::new(name, expected, "one of a clock that has no beginning"));
+            return Err(Invalid::new(name, expected, "one that depends on forward time"));
         }
     }
     Ok(())
@@ -456,9 +456,9 @@ fn check_times<const D: usize, G>(
 const MOST_STEPS: f64 = 1e8;
 /// Fewer cells than this are not worth more than one thread.
 const SMALL: usize = 50_000;
-/// Steps between two looks at the residual.
+/// Steps between two measurements of the residual.
 const RESIDUAL_EVERY: usize = 8;
-/// Steps between two looks at all values: what is no number spreads.
+/// Steps between two checks of all values, since NaN spreads.
 const CHECK_EVERY: usize = 16;
 
 fn largest_change<T: Real, const D: usize>(from: &[T], to: &[T], layout: &Layout<D>) -> f64 {

@@ -1,5 +1,4 @@
-//! The half of a grid that decides the other, where game, grid, target and obstacle are mirror images of
-//! themselves.
+//! Reflection symmetry: if game, grid, target and obstacle have it, half of the grid determines the other.
 
 use super::super::game::Game;
 use super::super::grid::{Axis, Boundary, Grid};
@@ -57,14 +56,14 @@ impl<const D: usize> Mirror<D> {
         (0..self.whole.len()).map(node).collect()
     }
 
-    /// Each node of a row behind the halved axis and its mirror image, as places in a row of `layout`.
+    /// Each node of a row of the axes after the halved one, and its mirror image, as positions in `layout`.
     pub(super) fn cells(&self, layout: &Layout<D>) -> Vec<(usize, usize)> {
         let count: usize = layout.nodes[self.axis + 1..].iter().product();
         let place = |index: [usize; D]| {
             let places = (self.axis + 1..D).map(|d| (index[d] + layout.reach) * layout.strides[d]);
             places.sum::<usize>()
         };
-        // Row-major, so that the last `count` nodes of the first row of everything are that row.
+        // In row-major order, the first `count` nodes are such a row.
         let index = |position: usize| self.whole.index(position);
         (0..count)
             .map(|position| (place(index(position)), place(self.image(index(position)))))
@@ -83,7 +82,7 @@ impl<const D: usize> Mirror<D> {
         })
     }
 
-    /// Whether a region has the same value at each node and at its image, but for rounding.
+    /// Whether a region has the same value at each node and at its image, up to rounding.
     fn keeps(&self, region: &Region<'_, D>) -> bool {
         let Region::Static(region) = region else {
             return false;
@@ -105,5 +104,5 @@ fn is_symmetric(axis: &Axis) -> bool {
     }
 }
 
-/// Coordinates of nodes are rounded, and so is what is made of them.
+/// Relative tolerance: coordinates of nodes, and values computed from them, are rounded.
 const ROUNDING: f64 = 1e-13;

@@ -1,4 +1,4 @@
-//! What a solve finds, as a function of state and time.
+//! The result of a solve, as a function of state and time.
 
 use super::{Direction, Kind};
 use crate::invalid::Invalid;
@@ -11,21 +11,22 @@ use serde::{Deserialize, Serialize};
 /// The solution of a problem: V on the nodes, and by interpolation anywhere on the grid.
 ///
 /// # Two times
-/// A solve marches in τ, the time since it began. [`Direction::Backward`] begins at the end of the game:
-/// there τ is the time left, and a clock that starts with the game shows t = horizon − τ.
-/// [`Direction::Forward`] begins at the initial set, and t = τ. [`Solution::at_time`] and
-/// [`Region::OfTime`](super::Region::OfTime) go by t, [`Solution::at_march_time`] and
-/// [`Region::OfMarchTime`](super::Region::OfMarchTime) by τ. [`Solution::value`] and its like are
-/// those of the end of the march: of the whole horizon.
+/// A solve marches in τ, the time since it began. [`Direction::Backward`] begins at the end of the
+/// game: there τ is the remaining time, and the forward time since the beginning of the game is
+/// t = horizon − τ. [`Direction::Forward`] begins at the initial set, and t = τ. [`Solution::at_time`]
+/// and [`Region::OfTime`](super::Region::OfTime) use t, [`Solution::at_march_time`] and
+/// [`Region::OfMarchTime`](super::Region::OfMarchTime) use τ. [`Solution::value`] and the methods
+/// like it are for the end of the march, after the whole horizon.
 ///
 /// # Accuracy
 /// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences
-/// at both ends of a cell's edges. Where V is smooth, this misses V by the third power of the spacing (by
-/// the second power in the outermost cells of an axis with ends), and its gradient by one power less. At
-/// a kink it never overshoots, and misses by at most a quarter of the spacing times the jump of the slope. Between
-/// two walls, where V bends one way at their feet and the other way at their tops, it is linear.
-/// V is continuous, and the gradient is one-sided at nodes and where the parabolas change. The solver's
-/// own error on the nodes comes on top. Between stored instants V is linear in time.
+/// at both ends of a cell's edges. Where V is smooth, its error is of third order in the spacing
+/// (of second order in the outermost cells of an axis with ends), and that of its gradient one
+/// order less. At a kink it never overshoots, and its error is at most a quarter of the spacing
+/// times the jump of the slope. Between two walls, where V bends one way at their feet and the
+/// other way at their tops, it is linear. V is continuous, and the gradient is one-sided at nodes
+/// and where the parabolas change. The solver's own error on the nodes is additional. Between
+/// stored instants V is linear in time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution<T, const D: usize> {
     /// The nodes.
@@ -35,7 +36,7 @@ pub struct Solution<T, const D: usize> {
     /// V at earlier instants, from the beginning of the march, evenly spaced:
     /// [`Settings::slices`](super::Settings::slices) of them.
     pub earlier: Vec<Vec<T>>,
-    /// Which way time ran.
+    /// The direction of time.
     pub direction: Direction,
     /// Tube or set.
     pub kind: Kind,
@@ -45,32 +46,34 @@ pub struct Solution<T, const D: usize> {
     pub horizon_s: f64,
     /// max |∂V/∂τ| at the end, per second; 0 for a converged value.
     pub residual: f64,
-    /// By axis and node of it: the time, s, before which no path from such a node is beyond an end of that axis.
-    /// Infinite where none ever is; none if a file does not say. See [`Solution::earliest_exit_s`].
+    /// By axis and node of it: the time, s, before which no path from such a node is beyond an end
+    /// of that axis; infinite if no path ever is. `None` if the solution's file lacks these
+    /// times. See [`Solution::earliest_exit_s`].
     pub exit_s: Option<[Vec<f64>; D]>,
-    /// Why the sign of V is not to be trusted, if the obstacle left too little of V.
+    /// Set if the obstacle makes V so flat that its sign may be wrong.
     pub shallow: Option<ShallowObstacle>,
 }
 
-/// An obstacle that keeps V far flatter than the target is, so that V's sign can be wrong far from the obstacle, too: the
-/// scheme's error does not shrink with it. Either most of the free nodes have one value, as an indicator's have, or the
-/// steepest slope is less than a quarter of the target's, as that of a distance in a larger unit is.
+/// An obstacle that keeps V far flatter than the target, so that V's sign can be wrong even far
+/// from the obstacle: the scheme's error does not shrink with V. Either most of the free nodes have
+/// one value, as with an indicator, or the steepest slope is less than a quarter of the target's,
+/// as with a distance in a larger unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShallowObstacle {
     /// V is nowhere below this: −g where g is largest, at the beginning of the march.
     pub lowest: f64,
-    /// V would be as low as this without it: the least value of the target.
+    /// The least value of the target: V would be this low without the obstacle.
     pub target: f64,
 }
 
 impl fmt::Display for ShallowObstacle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Seven digits, of which the last are not those of a rounded f32.
+        // As f32, so that no digits beyond single precision are printed.
         let [lowest, target] = [self.lowest, self.target].map(|value| value as f32);
         write!(
             f,
-            "the obstacle keeps V at {lowest} or more, without which it is as low as {target}: so flat a V can have a \
-             wrong sign, far from the obstacle, too; give the obstacle as a distance in the target's unit, or an \
+            "the obstacle keeps V at {lowest} or more; without it, V is as low as {target}. V is so flat that its sign \
+             can be wrong, even far from the obstacle; give the obstacle as a distance in the target's unit, or as an \
              indicator at least as high as the target is deep, ±{}",
             -target
         )
@@ -125,13 +128,14 @@ impl<T: Real, const D: usize> Solution<T, D> {
         self.end().inputs(game, state)
     }
 
-    /// The time, s, before which no path from a state leaves the grid; infinite if none ever does, none if the
-    /// solution is from a file that does not say. After a march of at most this time V at the state does not depend on
-    /// what lies beyond the grid's ends; after a longer one it may.
+    /// The time, s, before which no path from a state leaves the grid; infinite if none ever does, `None` if
+    /// the solution's file lacks these times. After a march of at most this time, V at the state does not
+    /// depend on the values beyond the grid's ends; after a longer one it may.
     ///
-    /// It is a bound for every input of both players: along each axis a path is at most as fast as the game's speed
-    /// bounds at any node of the grid with that coordinate, **in either direction**, since the bounds have none. The paths that
-    /// matter may leave much later, and where everything moves away from an end, none leaves there at all.
+    /// It is a lower bound for every input of both players: along each axis a path is at most as
+    /// fast as the game's speed bounds at any node of the grid with that coordinate, **in either
+    /// direction**, since the bounds have no sign. The paths that matter may leave much later, or
+    /// never, for instance where everything moves away from an end.
     ///
     /// # Errors
     /// As [`Self::value`].
@@ -141,7 +145,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
         Ok(self.exit_s.as_ref().map(|exit_s| {
             let along = (0..D).filter(|d| !self.grid.axes[*d].is_periodic()).map(|d| {
                 let [before, behind] = [exit_s[d][cell[d]], exit_s[d][cell[d] + 1]];
-                // At a node exactly the other one does not count, which may be infinite.
+                // Exactly at a node, the other node does not count: its time may be infinite.
                 match share[d] {
                     0.0 => before,
                     1.0 => behind,
@@ -152,9 +156,10 @@ impl<T: Real, const D: usize> Solution<T, D> {
         }))
     }
 
-    /// Whether V after `tau_s`, s, of the march may depend on what lies beyond the grid's ends, node by node, row-major;
-    /// none if the solution is from a file that does not say. No node is left out that does; but many are marked that do
-    /// not, such as those beside an end from which everything moves away. See [`Self::earliest_exit_s`].
+    /// Whether V after `tau_s`, s, of the march may depend on values beyond the grid's ends, node
+    /// by node, row-major; `None` if the solution's file lacks these times. Every node that
+    /// depends on them is marked; but so are many that do not, such as those beside an end from
+    /// which everything moves away. See [`Self::earliest_exit_s`].
     ///
     /// # Errors
     /// [`Invalid`] for a time that is not from 0 to the horizon.
@@ -169,17 +174,17 @@ impl<T: Real, const D: usize> Solution<T, D> {
         }))
     }
 
-    /// The first time of the march, s, at which a state belongs to the tube: backward the time that it needs to the
-    /// target, forward the time after which it is reached. 0 in the target, infinite if the horizon is too short.
-    /// Between stored instants V is linear in time.
+    /// The first time of the march, s, at which a state belongs to the tube: in a backward march
+    /// the time to the target, in a forward one the time after which the state is reached. 0 in the
+    /// target, infinite if the horizon is too short. Between stored instants V is linear in time.
     ///
     /// # Errors
-    /// As [`Self::value`]; for a set, which is no tube, and a solution without earlier instants
-    /// ([`Settings::slices`](super::Settings::slices)).
+    /// As [`Self::value`]; also for a set instead of a tube, and for a solution without earlier
+    /// instants ([`Settings::slices`](super::Settings::slices)).
     pub fn time_to_reach(&self, state: [f64; D]) -> Result<f64, Invalid> {
         self.grid.check_state(state)?;
         if self.kind != Kind::Tube {
-            return Err(Invalid::new("kind", "a tube, which has a first time", "a set"));
+            return Err(Invalid::new("kind", "a tube", "a set"));
         }
         if self.earlier.is_empty() {
             let expected = "several stored instants";
@@ -199,9 +204,10 @@ impl<T: Real, const D: usize> Solution<T, D> {
         Ok(f64::INFINITY)
     }
 
-    /// Both players' optimal inputs at a state at the first stored instant at which it belongs to the tube, or at the
-    /// horizon if it never does. Long before the horizon, V is flat inside a tube, and inputs at the horizon follow rounding
-    /// errors; at the first instant they lead to the target.
+    /// Both players' optimal inputs at a state at the first stored instant at which it belongs to
+    /// the tube, or at the horizon if it never does. Long before the horizon, V is flat inside a
+    /// tube, and inputs at the horizon depend on rounding errors; at the first instant they lead to
+    /// the target.
     ///
     /// # Errors
     /// As [`Self::time_to_reach`].
@@ -216,7 +222,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
         self.at_march_time(instant.unwrap_or(self.horizon_s))?.inputs(game, state)
     }
 
-    /// The stored instants, as times of the march τ, s, the last one the horizon.
+    /// The march times τ of the stored instants, s; the last one is the horizon.
     #[must_use]
     pub fn march_times_s(&self) -> Vec<f64> {
         let intervals = self.earlier.len().max(1) as f64;
@@ -224,8 +230,8 @@ impl<T: Real, const D: usize> Solution<T, D> {
         early.chain([self.horizon_s]).collect()
     }
 
-    /// V at time `t_s`, s, of a clock that runs forward from 0: from the beginning of the game, or from
-    /// the initial set ([`Direction::Forward`]).
+    /// V at the forward time `t_s`, s, since the beginning of the game or since the initial set
+    /// ([`Direction::Forward`]).
     ///
     /// # Errors
     /// [`Invalid`] for a time that is not from 0 to the horizon, or is not the march's end if no
@@ -238,7 +244,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
         self.snapshot("t_s", t_s, march_s)
     }
 
-    /// V after `tau_s`, s, of the march: with that much time left, or that long after the initial set.
+    /// V after `tau_s`, s, of the march: with that much time remaining, or that long after the initial set.
     ///
     /// # Errors
     /// As [`Self::at_time`].
@@ -306,8 +312,8 @@ impl<T: Real, const D: usize> Snapshot<'_, T, D> {
         })
     }
 
-    /// The inputs that are optimal for the gradient of V at a state. If the march ran backward, they are
-    /// what both players do there and then; if forward, what they did when they arrived there.
+    /// The inputs that are optimal for the gradient of V at a state. After a backward march, they are both
+    /// players' inputs at that state and time; after a forward one, the inputs with which they arrived there.
     ///
     /// # Errors
     /// As [`Solution::value`].
@@ -378,12 +384,13 @@ fn interpolated<T: Real, const D: usize>(
     Sample { value, gradient }
 }
 
-/// The curvature along the edge between the middle two of six nodes: the smaller of the second differences at its ends
-/// if they have one sign. Where the grid ends, V goes on straight.
+/// The curvature along the edge between the middle two of six nodes: the smaller of the second
+/// differences at its ends if they have one sign. Beyond the grid's ends, V continues straight.
 ///
-/// At the foot of a wall the second difference is large, and as large with the other sign at the wall's top: twice what
-/// a neighbour bends the other way is taken off, lest two walls look like a parabola between them. Where V is smooth,
-/// neighbours that bend in two ways both bend little, by the spacing to the third power.
+/// At the foot of a wall the second difference is large, and at the wall's top it is as large with
+/// the other sign. Twice the opposite bend of a neighbour is subtracted, so that two walls do not
+/// look like a parabola between them. Where V is smooth, neighbours with opposite bends both bend
+/// little, by the third power of the spacing.
 fn bend(nodes: [Option<f64>; 6]) -> f64 {
     let second = |k: usize| Some((nodes[k + 1]? - nodes[k]?) - (nodes[k]? - nodes[k - 1]?));
     let (Some(low), Some(high)) = (second(2), second(3)) else {

@@ -1,4 +1,4 @@
-//! How fast states move, and how soon they can be beyond the grid.
+//! How fast states move, and how early they can leave the grid.
 
 use super::super::game::{Game, TERMS};
 use super::super::grid::{Axis, Grid};
@@ -22,7 +22,7 @@ impl<const D: usize> Speeds<D> {
         let per_spacing = grid.axes.map(|axis| 1.0 / axis.spacing());
         let mut along = grid.axes.map(|axis| vec![0.0_f64; axis.nodes]);
         let mut index = [0; D];
-        // Of a game without motion: any step will do.
+        // Lower bound for a game without motion, for which any step will do.
         let mut fastest = 1e-12_f64;
         'nodes: loop {
             let terms = core::array::from_fn(|d| tables[d][index[d]]);
@@ -48,9 +48,9 @@ impl<const D: usize> Speeds<D> {
         }
     }
 
-    /// By axis d and node of it: the time, s, before which no path from there is beyond an end of d; infinite where
-    /// none ever is. A path has to cross each cell on its way, in which it is no faster than the faster one of
-    /// the nodes beside it.
+    /// By axis d and node of it: the time, s, before which no path from there is beyond an end of
+    /// d; infinite if none ever is. A path must cross each cell on its way, and is no faster there
+    /// than the faster of the cell's nodes.
     pub(super) fn exit_s(&self, grid: &Grid<D>) -> [Vec<f64>; D] {
         core::array::from_fn(|d| {
             let (axis, speeds) = (&grid.axes[d], &self.along[d]);

@@ -1,15 +1,16 @@
 //! {V = c} at one heading in closed form.
 //!
-//! In the evader's frame turned to the mean of the two headings (see [`Halfway`](super::Halfway)), a set {V ≤ c} is half a disc
-//! where the range opens. Where it closes, the set is what two regions share: where the evader that turns
-//! right, and where the one that turns left, ends within the range. Each region is convex. Its edge is a
+//! In the evader's frame turned to the mean of the two headings (see [`Halfway`](super::Halfway)),
+//! a set {V ≤ c} is half a disc where the range opens. Where it closes, the set is the intersection
+//! of two regions: where the evader that turns right, and where the one that turns left, ends
+//! within the range. Each region is convex. Its edge is a
 //! straight line, the involute of a circle, and an arc, one for each [`Ending`](super::Ending) of the pursuit.
 
 use super::{ExactValue, Sheet};
 use crate::invalid::{Invalid, finite};
 use crate::math::{PI, sin_cos, wrap_positive};
 
-/// Refuses a heading that is not finite, and a level, m, that no state can have.
+/// Rejects a heading that is not finite, and a level, m, that no state can have.
 pub(in crate::reachability) fn check_slice(
     psi: f64,
     level: f64,
@@ -24,15 +25,15 @@ pub(in crate::reachability) fn check_slice(
     Ok(())
 }
 
-/// Accepts a distance, m, that a curve can keep; infinite means as coarse as it gets.
+/// Accepts the accuracy of a curve, m; infinite means as coarse as possible.
 pub(in crate::reachability) fn check_fineness(name: &str, fine_m: f64) -> Result<(), Invalid> {
     if fine_m > 0.0 { Ok(()) } else { Err(Invalid::new(name, "a number > 0", fine_m)) }
 }
 
 impl ExactValue {
-    /// The boundary of {V ≤ `level`} at relative heading `psi`, rad, as a counter-clockwise polygon in the
-    /// evader's frame, m, without repeated end point. Its corners lie on the level, and the level nowhere
-    /// farther than about `flatness_m` from its edges.
+    /// The boundary of {V ≤ `level`} at relative heading `psi`, rad, as a counter-clockwise polygon
+    /// in the evader's frame, m, without repeated end point. Its corners are on the level curve,
+    /// which is never farther than about `flatness_m` from its edges.
     ///
     /// # Errors
     /// [`Invalid`] for a `psi` that is not finite, a `level` that no state can have (not finite, or
@@ -49,7 +50,7 @@ impl ExactValue {
         Ok(curve)
     }
 
-    /// [`Self::level_curve`] in the place of what `curve` holds.
+    /// [`Self::level_curve`], replacing the contents of `curve`.
     ///
     /// # Errors
     /// As [`Self::level_curve`]; `curve` is empty then.
@@ -74,7 +75,7 @@ impl ExactValue {
         let half = 0.5 * wrap_positive(psi);
         let (sin_half, cos_half) = sin_cos(half);
         let right = Side { range, sin_half, cos_half, rest: PI - half };
-        // The mirror image, as of the left sheet.
+        // The mirror image, as for the left sheet.
         let left = Side { range, sin_half, cos_half: -cos_half, rest: half };
         let flatness = flatness_m / self.turning_radius_m;
         // Clockwise here is counter-clockwise in the evader's frame, where `right` points the other way.
@@ -100,8 +101,8 @@ impl ExactValue {
 }
 
 /// The edge of the region where one sheet is within the range, from straight ahead to straight behind. All
-/// lengths are in turning radii. A place is named by the direction of its outward normal from straight ahead,
-/// rad; the straight line, which has one normal, has places from −1 to 0.
+/// lengths are in turning radii. The parameter of a place is the direction of its outward normal from straight
+/// ahead, rad; on the straight line, which has one normal, it runs from −1 to 0.
 struct Side {
     range: f64,
     sin_half: f64,
@@ -139,7 +140,7 @@ impl Side {
     /// edges cross once, since every ray from r = 0 leaves {V ≤ c} once.
     fn end(&self, other: &Side) -> f64 {
         let (mut inside, mut outside) = (Self::BEGINNING, PI);
-        // As near as a double tells.
+        // To the precision of a double.
         for _ in 0..52 {
             let middle = 0.5 * (inside + outside);
             let [ahead, right] = self.point(middle);
@@ -160,8 +161,8 @@ impl Side {
     }
 }
 
-/// Angles from 0 to before `end`, evenly spaced, whose chords leave an arc of this radius by at most
-/// `flatness`, within reason.
+/// Angles from 0 to before `end`, evenly spaced, whose chords deviate from an arc of this radius by
+/// at most `flatness`, within limits on the spacing.
 fn places(
     end: f64,
     radius: f64,
@@ -183,7 +184,7 @@ mod tests {
         polygon.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
     }
 
-    /// Where a ray from r = 0 leaves {V ≤ level}: by halving, with nothing but the value.
+    /// Where a ray from r = 0 leaves {V ≤ level}: bisection that uses only the value.
     fn leaves(game: &ExactValue, psi: f64, level: f64, bearing: f64) -> f64 {
         let (sin, cos) = sin_cos(bearing);
         let is_inside = |r: f64| game.value([r * cos, r * sin, psi]) <= level;

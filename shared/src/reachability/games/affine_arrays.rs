@@ -6,8 +6,8 @@ use crate::reachability::grid::Grid;
 use crate::reachability::progress::{MEMORY_LIMIT_BYTES, check_memory};
 use crate::real::Real;
 
-/// ẋ = f(x) + G_u(x) u + G_d(x) d from arrays: [`ControlAffine`](super::ControlAffine) with any number of
-/// inputs, as programs need that read a game from somewhere. That type says what its parts mean.
+/// ẋ = f(x) + G_u(x) u + G_d(x) d from arrays: [`ControlAffine`](super::ControlAffine) with any
+/// number of inputs, for programs that load a game at run time. That type documents the parts.
 ///
 /// ```
 /// use sidestep::reachability::{Axis, AffineArrays, Grid, Players};
@@ -30,12 +30,12 @@ pub struct AffineArrays<const D: usize> {
     rates: Vec<[f64; D]>,
 }
 
-/// More nodes of an axis than this have no number in single precision.
+/// With more nodes than this on an axis, single precision cannot represent every index.
 const MOST_NODES: usize = 1 << 24;
-/// A coordinate is that of a node if it misses it by at most this share of the spacing.
+/// A coordinate within this share of the spacing of a node counts as that node's.
 const MISS: f64 = 1e-3;
 
-/// Which player inputs belong to.
+/// The player to whom inputs belong.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Player {
     Minimiser,
@@ -55,8 +55,8 @@ impl<const D: usize> AffineArrays<D> {
     /// ẋ = f(x) without players: f at each node of `grid`, row-major over nodes and `D` components.
     ///
     /// # Errors
-    /// [`Invalid`] for a bad grid, one that needs too much memory, another number of entries, or an f that
-    /// is not finite.
+    /// [`Invalid`] for a bad grid, one that needs too much memory, a wrong number of entries, or an
+    /// f that is not finite.
     pub fn new(grid: Grid<D>, drift: &[f64]) -> Result<Self, Invalid> {
         check_grid(&grid, 1)?;
         length("drift", grid.len() * D, drift.len())?;
@@ -79,8 +79,8 @@ impl<const D: usize> AffineArrays<D> {
     /// a column for each of `ranges`, the lowest and highest value of each input.
     ///
     /// # Errors
-    /// [`Invalid`] for another number of entries, a range or a matrix that is not finite, an end below the
-    /// other, or too much memory.
+    /// [`Invalid`] for a wrong number of entries, a range or a matrix that is not finite, a range
+    /// whose ends are not in order, or too much memory.
     pub fn minimiser(self, matrix: &[f64], ranges: &[[f64; 2]]) -> Result<Self, Invalid> {
         self.array(Player::Minimiser, matrix, ranges)
     }
@@ -155,17 +155,18 @@ impl<const D: usize> AffineArrays<D> {
         Ok(Self { grid, minimiser, maximiser, rates })
     }
 
-    /// The rates at the nodes, as they are kept: for each node f with both inputs in the middle of their ranges, then what half
-    /// a range of each of the maximiser's inputs adds, then the minimiser's. [`Self::of_rates`] takes them.
+    /// The rates at the nodes as stored: for each node f with all inputs in the middle of their
+    /// ranges, then the effect of half the range of each of the maximiser's inputs, then of the
+    /// minimiser's. [`Self::of_rates`] takes them.
     #[must_use]
     pub fn rates(&self) -> &[[f64; D]] {
         &self.rates
     }
 
-    /// The game with these ranges of inputs and what [`Self::rates`] gave, row-major.
+    /// The game with these ranges of inputs and rates from [`Self::rates`], row-major.
     ///
     /// # Errors
-    /// [`Invalid`] for a bad grid, a range whose ends are not finite or in order, or another number of rates.
+    /// [`Invalid`] for a bad grid, a range whose ends are not finite or in order, or a wrong number of rates.
     pub fn of_rates(
         grid: Grid<D>,
         minimiser: Vec<[f64; 2]>,
@@ -188,7 +189,7 @@ impl<const D: usize> AffineArrays<D> {
         Ok(Self { grid, minimiser, maximiser, rates: rates.as_chunks::<D>().0.to_vec() })
     }
 
-    /// The grid whose nodes it knows.
+    /// The grid of the game.
     #[must_use]
     pub fn grid(&self) -> Grid<D> {
         self.grid
@@ -200,14 +201,14 @@ impl<const D: usize> AffineArrays<D> {
         Inputs { minimiser: &self.minimiser, maximiser: &self.maximiser }
     }
 
-    /// How many vectors belong to each node.
+    /// Number of vectors per node.
     #[inline(always)]
     fn stride(&self) -> usize {
         1 + self.maximiser.len() + self.minimiser.len()
     }
 
-    /// The centre of a node's rates, and what the inputs of both players, the maximising one first, add to it
-    /// and take off.
+    /// The centre of a node's rates, and the vectors that the inputs of both players, the maximiser
+    /// first, add to it or subtract from it.
     #[inline(always)]
     fn at(&self, node: usize) -> ([f64; D], &[[f64; D]], &[[f64; D]]) {
         let stride = self.stride();
@@ -229,7 +230,7 @@ impl<const D: usize> AffineArrays<D> {
     fn position<T: Real>(&self, terms: &[[T; TERMS]; D]) -> usize {
         let mut position = 0;
         for (axis, [node, ..]) in self.grid.axes.iter().zip(terms) {
-            // Not a number counts as 0: what becomes of such a cell is replaced, or was refused.
+            // NaN counts as 0: the result at such a cell is replaced, or was rejected.
             position = position * axis.nodes + node.to_f64() as usize;
         }
         position.min(self.grid.len() - 1)
@@ -237,7 +238,7 @@ impl<const D: usize> AffineArrays<D> {
 }
 
 impl<const D: usize> Game<D> for AffineArrays<D> {
-    /// The number of the node, not a number elsewhere.
+    /// The index of the node; NaN elsewhere.
     fn terms(&self, axis: usize, coordinate: f64) -> [f64; TERMS] {
         let axis = &self.grid.axes[axis];
         let place = (coordinate - axis.low) / axis.spacing();
@@ -271,7 +272,7 @@ impl<const D: usize> Game<D> for AffineArrays<D> {
     #[inline(always)]
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; D]) -> [T; D] {
         let (centre, maximiser, minimiser) = self.at(self.position(terms));
-        // Not a number at what is no node.
+        // NaN if this is not a node.
         let mut nothing = T::ZERO;
         for [node, ..] in terms {
             nothing += *node * T::ZERO;

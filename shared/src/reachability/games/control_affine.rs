@@ -7,17 +7,17 @@ use crate::reachability::grid::Grid;
 use crate::real::Real;
 
 /// ẋ = f(x) + G_u(x) u + G_d(x) d with `D` states. The `M` inputs u minimise V, the `K` inputs d
-/// maximise it, each within a range of its own: a control that steers to the target is u and a
-/// disturbance d; for a control that avoids it, the other way round.
+/// maximise it, each within its own range. A control that steers to the target is u, and a
+/// disturbance is d; for a control that avoids the target, it is the other way round.
 ///
-/// f and G are kept at the nodes of a grid, where the Hamiltonian is exact:
-/// H = p · f + Σ min over u_j of (pᵀG_u)_j u_j + Σ max over d_k of (pᵀG_d)_k d_k. Between nodes,
-/// [`Players`] interpolates them linearly along each axis. Problems must be solved on the same grid;
-/// on another one with nodes elsewhere, [`cartesian::solve`](super::super::cartesian::solve) complains
-/// that the game's speed bounds are not finite.
+/// f and G are stored at the nodes of a grid, where the Hamiltonian is exact: H = p · f + Σ min
+/// over u_j of (pᵀG_u)_j u_j + Σ max over d_k of (pᵀG_d)_k d_k. Between nodes, [`Players`]
+/// interpolates them linearly along each axis. Problems must be solved on the same grid; on one
+/// with other nodes, [`cartesian::solve`](super::super::cartesian::solve) reports that the game's
+/// speed bounds are not finite.
 ///
 /// # Example
-/// A point mass that is pushed by a wind: from where can it be brought into |x| ≤ 0.5 within a second?
+/// A point mass pushed by wind: from where can it be brought into |x| ≤ 0.5 within a second?
 /// ```
 /// use core::ops::ControlFlow;
 /// use sidestep::reachability::cartesian::{Problem, Settings, solve};
@@ -56,7 +56,7 @@ impl<const D: usize> ControlAffine<D, 0, 0> {
     /// [`Self::new`] from an array: f at each node, row-major over nodes and `D` components.
     ///
     /// # Errors
-    /// As [`Self::new`], or for another number of entries.
+    /// As [`Self::new`], or for a wrong number of entries.
     pub fn from_array(grid: Grid<D>, drift: &[f64]) -> Result<Self, Invalid> {
         Ok(Self { arrays: AffineArrays::new(grid, drift)? })
     }
@@ -67,8 +67,8 @@ impl<const D: usize, const K: usize> ControlAffine<D, 0, K> {
     /// highest value of each u_j.
     ///
     /// # Errors
-    /// [`Invalid`] for a range or a matrix that is not finite, an end below the other, or too much
-    /// memory.
+    /// [`Invalid`] for a range or a matrix that is not finite, a range whose ends are not in order,
+    /// or too much memory.
     pub fn minimiser<const M: usize>(
         self,
         matrix: impl Fn([f64; D]) -> [[f64; M]; D],
@@ -80,7 +80,7 @@ impl<const D: usize, const K: usize> ControlAffine<D, 0, K> {
     /// [`Self::minimiser`] from an array: G_u at each node, row-major over nodes, `D` rows and `M` columns.
     ///
     /// # Errors
-    /// As [`Self::minimiser`], or for another number of entries.
+    /// As [`Self::minimiser`], or for a wrong number of entries.
     pub fn minimiser_from_array<const M: usize>(
         self,
         matrix: &[f64],
@@ -117,7 +117,7 @@ impl<const D: usize, const M: usize> ControlAffine<D, M, 0> {
 }
 
 impl<const D: usize, const M: usize, const K: usize> ControlAffine<D, M, K> {
-    /// The grid whose nodes it knows.
+    /// The grid of the game.
     #[must_use]
     pub fn grid(&self) -> Grid<D> {
         self.arrays.grid()
@@ -125,7 +125,7 @@ impl<const D: usize, const M: usize, const K: usize> ControlAffine<D, M, K> {
 }
 
 impl<const D: usize, const M: usize, const K: usize> Game<D> for ControlAffine<D, M, K> {
-    /// The number of the node, not a number elsewhere.
+    /// The index of the node; NaN elsewhere.
     fn terms(&self, axis: usize, coordinate: f64) -> [f64; TERMS] {
         self.arrays.terms(axis, coordinate)
     }

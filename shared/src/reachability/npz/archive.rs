@@ -1,4 +1,4 @@
-//! NumPy archives as bytes: ZIP archives of arrays, as they are (NumPy calls them .npz and .npy).
+//! NumPy archives as bytes: ZIP archives of uncompressed arrays (NumPy calls them .npz and .npy).
 
 use crate::reachability::checksum::checksum;
 
@@ -11,11 +11,11 @@ pub(super) struct Archive {
     count: u16,
 }
 
-/// Numbers that arrays consist of.
+/// Element types of arrays.
 pub(super) trait Number: Copy {
     /// Its name in NumPy's headers.
     const DTYPE: &'static str;
-    /// Adds its bytes, the lowest first.
+    /// Appends its bytes, little-endian.
     fn push(self, bytes: &mut Vec<u8>);
 }
 
@@ -40,9 +40,9 @@ impl Number for f64 {
     }
 }
 
-/// Bytes of a header of ZIP before the name.
+/// Size of a ZIP header without the name, bytes.
 const LOCAL: usize = 30;
-/// Midnight of 1 January 1980, the first day that ZIP knows: the same function gives the same bytes.
+/// 1 January 1980, the first day that ZIP can represent: the same function gives the same bytes.
 const DAY: u16 = 0x21;
 
 impl Archive {
@@ -62,7 +62,7 @@ impl Archive {
         self.bytes.extend(header(T::DTYPE, shape));
         values.for_each(|value| value.push(&mut self.bytes));
         let size = (self.bytes.len() - start) as u32;
-        // Version 2.0, no flags, stored as it is; the checksum and both sizes; no extra field.
+        // Version 2.0, no flags, not compressed; the checksum and both sizes; no extra field.
         let mut about = Vec::new();
         for half in [20, 0, 0, 0, DAY] {
             about.extend(half.to_le_bytes());
@@ -97,7 +97,7 @@ impl Archive {
     }
 }
 
-/// What stands before the values of an array: NumPy's format, version 1.0, aligned to 64 bytes.
+/// The header of an array: NumPy's format, version 1.0, aligned to 64 bytes.
 fn header(dtype: &str, shape: &[usize]) -> Vec<u8> {
     let shape: Vec<String> = shape.iter().map(|count| format!("{count}, ")).collect();
     let shape = shape.concat();

@@ -13,7 +13,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// That of a file of these nodes.
+    /// The layout of a file with these nodes.
     #[must_use]
     pub fn new(nodes: Nodes) -> Self {
         let [first, second, third] = nodes.coordinates();
@@ -37,7 +37,7 @@ impl Layout {
         }
     }
 
-    /// The node that the library keeps for this one.
+    /// The node that the library stores for this one.
     #[must_use]
     pub fn kept(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
         match self.nodes {
@@ -69,7 +69,7 @@ pub fn shape(nodes: &Nodes) -> [usize; 3] {
     }
 }
 
-/// Accepts the numbers of an array that follow from `meta`: coordinates of nodes, or instants.
+/// Checks the numbers of an array that follow from `meta`: coordinates of nodes, or instants.
 ///
 /// # Errors
 /// [`Invalid`] naming the first number that differs.

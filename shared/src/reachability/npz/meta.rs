@@ -1,9 +1,9 @@
-//! The array `meta`: what the values of a file are.
+//! The array `meta`: a description of the file's values.
 
 use crate::reachability::{Method, Nodes, PursuitGame, SampledValue};
 use serde::{Deserialize, Serialize};
 
-/// The name of this form of files, with its version.
+/// The name and version of the file format.
 pub const FORMAT: &str = "sidestep-value-npz/1";
 
 const STORED: &str = "value: V in metres, the largest range margin (range - radius) that the \
@@ -22,19 +22,19 @@ pub struct Meta {
     pub format: String,
     /// [`Method::name`].
     pub method: String,
-    /// The name in `nodes`, repeated where it is easily found.
+    /// The name in `nodes`, repeated at the top level.
     pub coordinates: String,
-    /// What each axis is.
+    /// The name of each axis.
     pub axes: [String; 3],
     /// The unit of each.
     pub units: [String; 3],
     /// Whether each is a full turn.
     pub periodic: [bool; 3],
-    /// What the values are, in words.
+    /// A description of the values.
     pub stored: String,
     /// The game that was solved.
     pub game: PursuitGame,
-    /// Seconds; none for the converged value, since JSON has no infinity.
+    /// Seconds; `None` for the converged value, since JSON has no infinity.
     pub horizon: Option<f64>,
     /// The nodes.
     pub nodes: Nodes,

@@ -15,7 +15,7 @@ pub(super) struct Array<'a> {
     pub(super) bytes: &'a [u8],
 }
 
-/// Bytes of the records of ZIP, without names.
+/// Sizes of ZIP records without names, bytes.
 const END: usize = 22;
 const ENTRY: usize = 46;
 const LOCAL: usize = 30;
@@ -65,7 +65,7 @@ impl Array<'_> {
     /// Its numbers.
     ///
     /// # Errors
-    /// [`Invalid`], which names the array, for other entries than float64 or float32.
+    /// [`Invalid`] naming the array, if its entries are not float64 or float32.
     pub(super) fn numbers(&self, name: &str) -> Result<Vec<f64>, Invalid> {
         match &self.dtype[..] {
             "<f8" => {
@@ -81,14 +81,14 @@ impl Array<'_> {
     }
 }
 
-/// The whole number in `count` bytes from `at` on, the least significant byte first.
+/// The little-endian whole number in `count` bytes from `at` on.
 fn number(bytes: &[u8], at: usize, count: usize) -> Option<usize> {
     let bytes = bytes.get(at..at.checked_add(count)?)?;
     Some(bytes.iter().rev().fold(0, |number, byte| number << 8 | usize::from(*byte)))
 }
 
-/// The array that an entry of the table of contents names, and where the next entry begins; none if the
-/// entry leads out of the bytes.
+/// The array of an entry in the table of contents, and the offset of the next entry; `None` if the
+/// entry points outside the bytes.
 fn entry(bytes: &[u8], at: usize) -> Option<Result<(String, Array<'_>, usize), Invalid>> {
     if number(bytes, at, 4)? != 0x0201_4b50 {
         return None;
@@ -108,8 +108,8 @@ fn entry(bytes: &[u8], at: usize) -> Option<Result<(String, Array<'_>, usize), I
     let content = bytes.get(start..start.checked_add(size)?)?;
     let name = name.strip_suffix(".npy").unwrap_or(&name).to_owned();
     if number(bytes, at + 16, 4)? != checksum(content) as usize {
-        let expected = "bytes with the checksum that the archive names";
-        return Some(Err(Invalid::new(name, expected, "damaged ones")));
+        let expected = "bytes that match the archive's checksum";
+        return Some(Err(Invalid::new(name, expected, "damaged bytes")));
     }
     let array = match array(content) {
         Some(array) => array,

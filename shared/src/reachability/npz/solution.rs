@@ -1,9 +1,9 @@
 //! Solutions of the general solver as NumPy archives.
 //!
-//! `value` (float32 or float64; instants, then the axes of the grid, row-major), `tau` (float64, the
-//! instants as times of the march, s, the last one the horizon), `axis0`, `axis1`, … (float64, the
-//! coordinates of the nodes), `exit0`, `exit1`, … (float64, by node of an axis the time, s, before which no path
-//! is beyond its ends; files of earlier versions have none) and `meta` (a JSON object as uint8).
+//! `value` (float32 or float64; instants, then the axes of the grid, row-major), `tau` (float64, the march
+//! times of the instants, s, the last one the horizon), `axis0`, `axis1`, … (float64, the coordinates of the
+//! nodes), `exit0`, `exit1`, … (float64, by node of an axis the time, s, before which no path is beyond its
+//! ends; missing in files of earlier versions) and `meta` (a JSON object as uint8).
 
 use super::archive::Archive;
 use super::layout::check_axis;
@@ -14,7 +14,7 @@ use crate::reachability::grid::{Axis, Grid};
 use crate::real::Real;
 use serde::{Deserialize, Serialize};
 
-/// The name of this form of files, with its version.
+/// The name and version of the file format.
 pub const SOLUTION_FORMAT: &str = "sidestep-solution-npz/1";
 
 const STORED: &str = "value: V at the instants tau (s of the march, the last one the horizon) and the \
@@ -33,7 +33,7 @@ struct Meta {
     steps: usize,
     horizon_s: f64,
     residual: f64,
-    /// Whether there are arrays `exit0`, …; files of earlier versions do not say.
+    /// Whether there are arrays `exit0`, …; missing in files of earlier versions.
     #[serde(default)]
     exits: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -87,14 +87,14 @@ impl<T: Real, const D: usize> Solution<T, D> {
         Ok(archive.finish())
     }
 
-    /// A solution from the bytes of [`Self::npz`], also after `numpy.savez` wrote its arrays again.
+    /// A solution from the bytes of [`Self::npz`], even if `numpy.savez` has rewritten its arrays.
     ///
     /// # Errors
-    /// [`Invalid`] naming the array, or the entry of `meta`, that is not as it should be.
+    /// [`Invalid`] naming the array, or the entry of `meta`, that is invalid.
     pub fn from_npz(bytes: &[u8]) -> Result<Self, Invalid> {
         let arrays = Arrays::read(bytes)?;
         let meta: Meta = serde_json::from_slice(arrays.get("meta")?.bytes)
-            .map_err(|error| Invalid::new("meta", "what a solution is, as JSON", error))?;
+            .map_err(|error| Invalid::new("meta", "the metadata of a solution as JSON", error))?;
         if meta.format != SOLUTION_FORMAT {
             return Err(Invalid::new("meta.format", SOLUTION_FORMAT, meta.format));
         }
@@ -162,7 +162,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
     }
 }
 
-/// Sizes and places in an archive have 32 bits; this leaves room for axes and headers.
+/// Sizes and offsets in an archive have 32 bits; this leaves room for axes and headers.
 const MOST_BYTES: usize = (u32::MAX - (1 << 26)) as usize;
 
 /// NumPy's name of a number type.

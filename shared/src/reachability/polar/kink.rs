@@ -19,8 +19,8 @@ const KINK_BLUR: f64 = 0.2;
 const KINK_NEAR: f64 = 4.0;
 
 impl<T: Real> Level<T> {
-    /// The game in which the evader turns right or goes straight until it is safe in the full game, with
-    /// the values of that game, which is `self`.
+    /// The game in which the evader turns right or goes straight until it is safe in the full game,
+    /// with the values of the full game, `self`.
     pub(super) fn right_copy(&self) -> Self {
         let (n, ranges) = (self.shape.angle_nodes, self.range.nodes);
         let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);

@@ -13,12 +13,12 @@ pub(super) const PAD: usize = 2;
 pub(super) enum Evader {
     /// All turns. The value is symmetric, so bearings of half a turn are solved.
     Free,
-    /// Right or straight, until the range need not close any more. There is no symmetry, so bearings
-    /// of a full turn are solved.
+    /// Right or straight, until the range need not close any more. There is no symmetry, so
+    /// bearings of a full turn are solved.
     Right,
 }
 
-/// Where the values of a grid are. A *slab* has all rows of one range, a row all headings of one bearing.
+/// The memory layout of a grid's values. A *slab* has all rows of one range, a row all headings of one bearing.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
     pub(super) evader: Evader,
@@ -57,7 +57,7 @@ impl Shape {
         (k + PAD) * self.row
     }
 
-    /// Copies row `k` of a slab to its ghosts: around the turn and beyond the mirror.
+    /// Copies row `k` of a slab to its ghosts: periodic in heading, mirrored in bearing.
     #[inline(always)]
     pub(super) fn spread<T: Real>(self, slab: &mut [T], k: usize) {
         let (n, last) = (self.angle_nodes, self.bearings() - 1);
@@ -160,7 +160,7 @@ impl<T: Real> Level<T> {
         &self.values[self.shape.at_range(i)..][..self.shape.slab()]
     }
 
-    /// The linear interpolation of a grid with about half as many nodes on each axis.
+    /// Starts from the linear interpolation of a grid with about half as many nodes on each axis.
     pub(super) fn start_from(&mut self, coarse: &Self) {
         let angles = self.shape.angle_nodes;
         for i in 1..self.range.nodes {
@@ -190,7 +190,7 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// Copies a row to its ghosts: around the turn, beyond the mirror and beyond the last range.
+    /// Copies a row to its ghosts: periodic, mirrored and beyond the last range.
     pub(super) fn spread(&mut self, i: usize, k: usize) {
         let (shape, start) = (self.shape, self.shape.at_range(i));
         shape.spread(&mut self.values[start..start + shape.slab()], k);
@@ -203,7 +203,7 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// Writes W of the full game at any bearing, from its half turn, to `row`.
+    /// Writes W of the full game at any bearing to `row`, from the half turn stored.
     #[inline(always)]
     pub(super) fn copy_row(&self, i: usize, k: usize, row: &mut [T]) {
         let n = self.shape.angle_nodes;

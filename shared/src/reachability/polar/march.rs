@@ -1,4 +1,4 @@
-//! The value of a finite horizon: all cells advance by the same time, in Euler steps from V = r − R on.
+//! The value of a finite horizon: all cells advance by the same time, in Euler steps from V = r − R.
 
 use super::kink::SHEET_SWEEPS;
 use super::level::{Level, PAD};
@@ -9,23 +9,23 @@ use crate::parallel::{Kernel, Workers, in_widest_lanes};
 use crate::real::Real;
 use core::ops::ControlFlow;
 
-/// Ranges below this share of the radius take several parts of a step: bearings there pass quickly, and only
-/// values that are lower still depend on them.
+/// Ranges below this share of the radius divide a step into several parts: bearings change quickly
+/// there, and only values at still smaller ranges depend on them.
 const INNER: f64 = 0.3;
 
-/// A step of all cells, and how many parts of it each slab takes.
+/// A step of all cells, and the number of parts into which each slab divides it.
 struct Steps<T> {
     count: usize,
     seconds: T,
     /// By range node.
     parts: Vec<usize>,
-    /// The last steps, in which the sheet passes a few cells everywhere.
+    /// Number of final steps in which the sheet marches too: enough to pass a few cells everywhere.
     with_sheet: usize,
 }
 
 impl<T: Real> Level<T> {
     /// Advances the deficit, which is 0 at first, by `horizon_s`, and returns the sheet. `report` gets the
-    /// largest change of V at the last look, m/s, and the share that is done, and may stop it.
+    /// largest change of V at the last measurement, m/s, and the share done, and may cancel.
     pub(super) fn march(
         &mut self,
         horizon_s: f64,
@@ -58,12 +58,12 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// How many steps a horizon takes.
+    /// Number of steps for a horizon.
     pub(super) fn steps_of(&self, horizon_s: f64) -> f64 {
         (horizon_s * self.fastest_outside() / CFL).ceil().max(1.0)
     }
 
-    /// The most cells that information passes in a second where ranges take one part of a step.
+    /// The most cells that information passes per second at ranges that take a step in one part.
     fn fastest_outside(&self) -> f64 {
         let inner = INNER * self.game.radius_m;
         let outer = (1..self.range.nodes).filter(|i| self.ranges[*i] >= inner);
@@ -84,7 +84,7 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// The most cells that information passes in a second at range node `i`.
+    /// The most cells that information passes per second at range node `i`.
     fn fastest(&self, i: usize) -> f64 {
         let (evader, pursuer) = (self.game.evader, self.game.pursuer);
         let per_angle = self.shape.angle_nodes as f64 / TAU;
@@ -155,7 +155,8 @@ impl<T: Real> Kernel for Slab<'_, T> {
         let Self { level, steps, full, i, out } = self;
         let parts = steps.parts[i];
         let seconds = steps.seconds / T::from_f64(parts as f64);
-        // Information passes along the range much more slowly there, so the neighbours' values may wait.
+        // Information passes along the range much more slowly there, so the neighbours' values are
+        // not updated in between.
         let mut before = Vec::new();
         for part in 0..parts {
             let slab = if part == 0 {

@@ -53,7 +53,7 @@ impl<T: Real> Kernel for Sweep<'_, T> {
 
 impl<T: Real> Level<T> {
     /// Sweeps until the mean drift of the rows is at most `tolerance`, m, or `most_sweeps` ≥ 1 are
-    /// done. `report` gets the drift and the number of sweeps, and may stop it.
+    /// done. `report` gets the drift and the number of sweeps, and may cancel.
     pub(super) fn converge(
         &mut self,
         tolerance: f64,
@@ -70,13 +70,13 @@ impl<T: Real> Level<T> {
         }
         self.converged = self.drift_m <= tolerance;
         if self.drift_m.is_infinite() {
-            // Fewer sweeps than a window: what a whole one would move at the same rate.
+            // Fewer sweeps than a window: extrapolates to a whole one.
             self.drift_m = self.mean_drift_m() * WINDOW as f64 / self.sweeps as f64;
         }
         ControlFlow::Continue(())
     }
 
-    /// The magnitude of what each row moved since the last look, averaged over cells and rows.
+    /// The magnitude of each row's change since the last measurement, averaged over cells and rows.
     fn mean_drift_m(&self) -> f64 {
         let sum: f64 = self.drift.iter().map(|drift| drift.abs().to_f64()).sum();
         sum / (self.drift.len() * self.shape.angle_nodes) as f64

@@ -4,10 +4,10 @@ use super::level::{Evader, Level, PAD};
 use crate::math::TAU;
 use crate::real::Real;
 
-/// The time that a cell moves by.
+/// The time step of a cell.
 pub(super) trait Pace<T>: Copy {
-    /// The deficit `w` after that time, which changes by `rate` a second. Information passes `speeds`
-    /// cells a second.
+    /// The deficit `w` after that time, which changes by `rate` per second. Information passes
+    /// `speeds` cells per second.
     fn moved(self, w: T, rate: T, speeds: T) -> T;
 }
 
@@ -40,8 +40,8 @@ impl<T: Real> Level<T> {
         pursuer.turn_rate_radps < evader.turn_rate_radps || self.shape.evader == Evader::Right
     }
 
-    /// Writes row `k` of range node `i` to `moved`, one pace on. `slab` has the rows of that range;
-    /// those of its neighbours are in `self`. `FOLLOWS`: see [`Self::follows`].
+    /// Writes row `k` of range node `i`, advanced by one time step, to `moved`. `slab` has the rows
+    /// of that range; those of its neighbours are in `self`. `FOLLOWS`: see [`Self::follows`].
     #[inline(always)]
     pub(super) fn advance<const FOLLOWS: bool>(
         &self,
@@ -107,12 +107,12 @@ impl<T: Real> Level<T> {
             let speeds = opening.abs() * per_step
                 + (drift.abs() + evader_turn + evader_turn + pursuer_turn) * per_angle;
             let later = pace.moved(w, rate, speeds);
-            // This order of comparison preserves NaN, which is refused at the end.
+            // This order of comparison preserves NaN, which is rejected at the end.
             moved[j] = lowest.larger(zero.smaller(later));
         }
     }
 
-    /// The nodes that a metre of range has at range node `i`.
+    /// Nodes per metre of range at range node `i`.
     pub(super) fn per_range_m(&self, i: usize) -> f64 {
         1.0 / ((self.ranges[i] + self.range.knee_m) * self.range.step)
     }

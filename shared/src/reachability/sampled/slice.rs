@@ -4,8 +4,7 @@ use super::{Nodes, SampledValue, split};
 use crate::math::{TAU, wrap_positive};
 
 impl SampledValue {
-    /// V at a node of the heading axis of the table and of the two others; for
-    /// drawing slices without looking anything up.
+    /// The slice at heading `psi`, for drawing: V at its nodes needs no further search of the cell.
     pub(in super::super) fn slice(&self, psi: f64) -> Slice<'_> {
         let n = self.nodes.shape()[2];
         let (k, share) = split(wrap_positive(psi) * n as f64 / TAU, n);

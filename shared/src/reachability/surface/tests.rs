@@ -1,4 +1,4 @@
-//! Solids whose shape is known, and ridges and jumps.
+//! Solids of known shape, ridges and jumps.
 
 use super::*;
 use crate::math::{PI, hypot};
@@ -7,7 +7,7 @@ use crate::vehicle::VehicleModel;
 use core::ops::ControlFlow;
 use std::collections::HashMap;
 
-/// Every edge belongs to as many triangles that go along it as to others that come back.
+/// Every edge is traversed equally often in both directions.
 fn check_closed(surface: &Surface) {
     let mut edges: HashMap<_, i32> = HashMap::new();
     for &[a, b, c] in &surface.triangles {
@@ -21,7 +21,7 @@ fn check_closed(surface: &Surface) {
     assert_eq!(open, 0, "of {} edges", edges.len());
 }
 
-/// Vertices that are on no face that cuts the solid off at an end of ψ.
+/// Vertices that are not on the faces at the ends of ψ.
 fn between_the_ends(surface: &Surface) -> impl Iterator<Item = [f64; 3]> + '_ {
     surface.vertices.iter().copied().filter(|[_, _, psi]| (1e-9..TAU - 1e-9).contains(psi))
 }
@@ -60,7 +60,7 @@ fn vertices_are_on_the_level() {
 }
 
 /// Two planes that meet in a slanting line: the vertices along it are on the line, wherever the grid is, and
-/// the triangles beside it are flat. Marching along the grid's edges cut it off in steps.
+/// the triangles beside it are flat. Marching along the grid's edges would cut it off in steps.
 #[test]
 fn a_ridge_is_a_line_of_vertices() {
     let sides = [[0.8, 0.6, 0.1], [0.6, -0.8, 0.3]];

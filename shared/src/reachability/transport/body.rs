@@ -4,7 +4,7 @@ use super::QUANTUM_M;
 use crate::invalid::Invalid;
 use crate::reachability::sampled::{Nodes, SampledValue};
 
-/// More quanta than any deficit has: 10⁹ m.
+/// Upper bound on the quanta of a deficit: 10⁹ m.
 const MOST_STEPS: u64 = 1 << 40;
 
 /// Deficits and sheet in whole quanta, as differences to predictions.
@@ -28,14 +28,14 @@ pub(super) fn rounded(sampled: &SampledValue) -> Vec<u8> {
 /// Deficits, and a sheet if there is one.
 pub(super) type Values = (Vec<f32>, Option<Vec<f32>>);
 
-/// What [`rounded`] wrote.
+/// Decodes the bytes of [`rounded`].
 pub(super) fn take_rounded(
     mut rest: &[u8],
     nodes: Nodes,
     sheet: bool,
     quantum: f64,
 ) -> Result<Values, Invalid> {
-    // Every value takes at least a byte, so this bounds what is allocated.
+    // Every value takes at least a byte, so this bounds the allocation.
     if nodes.count() > rest.len() {
         let expected = format!("at least {} bytes of values", nodes.count());
         return Err(Invalid::new("value function", expected, rest.len()));
@@ -64,19 +64,19 @@ pub(super) fn take_rounded(
         None
     };
     if !rest.is_empty() {
-        let found = format!("{} bytes more", rest.len());
-        return Err(Invalid::new("value function", "its end", found));
+        let found = format!("{} more bytes", rest.len());
+        return Err(Invalid::new("value function", "the end of the bytes", found));
     }
     Ok((deficit, sheet))
 }
 
-/// Deficits and sheet as they are.
+/// Deficits and sheet as little-endian f32.
 pub(super) fn floats(sampled: &SampledValue) -> Vec<u8> {
     let values = sampled.deficit().chain(sampled.sheet().into_iter().flatten());
     values.flat_map(f32::to_le_bytes).collect()
 }
 
-/// What [`floats`] wrote.
+/// Decodes the bytes of [`floats`].
 pub(super) fn take_floats(
     rest: &[u8],
     nodes: Nodes,
@@ -98,7 +98,7 @@ pub(super) fn take_floats(
     Ok((deficit, sheet.then_some(sheet_values)))
 }
 
-/// Where a sheet's entry, over a full turn of bearings, has its deficit.
+/// Maps an entry of a sheet, over a full turn of bearings, to its deficit.
 struct Mirror([usize; 3]);
 
 impl Mirror {
@@ -159,7 +159,7 @@ fn put_signed(bytes: &mut Vec<u8>, value: i64) {
 /// `base` plus the next difference.
 fn take_step(bytes: &mut &[u8], what: &str, position: usize, base: i64) -> Result<i64, Invalid> {
     let field = || format!("{what}[{position}]");
-    let folded = take(bytes).ok_or_else(|| Invalid::new(field(), "a whole number", "its end"))?;
+    let folded = take(bytes).ok_or_else(|| Invalid::new(field(), "a whole number", "nothing"))?;
     let difference = (folded >> 1) as i64 ^ -((folded & 1) as i64);
     let step = base.wrapping_add(difference);
     if step.unsigned_abs() > MOST_STEPS {

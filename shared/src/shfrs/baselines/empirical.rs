@@ -1,4 +1,4 @@
-//! Empirical sets: hulls of recorded futures, for each mode of behaviour.
+//! Empirical sets: hulls of recorded futures, per mode of behaviour.
 
 use super::swept::{convex_hull, swept_area};
 use super::widened::worst_case_area_m2;
@@ -10,12 +10,12 @@ use crate::scene::SceneParameters;
 use crate::shfrs::family::Family;
 use crate::shfrs::window::Window;
 
-/// What determines a window's mode of behaviour.
+/// Determines a window's mode of behaviour.
 #[non_exhaustive]
 pub enum Mode<M> {
     /// The model's most likely action now.
     MostLikely(M),
-    /// The input of the last step: right, straight (also if there is none), left.
+    /// The input of the last step: right, straight (also without a last step), left.
     Held,
 }
 
@@ -49,15 +49,15 @@ impl<M: ActionModel> Mode<M> {
 /// Intelligent Vehicles, 2018).
 ///
 /// As in that paper, each mode of behaviour has its recorded futures, as positions in the human's
-/// frame, and the set at each step bounds the most representative share α of them. Two things differ:
-/// the paper selects futures by an integer program that minimises the area, and bounds them by the
-/// least and the greatest lateral position. Here futures are ordered by the root mean square distance
-/// over the steps from the mode's median path (the median of each coordinate), so that the sets of all
-/// shares are nested, and the bound is the convex hull at each step.
+/// frame, and the set at each step bounds the most representative share α of them. There are two
+/// differences: the paper selects futures by an integer program that minimises the area, and bounds
+/// them by the least and greatest lateral positions. Here futures are ordered by their root mean
+/// square distance over the steps from the mode's median path (the median of each coordinate), so
+/// that the sets of all shares are nested, and the bound is the convex hull at each step.
 ///
 /// The level is the share α of a mode's n futures, counted as j/(n + 1). At level 1 the set is the
-/// worst-case set. Only positions are tested, within 5 mm of the hull. The area is that of the union of
-/// the convex hulls of neighbouring steps' sets, from the current position on.
+/// worst-case set. Only positions are tested, with a tolerance of 5 mm. The area is that of the
+/// union of the convex hulls of consecutive steps' sets, starting at the current position.
 pub struct PerModeEmpirical<M> {
     mode: Mode<M>,
     modes: Vec<Futures>,
@@ -72,16 +72,16 @@ const TOLERANCE_M: f64 = 0.005;
 /// The recorded futures of one mode.
 struct Futures {
     count: usize,
-    /// For each step, the hulls of the most central futures in order of size, each with the least number
-    /// of futures whose hull it is.
+    /// For each step, the distinct hulls of the most central futures in ascending order, each with
+    /// the least number of futures that have this hull.
     hulls: Vec<Vec<(usize, Vec<[f64; 2]>)>>,
 }
 
 impl<M: ActionModel> PerModeEmpirical<M> {
-    /// Learns from `windows`, which have the same number of steps.
+    /// Learns from `windows`, which must have the same number of steps.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no window or their lengths differ.
+    /// [`Invalid`] if there are no windows or their lengths differ.
     pub fn learn(
         mode: Mode<M>,
         parameters: &SceneParameters,
@@ -117,13 +117,13 @@ impl Futures {
         Self { count: paths.len(), hulls }
     }
 
-    /// How many of the most central futures a level below 1 keeps. It is counted as scores are, so that a
-    /// score as the level keeps the same futures.
+    /// The number of most central futures at a level below 1. It is counted like scores, so that a
+    /// score used as the level selects the same futures.
     fn kept(&self, level: f64) -> usize {
         (0..=self.count).rev().find(|&j| share(j, self.count) <= level).unwrap_or(0)
     }
 
-    /// The hulls at each step of the `kept` most central futures.
+    /// The hulls of the `kept` most central futures at each step.
     fn hulls(&self, kept: usize) -> Vec<Vec<[f64; 2]>> {
         let hull = |hulls: &Vec<(usize, Vec<[f64; 2]>)>| {
             let after = hulls.partition_point(|(from, _)| *from <= kept);
@@ -141,7 +141,7 @@ impl Futures {
     }
 }
 
-/// Every hull of the first 1, 2, … points that differs from the one before.
+/// The distinct hulls of the first 1, 2, … points.
 fn growing_hulls(points: impl Iterator<Item = [f64; 2]>) -> Vec<(usize, Vec<[f64; 2]>)> {
     let mut hulls: Vec<(usize, Vec<[f64; 2]>)> = Vec::new();
     for (i, point) in points.enumerate() {
@@ -215,7 +215,7 @@ impl<M: ActionModel> LearnedFamily for PerModeEmpirical<M> {
     }
 }
 
-/// The level at which `kept` of `count` futures are kept.
+/// The level that selects `kept` of `count` futures.
 fn share(kept: usize, count: usize) -> f64 {
     kept as f64 / (count + 1) as f64
 }
@@ -227,7 +227,7 @@ mod tests {
     use crate::shfrs::window::Trajectory;
     use crate::vehicle::Pose;
 
-    /// A model that is never asked.
+    /// A model that is never called.
     struct Unasked;
 
     impl ActionModel for Unasked {
@@ -238,8 +238,8 @@ mod tests {
         fn probabilities(&self, _: &[JointState], _: &mut [f64]) {}
     }
 
-    /// A drive of two steps that ends in `points`, seen from a pose far from the origin;
-    /// before it one step with the turn rate `held`.
+    /// A two-step drive that ends in `points`, in the frame of a pose far from the origin; preceded
+    /// by one step with the turn rate `held`.
     fn drive(held: f64, points: [[f64; 2]; 2]) -> Trajectory {
         let now = Pose::new(5.0, -3.0, 0.5 * crate::math::PI);
         // Ahead is +y, to the left is −x.
@@ -255,7 +255,7 @@ mod tests {
         PerModeEmpirical::learn(Mode::Held, &SceneParameters::default(), &windows).unwrap()
     }
 
-    /// Futures about (1, 0) and (2, 0): the median path, then corners of growing squares.
+    /// Futures near (1, 0) and (2, 0): the median path, then corners of growing squares.
     fn squares() -> Vec<Trajectory> {
         let mut drives = vec![drive(0.0, [[1.0, 0.0], [2.0, 0.0]])];
         for half in [0.1, 0.2] {
@@ -273,7 +273,7 @@ mod tests {
             let drive = drive(held, [[1.0, 0.0], point]);
             family.score(&Window::new(&drive, 1, 2).unwrap()).unwrap()
         };
-        // Nine futures: a tenth of the level each.
+        // Nine futures: each adds a tenth to the level.
         assert_eq!(score(0.0, [2.0, 0.0]), 0.1);
         assert_eq!(score(0.0, [2.0, 0.0049]), 0.1);
         for point in [[2.1, 0.1], [1.9, -0.1], [2.104, 0.0]] {
@@ -283,7 +283,7 @@ mod tests {
             assert!((0.6..=0.9).contains(&score(0.0, point)), "{point:?}");
         }
         assert_eq!(score(0.0, [2.21, 0.0]), 1.0);
-        // Nothing was recorded of those who turn.
+        // There are no recordings of turning humans.
         assert_eq!(score(-0.5, [2.0, 0.0]), 1.0);
     }
 
@@ -294,10 +294,10 @@ mod tests {
         let window = Window::new(&drive, 1, 2).unwrap();
         let mut area = |level| family.area_m2(&window, level).unwrap();
         assert_eq!((area(0.0), area(0.1)), (0.0, 0.0));
-        // A triangle from the present position to the first square, and a strip.
+        // A triangle from the current position to the first square, and a strip.
         assert!((area(0.5) - (0.09 + 0.24)).abs() < 1e-9);
         assert!((area(0.9) - (0.16 + 0.56)).abs() < 1e-9);
-        // (v²/6) · 2ω · T³ of everything that can be reached.
+        // (v²/6) · 2ω · T³, the area of the worst case.
         assert!((area(1.0) - 4.0 / 6.0 * 0.4 * 0.4 * 0.4).abs() < 1e-4);
     }
 

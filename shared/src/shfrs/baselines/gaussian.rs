@@ -12,15 +12,15 @@ use crate::vehicle::Pose;
 use crate::vehicle::dubins::relative_state;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-/// Ellipsoids of the future pose at each step: mean and covariance of its difference from a [`Nominal`]
-/// drive, in the nominal pose's frame, learned from recorded windows.
+/// Ellipsoids of the future pose at each step: mean and covariance of its difference from a
+/// [`Nominal`] drive, in the nominal pose's frame, learned from recorded windows.
 ///
-/// The level is a Mahalanobis radius. A trajectory is inside if its pose (x, y, ψ) is within this radius
-/// of the mean at every step. The covariances include 5 mm and 2 mrad, so that they can be inverted
-/// even if all futures agree at a step. In the plane the set at a step is the projection of the
-/// ellipsoid, an ellipse. The area is that of the union of the convex hulls of neighbouring ellipses,
-/// from the current position on. Beyond the radius at which this area equals that of the worst-case
-/// set of a human who drives straight, the set is the worst-case set.
+/// The level is a Mahalanobis radius. A trajectory is inside if its pose (x, y, ψ) is within this
+/// radius of the mean at every step. The covariances include 5 mm and 2 mrad, so that they are
+/// invertible even if all futures agree at a step. In the plane the set at a step is the projection
+/// of the ellipsoid, an ellipse. The area is that of the union of the convex hulls of consecutive
+/// ellipses, starting at the current position. Beyond the radius at which this area equals that of
+/// the worst-case set of a human who drives straight, the set is the worst-case set.
 pub struct Gaussian {
     nominal: Nominal,
     parameters: SceneParameters,
@@ -46,7 +46,7 @@ const VERTICES: usize = 48;
 const TOLERANCE: [f64; 3] = [0.005 * 0.005, 0.005 * 0.005, 0.002 * 0.002];
 
 impl Gaussian {
-    /// Learns from `windows`, which have the same number of steps.
+    /// Learns from `windows`, which must have the same number of steps.
     ///
     /// # Errors
     /// [`Invalid`] if there are fewer than two windows or their lengths differ.
@@ -130,13 +130,13 @@ impl Gaussian {
         poses.into_iter().zip(&self.moments).map(ellipse).collect()
     }
 
-    /// Area that they sweep.
+    /// The area that the ellipses sweep.
     fn ellipses_area(&self, turn_rate: f64, radius: f64) -> f64 {
         swept_area(&self.ellipses(turn_rate, radius))
     }
 }
 
-/// The radius at which the growing `area` reaches `goal`, within 10⁻⁶ of it.
+/// The radius at which the increasing `area` reaches `goal`, to within 10⁻⁶.
 fn radius_of_area(area: impl Fn(f64) -> f64, goal: f64) -> f64 {
     let mut high = 1.0;
     while area(high) < goal {
@@ -206,7 +206,7 @@ mod tests {
 
     const OFFSETS: [[f64; 2]; 4] = [[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]];
 
-    /// One step that ends at `point`, seen from a pose far from the origin.
+    /// A one-step drive that ends at `point`, in the frame of a pose far from the origin.
     fn drive([x, y]: [f64; 2]) -> Trajectory {
         let now = Pose::new(5.0, -3.0, 0.5 * PI);
         // Ahead is +y, to the left is −x.
@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn the_radius_is_mahalanobis() {
         let family = learned(Nominal::Straight);
-        // Sample variance 4 · 0.09/3 in both directions, with the tolerance's.
+        // Sample variance 4 · 0.09/3 in both directions, plus the tolerance's.
         let variance: f64 = 0.12 + 0.005 * 0.005;
         let mean = Vector3::new(1.0 - 0.4, 0.0, 0.0);
         let radius = |x: f64, y: f64| family.moments[0].radius(mean + Vector3::new(x, y, 0.0));

@@ -1,5 +1,5 @@
-//! The sets of a family that is learned from recorded futures, as polygons at the human's pose: what a
-//! picture of a moment needs.
+//! The sets of a family learned from recorded futures, as polygons at the human's pose, for drawing
+//! a single moment.
 
 use super::swept::swept;
 use super::{Gaussian, LearnedFamily, Mode, Nominal, PerModeEmpirical};
@@ -13,7 +13,7 @@ use crate::shfrs::window::{Trajectory, Window, WindowChoice};
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 
-/// The families that are learned from recorded futures alone, without a model of the human.
+/// The families learned only from recorded futures, without a model of the human.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -26,7 +26,7 @@ pub enum EmpiricalFamily {
 }
 
 impl EmpiricalFamily {
-    /// Its name in addresses.
+    /// Its name in URLs.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -36,22 +36,23 @@ impl EmpiricalFamily {
     }
 }
 
-/// Nested sets of such a family, at levels that were learned with it. They depend on nothing but the human's
+/// Nested sets of such a family, at the levels learned with it. They depend only on the human's
 /// pose and the input of the last step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct EmpiricalSets {
     /// The family.
     family: EmpiricalFamily,
-    /// How many steps ahead the sets are.
+    /// Number of steps ahead.
     steps: usize,
-    /// The sets in the human's frame, from the smallest to the largest, if the last step turned right.
+    /// The sets in the human's frame, from the smallest to the largest, if the last step turned
+    /// right.
     right: Vec<EmpiricalSet>,
-    /// The same if it went straight on, or there was none.
+    /// The same if the last step was straight, or there was none.
     straight: Vec<EmpiricalSet>,
-    /// The same if it turned left.
+    /// The same if the last step turned left.
     left: Vec<EmpiricalSet>,
-    /// The sets where they were placed last.
+    /// The sets at their latest placement.
     #[serde(skip)]
     placed: Vec<EmpiricalSet>,
 }
@@ -64,24 +65,24 @@ pub struct EmpiricalSet {
     pub level: f64,
     /// Area, m², of all positions within the steps ahead.
     pub area_m2: f64,
-    /// Closed counter-clockwise polygons whose union is all positions within the steps ahead, m. Of a set that
-    /// is empty, for nothing was recorded, each is empty.
+    /// Closed counter-clockwise polygons whose union is all positions within the steps ahead, m. If
+    /// nothing was recorded, the set is empty, and so is each polygon.
     pub tube: Vec<Vec<[f64; 2]>>,
-    /// The positions after each step, each as one such polygon.
+    /// The positions after each step, one polygon per step.
     pub steps: Vec<Vec<[f64; 2]>>,
 }
 
-/// Such a family, and its sets at the levels that were learned with it.
+/// Such a family, and its sets at the learned levels.
 pub struct Fitted {
     family: Box<dyn LearnedFamily + Send>,
     /// The sets.
     pub sets: EmpiricalSets,
 }
 
-/// Shares of the windows learned from that the sets hold. The set after them holds everything.
+/// Shares of the training windows that the sets contain. One more set contains everything.
 const SHARES: [f64; 4] = [0.5, 0.75, 0.9, 0.95];
 
-/// No model, for modes that need none.
+/// A model type without values, for modes that need no model.
 enum Nobody {}
 
 impl ActionModel for Nobody {
@@ -95,8 +96,9 @@ impl ActionModel for Nobody {
 }
 
 impl Fitted {
-    /// Learns from every window of `steps` ≥ 1 steps of `trajectories`. The levels are the least ones whose
-    /// sets hold 50, 75, 90 and 95 % of these windows, and that of the worst-case set.
+    /// Learns from every window of `steps` ≥ 1 steps of `trajectories`. The levels are the least
+    /// whose sets contain 50, 75, 90 and 95 % of these windows, and the level of the worst-case
+    /// set.
     ///
     /// # Errors
     /// [`Invalid`] if there are too few windows.
@@ -142,8 +144,9 @@ impl Fitted {
         Ok(Self { family: fitted, sets })
     }
 
-    /// For each window of each trajectory, from every step, the index, from 0, of the smallest set that holds
-    /// its future: what [`probabilities`](crate::shfrs::probability::probabilities) are made of.
+    /// For each window of each trajectory, from every step, the index, from 0, of the smallest set
+    /// that contains its future: the input of
+    /// [`probabilities`](crate::shfrs::probability::probabilities).
     ///
     /// # Errors
     /// [`Invalid`] if the family cannot score a window.
@@ -169,25 +172,25 @@ impl EmpiricalSets {
         self.family
     }
 
-    /// How many steps ahead the sets are.
+    /// Number of steps ahead.
     #[must_use]
     pub fn steps(&self) -> usize {
         self.steps
     }
 
-    /// How many sets there are.
+    /// Number of sets.
     #[must_use]
     pub fn count(&self) -> usize {
         self.straight.len()
     }
 
-    /// The sets where they were placed last, from the smallest to the largest; none before that.
+    /// The sets at their latest placement, from the smallest to the largest; empty before that.
     #[must_use]
     pub fn sets(&self) -> &[EmpiricalSet] {
         &self.placed
     }
 
-    /// Places the sets of a human at this pose whose last step had this input.
+    /// Moves the sets to a human at this pose whose last step had this input.
     pub fn place(&mut self, human: Pose, held: TurnInput) {
         let (sin, cos) = sin_cos(human.psi);
         let place = |[x, y]: [f64; 2]| [human.x + cos * x - sin * y, human.y + sin * x + cos * y];
@@ -212,7 +215,7 @@ impl EmpiricalSets {
     }
 }
 
-/// A drive whose first step had this input: what the families look at before its window from step 1 on.
+/// A drive whose first step had this input: the history of the families' window from step 1 on.
 fn after_a_step(
     held: TurnInput,
     parameters: &SceneParameters,
@@ -225,7 +228,7 @@ fn after_a_step(
     Trajectory::driven(states, &inputs, parameters)
 }
 
-/// The sets at these levels in the frame of a human who drives `drive`, from its step 1 on.
+/// The sets at these levels in the frame of a human who drives `drive`, from step 1 on.
 fn shapes(
     family: &mut dyn LearnedFamily,
     drive: &Trajectory,
@@ -239,7 +242,7 @@ fn shapes(
         let Some(steps) = family.step_sets(&window, level) else {
             return Ok(EmpiricalSet { level, area_m2, ..worst.clone() });
         };
-        // A human of whom nothing was recorded is nowhere, not even here.
+        // Without recordings, the set is empty, and does not even contain the current position.
         let is_empty = steps.iter().all(Vec::is_empty);
         let tube = if is_empty { steps.clone() } else { swept(&steps) };
         Ok(EmpiricalSet { level, area_m2, tube, steps })
@@ -247,7 +250,7 @@ fn shapes(
     each.map(shape).collect()
 }
 
-/// Every position that a human at the origin can reach. Its area is the families' to tell.
+/// All positions that a human at the origin can reach. The caller sets the area from the family.
 fn worst_case(
     parameters: &SceneParameters,
     steps: usize,
@@ -258,7 +261,7 @@ fn worst_case(
     let bounds = widened(&vec![range; steps], 0.0, range)?;
     let here = Pose::new(0.0, 0.0, 0.0);
     let reachable = ReachableSet::new(here, &bounds, human.speed_mps, step_s)?;
-    // As accurate as the sets that Algorithm 1 bounds.
+    // The accuracy of the sets that Algorithm 1 bounds.
     let settings = PolygonSettings::new(1e-3, 8)?;
     let steps = (1..=steps).map(|step| reachable.step_polygon(step, settings)).collect();
     let tube = vec![reachable.tube_polygon(settings)];
@@ -275,7 +278,7 @@ mod tests {
 
     const KINDS: [EmpiricalFamily; 2] = [EmpiricalFamily::Empirical, EmpiricalFamily::Gaussian];
 
-    /// Drives whose input changes now and then.
+    /// Drives with occasional changes of the input.
     fn drives(seed: u64, count: usize) -> Vec<Trajectory> {
         let mut rng = SeededRng::new(seed);
         let mut drive_one = |_| {
@@ -305,7 +308,7 @@ mod tests {
         }
     }
 
-    /// The family as `sidestep shfrs` learns it, which knows no polygons of these sets.
+    /// The family as `sidestep shfrs` learns it, without polygons of its sets.
     fn family(kind: EmpiricalFamily, training: &[Trajectory], steps: usize) -> Box<dyn Family> {
         let parameters = SceneParameters::default();
         let windows = WindowChoice::EveryStep.windows(training, steps).concat();
@@ -319,15 +322,17 @@ mod tests {
         }
     }
 
-    /// How far the positions of a window's future are inside the sets of their steps, m; negative outside.
+    /// The distance by which the positions of a window's future are inside the sets of their steps,
+    /// m; negative outside.
     fn inside_by(set: &EmpiricalSet, window: &Window<'_>) -> f64 {
         let positions = window.future().iter().map(|state| state.human.position());
         let inside = set.steps.iter().zip(positions).map(|(step, at)| -signed_distance(step, at));
         inside.fold(f64::INFINITY, f64::min)
     }
 
-    /// Membership in the polygons that are drawn against the scores of the family, on drives that it has not
-    /// seen. Hulls hold what is within 5 mm. Ellipsoids have a heading too: what they hold is in their ellipses.
+    /// Compares membership in the drawn polygons with the family's scores, on unseen drives. Hulls
+    /// contain positions within 5 mm. Ellipsoids also have a heading: their ellipses contain all
+    /// their positions.
     #[test]
     fn what_is_drawn_holds_what_scores_say() {
         let unseen = drives(2, 40);
@@ -344,7 +349,7 @@ mod tests {
                     assert_eq!(set.area_m2, area, "{kind:?} {}", set.level);
                     let inside = inside_by(set, window);
                     match kind {
-                        // Polygons of the worst case are inscribed, and drives turn as hard as they can.
+                        // Polygons of the worst case are inscribed, and drives turn at the limit.
                         _ if j == most => assert!(inside > -0.005, "{inside}"),
                         EmpiricalFamily::Empirical if (inside + 0.005).abs() < 1e-9 => {}
                         EmpiricalFamily::Empirical => {
@@ -373,7 +378,8 @@ mod tests {
             let now =
                 Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.0, 3.0));
             sets.place(now, held_now);
-            // The worst case is no ellipse. From the middle of the largest that is one, to beyond its edge.
+            // The worst case is not an ellipse. Test from the centre of the largest ellipse to
+            // beyond its edge.
             let most = family.most();
             let outer = sets.sets().iter().rfind(|set| set.level < most).unwrap();
             let corners = &outer.steps[0];
@@ -412,7 +418,7 @@ mod tests {
         assert!(held > 50 && left > 50, "{held} {left}");
     }
 
-    /// Against random points: the share of a box that lies in some piece of a tube.
+    /// Monte Carlo check: the share of a box that is inside some polygon of a tube.
     #[test]
     fn tubes_cover_their_areas() {
         const N: usize = 40_000;
@@ -457,7 +463,7 @@ mod tests {
         }
     }
 
-    /// Who never turned right before a window has no future after it.
+    /// If no recorded window follows a right turn, the set after a right turn is empty.
     #[test]
     fn what_was_never_recorded_is_empty() {
         let parameters = SceneParameters::default();

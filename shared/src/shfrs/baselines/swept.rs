@@ -1,11 +1,12 @@
 //! The area that convex sets sweep from step to step.
 //!
-//! Sets that are learned from positions exist only at the steps. To compare their union over time with
-//! a reachable tube, the human is assumed to be in the convex hull of both sets between two steps. This
-//! assumption uses no vehicle model; it holds if the path between two steps is a straight line.
+//! Sets learned from positions exist only at the steps. To compare their union over time with a
+//! reachable tube, the human is assumed to be in the convex hull of both sets between two steps.
+//! This assumption uses no vehicle model; it holds if the path between two steps is a straight
+//! line.
 
-/// The convex hull, counter-clockwise from its leftmost vertex (Andrew's monotone chain).
-/// Points inside an edge are omitted; a point or a segment remains one.
+/// The convex hull, counter-clockwise from its leftmost vertex (Andrew's monotone chain). Points
+/// inside an edge are omitted; a point or a segment is returned unchanged.
 pub(super) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut points = points.to_vec();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
@@ -31,26 +32,26 @@ pub(super) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     hull
 }
 
-/// Twice the area of the triangle: positive if it turns left.
+/// Twice the signed area of the triangle: positive if it turns left.
 fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// What `sets` after each step, each the vertices of a convex set, sweep from the origin on: the convex
-/// hulls of neighbouring sets, whose union it is.
+/// The region that convex sets, given by their vertices after each step, sweep from the origin: the
+/// convex hulls of consecutive sets. The region is their union.
 pub(super) fn swept(sets: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
     let now = vec![[0.0; 2]];
     let before = core::iter::once(&now).chain(sets);
     before.zip(sets).map(|(before, set)| convex_hull(&[&before[..], &set[..]].concat())).collect()
 }
 
-/// Area, m², of what `sets` after each step [sweep](swept).
+/// Area, m², of the region that `sets` after each step [sweep](swept).
 pub(super) fn swept_area(sets: &[Vec<[f64; 2]>]) -> f64 {
     union_area(&swept(sets))
 }
 
-/// Area of the union of convex polygons. It is exact: between neighbouring abscissae of vertices and
-/// crossings the union's cross-section is linear, so its middle gives the area.
+/// Area of the union of convex polygons. It is exact: between consecutive abscissae of vertices and
+/// crossings, the union's cross-section is linear, so its midpoint gives the area.
 fn union_area(polygons: &[Vec<[f64; 2]>]) -> f64 {
     let mut cuts: Vec<f64> = polygons.iter().flatten().map(|p| p[0]).collect();
     for (i, a) in polygons.iter().enumerate() {
@@ -148,7 +149,7 @@ mod tests {
         }
     }
 
-    /// Against random points: the share of a box that lies in any polygon.
+    /// Monte Carlo check: the share of a box that is inside any polygon.
     #[test]
     fn unions_against_counting() {
         let mut rng = SeededRng::new(8);

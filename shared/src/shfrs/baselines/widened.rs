@@ -9,8 +9,8 @@ use crate::shfrs::family::Family;
 use crate::shfrs::widened::{least_widening, tube_area_m2, widened};
 use crate::shfrs::window::Window;
 
-/// The reachable sets under base bounds that are widened by the level ε, rad/s, within the vehicle's
-/// turn rates. `base` gives the lowest and highest turn rate of each step of a window, rad/s.
+/// Reachable sets under base bounds widened by the level ε, rad/s, within the vehicle's turn rates.
+/// `base` returns the lowest and highest turn rate of each step of a window, rad/s.
 struct WidenedInputs<B> {
     name: &'static str,
     parameters: SceneParameters,
@@ -21,7 +21,7 @@ struct WidenedInputs<B> {
 /// The name of the family of [`worst_case`].
 pub const WORST_CASE: &str = "worst case";
 
-/// Every position that the human can reach: one set for every level, with coverage 1.
+/// All positions that the human can reach: one set for every level, with coverage 1.
 pub fn worst_case(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let range = parameters.human.turn_range();
     let base = move |window: &Window<'_>| Ok(vec![range; window.steps()]);
@@ -58,12 +58,12 @@ fn around(
 /// Bajcsy, *Data-driven reachability analysis for human-in-the-loop systems* (CDC 2017).
 ///
 /// As in that paper, the human is a nominal model plus a disturbance of its input; the bound of the
-/// disturbance is the smallest one that gives the required accuracy (coverage) on recorded drives; and
-/// the prediction is the forward reachable set. This is no reproduction: it does not use the paper's
-/// driving scenario and vehicle model, several bounds at once, the second constraint on *risk*, or the
-/// level-set computation. Here the nominal model is the most likely action of `model` at each coming
-/// step, rolled out on its own predictions (in both directions where actions tie), and the single
-/// bound is the level ε, rad/s. So it is Algorithm 1 with k = 1.
+/// disturbance is the smallest one that gives the required accuracy (coverage) on recorded drives;
+/// and the prediction is the forward reachable set. It is not a reproduction: it omits the paper's
+/// driving scenario and vehicle model, several simultaneous bounds, the second constraint on
+/// *risk*, and the level-set computation. Here the nominal model is the most likely action of
+/// `model` at each coming step, rolled out on its own predictions (in both directions if actions
+/// tie), and the single bound is the level ε, rad/s. This makes it Algorithm 1 with k = 1.
 pub fn learned_disturbance<M: ActionModel + Send>(
     parameters: &SceneParameters,
     model: M,
@@ -100,11 +100,11 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
     }
 }
 
-/// Area, m², of all positions that the human can reach within `steps`: what any predicted set is measured
-/// against, since a set of this area says no more than the vehicle does.
+/// Area, m², of all positions that the human can reach within `steps`. Areas are compared with it,
+/// because a set of this area contains no more information than the vehicle model.
 ///
 /// # Errors
-/// [`Invalid`] if there is no step.
+/// [`Invalid`] if there are no steps.
 pub fn worst_case_area_m2(parameters: &SceneParameters, steps: usize) -> Result<f64, Invalid> {
     let range = parameters.human.turn_range();
     tube_area_m2(&widened(&vec![range; steps], 0.0, range)?, parameters)
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use crate::shfrs::testing::{Always, drive};
 
-    /// Score and area at `level` after one step to the left, of a drive that goes on with
+    /// Score and area at `level` after one step to the left, for a drive that continues with
     /// `rest`.
     fn check(mut family: impl Family, rest: f64, level: f64) -> (f64, f64) {
         let mut rates = vec![rest; 11];
@@ -127,14 +127,14 @@ mod tests {
         (score, family.area_m2(&window, level).unwrap())
     }
 
-    /// 16/3 m² hold every turn rate, and areas are proportional to the width of the bounds
-    /// wherever straight is admissible.
+    /// All turn rates together give 16/3 m², and areas are proportional to the width of the bounds
+    /// wherever straight driving is admissible.
     #[test]
     fn each_family_is_about_its_own_guess() {
         let parameters = &SceneParameters::default();
         let whole = 16.0 / 3.0;
         let near = |(score, area): (f64, f64), expected: (f64, f64)| {
-            // Membership has a tolerance of 5 mm: a little less widening does.
+            // Membership has a tolerance of 5 mm, so slightly less widening suffices.
             assert!(score <= expected.0 && expected.0 - score < 0.02, "{score} {expected:?}");
             assert!((area - expected.1).abs() < 1e-3, "{area} {expected:?}");
         };
@@ -146,7 +146,7 @@ mod tests {
         let right = || learned_disturbance(parameters, Always([0.5, 0.3, 0.2]));
         near(check(right(), -0.5, 0.75), (0.0, 0.75 * whole));
         near(check(right(), 0.0, 0.0), (0.5, 0.0));
-        // Both ways where actions tie.
+        // Both directions if actions tie.
         let torn = learned_disturbance(parameters, Always([0.4, 0.2, 0.4]));
         near(check(torn, 0.3, 0.0), (0.0, whole));
     }

@@ -1,4 +1,4 @@
-//! The choice of actions with the least area.
+//! Selects the choice of actions with the least area.
 
 use crate::bounds::{ActionModel, BoundsSettings};
 use crate::invalid::Invalid;
@@ -11,14 +11,14 @@ use crate::stats::beta_quantile;
 /// The bounds of some candidates for one window, and an interval for their score.
 struct Base {
     bounds: Vec<(f64, f64)>,
-    /// The least value that the score may have.
+    /// Lower bound on the score.
     least: f64,
-    /// The greatest value that the score may have; both are equal once it is computed.
+    /// Upper bound on the score; both are equal once it is computed.
     most: f64,
 }
 
-/// The ranks among `n` ≥ 1 training scores at which the calibrated level may lie, for equally likely
-/// shares of the Beta distribution (a, b) of the share that it will contain.
+/// The ranks among `n` ≥ 1 training scores at which the calibrated level may be, for equally likely
+/// quantiles of the Beta distribution (a, b) of the share that it will contain.
 ///
 /// The area can jump from one score to the next. The rank of the mean share alone would therefore
 /// select settings that happen to be good at that rank only.
@@ -29,19 +29,19 @@ pub(super) fn ranks((a, b): (f64, f64), n: usize) -> [usize; RANKS] {
     })
 }
 
-/// Number of equally likely shares.
+/// Number of equally likely quantiles.
 const RANKS: usize = 9;
 
-/// The share of the work that is done once every candidate's bounds are known, roughly.
+/// Approximate share of the work that is done once every candidate's bounds are known.
 const BOUNDS_KNOWN: f64 = 0.5;
 
-/// The candidate whose tubes have the least area, summed over the training windows and over the levels
-/// at each of the ascending `ranks` of its scores; the first one on a tie.
+/// The candidate whose tubes have the least area, summed over the training windows and over the
+/// levels at each of the ascending `ranks` of its scores; the first one on a tie.
 ///
-/// Computing scores takes most of the time. So each score first gets an interval from turn rates and
-/// headings alone. The intervals bound every candidate's level, and the level bounds its area from
-/// below. Candidates are then visited in order of this lower bound, until it exceeds the best area; and
-/// only those of their scores are computed that may have the rank.
+/// Computing scores takes most of the time. So each score first gets an interval from turn rates
+/// and headings alone. The intervals bound every candidate's level, and the level bounds its area
+/// from below. Candidates are then visited in order of this lower bound, until it exceeds the best
+/// area; and only the scores that could be at the rank are computed.
 pub(super) fn least_area(
     windows: &[Window<'_>],
     prediction: &Prediction<'_, impl ActionModel + Sync>,
@@ -50,7 +50,7 @@ pub(super) fn least_area(
     progress: &mut dyn FnMut(f64),
 ) -> Result<usize, Invalid> {
     let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
-    // For each window its distinct bounds, and the index of each candidate's bounds.
+    // For each window, its distinct bounds, and the index of each candidate's bounds.
     let bounds_of = |window: &Window<'_>| {
         let (mut bases, mut of) = (Vec::<Base>::new(), Vec::with_capacity(families.len()));
         for family in families {
@@ -137,7 +137,7 @@ mod tests {
     use crate::shfrs::tuning::candidates;
     use crate::shfrs::window::{Trajectory, WindowChoice};
 
-    /// The plain twin of [`least_area`]: it computes every score of every candidate.
+    /// Reference implementation of [`least_area`]: computes every score of every candidate.
     fn plainly(
         windows: &[Window<'_>],
         prediction: &Prediction<'_, Always>,

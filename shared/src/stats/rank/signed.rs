@@ -1,11 +1,11 @@
-//! Wilcoxon's signed-rank test with the effect size, the estimate and the interval that belong to it.
+//! Wilcoxon's signed-rank test with its effect size, estimate and interval.
 //!
-//! Pairs without a difference are dropped **everywhere**, as in R's `wilcox.test`: the test, the effect
-//! size, the estimate and the interval are all of the differences that are not zero. The interval is the
-//! inversion of the test with one null distribution, that of the ranks at zero. With W(x) the number of
-//! means of pairs above x, and half the number of those at x, W(0) is the statistic of the test, also
-//! with ties. W falls as x grows, so the x whose W the null distribution does not reject are an interval
-//! between two of these means.
+//! Pairs without a difference are dropped **everywhere**, as in R's `wilcox.test`: the test, the
+//! effect size, the estimate and the interval all use only nonzero differences. The interval
+//! inverts the test with a single null distribution, that of the ranks at zero. Let W(x) be the
+//! number of pairwise means above x, plus half the number of those equal to x; W(0) is the test
+//! statistic, even with ties. W falls as x grows, so the x whose W the null distribution does not
+//! reject form an interval between two of these means.
 
 use super::{MOST_COUNTED, TIE, check, doubled_ranks, is_shown, normal_two_sided};
 use super::{tie_term, two_sided, ways_to_sign};
@@ -13,31 +13,31 @@ use crate::invalid::{Invalid, length};
 
 /// Wilcoxon's signed-rank test of whether differences tend to be positive or negative.
 ///
-/// Nothing here contradicts the rest: the interval contains the estimate; it contains 0 exactly if the
-/// test does not reject at [`LEVEL`](super::LEVEL); and if the test rejects, the estimate and the whole
-/// interval have the sign of the effect size.
+/// The results are consistent: the interval contains the estimate; it contains 0 exactly if the
+/// test does not reject at [`LEVEL`](super::LEVEL); and if the test rejects, the estimate and the
+/// whole interval have the sign of the effect size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SignedRank {
-    /// How many differences are not zero. Everything else is of these.
+    /// The number of nonzero differences. All other fields use only these.
     pub differing: usize,
-    /// The p-value, as of [`wilcoxon`].
+    /// The p-value of [`wilcoxon`].
     pub p: f64,
-    /// The effect size, as of [`rank_biserial`].
+    /// The effect size of [`rank_biserial`].
     pub rank_biserial: f64,
-    /// The typical difference: [`hodges_lehmann`] of the differences that are not zero.
+    /// The typical difference: [`hodges_lehmann`] of the nonzero differences.
     pub typical: f64,
-    /// The shifts that the test does not reject; none where it could not reject any. If the test rejects
-    /// 0, but no shift beside it, the interval begins or ends beside 0, with
+    /// The shifts that the test does not reject; none if it could not reject any. If the test
+    /// rejects 0, but no shift next to it, the interval begins or ends next to 0, with
     /// [`f64::MIN_POSITIVE`] or its negative; so does the typical difference.
     pub interval: Option<[f64; 2]>,
 }
 
 impl SignedRank {
-    /// Of these differences.
+    /// Tests these differences.
     ///
     /// # Errors
-    /// [`Invalid`] if there is none, or one is not finite.
+    /// [`Invalid`] if there are no differences, or one is not finite.
     pub fn of(differences: &[f64]) -> Result<Self, Invalid> {
         check("differences", differences)?;
         let of = Signed::of(differences.iter().copied());
@@ -45,7 +45,7 @@ impl SignedRank {
         let (p, rank_biserial) = (null.p(of.positive()), of.balance());
         let means = sorted_means(&of.differences);
         let (mut typical, mut interval) = (median(&means), null.kept(&means));
-        // A mean of a pair at 0 belongs to the interval as a whole, but the test takes half of it.
+        // The interval would include a pairwise mean at 0 in full, but the test counts half of it.
         if is_shown(p) {
             let beside = if rank_biserial > 0.0 {
                 |x: f64| x.max(f64::MIN_POSITIVE)
@@ -59,10 +59,10 @@ impl SignedRank {
     }
 }
 
-/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs; equal pairs are
-/// omitted. It is the probability that random signs give the differences' ranks a sum at least as far
-/// from its mean. Exact up to 60 pairs; above, normal with the correction for ties. 1 if all pairs are
-/// equal.
+/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs, without
+/// equal pairs: the probability that random signs give the differences' ranks a sum at least as far
+/// from its mean. Exact up to 60 pairs; above that, normal with the correction for ties. 1 if all
+/// pairs are equal.
 ///
 /// # Errors
 /// [`Invalid`] if the lists are empty or differ in length, or a number is not finite.
@@ -74,29 +74,29 @@ pub fn wilcoxon(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
     Ok(Null::of(&of.ranks).p(of.positive()))
 }
 
-/// The matched-pairs rank-biserial correlation, the effect size that belongs to [`wilcoxon`]: the sum of
-/// ranks of the pairs in which `first` is larger, less that of the others, over the sum of all ranks
-/// (Kerby, Comprehensive Psychology 3, 2014). From −1 (`second` is larger in every pair) to 1; equal
-/// pairs are omitted, and 0 if all are.
+/// The matched-pairs rank-biserial correlation, the effect size of [`wilcoxon`]: the rank sum of
+/// the pairs in which `first` is larger, minus that of the others, over the sum of all ranks
+/// (Kerby, Comprehensive Psychology 3, 2014). From −1 (`second` is larger in every pair) to 1;
+/// equal pairs are omitted, and the result is 0 if all are equal.
 #[must_use]
 pub fn rank_biserial(first: &[f64], second: &[f64]) -> f64 {
     Signed::of(first.iter().zip(second).map(|(a, b)| a - b)).balance()
 }
 
 /// The Hodges–Lehmann estimate of a typical difference: the median of the means of all pairs of
-/// differences, each paired with itself too (Annals of Mathematical Statistics 34, 1963). It belongs
-/// to [`wilcoxon`] if no difference is zero; [`SignedRank`] leaves these out. 0 for an empty list.
+/// differences, including each with itself (Annals of Mathematical Statistics 34, 1963). It matches
+/// [`wilcoxon`] if no difference is zero; [`SignedRank`] omits zeros. 0 for an empty list.
 #[must_use]
 pub fn hodges_lehmann(differences: &[f64]) -> f64 {
     median(&sorted_means(differences))
 }
 
-/// The differences that are not zero.
+/// The nonzero differences.
 struct Signed {
-    /// Tied sizes are made equal, so that a mean of two opposite differences is 0 exactly where the
-    /// ranks say so.
+    /// Tied sizes are made equal, so that the mean of two opposite differences is 0 exactly if
+    /// their ranks are tied.
     differences: Vec<f64>,
-    /// Twice the rank of the size of each.
+    /// Twice the rank of each difference by size.
     ranks: Vec<usize>,
 }
 
@@ -119,23 +119,24 @@ impl Signed {
         all.filter(|(_, d)| **d > 0.0).map(|(rank, _)| rank).sum()
     }
 
-    /// The ranks of the positive differences less those of the others, over all ranks.
+    /// The rank sum of the positive differences minus that of the others, over the sum of all
+    /// ranks.
     fn balance(&self) -> f64 {
         let (all, positive) = (self.ranks.iter().sum::<usize>(), self.positive());
         (2.0 * positive as f64 - all as f64) / all.max(1) as f64
     }
 }
 
-/// The distribution of twice the sum of the ranks of positive differences, if signs are random.
+/// The distribution of twice the rank sum of positive differences under random signs.
 enum Null {
-    /// In how many ways it has each value.
+    /// The number of ways to obtain each value.
     Exact(Vec<f64>),
     /// Mean and variance of the sum itself.
     Normal { mean: f64, variance: f64 },
 }
 
 impl Null {
-    /// Of these doubled ranks.
+    /// The distribution for these doubled ranks.
     fn of(ranks: &[usize]) -> Self {
         if ranks.len() <= MOST_COUNTED {
             return Self::Exact(ways_to_sign(ranks));
@@ -155,19 +156,19 @@ impl Null {
         }
     }
 
-    /// From the least to the greatest shift that is not rejected, of `means` of pairs in order; none if
-    /// no shift is rejected.
+    /// The least and greatest shifts that are not rejected, given the sorted pairwise `means`; none
+    /// if no shift is rejected.
     fn kept(&self, means: &[f64]) -> Option<[f64; 2]> {
-        // Doubled sums from 0 to all of the ranks, twice as many as there are means.
+        // Doubled sums from 0 to the sum of all ranks, which is twice the number of means.
         let sums: Vec<usize> = (0..=means.len()).collect();
         let least = sums.partition_point(|sum| is_shown(self.p(*sum)));
-        // As many means lie below every shift that is kept, and as many above, or at it.
+        // Index of the lower end among the means; the upper end mirrors it.
         let place = least.div_ceil(2).checked_sub(1)?;
         Some([means[place], means[means.len() - 1 - place]])
     }
 }
 
-/// The means of all pairs, each paired with itself too, from the least.
+/// The means of all pairs, including each number with itself, sorted.
 fn sorted_means(numbers: &[f64]) -> Vec<f64> {
     let pairs = numbers.iter().enumerate();
     let mut means: Vec<f64> =
@@ -176,7 +177,7 @@ fn sorted_means(numbers: &[f64]) -> Vec<f64> {
     means
 }
 
-/// The median of sorted numbers; 0 of none.
+/// The median of sorted numbers; 0 for an empty list.
 fn median(sorted: &[f64]) -> f64 {
     match sorted.len() {
         0 => 0.0,

@@ -1,10 +1,10 @@
-//! What the rows of a table may look like.
+//! Constraints on the rows of a table.
 
 use super::super::connection;
 use super::super::file::DatabaseFile;
 use crate::store::sql;
 
-/// What a column takes.
+/// The values that a column accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Integer,
@@ -17,14 +17,14 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Column {
     kind: Kind,
-    /// Whether NULL is refused.
+    /// Whether it is NOT NULL.
     is_required: bool,
-    /// Whether rows that are older than the column have a value in it.
+    /// Whether rows older than the column have a value in it.
     has_default: bool,
 }
 
 impl Column {
-    /// Whether a value may be of this type, as records name it.
+    /// Whether it accepts a value of this serial type.
     fn takes(self, serial_type: u64) -> bool {
         match serial_type {
             0 => !self.is_required,
@@ -44,16 +44,16 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// The table of all tables.
+    /// The schema table.
     pub(super) fn of_schema() -> Self {
         let kinds = [Kind::Text, Kind::Text, Kind::Text, Kind::Integer, Kind::Text];
         let column = |kind| Column { kind, is_required: kind == Kind::Integer, has_default: false };
         Self { root: 1, columns: kinds.map(column).to_vec() }
     }
 
-    /// Whether a row may be of this table. Rows that are older than a column lack it.
+    /// Whether a row can belong to this table. Rows older than a column lack it.
     pub(super) fn takes(&self, row: &[u64]) -> bool {
-        // Its first value is view, table, index or trigger, as long as these words.
+        // Its first value is "view", "table", "index" or "trigger"; these are the serial types of such texts.
         if self.root == 1 && (row.len() < self.columns.len() || !matches!(row[0], 21 | 23 | 27)) {
             return false;
         }
@@ -64,7 +64,7 @@ impl Table {
     }
 }
 
-/// The tables whose rows are numbered.
+/// The tables with row numbers.
 pub(super) fn tables(file: &DatabaseFile) -> sql::Result<Vec<Table>> {
     let query = "SELECT rootpage, info.type, info.\"notnull\" AND NOT info.pk, info.dflt_value IS NOT NULL \
                  FROM sqlite_schema AS own, pragma_table_list(own.name) AS list, pragma_table_xinfo(own.name) AS info \

@@ -1,22 +1,22 @@
-//! The bytes of a page of a tree.
+//! The layout of a tree's page.
 
-/// The length of a file's header, which is in its first page.
+/// Length of the file header, which is at the beginning of the first page.
 pub(super) const HEADER: usize = 100;
 
 pub(super) const INNER: u8 = 5;
 pub(super) const LEAF: u8 = 13;
 
-/// Where the header of a page's tree is in it.
+/// Offset of the tree header in a page.
 pub(super) fn header_in(page: u32) -> usize {
     if page == 1 { HEADER } else { 0 }
 }
 
-/// How many rows a page with rows has.
+/// Number of rows of a leaf page.
 pub(super) fn rows_in(content: &[u8]) -> usize {
     usize::from(u16::from_be_bytes([content[3], content[4]]))
 }
 
-/// The types of the values of a record of this length.
+/// The serial types of the values of a record of this length.
 pub(super) fn types(record: &[u8], length: u64) -> Option<Vec<u64>> {
     let mut rest = record;
     let head = varint(&mut rest)?;
@@ -39,7 +39,7 @@ pub(super) fn types(record: &[u8], length: u64) -> Option<Vec<u64>> {
     (total == length).then_some(types)
 }
 
-/// The pages below an inner one, each with the number of its last row, and the one behind them.
+/// The children of an inner page: each page with the number of its last row, and the rightmost page.
 pub(super) fn below(header: &[u8], content: &[u8]) -> Option<(Vec<(i64, u32)>, u32)> {
     let count = usize::from(u16::from_be_bytes([*header.get(3)?, *header.get(4)?]));
     let pages = header.get(12..)?.chunks_exact(2).take(count).map(|at| {
@@ -59,7 +59,7 @@ pub(super) fn is_ascending(before: i64, below: &[(i64, u32)], last: i64) -> bool
         .all(|(one, next)| one < next)
 }
 
-/// An inner page above these, in place of the one with this content.
+/// The inner page above these pages; it replaces the one with this content.
 pub(super) fn inner(below: &[(i64, u32)], content: &[u8], header: usize) -> Vec<u8> {
     let mut page = content[..header].to_vec();
     page.resize(content.len(), 0);
@@ -83,7 +83,7 @@ pub(super) fn number(bytes: &[u8]) -> Option<u32> {
     bytes.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))
 }
 
-/// A number of up to nine bytes, the first with the highest bits; all but the last byte begin with a 1.
+/// SQLite's varint: up to nine bytes, big-endian; every byte but the last has its high bit set.
 pub(super) fn varint(bytes: &mut &[u8]) -> Option<u64> {
     let mut number = 0;
     for at in 0..9 {

@@ -3,7 +3,7 @@ use crate::math::SeededRng;
 use crate::stats::rank::LEVEL;
 use proptest::prelude::*;
 
-/// By hand: the ranks of |3|, |1|, |2| are 3, 1, 2, and the second pair is the other way.
+/// By hand: the ranks of |3|, |1|, |2| are 3, 1, 2, and the second pair has the opposite sign.
 #[test]
 fn the_effect_size_is_the_balance_of_ranks() {
     assert!((rank_biserial(&[5.0, 1.0, 4.0], &[2.0, 2.0, 2.0]) - 4.0 / 6.0).abs() < 1e-15);
@@ -17,17 +17,17 @@ fn the_effect_size_is_the_balance_of_ranks() {
 fn the_typical_difference_is_no_mean() {
     assert_eq!(hodges_lehmann(&[]), 0.0);
     assert_eq!(hodges_lehmann(&[3.0]), 3.0);
-    // Walsh averages 1, 1.5, 2, 2.5, 3, 4 of 1, 2, 4: their median by hand.
+    // Walsh averages 1, 1.5, 2, 2.5, 3, 4 of 1, 2, 4: the median by hand.
     assert_eq!(hodges_lehmann(&[4.0, 1.0, 2.0]), 2.25);
-    // One who loses much does not turn nineteen who gain.
+    // A single large loss does not outweigh nineteen gains.
     let mut gains = vec![2.0; 19];
     gains.push(-100.0);
     assert!(gains.iter().sum::<f64>() < 0.0);
     assert_eq!(hodges_lehmann(&gains), 2.0);
 }
 
-/// p of a shift, plainly: every pair is looked at, and the sum is compared with every choice of signs of
-/// the ranks at zero (`null`, sorted). Twice the sum, so that halves are whole.
+/// p of a shift, by brute force: visits every pair, and compares the sum with every choice of signs
+/// of the ranks at zero (`null`, sorted). Sums are doubled, so that halves become integers.
 fn plain_p(differences: &[f64], null: &[usize], shift: f64) -> f64 {
     let mut sum = 0;
     for i in 0..differences.len() {
@@ -41,7 +41,7 @@ fn plain_p(differences: &[f64], null: &[usize], shift: f64) -> f64 {
     (2.0 * least as f64 / null.len() as f64).min(1.0)
 }
 
-/// Twice the rank sum of each choice of signs.
+/// Twice the rank sum for each choice of signs.
 fn plain_null(differences: &[f64]) -> Vec<usize> {
     let doubled_rank = |d: &f64| {
         let size = |other: &&f64| other.abs() - d.abs();
@@ -57,7 +57,7 @@ fn plain_null(differences: &[f64]) -> Vec<usize> {
     sums
 }
 
-/// What holds of every sample.
+/// Invariants of every sample.
 fn check_sample(all: &[f64]) -> SignedRank {
     let found = SignedRank::of(all).unwrap();
     let shown = found.p < LEVEL;
@@ -78,7 +78,7 @@ fn check_sample(all: &[f64]) -> SignedRank {
     found
 }
 
-/// Differences in steps of 0.2 points, rounded as differences of percentages are.
+/// Differences in steps of 0.2 points, rounded like differences of percentages.
 fn samples() -> impl Strategy<Value = Vec<f64>> {
     let sample = (4usize..=40, 0.0..0.8f64, 1i32..60, -30i32..30, any::<u64>());
     sample.prop_map(|(n, ties, spread, middle, seed)| {
@@ -93,7 +93,7 @@ fn samples() -> impl Strategy<Value = Vec<f64>> {
     })
 }
 
-/// The data of a study in which 18 of 24 people turned in one step only: six gain, nobody loses.
+/// The data of a study in which 18 of 24 people turned in only one step: six gain, nobody loses.
 #[test]
 fn those_who_tie_do_not_turn_those_who_gain() {
     let mut gains = vec![0.0; 24];
@@ -106,8 +106,8 @@ fn those_who_tie_do_not_turn_those_who_gain() {
     assert_eq!(SignedRank::of(&gains[..6]).unwrap(), found);
 }
 
-/// Of 60 people 40 gain two points and 20 lose two: ranks are all tied, so that the test is the sign
-/// test, and by far the most means of pairs are 0. The interval then begins just above 0.
+/// Of 60 people 40 gain two points and 20 lose two. All ranks are tied, so the test is the sign
+/// test, and most pairwise means are 0. The interval then begins just above 0.
 #[test]
 fn an_end_at_zero_is_on_the_side_of_the_test() {
     let gains: Vec<f64> = (0..60).map(|i| if i < 40 { 2.0 } else { -2.0 }).collect();
@@ -151,7 +151,7 @@ proptest! {
         prop_assert!((one.typical + other.typical).abs() < 1e-12);
     }
 
-    /// Few values, so that nearly everything is tied with something.
+    /// Few distinct values, so that nearly all are tied.
     #[test]
     fn nor_where_hardly_any_two_numbers_differ(
         all in prop::collection::vec(-2i32..=2, 4..70).prop_map(|all| {
@@ -165,7 +165,8 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// The interval is what the plain twin does not reject on a fine grid that meets no mean of a pair.
+    /// The interval contains exactly the shifts that the brute-force test does not reject, checked on
+    /// a fine grid that avoids all pairwise means.
     #[test]
     fn the_interval_is_what_every_choice_of_signs_says(all in samples()) {
         let all: Vec<f64> = all.into_iter().take(13).collect();
