@@ -5,14 +5,14 @@ use std::path::PathBuf;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use sidestep::bounds::{BoundsSettings, Rollout};
+use sidestep::clearance::{ClearanceSettings, Clearances, CoverageBounds};
 use sidestep::invalid::Invalid;
-use sidestep::planner::{ClearanceSettings, Clearances, CoverageBounds};
 use sidestep::reach::Tolerance;
 use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::{Guarantee, Unit};
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::{Scores, ShfrsFamily};
 use sidestep::shfrs::window::{Window, WindowChoice};
+use sidestep::shfrs::window_sets::Prediction;
 
 use crate::error::Error;
 use crate::function::SafetyLevels;

@@ -5,8 +5,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sidestep::bounds::{BoundsSettings, InputBounds};
+use sidestep::clearance::{self, ClearanceSettings, Clearances, Continuity, NextSteps};
 use sidestep::invalid::Invalid;
-use sidestep::planner::{self, ClearanceSettings, Clearances, Continuity, NextSteps};
 use sidestep::scene::{self, JointState};
 use sidestep::shfrs;
 
@@ -49,7 +49,7 @@ pub(crate) struct OnlinePredictor {
     safety: Option<SafetyLevels>,
     accuracy_m: f64,
     assume_vehicle: bool,
-    online: Mutex<planner::OnlinePredictor>,
+    online: Mutex<clearance::OnlinePredictor>,
 }
 
 #[pymethods]
@@ -78,7 +78,7 @@ impl OnlinePredictor {
         };
         let kept = settings.clone();
         let next = if assume_vehicle { NextSteps::AssumeVehicle } else { NextSteps::LikeLast };
-        let online = planner::OnlinePredictor::new(predictor.clone(), levels, parameters, kept)
+        let online = clearance::OnlinePredictor::new(predictor.clone(), levels, parameters, kept)
             .map_err(|invalid| invalid.within("model"))?
             .with_clearance(ClearanceSettings::new(accuracy_m)?)
             .with_next_steps(next);
@@ -278,13 +278,13 @@ impl OnlinePredictor {
     }
 
     /// Only while the interpreter is released: whoever holds the lock may be waiting for it.
-    fn lock(&self) -> MutexGuard<'_, planner::OnlinePredictor> {
+    fn lock(&self) -> MutexGuard<'_, clearance::OnlinePredictor> {
         self.online.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// The state that was pushed last.
-fn present(online: &planner::OnlinePredictor) -> Result<JointState, Invalid> {
+fn present(online: &clearance::OnlinePredictor) -> Result<JointState, Invalid> {
     let last = online.history().last().copied();
     last.ok_or_else(|| Invalid::new("history", "at least one state", "none"))
 }

@@ -2,12 +2,12 @@
 
 use pyo3::prelude::*;
 use sidestep::bounds::InputBounds;
-use sidestep::invalid::{Invalid, positive};
-use sidestep::math::PI;
-use sidestep::motion::Departure;
-use sidestep::planner::{
+use sidestep::clearance::{
     ClearanceFinder, ClearanceSettings, Clearances, Footprint, HumanFuture, Plan, PlanLimits,
 };
+use sidestep::invalid::{Invalid, positive};
+use sidestep::math::PI;
+use sidestep::plausibility::Departure;
 use sidestep::scene;
 use sidestep::vehicle::{Pose, dubins};
 

@@ -1,9 +1,9 @@
 //! Backups: one SQLite file with the whole database, complete and checked before it gets its name.
 
-use crate::clock::date_time;
-use crate::private::Unfinished;
-use crate::soundness::{self, Report};
+use crate::database_check::{self, Report};
 use crate::store::{OpenError, Purpose, Store, StoreError};
+use crate::support::clock::date_time;
+use crate::support::private::Unfinished;
 use crate::transfer::{self, TransferError};
 use std::fs::File;
 use std::io;
@@ -98,7 +98,7 @@ pub async fn write(
         copy.close().await;
     }
     let copy = Store::open(&url, Purpose::Read).await?;
-    let report = cancel.run_until_cancelled(soundness::report(&copy)).await;
+    let report = cancel.run_until_cancelled(database_check::report(&copy)).await;
     copy.close().await;
     let report = report.ok_or(TransferError::Stopped)??;
     sound(out, &report, accepted)?;

@@ -10,7 +10,7 @@ mod laboratory;
 pub use laboratory::Laboratory;
 pub use participation::Participation;
 
-use crate::tls_client;
+use crate::support::tls_client;
 use reqwest::{Method, RequestBuilder, Url};
 use rustls::RootCertStore;
 use serde::Serialize;

@@ -14,7 +14,7 @@ pub use design::design;
 pub use pareto::pareto;
 pub use png::png;
 pub use regions::{RegionsPanel, regions};
-pub use sidestep::inspection::slices;
+pub use sidestep::value_view::slices;
 pub use tube::tube;
 
 use sidestep::chart::{MARGIN, headed};

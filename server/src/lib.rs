@@ -1,6 +1,6 @@
 //! The Sidestep server and command line.
 //!
-//! [`client`] calls a running server, through [`tls_client`] if the server has a certificate;
+//! [`client`] calls a running server, through [`support::tls_client`] if the server has a certificate;
 //! [`store`] is the only module that uses SQL; [`formats`] reads and writes files; [`languages`]
 //! has the texts of the participant's page; [`report`] prints the files of an analysis; [`jobs`]
 //! works in the background; [`http`] has a module for each resource and the one table of routes;
@@ -14,22 +14,16 @@ macro_rules! eprintln {
     }};
 }
 
-pub mod tls_client;
+pub mod support;
 pub mod client;
-pub mod clock;
-pub mod threads;
-pub mod secrets;
-mod private;
-pub mod bytes;
-pub mod content;
+pub mod trial_content;
 pub mod store;
-pub mod observed;
-pub mod soundness;
+pub mod database_check;
 pub mod formats;
 pub mod languages;
 pub mod figure;
 pub mod design;
-pub mod recordings;
+pub mod study_recording;
 pub mod transfer;
 pub mod backups;
 pub mod salvage;

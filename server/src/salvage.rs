@@ -1,6 +1,6 @@
 //! Copies the readable part of a damaged database into a new one.
 
-use crate::soundness::{self, Report, Wrong};
+use crate::database_check::{self, Report, Wrong};
 use crate::store::copying::salvage::{Lost, Salvaged};
 use crate::store::{Store, StoreError};
 use std::collections::HashMap;
@@ -64,7 +64,7 @@ pub async fn salvage(
     let (read, written) = tokio::join!(reading, writing);
     // If writing failed, that also stopped reading.
     written.and(read)?;
-    let found = soundness::report(to).await?;
+    let found = database_check::report(to).await?;
     for Wrong { trial_id, what } in &found.wrong {
         to.drop_unsound(trial_id).await?;
         lost(Lost::new("trial", &**trial_id, format!("not sound: {what}")));
@@ -74,7 +74,7 @@ pub async fn salvage(
     }
     let report = match found.faults() {
         0 => found,
-        _ => soundness::report(to).await?,
+        _ => database_check::report(to).await?,
     };
     match report.first() {
         None => Ok(report),

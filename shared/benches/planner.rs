@@ -6,9 +6,9 @@ use std::ops::ControlFlow;
 
 use criterion::Criterion;
 use fastest::Fastest;
+use sidestep::clearance::{Clearances, Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::features::FeatureSet;
 use sidestep::math::sin_cos;
-use sidestep::planner::{Clearances, Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;

@@ -3,8 +3,8 @@
 #![allow(clippy::print_stdout, reason = "it shows what the robot does")]
 
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
+use sidestep::clearance::{Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::features::FeatureSet;
-use sidestep::planner::{Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::predict::Predictor;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};

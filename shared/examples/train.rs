@@ -3,10 +3,10 @@
 #![allow(clippy::print_stdout, reason = "it shows what was learned")]
 
 use sidestep::features::FeatureSet;
+use sidestep::learn::participant::{Driven, train};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::synthetic::{Keys, SyntheticParticipant};
-use sidestep::training::{Driven, train};
 use std::error::Error;
 use std::ops::ControlFlow;
 

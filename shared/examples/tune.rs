@@ -2,17 +2,17 @@
 //! predict online. `cargo run --release -p sidestep --example tune`.
 #![allow(clippy::print_stdout, reason = "it shows what was tuned")]
 
+use sidestep::clearance::OnlinePredictor;
 use sidestep::features::FeatureSet;
-use sidestep::planner::OnlinePredictor;
+use sidestep::learn::participant::{Driven, train};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::guarantee::Guarantee;
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::{Split, TuningSettings, candidates, tune};
 use sidestep::shfrs::window::Trajectory;
+use sidestep::shfrs::window_sets::Prediction;
 use sidestep::synthetic::{Keys, SyntheticParticipant};
-use sidestep::training::{Driven, train};
 use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -25,13 +25,13 @@ pub mod generalisation;
 pub mod decision_map;
 pub mod findings;
 mod copies;
-mod analysis;
+mod numbers;
 mod fingerprint;
 
-pub use analysis::{Analysis, Counts, DataSummary, analyse};
 pub use copies::CopiedTrials;
 pub use cost::Cost;
 pub use fingerprint::learning_fingerprints;
+pub use numbers::{Analysis, Counts, DataSummary, analyse};
 pub use plan::{DataError, ParticipantData};
 pub use run::{AnalysisError, Cache, FewTasks, Leakage, Progress, Results, RolloutsOf, run};
 pub use settings::{Request, Settings};

@@ -7,3 +7,4 @@ pub mod logistic;
 pub mod tree;
 pub mod boosting;
 pub mod svm;
+pub mod participant;

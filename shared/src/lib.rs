@@ -8,11 +8,11 @@
 //! | save and load a value function | [`ValueFunction::encode`](reachability::ValueFunction::encode) and `decode`; for NumPy, one way: [`npz`](reachability::npz::npz) | |
 //! | save and load a predictor | [`PredictorFile`](predict::PredictorFile), as JSON | |
 //! | a custom game | [`ControlAffine`](reachability::ControlAffine) or [`Game`](reachability::Game), [`cartesian::solve`](reachability::cartesian::solve) | `own_game` |
-//! | learn a person's next input | [`train`](training::train), [`Predictor`](predict::Predictor) | `train` |
+//! | learn a person's next input | [`train`](participant::train), [`Predictor`](predict::Predictor) | `train` |
 //! | where can a person be? | sets to draw: [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |
 //! | the exact set under bounds, and whether it contains a state | [`ReachableSet`](reach::ReachableSet) | below |
 //! | sets that contain the next drive with a stated probability | [`tune`](shfrs::tuning::tune) | `tune` |
-//! | is a plan clear of the person, in a robot's loop? | [`OnlinePredictor`](planner::OnlinePredictor), [`Plan`](planner::Plan), [`CoverageBounds`](planner::CoverageBounds) | `plan` |
+//! | is a plan clear of the person, in a robot's loop? | [`OnlinePredictor`](clearance::OnlinePredictor), [`Plan`](clearance::Plan), [`CoverageBounds`](clearance::CoverageBounds) | `plan` |
 //! | the state of a game from two poses | [`relative_state`](vehicle::dubins::relative_state) | |
 //!
 //! Examples: `cargo run --release -p sidestep --example value`.
@@ -144,12 +144,12 @@ pub mod scene;
 #[cfg(feature = "study")]
 pub mod picture;
 #[cfg(feature = "study")]
-pub mod inspection;
+pub mod value_view;
 #[cfg(feature = "learn")]
 pub mod trial;
 #[cfg(feature = "learn")]
 pub mod recording;
-pub mod motion;
+pub mod plausibility;
 #[cfg(feature = "study")]
 pub mod behaviour;
 #[cfg(feature = "study")]
@@ -163,14 +163,12 @@ pub mod dataset;
 pub mod predict;
 #[cfg(feature = "learn")]
 pub mod learn;
-#[cfg(feature = "learn")]
-pub mod training;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;
-pub mod planner;
+pub mod clearance;
 #[cfg(feature = "study")]
-pub mod playback;
+pub mod trial_view;
 #[cfg(feature = "study")]
 pub mod comparison;
 #[cfg(feature = "study")]

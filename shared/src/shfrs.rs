@@ -4,11 +4,11 @@
 pub mod file;
 pub mod window;
 pub mod family;
-pub mod prediction;
+pub mod window_sets;
 pub mod widened;
 pub mod baselines;
 pub mod probability;
-pub mod memory;
+pub mod cache;
 pub mod scores;
 pub mod guarantee;
 pub mod danger;
@@ -16,7 +16,7 @@ pub mod danger;
 mod testing;
 pub mod pareto;
 #[cfg(feature = "study")]
-pub mod panels;
+pub mod pareto_charts;
 pub mod tuning;
 mod redrawn;
 

@@ -4,7 +4,7 @@ mod localised;
 mod protocol;
 mod question;
 mod recruitment;
-mod plausible;
+mod warnings;
 
 pub use localised::{Fact, Localised, closest_language, is_language};
 pub use protocol::{AfterWrong, CheckQuestion, Closing, Comprehension, Consent, TrialSettings};

@@ -7,9 +7,6 @@ use peak_alloc::PeakAlloc;
 use sidestep::bounds::{Algorithm1, Motion};
 use sidestep::features::FeatureSet;
 use sidestep::picture::Picture;
-use sidestep::playback::layers::LAYERS;
-use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback, Recorded};
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
@@ -18,6 +15,9 @@ use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::shfrs::baselines::{EmpiricalFamily, Fitted};
 use sidestep::shfrs::window::Trajectory;
 use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
+use sidestep::trial_view::layers::LAYERS;
+use sidestep::trial_view::view::View;
+use sidestep::trial_view::{Learned, Playback, Recorded};
 use sidestep::vehicle::{Pose, TurnInput};
 
 #[global_allocator]

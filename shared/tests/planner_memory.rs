@@ -5,8 +5,8 @@
 
 use core::ops::ControlFlow;
 use peak_alloc::PeakAlloc;
+use sidestep::clearance::{Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::features::FeatureSet;
-use sidestep::planner::{Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;

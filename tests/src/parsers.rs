@@ -6,23 +6,23 @@ use crate::Folder;
 use clap::Args;
 use sidestep::api::{Enrolment, TrialUpload};
 use sidestep::document::from_json;
-use sidestep::inspection;
-use sidestep::playback;
-use sidestep::playback::source::Source;
 use sidestep::predict::PredictorFile;
 use sidestep::reachability::ValueFunction;
 use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::shfrs::file::PRESETS;
+use sidestep::trial_view;
+use sidestep::trial_view::source::Source;
+use sidestep::value_view;
 use sidestep_server::commands::CommandError;
 use sidestep_server::commands::bounds::{self, BoundsArgs};
 use sidestep_server::commands::reach::{self, ReachArgs};
-use sidestep_server::content::Content;
 use sidestep_server::formats::study_toml::{StudyFile, written};
 use sidestep_server::formats::trials_csv::{self, Order};
 use sidestep_server::formats::{features_csv, npz};
 use sidestep_server::http::exports::ExportParams;
 use sidestep_server::http::laboratory::PageParams;
 use sidestep_server::http::{json, params, people};
+use sidestep_server::trial_content::Content;
 use std::io::Cursor;
 use std::ops::ControlFlow;
 use tokio::runtime::Runtime;
@@ -199,15 +199,15 @@ fn query(bytes: &[u8]) {
     for (name, value) in pairs() {
         let _ = settings.set(name, value);
     }
-    if let Ok(view) = playback::view::View::of_query(pairs()) {
+    if let Ok(view) = trial_view::view::View::of_query(pairs()) {
         // A link has whole milliseconds.
         let written = view.query();
-        let again = playback::view::View::of_query(split(&written));
+        let again = trial_view::view::View::of_query(split(&written));
         assert_eq!(again.map(|again| again.query()), Ok(written));
     }
-    let (view, _) = inspection::View::of_query(pairs());
+    let (view, _) = value_view::View::of_query(pairs());
     let again = view.query();
-    assert_eq!(inspection::View::of_query(split(&again)), (view, None));
+    assert_eq!(value_view::View::of_query(split(&again)), (view, None));
 }
 
 fn split(query: &str) -> impl Iterator<Item = (&str, &str)> {

@@ -15,17 +15,17 @@ use serde::{Deserialize, Serialize};
 use sidestep::api::{Drive, Drives};
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
+use sidestep::learn::participant::{self, Driven, Trained};
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::reachability::ValueFunction;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
-use sidestep::shfrs::memory::Memory;
+use sidestep::shfrs::cache::Memory;
 use sidestep::shfrs::pareto::Pareto;
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::Regions;
 use sidestep::shfrs::window::Trajectory;
-use sidestep::training::{self, Driven, Trained};
+use sidestep::shfrs::window_sets::Prediction;
 use tuning::{Found, Tuning};
 
 /// What an evaluator can be told.
@@ -267,7 +267,7 @@ impl Evaluation {
         let (tasks, safety) = known.ok_or_else(unknown)?;
         let features = FeatureSet::of(features)?;
         let driven = places.iter().filter_map(|&place| tasks.driven.get(place).cloned());
-        training::train(&features, Some(safety), &driven.collect::<Vec<_>>())
+        participant::train(&features, Some(safety), &driven.collect::<Vec<_>>())
     }
 
     fn fail(&mut self, number: u32, why: &Invalid) {

@@ -5,8 +5,8 @@ use crate::evaluation::Part;
 use crate::task::Task;
 use crate::view::Node;
 use sidestep::api::Problem;
-use sidestep::inspection::Mesh;
 use sidestep::picture::Picture;
+use sidestep::value_view::Mesh;
 use std::rc::Rc;
 
 /// A page: a state machine with a message type of its own. It never waits and never touches

@@ -1,6 +1,6 @@
 //! The flags of `sidestep serve` for long work in child processes.
 
-use crate::jobs::analysis_limits::Limits;
+use crate::jobs::analysis::limits::Limits;
 use crate::jobs::children::{Children, LOWEST_PRIORITY};
 use std::path::PathBuf;
 

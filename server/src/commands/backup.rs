@@ -4,9 +4,9 @@ use super::copy::{copying, whole};
 use super::solving::Interrupt;
 use super::{CommandError, print_json};
 use crate::backups::{self, FaultyTrials, Written};
-use crate::private::{self, Unfinished};
-use crate::soundness::{self, Report};
+use crate::database_check::{self, Report};
 use crate::store::{MAGIC, OpenError, Purpose, Store};
+use crate::support::private::{self, Unfinished};
 use crate::transfer::TransferError;
 use serde::Serialize;
 use std::fs::{self, File};
@@ -191,13 +191,13 @@ async fn fill(
     )?;
     let backup = Store::open(&format!("sqlite:{}", file.display()), Purpose::Read).await;
     let backup = backup.map_err(|error| error.named(named))?;
-    let before = interrupt.unless_stopped(soundness::report(&backup)).await??;
+    let before = interrupt.unless_stopped(database_check::report(&backup)).await??;
     let accepted = if args.with_faulty_trials { FaultyTrials::Kept } else { FaultyTrials::Refused };
     backups::sound(&args.from, &before, accepted).map_err(CommandError::failure)?;
     let to = Store::open(url, Purpose::Copy).await?;
     let filling = async {
         whole(&backup, &to, &backup.slugs().await?, true, interrupt).await?;
-        let report = soundness::report(&to).await?;
+        let report = database_check::report(&to).await?;
         if report == before {
             to.end_copy().await?;
         }

@@ -1,7 +1,7 @@
 //! `sidestep check`.
 
 use super::{CommandError, failed, print_json};
-use crate::soundness;
+use crate::database_check;
 use crate::store::{Purpose, Store};
 
 /// Check that a database is sound and that every trial replays as stored.
@@ -21,7 +21,7 @@ pub struct CheckArgs {
 /// [`CommandError::Failure`] if there are faults or the check cannot be done.
 pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Purpose::Read).await?;
-    let report = soundness::report(&store).await?;
+    let report = database_check::report(&store).await?;
     let (name, is_server) = (store.name(), store.is_shared());
     store.close().await;
     let printed = print_json(&report);

@@ -8,7 +8,7 @@ use crate::design::balance::Balance;
 use crate::design::{draw, picture, usual_participants};
 use crate::formats::atomic_folder::Draft;
 use crate::languages::Languages;
-use crate::threads;
+use crate::support::threads;
 use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 use std::path::PathBuf;

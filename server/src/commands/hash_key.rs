@@ -1,7 +1,7 @@
 //! `sidestep hash-key`.
 
 use super::{CommandError, print_line};
-use crate::secrets::chosen;
+use crate::support::secrets::chosen;
 use std::io::{self, BufRead, IsTerminal, Write};
 
 /// Hash an experimenter's key of your choice.

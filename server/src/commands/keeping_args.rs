@@ -2,7 +2,7 @@
 
 use super::CommandError;
 use crate::jobs::keeper::Keeping;
-use crate::private;
+use crate::support::private;
 use std::path::PathBuf;
 use std::time::Duration;
 

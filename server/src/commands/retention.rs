@@ -1,11 +1,11 @@
 //! `sidestep retention`.
 
 use super::{CommandError, print_json, study_named};
-use crate::clock::{date_time, now_ms};
 use crate::store::audit::NewEntry;
 use crate::store::retention::{Concern, Due};
 use crate::store::studies::StoredStudy;
 use crate::store::{Purpose, Store};
+use crate::support::clock::{date_time, now_ms};
 use clap::ArgGroup;
 use serde::Serialize;
 use sidestep::api::Action;

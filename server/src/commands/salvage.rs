@@ -3,8 +3,8 @@
 use super::backup::{absent, new_database};
 use super::solving::Interrupt;
 use super::{CommandError, failed, print_json};
+use crate::database_check::Report;
 use crate::salvage;
-use crate::soundness::Report;
 use crate::store::copying::salvage::Lost;
 use crate::store::{OpenError, Purpose, Store, copy_damaged};
 use serde::Serialize;

@@ -9,21 +9,21 @@ use super::trials_file::Faults;
 use super::trials_source::TrialsArgs;
 use super::{CommandError, Words, one_of, print_json, unwritable};
 use crate::formats::atomic_folder::Draft;
-use crate::threads;
+use crate::support::threads;
 use evaluation::{Evaluation, LeftOut, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
+use sidestep::learn::participant::{self, Driven, Trained};
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::recording::{Recording, flagged as flagged_trials};
 use sidestep::safety::SafetyLevels;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::guarantee::{Guarantee, Unit};
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::Split;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
-use sidestep::training::{self, Driven, Trained};
+use sidestep::shfrs::window_sets::Prediction;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -323,7 +323,7 @@ impl ShfrsArgs {
         let features = FeatureSet::of(&names.collect::<Vec<String>>()).map_err(flagged)?;
         let driven: Vec<Driven> = training.iter().map(|&i| recorded[i].driven.clone()).collect();
         let Trained { predictor, fallback } =
-            training::train(&features, Some(safety), &driven).map_err(CommandError::failure)?;
+            participant::train(&features, Some(safety), &driven).map_err(CommandError::failure)?;
         let what = match fallback {
             None => {
                 let (features, n) = (self.features.join(", "), driven.len());

@@ -1,15 +1,15 @@
 //! Solving at a terminal, with a progress bar and cancellation.
 
 use super::{CommandError, unwritable};
-use crate::threads;
+use crate::support::threads;
 use indicatif::{ProgressBar, ProgressStyle};
-use sidestep::inspection::parameter;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{
     Method, Options, PursuitGame, SolveError, Solved, ValueFunction, solve,
 };
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, SceneParameters};
+use sidestep::value_view::parameter;
 use std::fmt::Display;
 use std::ops::ControlFlow;
 use std::path::Path;

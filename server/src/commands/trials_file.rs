@@ -7,7 +7,7 @@ use crate::formats::csv_lines::{LineError, Records};
 use crate::formats::trials_csv::{self, Contents, ParticipantFault};
 use sidestep::invalid::Invalid;
 use sidestep::math::{PI, atan2, hypot, sinc, wrap_angle};
-use sidestep::motion;
+use sidestep::plausibility;
 use sidestep::recording::{Exclusion, Origin, RecordedParticipant, RecordedTrial, Recording};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::synthetic;
@@ -216,7 +216,7 @@ pub(super) fn recording(
         Recording { provenance, scene: *scene, participants, exclusions: Vec::new() };
     let hints: Vec<&str> = faults.iter().map(|fault| hint(&fault.error)).collect();
     recording.exclusions = faults.into_iter().map(exclusion).collect();
-    motion::exclude_impossible(&mut recording);
+    plausibility::exclude_impossible(&mut recording);
     let Recording { participants, exclusions, .. } = &mut recording;
     // Exclusion by an experimenter is not a fault of the file.
     let excluded_only = participants.is_empty() && exclusions.is_empty();
@@ -240,7 +240,7 @@ pub(super) fn recording(
         return Err(complaint(path, &"expected at least one task, found none"));
     }
     for trial in participants.iter_mut().flat_map(|person| &mut person.trials) {
-        if !trial.flags.contains(&Flag::ReplayMismatch) && !motion::replays(scene, trial) {
+        if !trial.flags.contains(&Flag::ReplayMismatch) && !plausibility::replays(scene, trial) {
             trial.flags.push(Flag::ReplayMismatch);
         }
     }

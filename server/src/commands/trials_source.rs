@@ -2,9 +2,9 @@
 
 use super::trials_file::{self, Faults, SceneArgs};
 use super::{CommandError, study_named, table_file};
-use crate::recordings;
 use crate::store::{Purpose, Store};
-use sidestep::motion;
+use crate::study_recording;
+use sidestep::plausibility;
 use sidestep::recording::Recording;
 use std::path::PathBuf;
 
@@ -47,7 +47,7 @@ impl TrialsArgs {
             None => self.stored().await?,
         };
         let trials = recording.participants.iter().flat_map(|person| &person.trials);
-        motion::check_inputs(&recording.scene, trials)
+        plausibility::check_inputs(&recording.scene, trials)
             .map_err(|invalid| CommandError::Input(format!("{}: {invalid}", self.name())))?;
         for exclusion in &recording.exclusions {
             eprintln!("sidestep: {}: excluded: {exclusion}", self.name());
@@ -67,7 +67,7 @@ impl TrialsArgs {
         let url = self.source.database.clone().unwrap_or_default();
         let store = Store::open(&url, Purpose::Read).await?;
         let study = study_named(&store, &self.study).await?;
-        let recording = recordings::of_study(&store, &study).await?;
+        let recording = study_recording::of_study(&store, &study).await?;
         store.close().await;
         if recording.participants.is_empty() {
             let expected = "expected at least one participant with tasks, found none";

@@ -3,8 +3,8 @@
 use super::{MARGIN, headed};
 use sidestep::chart::{Align, Chart, Drawing, Frame, colours, number};
 use sidestep::shfrs::guarantee::Unit;
-use sidestep::shfrs::panels::{areas, panels, targets};
 use sidestep::shfrs::pareto::Pareto;
+use sidestep::shfrs::pareto_charts::{areas, panels, targets};
 
 /// Size of a frame, and the margins to its left and right, px.
 const FRAME: [f64; 2] = [210.0, 140.0];

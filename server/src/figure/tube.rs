@@ -1,8 +1,8 @@
 //! {V ≤ 0} as a solid, as the laboratory's reachability page shows it.
 
 use sidestep::chart::Drawing;
-use sidestep::inspection::{Orbit, Tubes, View, domain};
 use sidestep::reachability::ValueFunction;
+use sidestep::value_view::{Orbit, Tubes, View, domain};
 
 /// Width and height of the solid's box, px, and the zoom beyond the size that fits from every side.
 const SIZE: [f64; 2] = [900.0, 820.0];
@@ -14,5 +14,5 @@ pub fn tube(function: &ValueFunction) -> Drawing {
     let window = domain(function);
     let mesh = Tubes::new(function, window).mesh(function, 0.0);
     let orbit = Orbit::new(window, View::default().turned_deg, ZOOM, SIZE);
-    sidestep::inspection::tube(function, 0.0, &mesh, &orbit)
+    sidestep::value_view::tube(function, 0.0, &mesh, &orbit)
 }

@@ -1,6 +1,6 @@
 //! Files that appear whole or not at all.
 
-use crate::private;
+use crate::support::private;
 use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt;

@@ -1,6 +1,6 @@
 //! Folders whose new content appears whole or not at all.
 
-use crate::private::Unfinished;
+use crate::support::private::Unfinished;
 use std::fs::{self, DirBuilder, File};
 use std::io;
 use std::os::unix::fs::DirBuilderExt;

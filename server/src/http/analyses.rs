@@ -1,6 +1,5 @@
 //! Analyses of a study: requests, progress, cancellation, files. The analysis worker computes them.
 
-use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::experimenters::{Manager, Reader};
@@ -9,6 +8,7 @@ use crate::http::laboratory::{PageParams, page};
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::store::analyses::{Asked, LONGEST_QUEUE, StoredAnalysis};
+use crate::support::clock::now_ms;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::{Path, State};

@@ -2,7 +2,7 @@
 
 use crate::http::error::ApiError;
 use crate::store::StoreError;
-use crate::threads;
+use crate::support::threads;
 use anyhow::Context;
 use std::collections::HashMap;
 use std::net::IpAddr;

@@ -3,7 +3,6 @@
 //! A configuration in use is never edited: enrolled participants keep theirs, and new participants
 //! get the new one.
 
-use crate::clock::now_ms;
 use crate::design;
 use crate::formats::study_toml::{StudyFile, read_unchecked, written};
 use crate::formats::toml_lines::{Complaint, one_line};
@@ -16,6 +15,7 @@ use crate::http::studies::named;
 use crate::jobs::safety;
 use crate::store::Store;
 use crate::store::studies::{ChangeStudy, StoredStudy};
+use crate::support::clock::now_ms;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;

@@ -1,18 +1,18 @@
 //! Enrolment, and the plan of a participant.
 
-use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::endings::{newcomers_url, over};
 use crate::http::error::ApiError;
 use crate::http::evidence::EvidenceBody;
 use crate::http::params::PathText;
 use crate::http::studies::{gate, named};
-use crate::secrets;
 use crate::store::StoreError;
 use crate::store::enrolments::{self, Gate, NewParticipant};
 use crate::store::participants::Participant;
 use crate::store::scenes::{PlannedRow, trial_ids};
 use crate::store::studies::StoredStudy;
+use crate::support::clock::now_ms;
+use crate::support::secrets;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;

@@ -1,17 +1,17 @@
 //! Experimenters, authenticated by cookies or keys, and their permissions.
 
-use crate::clock::now_ms;
 use crate::http::app::{App, COOKIE};
 use crate::http::auth::bearer;
 use crate::http::error::ApiError;
 use crate::http::openapi::operation::{Input, Operation, Who};
 use crate::http::openapi::schemas::Schemas;
 use crate::http::peer::{Client, origin};
-use crate::secrets;
-use crate::secrets::chosen::ChosenKey;
 use crate::store::Store;
 use crate::store::audit::NewEntry;
 use crate::store::keys::{ENVIRONMENT, Holder, StoredKey};
+use crate::support::clock::now_ms;
+use crate::support::secrets;
+use crate::support::secrets::chosen::ChosenKey;
 use axum::body::Body;
 use axum::extract::{FromRequestParts, MatchedPath};
 use axum::http::{HeaderMap, Method, header, request::Parts};

@@ -1,7 +1,5 @@
 //! Studies and trials for the experimenter.
 
-use crate::clock::now_ms;
-use crate::content::Content;
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::experimenters::{Manager, Reader};
@@ -9,6 +7,8 @@ use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::store::Store;
 use crate::store::trials::{StoredTrial, TrialHead};
+use crate::support::clock::now_ms;
+use crate::trial_content::Content;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;

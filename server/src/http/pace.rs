@@ -2,8 +2,8 @@
 
 use crate::http::error::ApiError;
 use crate::http::throttle::{SharedThrottle, Throttle};
-use crate::secrets;
 use crate::store::Store;
+use crate::support::secrets;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 

@@ -1,6 +1,5 @@
 //! Progress, check of understanding, answers, completion and withdrawal of participants.
 
-use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::auth::{Me, MeOrGone, Writer, check_study};
 use crate::http::endings::{completed_url, screened_out_url, standing, withdrawn_url};
@@ -9,9 +8,10 @@ use crate::http::error::ApiError;
 use crate::http::evidence::EvidenceBody;
 use crate::http::json::JsonBody;
 use crate::http::params::Params;
-use crate::secrets;
 use crate::store::participants::{Completion, Scope};
 use crate::store::scenes::PlannedRow;
+use crate::support::clock::now_ms;
+use crate::support::secrets;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;

@@ -7,10 +7,10 @@ use crate::http::experimenters::Reader;
 use crate::http::laboratory::stored;
 use crate::http::params::{Params, PathText};
 use crate::jobs::safety;
-use crate::recordings;
 use crate::store::Store;
 use crate::store::predictors::{ChosenPredictor, Selection};
 use crate::store::trials::StoredTrial;
+use crate::study_recording;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
@@ -21,14 +21,14 @@ use sidestep::api::{LearnedSets, PredictorPage, TrainedPredictor};
 use sidestep::comparison::models::ModelName;
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
-use sidestep::playback::source;
+use sidestep::learn::participant::{self, Driven, Trained};
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::recording::RecordedTrial;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::baselines::EmpiricalFamily;
 use sidestep::shfrs::probability::probabilities;
 use sidestep::shfrs::window::Trajectory;
-use sidestep::training::{self, Driven, Trained};
+use sidestep::trial_view::source;
 use std::sync::Arc;
 
 /// The query of a list of models.
@@ -146,14 +146,14 @@ async fn of_earlier_trials(
     features: FeatureSet,
 ) -> Result<TrainedPredictor, ApiError> {
     let functions = safety::stored(&app.store, &trial.config_hash).await?;
-    let earlier = recordings::earlier(&app.store, trial).await?;
+    let earlier = study_recording::earlier(&app.store, trial).await?;
     let trials = earlier.len();
     let trained_on = earlier.iter().filter_map(|trial| trial.trial_id.clone()).collect();
     let train = move || {
         let safety = functions.map(|functions| functions.decode()).transpose()?;
         let earlier: Vec<Driven> =
             earlier.into_iter().map(|trial| (trial.inputs, trial.states)).collect();
-        training::train(&features, safety.as_ref(), &earlier)
+        participant::train(&features, safety.as_ref(), &earlier)
     };
     let Trained { predictor, fallback } =
         tokio::task::spawn_blocking(train).await.context("training")?.context("training")?;
@@ -197,9 +197,9 @@ fn learned(
     let all = |trials: &mut dyn Iterator<Item = &RecordedTrial>| {
         trials.map(trajectory).collect::<Result<Vec<_>, _>>()
     };
-    let earlier = recordings::before(driven, trial);
+    let earlier = study_recording::before(driven, trial);
     let fitted = source::fitted(family, parameters, &all(&mut earlier.iter())?)?;
-    let tasks = recordings::tasks(String::new(), driven).trials;
+    let tasks = study_recording::tasks(String::new(), driven).trials;
     let is_new = |task: &&RecordedTrial| earlier.iter().all(|it| it.trial_id != task.trial_id);
     let others = all(&mut tasks.iter().filter(is_new))?;
     let smallest = fitted.smallest_holding(&others)?;

@@ -1,17 +1,17 @@
 //! A participant's complete record: their trials as pictures, notes of experimenters, exclusion
 //! from analyses, and deletion on request.
 
-use crate::clock::now_ms;
-use crate::content::Content;
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::experimenters::{Manager, Reader};
 use crate::http::json::JsonBody;
 use crate::http::laboratory::summary;
 use crate::http::params::PathText;
-use crate::recordings;
 use crate::store::profiles::Profile;
 use crate::store::trials::{StoredTrial, TrialHead};
+use crate::study_recording;
+use crate::support::clock::now_ms;
+use crate::trial_content::Content;
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
@@ -76,8 +76,8 @@ pub async fn drives(
     let hash = &found.config_hash;
     let value_function_hr = app.store.value_function_id(hash, Evader::Human).await?;
     let value_function_rh = app.store.value_function_id(hash, Evader::Robot).await?;
-    // Only `recordings::tasks` decides what analyses use.
-    let used = recordings::tasks(String::new(), &found.trials).trials;
+    // Only `study_recording::tasks` decides what analyses use.
+    let used = study_recording::tasks(String::new(), &found.trials).trials;
     let used = |trial: &&StoredTrial| {
         used.iter().any(|task| task.trial_id.as_ref() == Some(&trial.head.trial_id))
     };

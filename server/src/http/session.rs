@@ -1,6 +1,5 @@
 //! Signing in to the laboratory and signing out.
 
-use crate::clock::now_ms;
 use crate::http::app::{App, COOKIE};
 use crate::http::error::ApiError;
 use crate::http::experimenters::{
@@ -8,7 +7,8 @@ use crate::http::experimenters::{
 };
 use crate::http::json::JsonBody;
 use crate::http::peer::Client;
-use crate::secrets;
+use crate::support::clock::now_ms;
+use crate::support::secrets;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{AppendHeaders, IntoResponse, IntoResponseParts, Response};

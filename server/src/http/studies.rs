@@ -1,6 +1,5 @@
 //! The public part of a study.
 
-use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::auth::visitor;
 use crate::http::endings::{newcomers_url, standing};
@@ -10,6 +9,7 @@ use crate::store::Store;
 use crate::store::enrolments::Gate;
 use crate::store::participants::Visitor;
 use crate::store::studies::StoredStudy;
+use crate::support::clock::now_ms;
 use axum::Json;
 use axum::extract::State;
 use axum::http::HeaderMap;

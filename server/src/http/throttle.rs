@@ -1,8 +1,8 @@
 //! Rate limits.
 
-use crate::secrets;
 use crate::store::Store;
 use crate::store::throttles::Allowance;
+use crate::support::secrets;
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::net::IpAddr;

@@ -1,6 +1,6 @@
 //! This server's certificate, and its renewal while the server runs.
 
-use crate::clock::date_time;
+use crate::support::clock::date_time;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::{Duration, SystemTime};

@@ -1,13 +1,13 @@
 //! Uploads of trials.
 
-use crate::clock::now_ms;
-use crate::content::{Content, Recipe};
 use crate::http::app::App;
 use crate::http::auth::Assigned;
 use crate::http::error::ApiError;
 use crate::http::evidence::EvidenceBody;
 use crate::http::params::Params;
 use crate::store::trials::{AssignedScene, NewTrial, PutTrial};
+use crate::support::clock::now_ms;
+use crate::trial_content::{Content, Recipe};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;

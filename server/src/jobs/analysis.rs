@@ -1,6 +1,11 @@
 //! An analysis, from a recording to its numbers, for the command and the server.
 
-use crate::threads::{self, ThreadError};
+pub mod index;
+pub mod limits;
+pub mod process;
+pub mod worker;
+
+use crate::support::threads::{self, ThreadError};
 use sidestep::comparison::{Analysis, AnalysisError, Cache, Progress, Request, analyse};
 use sidestep::dataset::GivenFeatures;
 use sidestep::invalid::Invalid;

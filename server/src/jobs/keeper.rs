@@ -4,8 +4,8 @@
 use super::children::{Children, Ended};
 use super::frames::{FromChild, ToChild};
 use crate::backups;
-use crate::clock::now_ms;
-use crate::soundness::Report;
+use crate::database_check::Report;
+use crate::support::clock::now_ms;
 use sidestep::api::{Backup, DataCheck, DataCheckState};
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};

@@ -10,7 +10,7 @@ mod tests;
 
 use super::charts::Figure;
 use super::text::{self, beside_zero, count, fixed, grouped, p_places, signed};
-use crate::clock::date_time;
+use crate::support::clock::date_time;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, Error, Output, State, UndefinedBehavior};

@@ -3,7 +3,7 @@
 use super::StoreError;
 use super::sql::{self, Connection, ToSql};
 use super::sqlite;
-use crate::private;
+use crate::support::private;
 use sqlx::ConnectOptions;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use std::path::Path;

@@ -10,8 +10,8 @@ use super::scenes::PlannedRow;
 use super::sql::{Connection, Row};
 use super::trials::{NewTrial, PutTrial};
 use super::{Database, Purpose, Store, StoreError};
-use crate::content::{Content, Recipe};
 use crate::transfer::{self, TransferError};
+use crate::trial_content::{Content, Recipe};
 use sidestep::api::{Action, ComprehensionResult};
 use sidestep::comparison::Request;
 use sidestep::scene::{Scene, SceneParameters};
@@ -107,7 +107,7 @@ async fn arrives(store: &Store, name: &str, known: Known, gate: Gate, now_ms: i6
 }
 
 fn token(name: &str) -> [u8; 32] {
-    crate::secrets::hash(name)
+    crate::support::secrets::hash(name)
 }
 
 pub(crate) fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {

@@ -8,10 +8,10 @@ use sidestep::comparison::tables::Comparison;
 use sidestep::comparison::{ParticipantData, Settings, run};
 use sidestep::dataset::Dataset;
 use sidestep::features::FeatureSet;
+use sidestep::learn::participant::Driven;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::window::Trajectory;
-use sidestep::training::Driven;
 
 use crate::learning::feature_rows;
 use crate::recorded::{self, TASKS};

@@ -9,9 +9,9 @@ use sidestep::math::SeededRng;
 use sidestep::reach::ReachableSet;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::guarantee::{Guarantee, fixed_sequence};
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::Scores;
 use sidestep::shfrs::window::Trajectory;
+use sidestep::shfrs::window_sets::Prediction;
 use sidestep::vehicle::Pose;
 
 use crate::reacting::{PREDICTED, Population, choice, window};

@@ -6,8 +6,8 @@ use sidestep::invalid::Invalid;
 use sidestep::math::SeededRng;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::danger::danger_bounds;
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::Scores;
+use sidestep::shfrs::window_sets::Prediction;
 
 use crate::Found;
 use crate::reacting::{PREDICTED, Population, choice};

@@ -4,15 +4,15 @@ use std::error::Error;
 
 use serde_json::json;
 use sidestep::bounds::ActionChoice;
+use sidestep::learn::participant::Driven;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::pareto::{Compared, ParetoRow, ParetoSettings, pareto};
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::{TuningSettings, candidates, tune};
 use sidestep::shfrs::window::WindowChoice;
-use sidestep::training::Driven;
+use sidestep::shfrs::window_sets::Prediction;
 
 use crate::Found;
 use crate::recorded::{self, CALIBRATION, TRAINING};

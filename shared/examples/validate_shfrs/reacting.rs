@@ -7,9 +7,9 @@ use sidestep::invalid::Invalid;
 use sidestep::math::{SeededRng, exp};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::family::Family;
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::ShfrsFamily;
 use sidestep::shfrs::window::{Trajectory, Window};
+use sidestep::shfrs::window_sets::Prediction;
 use sidestep::vehicle::{Pose, dubins};
 
 use crate::{RATE_RADPS, STEP_S};

@@ -2,9 +2,9 @@
 //! explorer.
 
 use crate::invalid::Invalid;
-use crate::playback::Recorded;
 use crate::scene::{JointState, Scene, SceneParameters};
 use crate::shfrs::window::Trajectory;
+use crate::trial_view::Recorded;
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 

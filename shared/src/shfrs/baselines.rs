@@ -7,15 +7,15 @@
 //! so every family has a level whose set contains every window.
 
 mod swept;
-mod widened;
+mod simple_bounds;
 mod empirical;
 mod gaussian;
-mod placed;
+mod empirical_sets;
 
 pub use empirical::{Mode, PerModeEmpirical};
+pub use empirical_sets::{EmpiricalFamily, EmpiricalSet, EmpiricalSets, Fitted};
 pub use gaussian::Gaussian;
-pub use placed::{EmpiricalFamily, EmpiricalSet, EmpiricalSets, Fitted};
-pub use widened::{
+pub use simple_bounds::{
     WORST_CASE, constant_velocity, hold_the_input, learned_disturbance, worst_case,
     worst_case_area_m2,
 };

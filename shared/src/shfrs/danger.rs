@@ -21,9 +21,9 @@
 //! robot, U can be too small there: it is a marginal bound, not a bound for each scene.
 
 use super::guarantee::Unit;
-use super::prediction::Prediction;
 use super::scores::Scores;
 use super::widened::widened;
+use super::window_sets::Prediction;
 use crate::bounds::{ActionChoice, ActionModel, InputBounds, PredictedBounds, Rollout};
 use crate::invalid::Invalid;
 use crate::math::hypot;

@@ -10,9 +10,9 @@ use super::baselines::{
 };
 use super::family::Family;
 use super::guarantee::Guarantee;
-use super::prediction::Prediction;
 use super::scores::{SHFRS, Scores, ShfrsFamily, single};
 use super::window::{Trajectory, Window, WindowChoice};
+use super::window_sets::Prediction;
 use crate::bounds::{ActionChoice, ActionModel};
 use crate::invalid::Invalid;
 use crate::stats::{Tally, open_probability, share};

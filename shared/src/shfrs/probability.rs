@@ -4,9 +4,9 @@
 //! Region j is F_j without F_{j−1}. A trajectory is inside F_j if it is inside at every step, and in
 //! region j if F_j is the smallest set that contains it.
 
-use super::prediction::{Prediction, same_steps};
 use super::widened::tube_area_m2;
 use super::window::{Trajectory, Window, WindowChoice};
+use super::window_sets::{Prediction, same_steps};
 use crate::bounds::{ActionModel, BoundsSettings, InputBounds};
 use crate::invalid::Invalid;
 use crate::parallel::parallel_map;
@@ -246,7 +246,7 @@ pub struct Judged {
     pub(super) area_m2: Vec<f64>,
 }
 
-/// Runs Algorithm 1 at each of `windows`. [`Memory`](super::memory::Memory) does the same for
+/// Runs Algorithm 1 at each of `windows`. [`Memory`](super::cache::Memory) does the same for
 /// windows that are evaluated repeatedly.
 ///
 /// # Errors

@@ -1,9 +1,9 @@
 //! SHFRS as a nested family, and sorted scores.
 
 use super::family::Family;
-use super::prediction::{Prediction, same_steps};
 use super::widened::{least_widening, tube_area_m2, widened};
 use super::window::{Trajectory, Window, WindowChoice};
+use super::window_sets::{Prediction, same_steps};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
 

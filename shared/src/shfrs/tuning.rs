@@ -8,11 +8,11 @@ mod least_area;
 
 use super::baselines::worst_case_area_m2;
 use super::guarantee::{Guarantee, Unit, fixed_sequence};
-use super::prediction::Prediction;
 use super::probability::holds;
 use super::scores::{Scores, single};
 use super::widened::{least_widening, tube_area_m2};
 use super::window::{Trajectory, Window, WindowChoice};
+use super::window_sets::Prediction;
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
 use crate::math::SeededRng;
@@ -268,7 +268,7 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
 /// use sidestep::bounds::{ActionChoice, ActionModel};
 /// use sidestep::scene::{JointState, SceneParameters};
 /// use sidestep::shfrs::guarantee::Guarantee;
-/// use sidestep::shfrs::prediction::Prediction;
+/// use sidestep::shfrs::window_sets::Prediction;
 /// use sidestep::shfrs::tuning::{Split, TuningSettings, tune};
 /// use sidestep::shfrs::window::Trajectory;
 /// use sidestep::synthetic::{Keys, SyntheticParticipant};

@@ -1,7 +1,7 @@
 //! Bounds widened by ε: the least ε for a recorded window, and the area of the reachable set.
 
-use super::prediction::same_steps;
 use super::window::Window;
+use super::window_sets::same_steps;
 use crate::bounds::InputBounds;
 use crate::invalid::Invalid;
 use crate::math::{PI, wrap_angle};

@@ -6,7 +6,7 @@
 
 use crate::invalid::{Invalid, length};
 use crate::math::SeededRng;
-use crate::motion;
+use crate::plausibility;
 #[cfg(feature = "learn")]
 use crate::recording::{Fault, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
@@ -65,9 +65,9 @@ impl Trajectory {
     /// rates; a calibration guarantees nothing about others. The robot's path may be arbitrary.
     ///
     /// # Errors
-    /// The errors of [`motion::check_drive`].
+    /// The errors of [`plausibility::check_drive`].
     pub fn check(&self, scene: &SceneParameters) -> Result<(), Invalid> {
-        motion::check_drive(scene, &self.states, &self.turn_rates)
+        plausibility::check_drive(scene, &self.states, &self.turn_rates)
     }
 
     /// Number of steps, ≥ 1.

@@ -12,10 +12,10 @@ use sidestep::shfrs::baselines::{
 };
 use sidestep::shfrs::family::Family;
 use sidestep::shfrs::pareto::{Pareto, ParetoRow, ParetoSettings, pareto};
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::ShfrsFamily;
 use sidestep::shfrs::widened::{tube_area_m2, widened};
 use sidestep::shfrs::window::{Window, WindowChoice};
+use sidestep::shfrs::window_sets::Prediction;
 use std::sync::OnceLock;
 
 const STEPS: usize = 10;

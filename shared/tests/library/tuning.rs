@@ -2,19 +2,19 @@
 
 use crate::recorded;
 use sidestep::bounds::{ActionChoice, Rollout};
+use sidestep::clearance::{CoverageBounds, Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::invalid::Invalid;
+use sidestep::learn::participant::Driven;
 use sidestep::math::{hypot, sin_cos};
-use sidestep::planner::{CoverageBounds, Footprint, OnlinePredictor, Plan, PlanLimits};
 use sidestep::predict::Predictor;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::guarantee::Guarantee;
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::regions;
 use sidestep::shfrs::tuning::{Split, Tuned, TuningSettings, candidates, tune};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
-use sidestep::training::Driven;
+use sidestep::shfrs::window_sets::Prediction;
 use sidestep::vehicle::Pose;
 use std::sync::OnceLock;
 

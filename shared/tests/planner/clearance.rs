@@ -2,10 +2,10 @@
 
 use super::{Class, FREE, PAPERS, any_bounds, any_drive, any_plan, bounds};
 use sidestep::bounds::InputBounds;
-use sidestep::math::{PI, SeededRng, hypot, sin_cos};
-use sidestep::planner::{
+use sidestep::clearance::{
     Clearance, ClearanceFinder, ClearanceSettings, Footprint, HumanFuture, Plan,
 };
+use sidestep::math::{PI, SeededRng, hypot, sin_cos};
 use sidestep::vehicle::{Pose, dubins};
 
 /// The paper's rates, and larger turns, steps and speeds.

@@ -8,8 +8,8 @@ mod plan;
 mod online;
 
 use sidestep::bounds::InputBounds;
+use sidestep::clearance::{Plan, PlanLimits};
 use sidestep::math::SeededRng;
-use sidestep::planner::{Plan, PlanLimits};
 use sidestep::vehicle::{Pose, dubins};
 
 /// Speed, step and greatest turn rate of a human, and how far ahead one looks.

@@ -3,13 +3,13 @@
 use sidestep::bounds::{
     ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
 };
-use sidestep::features::FeatureSet;
-use sidestep::math::{SeededRng, sin_cos};
-use sidestep::motion::Departure;
-use sidestep::planner::{
+use sidestep::clearance::{
     Clearance, ClearanceFinder, Continuity, CoverageBounds, Footprint, HumanFuture, NextSteps,
     OnlinePredictor, Plan,
 };
+use sidestep::features::FeatureSet;
+use sidestep::math::{SeededRng, sin_cos};
+use sidestep::plausibility::Departure;
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
@@ -18,10 +18,10 @@ use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::family::Family;
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::{Scores, ShfrsFamily};
 use sidestep::shfrs::widened::widened;
 use sidestep::shfrs::window::{Trajectory, Window};
+use sidestep::shfrs::window_sets::Prediction;
 use sidestep::vehicle::{Pose, TurnInput, dubins};
 use std::ops::ControlFlow;
 

@@ -1,8 +1,8 @@
 //! Plans and footprints.
 
 use super::FREE;
+use sidestep::clearance::{Footprint, Plan, PlanLimits};
 use sidestep::math::{PI, SeededRng, hypot, wrap_angle};
-use sidestep::planner::{Footprint, Plan, PlanLimits};
 use sidestep::vehicle::{Pose, dubins};
 
 /// Between its poses, a plan is what the vehicle drives.

@@ -3,7 +3,7 @@
 use super::person::Person;
 use crate::Database;
 use sidestep::api::TrialUpload;
-use sidestep_server::bytes::{pack, pack_inputs, pack_states};
+use sidestep_server::support::bytes::{pack, pack_inputs, pack_states};
 use std::collections::{HashMap, HashSet};
 
 /// What came of a comparison with the database.

@@ -9,15 +9,15 @@ use sidestep::api::{
     TrialUse, routes,
 };
 use sidestep::comparison::split::first_test_task;
-use sidestep::playback::source::Way;
-use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback, Recorded, side_by_side};
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::ShfrsSettings;
 use sidestep::shfrs::baselines::{EmpiricalFamily, EmpiricalSets};
 use sidestep::trial::Phase;
+use sidestep::trial_view::source::Way;
+use sidestep::trial_view::view::View;
+use sidestep::trial_view::{Learned, Playback, Recorded, side_by_side};
 use sidestep_tests::{Answer, Driver, Folder, Server, behind, run};
 use std::ops::ControlFlow;
 

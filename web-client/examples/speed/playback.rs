@@ -5,11 +5,11 @@
 use super::{FEW, Figures};
 use crate::recorded;
 use sidestep::picture::Picture;
-use sidestep::playback::layers::LAYERS;
-use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback, Recorded};
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::shfrs::ShfrsSettings;
+use sidestep::trial_view::layers::LAYERS;
+use sidestep::trial_view::view::View;
+use sidestep::trial_view::{Learned, Playback, Recorded};
 use std::error::Error;
 use std::hint::black_box;
 

@@ -3,7 +3,7 @@
 use super::listen::Listener;
 use crate::runtime::Solid;
 use js_sys::{Float32Array, Uint32Array};
-use sidestep::inspection::Mesh;
+use sidestep::value_view::Mesh;
 use std::cell::Cell;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;

@@ -6,8 +6,8 @@ use sidestep::bounds::BoundsSettings;
 use sidestep::invalid::Invalid;
 use sidestep::math::SeededRng;
 use sidestep::reach::Tolerance;
+use sidestep::shfrs::cache::Memory;
 use sidestep::shfrs::file::ShfrsFile;
-use sidestep::shfrs::memory::Memory;
 use sidestep::shfrs::probability::{Count, admits_everything};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 

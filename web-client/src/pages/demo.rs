@@ -17,12 +17,12 @@ use crate::runtime::{Address, Command, Commands, Event, Page};
 use crate::view::Node;
 use sidestep::invalid::Invalid;
 use sidestep::picture::Picture;
-use sidestep::playback::layers::LAYERS;
-use sidestep::playback::style::Palette;
-use sidestep::playback::view::View;
-use sidestep::playback::{Playback, Recorded};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{EncounterRange, Scene, SceneParameters, generate};
+use sidestep::trial_view::layers::LAYERS;
+use sidestep::trial_view::style::Palette;
+use sidestep::trial_view::view::View;
+use sidestep::trial_view::{Playback, Recorded};
 use std::ops::ControlFlow;
 
 /// The page.
@@ -430,7 +430,7 @@ impl Demo {
 const SEEN: [&str; 5] = ["show", "hr", "rh", "sets", "colours"];
 
 /// Whether a layer is offered: nobody knows the future of a scene that is being driven.
-fn is_offered(layer: &sidestep::playback::layers::Layer) -> bool {
+fn is_offered(layer: &sidestep::trial_view::layers::Layer) -> bool {
     layer.name != "future"
 }
 

@@ -26,11 +26,11 @@ use sidestep::api::{Drives, routes, trial_heading};
 use sidestep::document::{from_value, is_too_deep};
 use sidestep::invalid::Invalid;
 use sidestep::picture::Picture;
-use sidestep::playback::Playback;
-use sidestep::playback::view::View;
 use sidestep::scene::Evader;
 use sidestep::shfrs::ShfrsSettings;
 use sidestep::shfrs::file::{PRESETS, ShfrsFile};
+use sidestep::trial_view::Playback;
+use sidestep::trial_view::view::View;
 
 /// The page of one participant.
 pub enum ExplorerPage {

@@ -5,10 +5,10 @@ use super::parts::{self, button, cell};
 use crate::form::FieldValue;
 use crate::view::{Node, drawn, el, subscripted, with_subscripts};
 use sidestep::chart::{ColourStyle, LegendItem, fixed};
-use sidestep::playback::Playback;
-use sidestep::playback::layers::{LAYERS, Layer};
-use sidestep::playback::style::{Palette, Sets};
-use sidestep::playback::view::View;
+use sidestep::trial_view::Playback;
+use sidestep::trial_view::layers::{LAYERS, Layer};
+use sidestep::trial_view::style::{Palette, Sets};
+use sidestep::trial_view::view::View;
 use sidestep::vehicle::TurnInput;
 
 /// A switch for each layer that `offered` accepts, by its place in [`LAYERS`]. `key` is what is printed on

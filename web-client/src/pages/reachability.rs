@@ -13,10 +13,10 @@ use crate::runtime::{Address, Command, Commands, Event, Offer, PNG_OF_SVG, Page,
 use crate::task::Task;
 use crate::view::Node;
 use sidestep::chart::{Drawing, Layer};
-use sidestep::inspection::{
+use sidestep::reachability::{Method, ValueFunction};
+use sidestep::value_view::{
     Map, Orbit, Play, RING, Shown, TONES, View, ZOOM_PERCENT, play, slices, tube,
 };
-use sidestep::reachability::{Method, ValueFunction};
 use std::rc::Rc;
 
 /// The page.

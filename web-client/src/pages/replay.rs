@@ -26,12 +26,12 @@ use crate::runtime::{
 use crate::view::Node;
 use sidestep::api::{TrialDetail, routes, trial_heading};
 use sidestep::picture::Picture;
-use sidestep::playback::layers::LAYERS;
-use sidestep::playback::source::Source;
-use sidestep::playback::style::{Palette, Sets};
-use sidestep::playback::view::View;
-use sidestep::playback::{Playback, Recorded};
 use sidestep::scene::Evader;
+use sidestep::trial_view::layers::LAYERS;
+use sidestep::trial_view::source::Source;
+use sidestep::trial_view::style::{Palette, Sets};
+use sidestep::trial_view::view::View;
+use sidestep::trial_view::{Playback, Recorded};
 use std::rc::Rc;
 
 /// The page of one trial.

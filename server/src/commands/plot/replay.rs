@@ -6,19 +6,19 @@ use crate::commands::prediction::PredictorSource;
 use crate::commands::solving::{Interrupt, flagged, safety_levels};
 use crate::commands::trials_file;
 use crate::http::predictors;
-use crate::recordings;
 use crate::store::{Purpose, Store};
+use crate::study_recording;
 use sidestep::api::{scene_words, trial_heading};
 use sidestep::chart::Drawing;
 use sidestep::invalid::Invalid;
-use sidestep::playback::source::{FROM_FILE, Needs, Source, features_of, fitted};
-use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Method, Playback, Recorded, side_by_side};
+use sidestep::learn::participant::{self, Driven};
 use sidestep::predict::Predictor;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::shfrs::window::Trajectory;
-use sidestep::training::{self, Driven};
+use sidestep::trial_view::source::{FROM_FILE, Needs, Source, features_of, fitted};
+use sidestep::trial_view::view::View;
+use sidestep::trial_view::{Learned, Method, Playback, Recorded, side_by_side};
 use std::path::{Path, PathBuf};
 
 /// Selects the trial and the view.
@@ -144,7 +144,7 @@ impl Found {
             }
             Needs::Model(set) => {
                 let features = features_of(set).map_err(CommandError::failure)?;
-                let trained = training::train(&features, Some(safety), &self.earlier);
+                let trained = participant::train(&features, Some(safety), &self.earlier);
                 let trained = trained.map_err(CommandError::failure)?;
                 if let Some(why) = &trained.fallback {
                     eprintln!("sidestep: predicted by the frequencies of the inputs: {why}");
@@ -223,7 +223,7 @@ async fn of_database(
         return Err(CommandError::Input(format!("--trial {trial_id}: no such trial in {url}")));
     };
     let parameters = store.config(&trial.config_hash).await?.parameters;
-    let earlier = recordings::earlier(&store, &trial).await?.into_iter();
+    let earlier = study_recording::earlier(&store, &trial).await?.into_iter();
     let earlier = earlier.map(|other| (other.inputs, other.states)).collect();
     let mut models = Vec::new();
     for source in sources {

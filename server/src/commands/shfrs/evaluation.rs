@@ -11,11 +11,11 @@ use sidestep::shfrs::danger::{DangerBounds, danger_bounds, statement};
 use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::{Guarantee, Unit};
 use sidestep::shfrs::pareto::{Compared, POINTS, Pareto, ParetoSettings, pareto};
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::{Regions, regions_of_people};
 use sidestep::shfrs::scores::{Scores, ShfrsFamily};
 use sidestep::shfrs::tuning::{Parts, Sample, Split, Tuned, TuningSettings, candidates, tune};
 use sidestep::shfrs::window::{Trajectory, Window, WindowChoice};
+use sidestep::shfrs::window_sets::Prediction;
 use sidestep::stats::open_probability;
 use std::fmt;
 

@@ -1,7 +1,7 @@
 //! One synthetic participant who takes part through the HTTP interface, like a real one.
 
 use crate::client::{Client, ClientError, Participation};
-use crate::clock::now_ms;
+use crate::support::clock::now_ms;
 use serde_json::{Value, json};
 use sidestep::api::{
     Answers, ComprehensionResult, Enrolment, KeyEvent, Object, Plan, PlannedScene, QuestionForm,

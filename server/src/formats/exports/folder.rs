@@ -10,13 +10,13 @@ use super::table::Table;
 use super::table_file::{Place, TableFile, database};
 use super::written::Written;
 use super::{ExportError, Format};
-use crate::clock::{date_time, now_ms};
+use crate::database_check;
 use crate::formats::atomic_file;
 use crate::formats::atomic_folder::Draft;
 use crate::formats::tables::participants::Participants;
-use crate::private;
-use crate::soundness;
 use crate::store::Store;
+use crate::support::clock::{date_time, now_ms};
+use crate::support::private;
 use serde::Deserialize;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -61,7 +61,7 @@ pub async fn write(
     }
     let draft = Draft::begin_private(folder)?;
     // Replaying trials does not show whose they are.
-    let database = soundness::damage_of_database(store).await?;
+    let database = database_check::damage_of_database(store).await?;
     let people = dataset.driven(store, Arc::default());
     let (path, asked) = (draft.path().to_owned(), cancel.clone());
     // An async task reads; a thread prints.

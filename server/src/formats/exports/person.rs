@@ -1,8 +1,8 @@
 //! A participant with all of their trials.
 
 use super::damage::Damaged;
+use crate::database_check::{self, Examined, Wrong};
 use crate::formats::tables::Driven;
-use crate::soundness::{self, Examined, Wrong};
 use crate::store::roster::RosterEntry;
 use crate::store::{Store, StoreError};
 
@@ -22,7 +22,7 @@ pub(super) struct Person {
 impl Person {
     /// Reads a participant and replays their trials.
     pub(super) async fn read(store: &Store, entry: &RosterEntry) -> Result<Self, StoreError> {
-        let (trials, unreadable) = match soundness::examined(store, &entry.id).await {
+        let (trials, unreadable) = match database_check::examined(store, &entry.id).await {
             Ok(trials) => (trials, None),
             Err(StoreError::Corrupt(what)) => (Vec::new(), Some(what)),
             Err(error) => return Err(error),

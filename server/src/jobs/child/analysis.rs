@@ -2,9 +2,9 @@
 
 use super::{Server, end_with_stdin};
 use crate::jobs::analysis::compute;
-use crate::jobs::analysis_index::{TrialIds, models, tasks};
+use crate::jobs::analysis::index::{TrialIds, models, tasks};
 use crate::jobs::frames::{self, FromChild, ToChild};
-use crate::{recordings, report};
+use crate::{report, study_recording};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
@@ -64,7 +64,7 @@ impl Task {
                 }
             }
         }
-        let recording = recordings::complete(study, scene, participants, exclusions);
+        let recording = study_recording::complete(study, scene, participants, exclusions);
         Ok(Self { request, recording, safety })
     }
 

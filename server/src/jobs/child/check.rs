@@ -2,8 +2,8 @@
 
 use super::Server;
 use crate::backups::{self, BackupError, FaultyTrials, Written};
+use crate::database_check;
 use crate::jobs::frames::FromChild;
-use crate::soundness;
 use crate::store::{Purpose, Store};
 use std::io;
 use std::path::Path;
@@ -28,7 +28,7 @@ async fn checked(database: &str, backup: Option<&Path>) -> Result<Written, Backu
             backups::write(&store, file, kept, &CancellationToken::new(), |_, _| ()).await
         }
         None => {
-            let report = soundness::report(&store).await;
+            let report = database_check::report(&store).await;
             report.map(|report| Written { bytes: 0, report }).map_err(BackupError::from)
         }
     };

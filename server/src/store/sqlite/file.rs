@@ -1,7 +1,7 @@
 //! The database's file: its address, its permissions, its lock, and whether it is still the same file.
 
-use crate::private;
 use crate::store::error::StoreError;
+use crate::support::private;
 use rustix::fs::{Access, StatVfs, StatVfsMountFlags, access, statvfs};
 use std::fs::{File, TryLockError};
 use std::io;

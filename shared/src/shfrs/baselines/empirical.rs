@@ -1,7 +1,7 @@
 //! Empirical sets: hulls of recorded futures, per mode of behaviour.
 
+use super::simple_bounds::worst_case_area_m2;
 use super::swept::{convex_hull, swept_area};
-use super::widened::worst_case_area_m2;
 use super::{Areas, LearnedFamily, future_seen_from_now};
 use crate::bounds::ActionModel;
 use crate::invalid::{Invalid, length};

@@ -1,7 +1,7 @@
 //! A normal distribution of the future pose at each step.
 
+use super::simple_bounds::worst_case_area_m2;
 use super::swept::swept_area;
-use super::widened::worst_case_area_m2;
 use super::{Areas, LearnedFamily, Nominal, future_seen_from_now, nominal_poses, place};
 use crate::invalid::{Invalid, length};
 use crate::math::{TAU, sin_cos};

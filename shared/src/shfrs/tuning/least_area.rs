@@ -3,9 +3,9 @@
 use crate::bounds::{ActionModel, BoundsSettings};
 use crate::invalid::Invalid;
 use crate::parallel::{default_threads, parallel_map};
-use crate::shfrs::prediction::Prediction;
 use crate::shfrs::widened::{least_widening, tube_area_m2, widened, widening_between};
 use crate::shfrs::window::Window;
+use crate::shfrs::window_sets::Prediction;
 use crate::stats::beta_quantile;
 
 /// The bounds of some candidates for one window, and an interval for their score.

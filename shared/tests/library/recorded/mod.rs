@@ -4,13 +4,13 @@
 
 use sidestep::dataset::Dataset;
 use sidestep::features::FeatureSet;
+use sidestep::learn::participant::{Driven, logistic};
 use sidestep::math::SeededRng;
 use sidestep::predict::Predictor;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::tuning::Sample;
 use sidestep::shfrs::window::Trajectory;
-use sidestep::training::{Driven, logistic};
 use sidestep::vehicle::{Pose, TurnInput};
 use std::ops::ControlFlow;
 

@@ -2,14 +2,14 @@
 
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
-use sidestep::playback::{Learned, Playback};
+use sidestep::learn::participant::{Driven, Trained, train_early};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::regions;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
+use sidestep::shfrs::window_sets::Prediction;
 use sidestep::shfrs::{PredictedHuman, ShfrsSettings};
-use sidestep::training::{Driven, Trained, train_early};
+use sidestep::trial_view::{Learned, Playback};
 
 /// The learned function of the driver.
 pub(super) struct Model {
@@ -86,7 +86,7 @@ impl Model {
 /// Share of the windows of a trial whose future stayed inside each set.
 fn inside(
     parameters: &SceneParameters,
-    recorded: &sidestep::playback::Recorded,
+    recorded: &sidestep::trial_view::Recorded,
     learned: &Learned,
     safety: &SafetyLevels,
 ) -> Result<Vec<f64>, Invalid> {

@@ -6,7 +6,7 @@ use super::{CANVAS, Demo, Msg, Stage, is_offered, offered};
 use crate::pages::moment::{self, metres, select, switch};
 use crate::pages::parts::{self, alert, button, cell, fact};
 use crate::view::{self, el, subscripted};
-use sidestep::playback::style::Palette;
+use sidestep::trial_view::style::Palette;
 
 type Node = view::Node<Msg>;
 

@@ -11,8 +11,8 @@ use sidestep::bounds::Rollout;
 use sidestep::chart::{ColourStyle, Element, fixed, number};
 use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::guarantee::Guarantee;
-use sidestep::shfrs::panels::{areas, panels};
 use sidestep::shfrs::pareto::{Pareto, ParetoCurve, ParetoRow};
+use sidestep::shfrs::pareto_charts::{areas, panels};
 use sidestep::shfrs::tuning::Parts;
 
 type Node = view::Node<Msg>;

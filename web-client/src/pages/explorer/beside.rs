@@ -6,9 +6,9 @@ use super::{Explorer, Msg};
 use crate::evaluation::Part;
 use crate::json;
 use crate::runtime::{Answer, Command, Commands, Evaluate};
-use sidestep::playback::Learned;
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::shfrs::ShfrsSettings;
+use sidestep::trial_view::Learned;
 use std::rc::Rc;
 
 /// An evaluator beside the page.

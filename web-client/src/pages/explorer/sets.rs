@@ -7,7 +7,7 @@ use crate::pages::moment::select;
 use crate::pages::parts::{alert, cell, count};
 use crate::view::{self, drawn, el, subscripted};
 use sidestep::chart::{ColourStyle, LegendItem, fixed, number};
-use sidestep::playback::layers::{LAYERS, place};
+use sidestep::trial_view::layers::{LAYERS, place};
 
 type Node = view::Node<Msg>;
 

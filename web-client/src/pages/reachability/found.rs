@@ -1,9 +1,9 @@
 //! A value function and the pictures of it, each made when it is first needed.
 
 use sidestep::chart::{ColourStyle, Element};
-use sidestep::inspection::{AtHeading, Difference, Map, Mesh, Scale, Shown, Tubes, View, domain};
 use sidestep::picture::Window;
 use sidestep::reachability::{ExactValue, Nodes, ValueFunction};
+use sidestep::value_view::{AtHeading, Difference, Map, Mesh, Scale, Shown, Tubes, View, domain};
 use std::rc::Rc;
 
 /// A value function that is looked at.

@@ -2,7 +2,7 @@
 
 use super::Msg;
 use crate::view::{self, el};
-use sidestep::inspection::Shown;
+use sidestep::value_view::Shown;
 
 /// What a key does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

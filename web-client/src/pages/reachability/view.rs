@@ -6,9 +6,9 @@ use crate::form::FieldValue;
 use crate::pages::parts::{self, alert, button, fact};
 use crate::view::{self, drawn, el};
 use sidestep::chart::{ColourStyle, fixed, number};
-use sidestep::inspection::{Play, Shown};
 use sidestep::math::hypot;
 use sidestep::reachability::{ACCURACIES, METHODS, ValueFunction, ValueState};
+use sidestep::value_view::{Play, Shown};
 
 type Node = view::Node<Msg>;
 

@@ -9,11 +9,11 @@ use crate::pages::coverage::{Coverage, worded};
 use crate::pages::parts::count;
 use crate::runtime::{Answer, Command, Commands, Evaluate, Request, read};
 use sidestep::api::{Drives, TrialDetail, routes};
-use sidestep::playback::Playback;
 use sidestep::predict::PredictorFile;
 use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::probability::Probabilities;
 use sidestep::trial::Phase;
+use sidestep::trial_view::Playback;
 use std::rc::Rc;
 
 /// The participant's tasks: none as long as they have not come, or if they cannot be read.

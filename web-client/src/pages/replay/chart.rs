@@ -6,8 +6,8 @@ use sidestep::api::TrialDetail;
 use sidestep::chart::{
     Axis, Chart, ColourStyle, Drawing, Frame, LegendItem, Pen, Series, Table, colours,
 };
-use sidestep::playback::{Playback, Probabilities};
 use sidestep::scene::Evader;
+use sidestep::trial_view::{Playback, Probabilities};
 use sidestep::vehicle::TurnInput;
 
 type Node = view::Node<Msg>;

@@ -12,10 +12,10 @@ use sidestep::api::{
 };
 use sidestep::document::{from_value, is_too_deep};
 use sidestep::invalid::Invalid;
-use sidestep::playback::source::{FROM_FILE, Needs, Source, Way};
-use sidestep::playback::{Learned, Method};
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::shfrs::probability::Probabilities;
+use sidestep::trial_view::source::{FROM_FILE, Needs, Source, Way};
+use sidestep::trial_view::{Learned, Method};
 
 type Node = view::Node<Msg>;
 

@@ -2,7 +2,7 @@
 
 use super::Msg;
 use crate::view::{self, el};
-use sidestep::playback::view::SPEEDS;
+use sidestep::trial_view::view::SPEEDS;
 
 /// What a key does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,8 +7,8 @@ use super::{Msg, Replay};
 use crate::runtime::{Command, Commands, Offer, PNG_OF_SVG};
 use sidestep::chart::Drawing;
 use sidestep::picture::Picture;
-use sidestep::playback::source::{Source, Way};
-use sidestep::playback::{Method, Playback, side_by_side};
+use sidestep::trial_view::source::{Source, Way};
+use sidestep::trial_view::{Method, Playback, side_by_side};
 
 /// The same moment, predicted in another way.
 pub(super) struct Beside {

@@ -10,13 +10,13 @@ use crate::pages::moment::{self, metres, select, switch};
 use crate::pages::parts::{self, alert, button, cell, fact};
 use crate::view::{self, el, subscripted};
 use sidestep::chart::fixed;
-use sidestep::playback::source::{Source, Way};
-use sidestep::playback::style::{Palette, Sets};
-use sidestep::playback::view::SPEEDS;
-use sidestep::playback::{Playback, legend_of_both};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState};
 use sidestep::trial::Phase;
+use sidestep::trial_view::source::{Source, Way};
+use sidestep::trial_view::style::{Palette, Sets};
+use sidestep::trial_view::view::SPEEDS;
+use sidestep::trial_view::{Playback, legend_of_both};
 
 type Node = view::Node<Msg>;
 

@@ -6,10 +6,10 @@ use super::predictors::{model, page, right, trained};
 use super::*;
 use sidestep::api::{AnalysisState, Drive, LearnedSets, TrialUse};
 use sidestep::picture::Picture;
-use sidestep::playback::source::fitted;
 use sidestep::shfrs::baselines::EmpiricalFamily;
 use sidestep::shfrs::probability::probabilities;
 use sidestep::shfrs::window::Trajectory;
+use sidestep::trial_view::source::fitted;
 
 const FILE: &str = r#"{"format":"sidestep-predictor/1","kind":"constant","features":["distance"],
     "classes":[-1,0,1],"probabilities":[0.25,0.5,0.25]}"#;

@@ -5,15 +5,15 @@ mod beside;
 use super::*;
 use sidestep::api::{Drive, Drives, PredictorSource, PredictorSummary, TrainedPredictor, TrialUse};
 use sidestep::features::FeatureSet;
+use sidestep::learn::participant;
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::scene::{EncounterRange, generate};
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::file::{PRESETS, ShfrsFile};
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::regions;
 use sidestep::shfrs::tuning::{Parts, Split};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
-use sidestep::training;
+use sidestep::shfrs::window_sets::Prediction;
 
 /// Twelve tasks with a turn each, at different times and to different sides.
 fn drives(parameters: SceneParameters, id: Option<String>) -> Drives {
@@ -92,7 +92,7 @@ fn at_the_command_line<T>(
     let features = FeatureSet::of(&names.collect::<Vec<_>>()).unwrap();
     let driven: Vec<_> = parts.training.iter().map(|&i| &drives.tasks[i]).collect();
     let driven: Vec<_> = driven.iter().map(|it| (it.inputs(), it.states())).collect();
-    let predictor = training::train(&features, Some(&safety), &driven).unwrap().predictor;
+    let predictor = participant::train(&features, Some(&safety), &driven).unwrap().predictor;
     let human = PredictedHuman::new(&predictor, &safety, &drives.parameters).unwrap();
     let trajectory = |task: &Drive| task.trajectory(&drives.parameters).unwrap();
     let trajectories: Vec<Trajectory> = drives.tasks.iter().map(trajectory).collect();

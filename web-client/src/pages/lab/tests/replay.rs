@@ -4,9 +4,9 @@ use super::explorer::{exact, usual};
 use super::*;
 use sidestep::api::Drive;
 use sidestep::predict::{Predictor, PredictorFile};
-use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::regions;
 use sidestep::shfrs::window::WindowChoice;
+use sidestep::shfrs::window_sets::Prediction;
 use sidestep::shfrs::{PredictedHuman, ShfrsSettings};
 use sidestep::stats::Estimate;
 

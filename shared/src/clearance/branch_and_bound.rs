@@ -1,9 +1,9 @@
 //! Branch and bound: the clearance from one set in one step.
 
-use super::clearance::{Clearance, ClearanceSettings};
-use super::farthest::{Farthest, turns_away};
 use super::headings::{Cuts, Moment, Piece, Pieces, Tube};
+use super::interval::{Clearance, ClearanceSettings};
 use super::plan::{Footprint, Leg, Placed, Plan};
+use super::upper_bound::{Farthest, turns_away};
 use crate::bounds::InputBounds;
 use crate::math::{TAU, atan2, cos, hypot, sin_cos, sinc, wrap_angle};
 use crate::vehicle::Pose;

@@ -1,10 +1,10 @@
 //! The predictor of one participant's turns, trained on their trials.
 
+use super::logistic::{LogisticSettings, fit};
+use super::samples::Samples;
 use crate::dataset::Dataset;
 use crate::features::FeatureSet;
 use crate::invalid::Invalid;
-use crate::learn::logistic::{LogisticSettings, fit};
-use crate::learn::samples::Samples;
 use crate::predict::Predictor;
 use crate::predict::scale::Scale;
 use crate::safety::SafetyLevels;
@@ -36,7 +36,7 @@ const MIN_TRIALS: usize = 5;
 /// use sidestep::safety::SafetyLevels;
 /// use sidestep::scene::SceneParameters;
 /// use sidestep::synthetic::{Keys, SyntheticParticipant};
-/// use sidestep::training::train;
+/// use sidestep::learn::participant::train;
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let parameters = SceneParameters::default(); // the paper's vehicles

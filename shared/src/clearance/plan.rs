@@ -51,7 +51,7 @@ impl PlanLimits {
 /// by at most an eighth of the step's length times its turn in rad.
 ///
 /// ```
-/// use sidestep::planner::{Plan, PlanLimits};
+/// use sidestep::clearance::{Plan, PlanLimits};
 /// use sidestep::vehicle::Pose;
 ///
 /// let limits = PlanLimits::new(1.5, 1.0);
@@ -248,7 +248,7 @@ impl Leg {
 /// A disc is the margin of a single corner.
 ///
 /// ```
-/// use sidestep::planner::Footprint;
+/// use sidestep::clearance::Footprint;
 /// use sidestep::vehicle::Pose;
 ///
 /// let corners = [[0.4, 0.3], [-0.4, 0.3], [-0.4, -0.3], [0.4, -0.3]]; // m, x ahead, y to the left

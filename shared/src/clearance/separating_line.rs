@@ -1,17 +1,17 @@
 //! How far a plan stays clear of where the human may be.
 
-use super::clearance::{Clearance, ClearanceSettings, Clearances};
+use super::branch_and_bound::{Search, Setting};
+use super::interval::{Clearance, ClearanceSettings, Clearances};
 use super::plan::{Footprint, Plan};
-use super::search::{Search, Setting};
 use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
 use crate::math::PI;
-use crate::motion::Departure;
+use crate::plausibility::Departure;
 use crate::vehicle::Pose;
 
 /// Where the human may be: the nested sets of a prediction, for a human who keeps driving like the
 /// vehicle. ([`OnlinePredictor`](super::OnlinePredictor) checks the last step; callers that build a
-/// future themselves call [`departure`](crate::motion::departure).)
+/// future themselves call [`departure`](crate::plausibility::departure).)
 #[derive(Clone, Copy, Debug)]
 pub struct HumanFuture<'a> {
     /// The human's pose now, world frame.
@@ -87,7 +87,7 @@ impl HumanFuture<'_> {
 /// # Example
 /// ```
 /// use sidestep::bounds::InputBounds;
-/// use sidestep::planner::{ClearanceFinder, Footprint, HumanFuture, Plan, PlanLimits};
+/// use sidestep::clearance::{ClearanceFinder, Footprint, HumanFuture, Plan, PlanLimits};
 /// use sidestep::vehicle::Pose;
 ///
 /// // A human at 2 m/s, straight on or anywhere within ±0.5 rad/s, for five steps of 0.2 s.

@@ -15,7 +15,7 @@
 //! ```
 //! use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 //! use sidestep::features::FeatureSet;
-//! use sidestep::planner::{Footprint, OnlinePredictor, Plan, PlanLimits};
+//! use sidestep::clearance::{Footprint, OnlinePredictor, Plan, PlanLimits};
 //! use sidestep::predict::Predictor;
 //! use sidestep::scene::{JointState, SceneParameters};
 //! use sidestep::vehicle::Pose;
@@ -49,16 +49,16 @@
 //! ```
 
 mod plan;
-mod clearance;
+mod interval;
 mod headings;
-mod farthest;
-mod search;
-mod finder;
+mod upper_bound;
+mod branch_and_bound;
+mod separating_line;
 mod coverage;
 mod online;
 
-pub use clearance::{Clearance, ClearanceSettings, Clearances};
 pub use coverage::{CollisionBound, CoverageBounds};
-pub use finder::{ClearanceFinder, HumanFuture};
+pub use interval::{Clearance, ClearanceSettings, Clearances};
 pub use online::{Continuity, NextSteps, OnlinePredictor};
 pub use plan::{Footprint, Plan, PlanLimits};
+pub use separating_line::{ClearanceFinder, HumanFuture};

@@ -4,10 +4,10 @@
 //! area of a tube depends only on its bounds, which many windows share. A change of ε therefore
 //! needs only membership tests in the changed set and one area per distinct bounds.
 
-use super::prediction::Prediction;
 use super::probability::{Judged, first_inside, holds};
 use super::widened::{tube_area_m2, widened};
 use super::window::Window;
+use super::window_sets::Prediction;
 use crate::bounds::{ActionChoice, ActionModel, Algorithm1, BoundsSettings, Motion, Rollout};
 use crate::invalid::Invalid;
 use std::collections::HashMap;

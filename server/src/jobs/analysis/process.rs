@@ -1,14 +1,14 @@
 //! One analysis, computed by a child process: the server sends it the study's data, and stores the
 //! results in the database.
 
-use super::children::{Children, Ended, Running};
-use super::frames::{FromChild, ToChild};
-use super::safety;
-use crate::clock::now_ms;
-use crate::recordings::{People, Person};
+use crate::jobs::children::{Children, Ended, Running};
+use crate::jobs::frames::{FromChild, ToChild};
+use crate::jobs::safety;
 use crate::store::Store;
 use crate::store::analyses::Job;
 use crate::store::studies::StoredStudy;
+use crate::study_recording::{People, Person};
+use crate::support::clock::now_ms;
 use anyhow::Context;
 use sidestep::api::AnalysisResult;
 use std::collections::HashSet;

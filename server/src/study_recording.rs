@@ -3,7 +3,7 @@
 use crate::store::studies::StoredStudy;
 use crate::store::trials::StoredTrial;
 use crate::store::{Store, StoreError};
-use sidestep::motion;
+use sidestep::plausibility;
 use sidestep::recording::{Exclusion, Origin, RecordedParticipant, RecordedTrial, Recording};
 use sidestep::scene::SceneParameters;
 use sidestep::synthetic;
@@ -91,7 +91,7 @@ pub fn complete(
     let origin = Origin::Study(slug.to_owned());
     let provenance = synthetic::provenance(origin, &participants);
     let mut recording = Recording { provenance, scene, participants, exclusions };
-    motion::exclude_impossible(&mut recording);
+    plausibility::exclude_impossible(&mut recording);
     recording
 }
 

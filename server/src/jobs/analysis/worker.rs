@@ -4,13 +4,13 @@
 //! deletes data that it uses, changes the row, and the worker notices when it next records its
 //! progress.
 
-use super::analysis_limits::Limits;
-use super::analysis_process::{HowFar, Outcome, compute, study_versions};
-use super::children::Children;
-use crate::clock::now_ms;
+use super::limits::Limits;
+use super::process::{HowFar, Outcome, compute, study_versions};
+use crate::jobs::children::Children;
 use crate::store::Store;
 use crate::store::analyses::Job;
 use crate::store::studies::StoredStudy;
+use crate::support::clock::now_ms;
 use anyhow::Context;
 use sidestep::api::AnalysisResult;
 use std::collections::HashSet;

@@ -12,7 +12,7 @@
 //! deviates from a drive of the set by at most the tolerance plus v(τ/2)²/2 times the range. A plan
 //! must keep this margin; the human must drive at the constant speed v.
 
-use super::clearance::Clearances;
+use super::interval::Clearances;
 use crate::invalid::{Invalid, length};
 use crate::reach::{Tolerance, nearly_zero};
 use crate::scene::SceneParameters;
@@ -23,7 +23,7 @@ use crate::stats::{beta_quantile, open_probability};
 /// For each set, a bound on the share of trajectories that leave it, and a statement of the assumptions.
 ///
 /// ```
-/// use sidestep::planner::CoverageBounds;
+/// use sidestep::clearance::CoverageBounds;
 /// use sidestep::reach::Tolerance;
 /// use sidestep::scene::SceneParameters;
 /// use sidestep::shfrs::scores::Scores;

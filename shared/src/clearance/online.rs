@@ -1,12 +1,12 @@
 //! Predictions from one state after the other, for a robot's loop.
 
-use super::clearance::{ClearanceSettings, Clearances};
-use super::finder::{ClearanceFinder, HumanFuture};
+use super::interval::{ClearanceSettings, Clearances};
 use super::plan::{Footprint, Plan};
+use super::separating_line::{ClearanceFinder, HumanFuture};
 use crate::bounds::{Algorithm1, BoundsSettings, InputBounds, Motion, Rollout};
 use crate::invalid::Invalid;
 use crate::math::{hypot, wrap_angle};
-use crate::motion::{Departure, check_step, departure};
+use crate::plausibility::{Departure, check_step, departure};
 use crate::predict::Predictor;
 use crate::safety::SafetyLevels;
 use crate::scene::{JointState, SceneParameters};

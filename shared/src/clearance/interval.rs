@@ -1,7 +1,7 @@
 //! Clearances, and the accuracy with which they are found.
 
 use crate::invalid::Invalid;
-use crate::motion::Departure;
+use crate::plausibility::Departure;
 
 /// How near the human may come to the robot in one step of a plan, at any instant of it: the distance
 /// between the footprint and the human's position at the same instant.

@@ -5,7 +5,7 @@
 //! changes and does not read the wire types, so a new field of an upload changes no stored hash. If
 //! the hash must cover a new field, add a recipe.
 
-use crate::bytes::{pack, pack_inputs, pack_states};
+use crate::support::bytes::{pack, pack_inputs, pack_states};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use sidestep::scene::{JointState, Scene, SceneParameters};
