@@ -1,8 +1,8 @@
-//! Arrays from Python as numbers of the library, and back.
+//! Conversion between NumPy arrays and numbers of the library.
 //!
-//! An argument may be anything that NumPy makes an array of, in any order of memory, if its numbers are
-//! float64 or fit into it without loss. It is copied, because another thread of Python may write to it while
-//! the interpreter is released.
+//! An argument may be anything that NumPy converts to an array, with any memory layout, if its numbers are
+//! float64 or convert to it without loss. It is copied, because another Python thread may write to it while the
+//! interpreter is released.
 
 use std::f64::consts::TAU;
 use std::ffi::CString;
@@ -21,7 +21,7 @@ pyo3::create_exception!(
     sidestep,
     AngleWarning,
     PyUserWarning,
-    "A heading of more than a full turn: it may be in degrees. The result is that of radians."
+    "A heading of more than a full turn: it may be in degrees. It is used as radians."
 );
 
 /// An array of any shape.
@@ -33,7 +33,7 @@ pub(crate) struct Numbers {
     pub(crate) values: Vec<f64>,
 }
 
-/// Any array of finite numbers. `shape` says in words which shape would be accepted.
+/// Any array of finite numbers. `shape` describes the accepted shapes for error messages.
 pub(crate) fn numbers(
     field: &str,
     shape: &str,
@@ -42,7 +42,7 @@ pub(crate) fn numbers(
     let py = object.py();
     let numpy = py.import("numpy")?;
     let expected = || format!("an array of float64 of shape {shape}");
-    // Its copy would have what the mask hides.
+    // The copy would contain the masked values.
     let masked = object.hasattr("_mask")?
         && numpy.getattr("ma")?.call_method1("is_masked", (object,))?.is_truthy()?;
     if masked {
@@ -50,12 +50,12 @@ pub(crate) fn numbers(
         return Err(Invalid::new(field, expected, "some").into());
     }
     let array = numpy.call_method1("asarray", (object,)).map_err(|raised| {
-        // Lists of different lengths, for instance.
+        // For example, lists of different lengths.
         Invalid::new(field, expected(), raised.value(py))
     })?;
     let kind = array.getattr("dtype")?;
     let fits = numpy.call_method1("can_cast", (&kind, "f8", "safe"))?.is_truthy()?;
-    // NumPy takes a boolean for 0 or 1, also one among numbers.
+    // NumPy converts a boolean to 0 or 1, also one among numbers.
     let boolean = kind.getattr("kind")?.extract::<char>()? == 'b';
     if !fits || boolean {
         return Err(Invalid::new(field, expected(), format!("dtype {kind}")).into());
@@ -77,12 +77,12 @@ pub(crate) fn numbers(
 /// The largest number of axes of a NumPy array.
 const MOST_AXES: usize = 64;
 
-/// Whether a list, in lists up to this depth, has a boolean in it.
+/// Whether nested lists, up to this depth, contain a boolean.
 fn has_boolean(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<bool> {
     if object.is_instance_of::<PyBool>() {
         return Ok(true);
     }
-    // Most entries; asking further would take longer.
+    // Most entries are of these types, and further checks would be slow.
     if object.is_exact_instance_of::<PyFloat>() || object.is_exact_instance_of::<PyInt>() {
         return Ok(false);
     }
@@ -100,7 +100,8 @@ fn has_boolean(object: &Bound<'_, PyAny>, depth: usize) -> PyResult<bool> {
     Ok(false)
 }
 
-/// Warns of the first heading that may be in degrees: more than a full turn. They are every `width`-th number.
+/// Warns about the first heading of more than a full turn, which may be in degrees. Every `width`-th number is
+/// a heading.
 pub(crate) fn warn_of_degrees(
     py: Python<'_>,
     field: &str,
@@ -118,7 +119,7 @@ pub(crate) fn warn_of_degrees(
     PyErr::warn(py, &py.get_type::<AngleWarning>(), &said, 1)
 }
 
-/// `states[17, 1]`: where in an array the entry is.
+/// Position of an entry in an array, such as `states[17, 1]`.
 pub(crate) fn place(field: &str, mut position: usize, shape: &[usize]) -> String {
     let mut index = Vec::with_capacity(shape.len());
     for &length in shape.iter().rev() {
@@ -129,7 +130,7 @@ pub(crate) fn place(field: &str, mut position: usize, shape: &[usize]) -> String
     if index.is_empty() { field.to_owned() } else { format!("{field}[{}]", index.join(", ")) }
 }
 
-/// A whole number of Python that counts something, at least `least`.
+/// Converts a Python integer to a count of at least `least`.
 pub(crate) fn count(field: &str, least: usize, number: i64) -> Result<usize, Error> {
     let found = usize::try_from(number).ok().filter(|&found| found >= least);
     found.ok_or_else(|| Invalid::new(field, format!("at least {least}"), number).into())
@@ -143,7 +144,7 @@ pub(crate) fn wrong_shape(field: &str, expected: &str, shape: &[usize]) -> Error
     Invalid::new(field, format!("an array of shape {expected}"), found).into()
 }
 
-/// Rows of W numbers, and the shape that they are arranged in.
+/// Rows of W numbers, and the array shape of the rows.
 pub(crate) struct Rows<const W: usize> {
     /// The array's shape without the last axis.
     pub(crate) shape: Vec<usize>,
@@ -169,7 +170,7 @@ pub(crate) fn rows<const W: usize>(
     Ok(Rows { shape, values: whole.values })
 }
 
-/// An array of shape (…, width); the shape that is returned leaves out the last axis.
+/// An array of shape (…, width). The shape returned omits the last axis.
 pub(crate) fn rows_of(
     field: &str,
     width: usize,
@@ -257,7 +258,7 @@ pub(crate) fn joint_states(
         .collect()
 }
 
-/// An array of this shape; `values` are row-major and as many as it has places.
+/// An array of this shape from row-major `values`, whose number must match.
 pub(crate) fn shaped<'py, T: Element>(
     py: Python<'py>,
     values: Vec<T>,

@@ -17,22 +17,24 @@ use crate::vehicles::SceneParameters;
 /// Parameters
 /// ----------
 /// history : array of float64, shape (n, 2, 3), n ≥ 1
-///     Joint states from the beginning of the trial to now, one a step: the poses (x, y, ψ) of the human and of the
-///     robot in the world frame, m, m, rad.
+///     Joint states from the start of the trial to now, one per step: the poses (x, y, ψ) of the human and of
+///     the robot in the world frame, m, m, rad.
 /// model : Predictor or ActionModel
-///     How likely each action of the human is.
+///     Probabilities of the human's actions.
 /// epsilon : array of float64, shape (m,)
-///     By how much each set widens the bounds, rad/s, rising from ≥ 0.
+///     By how much each set widens the bounds, rad/s; increasing, ≥ 0.
 /// k : list of int, optional
-///     How many of the likeliest actions count at each coming step; all that are as likely as the last of them count too.
+///     Number of the likeliest actions that count at each coming step; actions tied with the last of them count
+///     too.
 /// tau, steps : float and int, optional
-///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
+///     Instead of `k`: the probability in (0, 1] from which an action counts, and the number of coming steps.
 /// rollout : {"base", "paper"}
-///     Which bounds the simulations within Algorithm 1 follow: those before widening by ε ("base"), or those of F_1 ("paper").
+///     Bounds that the simulations within Algorithm 1 follow: before widening by ε ("base"), or of F_1
+///     ("paper").
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
-///     Needed if the vehicles differ and a feature of the model is a safety level.
+///     Required if the vehicles differ and a feature of the model is a safety level.
 ///
 /// Returns
 /// -------
@@ -75,7 +77,7 @@ pub(crate) fn stacked<'py, 'a>(
     Ok((shaped(py, lo, &shape)?, shaped(py, hi, &shape)?))
 }
 
-/// Which actions count: `k`, or `tau` for a number of `steps`.
+/// The choice of actions: `k`, or `tau` with a number of `steps`.
 pub(crate) fn choice(
     k: Option<Vec<i64>>,
     tau: Option<f64>,
@@ -105,7 +107,7 @@ pub(crate) fn choice(
     Ok(choice)
 }
 
-/// Refuses more steps than the time of a prediction is known for.
+/// Refuses more than [`MOST_STEPS`] steps.
 pub(crate) fn few_steps(field: &str, steps: usize) -> Result<(), Error> {
     if steps <= MOST_STEPS {
         return Ok(());
@@ -113,7 +115,7 @@ pub(crate) fn few_steps(field: &str, steps: usize) -> Result<(), Error> {
     Err(Invalid::new(field, format!("at most {MOST_STEPS} steps"), steps).into())
 }
 
-/// The kind of roll-outs by its word.
+/// Parses the kind of roll-outs.
 pub(crate) fn rolled_out(word: &str) -> Result<Rollout, Error> {
     let known = [Rollout::Base, Rollout::Paper];
     let found = known.into_iter().find(|rollout| rollout.word() == word);

@@ -1,4 +1,4 @@
-//! The level ε at which sets hold what people do, from recorded trajectories.
+//! Calibration of ε on recorded trajectories, so that sets contain what people do.
 
 use std::path::PathBuf;
 
@@ -27,7 +27,7 @@ use crate::shfrs_settings::ShfrsSettings;
 use crate::trajectory::Trajectory;
 use crate::vehicles::SceneParameters;
 
-/// The level ε at which sets hold what people do, and what is guaranteed of it.
+/// The calibrated ε, and its guarantee.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Calibration {
     /// By how much F_1 widens the bounds, rad/s.
@@ -36,40 +36,40 @@ pub(crate) struct Calibration {
     /// The probability p that a trajectory stays inside F_1.
     #[pyo3(get)]
     p: f64,
-    /// How often the calibration may fail, δ; `None` for a guarantee on average.
+    /// The probability δ that the calibration may fail; `None` for a guarantee on average.
     #[pyo3(get)]
     delta: Option<f64>,
     /// The guarantee in words, with its scope and the number of trajectories.
     #[pyo3(get)]
     statement: String,
-    /// Settings with two sets: F_1, and one that admits everything.
+    /// Settings with two sets: F_1, and one that admits every turn rate.
     #[pyo3(get)]
     settings: ShfrsSettings,
     scores: Scores,
     human: Human,
 }
 
-/// A bound on the probability that the human touches a robot that drives a plan.
+/// An upper bound on the probability that the human touches a robot that drives a plan.
 #[pyclass(frozen, eq, module = "sidestep")]
 #[derive(PartialEq)]
 pub(crate) struct CollisionBound {
-    /// The human comes within the footprint at some instant of the plan with at most this probability.
+    /// Upper bound on the probability that the human comes within the footprint at some instant of the plan.
     #[pyo3(get)]
     at_most: f64,
-    /// The largest set of which the plan is clear, from 0; `None` if there is none.
+    /// The largest set of which the plan is clear, counted from 0; `None` if there is none.
     #[pyo3(get)]
     set: Option<usize>,
-    /// How clear of a set a plan must be so that it counts, m.
+    /// The clearance that a plan must exceed to be clear of a set, m.
     #[pyo3(get)]
     margin_m: f64,
-    /// What the bound says and assumes, to print beside it.
+    /// The meaning and assumptions of the bound, to print beside it.
     #[pyo3(get)]
     statement: String,
 }
 
 #[pymethods]
 impl CollisionBound {
-    /// The bound with these parts.
+    /// Creates a bound from its parts.
     #[staticmethod]
     #[pyo3(name = "_of")]
     fn of(at_most: f64, set: Option<usize>, margin_m: f64, statement: String) -> Self {
@@ -96,7 +96,7 @@ impl CollisionBound {
 
 #[pymethods]
 impl Calibration {
-    /// The score of each window, rising, rad/s: the least ε whose set contains it. Shape (n,).
+    /// The score of each window, in increasing order, rad/s: the least ε whose set contains it. Shape (n,).
     #[getter]
     fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.scores.sorted().to_vec().into_pyarray(py)
@@ -107,8 +107,8 @@ impl Calibration {
     /// Raises
     /// ------
     /// ValueError
-    ///     If the model is an `ActionModel`, since no file holds a function of Python. `pickle` keeps such a calibration if
-    ///     it can keep the function.
+    ///     If the model is an `ActionModel`, because a file cannot contain a Python function. `pickle` can
+    ///     store such a calibration if it can pickle the function.
     fn save(&self, path: PathBuf) -> Result<(), Error> {
         let Some(predictor) = self.human.predictor() else {
             let expected =
@@ -128,18 +128,19 @@ impl Calibration {
         kept::saved("calibration", &path, &file)
     }
 
-    /// Reads what `save` wrote.
+    /// Reads a calibration that `save` wrote.
     ///
     /// Parameters
     /// ----------
     /// path : path
     /// safety : SafetyLevels, optional
-    ///     Needed if the vehicles differ and a feature of the model is a safety level: the file has none.
+    ///     Required if the vehicles differ and a feature of the model is a safety level: the file does not
+    ///     contain them.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If it is malformed, has a format of another version, or its ε is not that of its scores.
+    ///     If the file is malformed, has another format version, or its ε does not match its scores.
     #[staticmethod]
     #[pyo3(signature = (path, *, safety=None))]
     fn load(py: Python<'_>, path: PathBuf, safety: Option<SafetyLevels>) -> Result<Self, Error> {
@@ -156,13 +157,13 @@ impl Calibration {
         let human = Human::new(model, &file.parameters, safety)?;
         let found = Self::new(human, &settings, file.scores, file.p, file.delta).map_err(within)?;
         if found.epsilon != file.epsilon || found.settings != settings {
-            let expected = format!("{}, which the scores give, for F_1", found.epsilon);
+            let expected = format!("{}, the ε of the scores, for F_1", found.epsilon);
             return Err(within(Invalid::new("epsilon", expected, file.epsilon)).into());
         }
         Ok(found)
     }
 
-    /// The calibration of these scores.
+    /// Creates a calibration from these scores.
     #[staticmethod]
     #[pyo3(name = "_of")]
     fn of(
@@ -196,31 +197,35 @@ impl Calibration {
         self.scores.len()
     }
 
-    /// A bound on the probability that the human touches the robot during a plan.
+    /// An upper bound on the probability that the human touches the robot during a plan.
     ///
     /// Parameters
     /// ----------
     /// prediction : Shfrs or OnlinePredictor
-    ///     Predicted now, with the calibration's model, parameters and choice of actions, and `base` roll-outs.
+    ///     Predicted now, with the calibration's model, parameters and choice of actions, and with `base`
+    ///     roll-outs.
     /// plan, radius_m, corners, most_speed_mps, most_turn_rate_radps
     ///     As for `Shfrs.clear`.
     /// accuracy_m : float, optional
     ///     As for `Shfrs.clear`, 0.02 by default; an `OnlinePredictor` has its own.
     /// delta : float, optional
-    ///     How often the bounds of all sets together may fail, in (0, 1); by default that of the calibration.
+    ///     Probability that the bounds of all sets together may fail, in (0, 1); by default that of the
+    ///     calibration.
     ///
     /// Returns
     /// -------
     /// CollisionBound
-    ///     The share of people who leave the largest set of which the plan is clear by `margin_m`, at most; 1 if there is
-    ///     none. With `delta` shared among several sets that do not admit everything, it can exceed 1 − p for F_1.
+    ///     At most this share of people leave the largest set of which the plan is clear by `margin_m`; 1 if
+    ///     there is no such set. With `delta` shared among several sets that do not admit everything, it can
+    ///     exceed 1 − p for F_1.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If the sets were predicted otherwise, or there is no `delta`; if the human's last step was none that the
-    ///     human's vehicle of the parameters can drive, to a millimetre and a milliradian (one who stands still, for
-    ///     instance), since no trajectory of the calibration was like that, with `assume_vehicle`, too; and as for `Shfrs.clear`.
+    ///     If the sets were predicted with other settings, or there is no `delta`. If the human's vehicle
+    ///     cannot drive the human's last step to a millimetre and a milliradian (a human who stands still, for
+    ///     example): the calibration had no such trajectory; `assume_vehicle` does not change this. Also as for
+    ///     `Shfrs.clear`.
     #[pyo3(signature = (prediction, plan, radius_m, *, delta=None, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=None))]
     #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
     fn collision<'py>(
@@ -287,11 +292,11 @@ impl Calibration {
     }
 }
 
-/// Scores, p, δ, settings, and what makes the human.
+/// Scores, p, δ, settings, and the arguments of the human.
 type Parts<'py> = (Vec<f64>, f64, Option<f64>, ShfrsSettings, Arguments<'py>);
 
 impl Calibration {
-    /// The level of these scores, with its guarantee.
+    /// Calibrates on these scores, with a guarantee.
     fn new(
         human: Human,
         settings: &ShfrsSettings,
@@ -309,7 +314,7 @@ impl Calibration {
     }
 }
 
-/// The sets that a plan is to be clear of.
+/// The sets to compare a plan with.
 #[derive(FromPyObject)]
 pub(crate) enum Predicted<'py> {
     /// Predicted once.
@@ -333,7 +338,7 @@ impl Predicted<'_> {
         }
     }
 
-    /// Whether the human drove like the vehicle in the last step.
+    /// Checks that the human's vehicle can have driven the last step.
     fn check_human(&self, py: Python<'_>) -> Result<(), Invalid> {
         match self {
             Self::Sets(sets) => sets.get().check_human(),
@@ -361,7 +366,7 @@ impl Predicted<'_> {
     }
 }
 
-/// Refuses fewer windows than the guarantee needs, and says why there are so few.
+/// Refuses fewer windows than the guarantee needs, and explains the shortage.
 fn enough(
     windows: &[Window<'_>],
     trajectories: usize,
@@ -384,33 +389,34 @@ fn enough(
     Err(Invalid::new("trajectories", expected, format!("{found}{why}")))
 }
 
-/// The least ε whose sets hold a share p of trajectories, with a guarantee.
+/// Calibrates the least ε whose sets contain a share p of trajectories, with a guarantee.
 ///
-/// Which actions count is not calibrated: the command `sidestep shfrs` and Rust's `tune` choose `k` or `tau`. The
-/// model must not have been trained on these trajectories; otherwise there is no guarantee.
+/// The choice of actions is not calibrated: the command `sidestep shfrs` and Rust's `tune` choose `k` or `tau`.
+/// The model must not have been trained on these trajectories; otherwise there is no guarantee.
 ///
 /// Parameters
 /// ----------
 /// trajectories : list of Trajectory
-///     A flat list of independent ones, of people and scenes like those that will be predicted. In every step each human
-///     moves as the human's vehicle of `parameters` can, and turns as the turn rate says, both to a millimetre and a
-///     milliradian; tracks of pedestrians do not, and are refused.
+///     A flat list of independent trajectories, of people and scenes like those to be predicted. In every step
+///     the human must move as the human's vehicle of `parameters` can, and turn at the given turn rate, to a
+///     millimetre and a milliradian; tracks of pedestrians do not, and are refused.
 /// model : Predictor or ActionModel
-///     How likely each action of the human is.
+///     Probabilities of the human's actions.
 /// settings : ShfrsSettings
-///     Which actions count, over how many steps. Its ε and kind of roll-out do not matter: roll-outs are `base`.
+///     Choice of actions and number of steps. ε and the kind of roll-out are ignored: roll-outs are `base`.
 /// p : float
-///     Probability in (0, 1) that a trajectory stays inside.
+///     The required probability in (0, 1) that a trajectory stays inside.
 /// delta : float or None
-///     How often the calibration may fail, in (0, 1), by default 0.05; `None` guarantees p on average over calibrations.
+///     Probability that the calibration may fail, in (0, 1), by default 0.05; `None` guarantees p on average
+///     over calibrations.
 /// windows : {"random_one", "avoidance_onset"}
-///     Which part of each trajectory counts: T steps from a random step, or from the first turn.
+///     The window of each trajectory: T steps from a random step, or from the first turn.
 /// seed : int
-///     Of the random steps, ≥ 0.
+///     Seed of the random steps, ≥ 0.
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
-///     Needed if the vehicles differ and a feature of the model is a safety level.
+///     Required if the vehicles differ and a feature of the model is a safety level.
 ///
 /// Returns
 /// -------
@@ -419,8 +425,8 @@ fn enough(
 /// Raises
 /// ------
 /// ValueError
-///     If there are too few trajectories for the guarantee; it says how many are needed. If the human of one did not
-///     drive like the vehicle: sets would not hold such trajectories, whatever ε is.
+///     If there are too few trajectories for the guarantee; the message says how many are needed. If a human
+///     did not drive like the vehicle: no ε gives sets that contain such trajectories.
 #[pyfunction]
 #[pyo3(signature = (trajectories, model, settings, *, p=0.9, delta=Some(0.05), windows="random_one", seed=0, parameters=None, safety=None))]
 #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]

@@ -1,15 +1,15 @@
-//! What went wrong, as Python's exceptions.
+//! Errors, as Python exceptions.
 
 use pyo3::PyErr;
 use pyo3::exceptions::PyValueError;
 use sidestep::document::Unread;
 use sidestep::invalid::Invalid;
 
-/// Why a function has no result.
+/// The reason why a function failed.
 pub(crate) enum Error {
     /// An argument is not accepted: a `ValueError`.
     Invalid(Invalid),
-    /// Python itself raised an exception, such as `KeyboardInterrupt` or one of a callable.
+    /// An exception raised by Python itself, such as `KeyboardInterrupt`, or by a callable.
     Raised(PyErr),
 }
 
@@ -35,7 +35,7 @@ impl From<Error> for PyErr {
 }
 
 impl Error {
-    /// A document, called `field`, that could not be read.
+    /// The error for a document, called `field`, that could not be read.
     pub(crate) fn unread(field: &str, unread: Unread) -> Self {
         match unread {
             Unread::NotJson(what) => Invalid::new(field, "JSON", what).into(),

@@ -1,4 +1,4 @@
-//! Files, with Python's exceptions.
+//! File access with Python's exceptions.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -10,10 +10,10 @@ use sidestep::invalid::Invalid;
 
 use crate::error::Error;
 
-/// The most that is read of a file: an archive of NumPy without extensions is no longer.
+/// Largest number of bytes read from a file: a NumPy archive without extensions is no longer.
 const MOST_BYTES: u64 = 1 << 32;
 
-/// The bytes of a file of at most 4 GiB. Devices and pipes, which need not end, are refused.
+/// Reads a file of at most 4 GiB. Refuses devices and pipes, which may be endless.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Error> {
     let about = fs::metadata(path).map_err(|error| raised(&error, path))?;
     if !about.is_file() && !about.is_dir() {
@@ -29,7 +29,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, Error> {
     }
     let mut bytes = Vec::with_capacity(about.len() as usize);
     let file = File::open(path).map_err(|error| raised(&error, path))?;
-    // It may grow meanwhile.
+    // The file may grow meanwhile.
     file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|error| raised(&error, path))?;
     if bytes.len() as u64 > MOST_BYTES { too_long(bytes.len() as u64) } else { Ok(bytes) }
 }
@@ -39,7 +39,8 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     fs::write(path, bytes).map_err(|error| raised(&error, path))
 }
 
-/// An `OSError` that names the file; Python makes it a `FileNotFoundError` and the like by its number.
+/// An `OSError` that names the file. Python selects the subclass, such as `FileNotFoundError`, by the error
+/// number.
 fn raised(error: &io::Error, path: &Path) -> Error {
     let path = path.display().to_string();
     let raised: PyErr = match error.raw_os_error() {

@@ -1,4 +1,4 @@
-//! Value functions as objects: solved, looked at, kept in files.
+//! Value functions as objects: solved, evaluated, stored in files.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -24,7 +24,7 @@ use crate::scalars::{self, horizon, real, some_real, some_whole};
 use crate::value::{States, checked, state_of, value_of};
 use crate::vehicles::{PursuitGame, SceneParameters};
 
-/// The value of a game at any relative state; `solve` makes it.
+/// The value of a game at any relative state, created by `solve`.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct ValueFunction(pub(crate) reachability::ValueFunction);
@@ -38,7 +38,7 @@ impl ValueFunction {
     /// states : array of float64, shape (…, 3)
     ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
     /// threads : int, optional
-    ///     The greatest number of threads; by default as many as the machine has processors.
+    ///     Maximum number of threads; by default the number of processors.
     ///
     /// Returns
     /// -------
@@ -60,7 +60,7 @@ impl ValueFunction {
     /// states : array of float64, shape (…, 3)
     ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
     /// threads : int, optional
-    ///     The greatest number of threads; by default as many as the machine has processors.
+    ///     Maximum number of threads; by default the number of processors.
     ///
     /// Returns
     /// -------
@@ -71,10 +71,10 @@ impl ValueFunction {
     /// turns : array of float64, shape (…, 2)
     ///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive.
     /// inside : array of bool, shape (…,)
-    ///     Whether the state is inside the solved grid, `domain`. Outside, V is a guess, the range less the radius, plus
-    ///     the deficit at the nearest point of the grid's boundary, and may be metres too large: solve with a larger
-    ///     `range_m`. Inside, V is that of the grid: for a faster pursuer a
-    ///     larger one may tell otherwise, as `solve` says.
+    ///     Whether the state is inside the solved grid, `domain`. Outside, V is an estimate (the range less the
+    ///     radius, plus the deficit at the nearest point of the grid's boundary) and may be metres too large:
+    ///     solve with a larger `range_m`. Inside, V is that of the grid; for a faster pursuer a larger grid may
+    ///     give other values, see `solve`.
     #[pyo3(signature = (states, *, threads=None))]
     fn state<'py>(
         &self,
@@ -91,7 +91,7 @@ impl ValueFunction {
     /// states : array of float64, shape (…, 3)
     ///     The pursuer's poses (x, y, ψ) in the evader's frame, m, m, rad.
     /// threads : int, optional
-    ///     The greatest number of threads; by default as many as the machine has processors.
+    ///     Maximum number of threads; by default the number of processors.
     ///
     /// Returns
     /// -------
@@ -113,18 +113,19 @@ impl ValueFunction {
     /// psi : float
     ///     The pursuer's heading relative to the evader's, rad.
     /// level : float
-    ///     m, above −R: at or below it the set is at most the point where both vehicles are.
+    ///     m, above −R: at or below −R the set is at most the point where both vehicles are.
     /// flatness_m : float
-    ///     Closed form: largest distance between the curve and an edge, m; at least 10⁻⁶ R. Of a curve hundreds of radii long it
-    ///     may be more, since there are at most some thousand points.
+    ///     Closed form: largest distance between the curve and an edge, m; at least 10⁻⁶ R. It may be exceeded
+    ///     for a curve hundreds of radii long, because a polygon has at most a few thousand points.
     /// spacing_m : float
     ///     Solved grid: largest distance between neighbouring points, m; at least 10⁻³ R.
     ///
     /// Returns
     /// -------
     /// list of array of float64, shape (n, 2)
-    ///     Closed polygons (x, y) in the evader's frame, m, the first vertex not repeated, with the set on their
-    ///     left. None if the set is empty. A set that leaves the grid, `domain`, is closed along the grid's edge.
+    ///     Closed polygons (x, y) in the evader's frame, m, with the set on their left; the first vertex is not
+    ///     repeated. Empty if the set is empty. A set that extends beyond the grid, `domain`, is closed along
+    ///     the grid's edge.
     #[pyo3(signature = (psi, level=0.0, *, flatness_m=0.01, spacing_m=0.15))]
     fn level_curves<'py>(
         &self,
@@ -160,7 +161,7 @@ impl ValueFunction {
         matches!(self.0, reachability::ValueFunction::Exact(_))
     }
 
-    /// Seconds of the game; infinite for the converged value.
+    /// Duration of the game, s; infinite for the converged value.
     #[getter]
     fn horizon_s(&self) -> f64 {
         match &self.0 {
@@ -169,18 +170,19 @@ impl ValueFunction {
         }
     }
 
-    /// How much V still changed when the solver stopped without converging, m; `None` if it converged or the horizon
-    /// is finite. It is no bound on the error: the difference from the converged value is not known, and in a chase it
-    /// can be much larger. For a faster pursuer V depends on the range of the grid besides, as `solve` says.
+    /// How much V still changed when the solver stopped without converging, m; `None` if it converged or the
+    /// horizon is finite. This is not an error bound: the difference from the converged value is unknown, and
+    /// in a chase it can be much larger. For a faster pursuer V also depends on the range of the grid, see
+    /// `solve`.
     #[getter]
     fn unsettled_m(&self) -> Option<f64> {
         self.0.unsettled_m()
     }
 
-    /// Where the solver's grid is: the lowest and the highest value of its coordinates, m.
+    /// Extent of the solver's grid: the lowest and highest value of its coordinates, m.
     ///
     /// `{"range": (0.0, …)}` in polar coordinates, `{"x": (…, …), "y": (…, …)}` for a rectangular grid, in the
-    /// evader's frame; headings go all the way round. `None` for the closed form, which holds everywhere.
+    /// evader's frame; headings cover the full circle. `None` for the closed form, which is valid everywhere.
     #[getter]
     fn domain(&self) -> Option<BTreeMap<&'static str, (f64, f64)>> {
         let reachability::ValueFunction::Sampled(sampled) = &self.0 else {
@@ -196,15 +198,15 @@ impl ValueFunction {
 
     /// Writes the function to a file, which `load`, the command `sidestep` and the laboratory read.
     ///
-    /// What `load` reads is `==` to this function, unless `rounded` asks for a file of a third of the size: there, values on
-    /// the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m), and what is read is `==` to
-    /// itself, however often it is saved. The closed form is never rounded.
+    /// `load` returns an equal function (`==`). With `rounded`, the file has a third of the size: the values on
+    /// the nodes of a solved grid are rounded to a millimetre (for a radius of about 3 m); saving a rounded
+    /// function again does not change it. The closed form is never rounded.
     ///
     /// Parameters
     /// ----------
     /// path : path
     /// rounded : bool
-    ///     Whether to round, as the laboratory's files are.
+    ///     Whether to round, as in the laboratory's files.
     #[pyo3(signature = (path, *, rounded=false))]
     fn save(&self, py: Python<'_>, path: PathBuf, rounded: bool) -> Result<(), Error> {
         let function = &self.0;
@@ -220,14 +222,14 @@ impl ValueFunction {
     /// Raises
     /// ------
     /// ValueError
-    ///     If the file is no such function, is cut short, damaged or longer than 4 GiB, or has a format of another
-    ///     version.
+    ///     If the file is not a value function, is truncated, damaged or larger than 4 GiB, or has another
+    ///     format version.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Result<Self, Error> {
         py.detach(|| Self::from_bytes(&read(&path)?))
     }
 
-    /// The function that `__reduce__` made bytes of.
+    /// Restores a function from the bytes of `__reduce__`.
     #[staticmethod]
     #[pyo3(name = "_from_bytes")]
     fn unpickled(bytes: Cow<'_, [u8]>) -> Result<Self, Error> {
@@ -241,12 +243,12 @@ impl ValueFunction {
         Ok((slf.get_type().getattr("_from_bytes")?, (bytes,)))
     }
 
-    /// Itself: it never changes.
+    /// Returns itself, because it is immutable.
     fn __copy__(slf: Py<Self>) -> Py<Self> {
         slf
     }
 
-    /// Itself: it never changes.
+    /// Returns itself, because it is immutable.
     fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
         slf
     }
@@ -258,9 +260,9 @@ impl ValueFunction {
 
 impl ValueFunction {
     fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
-        // The header is an object.
+        // The header is a JSON object.
         if bytes.first() != Some(&b'{') {
-            let expected = "what `ValueFunction.save` writes";
+            let expected = "a file of `ValueFunction.save`";
             return Err(Invalid::new("value function", expected, "other bytes").into());
         }
         let named = |invalid: Invalid| {
@@ -271,35 +273,36 @@ impl ValueFunction {
     }
 }
 
-/// Finds the value function of a game. Ctrl-C ends it.
+/// Solves for the value function of a game. Ctrl-C cancels it.
 ///
-/// The grid ends somewhere. For a finite horizon it just holds the states where V is at most half the radius, and V outside is
-/// a guess that may be metres too large (`ValueFunction.state`); with a `range_m` it goes that far.
+/// The grid is bounded. For a finite horizon it just covers the states where V is at most half the radius, and
+/// V outside is an estimate that may be metres too large (`ValueFunction.state`); a `range_m` sets another
+/// extent.
 ///
-/// Without a horizon, a faster pursuer may win chases that lead beyond the end, which the solver
-/// counts as escapes: V there, and along the way there, is then too large by metres, although `inside` is true and
-/// `unsettled_m` is small or `None`. Solve again with twice the `range_m` and a finer `accuracy`; where V changes by more than you
-/// tolerate, the range was too small.
+/// Without a horizon, a faster pursuer may win chases that lead beyond the edge of the grid. The solver counts
+/// those as escapes: V at such states, and along the chase, is then metres too large, although `inside` is true
+/// and `unsettled_m` is small or `None`. Solve again with twice the `range_m` and a finer `accuracy`; where V
+/// changes by more than you can tolerate, the range was too small.
 ///
 /// Parameters
 /// ----------
 /// game : PursuitGame
 /// horizon_s : float
-///     Seconds of the game, > 0; infinite for the converged value, which is the default.
+///     Duration of the game, s, > 0; infinite, the default, for the converged value.
 /// method : {"exact", "polar", "cartesian"}, optional
-///     The best one by default: the closed form for identical vehicles and an infinite horizon, else polar
+///     By default the best one: the closed form for identical vehicles and an infinite horizon, otherwise polar
 ///     coordinates.
 /// accuracy : {"draft", "standard", "fine"}
-///     The number of nodes of the grid.
+///     Determines the number of nodes of the grid.
 /// range_m : float, optional
-///     The largest range of the polar method, above the radius, m; `ValueFunction.domain` says which was chosen. A
-///     larger one has as many nodes, farther apart.
+///     The largest range of the polar method, m, above the radius; `ValueFunction.domain` has the default
+///     chosen. A larger range has the same number of nodes, farther apart.
 /// threads : int, optional
-///     Threads for a finite horizon or the Cartesian method; all of the machine by default.
+///     Maximum number of threads for a finite horizon or the Cartesian method; by default all processors.
 /// progress : callable, optional
-///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and the
-///     largest change of V per second. For a finite horizon the residual says nothing about accuracy. An exception
-///     that it raises ends the solve.
+///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and
+///     the largest change of V per second. For a finite horizon the residual says nothing about accuracy. If it
+///     raises an exception, solving stops.
 ///
 /// Returns
 /// -------
@@ -334,12 +337,12 @@ pub(crate) fn solve(
     Ok(ValueFunction(solved.function))
 }
 
-/// The value functions that give the safety levels of both vehicles of a scene.
+/// The value functions for the safety levels of both vehicles of a scene.
 ///
 /// Parameters
 /// ----------
 /// parameters : SceneParameters
-///     If the vehicles differ, both games are solved here, which takes several seconds; Ctrl-C ends it.
+///     If the vehicles differ, both games are solved, which takes several seconds; Ctrl-C cancels it.
 /// progress : callable, optional
 ///     As for `solve`, for one game after the other.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
@@ -360,7 +363,7 @@ impl SafetyLevels {
         watched(py, progress.as_ref(), solve).map(Self)
     }
 
-    /// Those of these two functions.
+    /// Safety levels from these two functions.
     #[staticmethod]
     #[pyo3(name = "_of")]
     fn of(human: ValueFunction, robot: ValueFunction) -> Self {
@@ -386,7 +389,7 @@ impl SafetyLevels {
     }
 }
 
-/// The safety levels that `features` of a scene need.
+/// The safety levels for the `features` of a scene.
 pub(crate) fn levels(
     features: &FeatureSet,
     parameters: &scene::SceneParameters,
@@ -410,18 +413,18 @@ pub(crate) fn levels(
         );
         return Err(Invalid::new("safety", expected, "None").into());
     }
-    // Where no feature asks for a level, those of two robots do as well as any.
+    // If no feature needs a level, those of two robots do.
     let alike = scene::SceneParameters { human: parameters.robot, ..*parameters };
     let exact = alike.game(Evader::Human).exact()?;
     let function = reachability::ValueFunction::Exact(exact);
     Ok(safety::SafetyLevels { human: function.clone(), robot: function })
 }
 
-/// What a solver tells how far it is.
+/// Callback for a solver's progress.
 pub(crate) type Report<'a> = dyn FnMut(Progress) -> ControlFlow<()> + 'a;
 
-/// Runs a solver while the interpreter is released. Now and then it tells `progress`, and ends if the user pressed
-/// Ctrl-C or `progress` raised an exception.
+/// Runs a solver while the interpreter is released. Calls `progress` at intervals, and stops if the user
+/// pressed Ctrl-C or `progress` raised an exception.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
@@ -450,7 +453,7 @@ pub(crate) fn watched<T: Send>(
     }
 }
 
-/// The entry of a table of words.
+/// Looks up a word in a table.
 pub(crate) fn named<T: Copy>(
     field: &str,
     table: &[(&str, T, &str)],

@@ -18,20 +18,20 @@ use crate::scalars::wholes;
 /// lo, hi : array of float64, shape (D,), 1 ≤ D ≤ 4
 ///     The lower and the upper end of each axis, in the unit of its coordinate.
 /// nodes : list of int, D of them, each ≥ 3
-///     How many nodes each axis has: from `lo` to `hi`, both included. On a periodic axis `hi` is the same place as
-///     `lo`, and the last node is one spacing before it. Neighbouring nodes must differ by more than rounding errors.
+///     Number of nodes of each axis, from `lo` to `hi` inclusive. On a periodic axis `hi` is the same point as
+///     `lo`, and the last node is one spacing before it. The spacing must exceed rounding errors.
 /// periodic : list of int, or of bool, shape (D,), optional
-///     Which axes close on themselves, such as headings: their numbers from 0, or for each axis whether it does.
+///     Periodic axes, such as headings: their indices from 0, or a boolean for each axis.
 /// constant_ends : list of int, or of bool, shape (D,), optional
-///     Beyond the ends of which axes V stays what it is at the end. Beyond all others it continues with the slope at the
-///     end, with the sign that leads away from 0, so that nothing that enters from outside looks like a target.
+///     Axes beyond whose ends V is constant. Beyond all other ends it continues with the slope at the end, with
+///     the sign that leads away from 0, so that paths that enter from outside do not seem to start in a target.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct Grid {
     pub(crate) axes: Vec<Axis>,
 }
 
-/// More nodes than this need more memory than a machine has, for all that a game keeps at each.
+/// More nodes than this need more memory than a machine has, given the arrays that a game stores per node.
 const MOST_NODES: usize = 1 << 28;
 
 #[pymethods]
@@ -97,13 +97,13 @@ impl Grid {
         self.axes.iter().map(|axis| axis.nodes).collect()
     }
 
-    /// Which axes close on themselves.
+    /// The periodic axes.
     #[getter]
     fn periodic(&self) -> Vec<usize> {
         self.axes_with(Boundary::Periodic)
     }
 
-    /// Beyond the ends of which axes V stays what it is at the end.
+    /// The axes beyond whose ends V is constant.
     #[getter]
     fn constant_ends(&self) -> Vec<usize> {
         self.axes_with(Boundary::Constant)
@@ -154,11 +154,11 @@ impl Grid {
     }
 }
 
-/// What makes a grid anew.
+/// Arguments to recreate a grid.
 type NewArguments<'py> = New<'py, (Array<'py>, Array<'py>, Vec<usize>)>;
 
 impl Grid {
-    /// A grid of these axes, if they have lengths and not too many nodes.
+    /// A grid of these axes, if they are not empty and have not too many nodes.
     fn of_axes(axes: Vec<Axis>) -> Result<Self, Error> {
         let mut nodes = 1_usize;
         for (d, &axis) in axes.iter().enumerate() {
@@ -190,8 +190,8 @@ impl Grid {
         shaped(py, self.axes.iter().map(of).collect(), &[self.axes.len()])
     }
 
-    /// Numbers at each node, row-major: from an array, or from a callable of the states of all nodes. Where `tail`
-    /// is not empty, an array of that shape alone is the same at every node.
+    /// Numbers at each node, row-major: from an array, or from a callable applied to the states of all nodes.
+    /// If `tail` is not empty, an array of that shape holds for every node.
     pub(crate) fn at_nodes(
         slf: &Bound<'_, Self>,
         field: &str,
@@ -211,7 +211,7 @@ impl Grid {
         if tail.is_empty() && is_mask(given) {
             let inside = if field == "obstacle" { "1.0, -1.0" } else { "-1.0, 1.0" };
             let expected = format!(
-                "numbers, best distances; of a mask that is true inside, np.where(mask, {inside})"
+                "numbers, ideally distances; for a mask that is true inside, np.where(mask, {inside})"
             );
             return Err(Invalid::new(field, expected, "booleans").into());
         }
@@ -243,8 +243,8 @@ fn is_mask(array: &Bound<'_, PyAny>) -> bool {
     kind.is_ok_and(|kind| kind == 'b')
 }
 
-/// The complaint about a callable that cannot be called with one argument. Then no line of it has run; what it raised itself
-/// is passed on.
+/// The error for a callable that cannot be called with one argument, in which case none of its code has run.
+/// Its own exceptions are passed on.
 fn uncallable(py: Python<'_>, field: &str, raised: &PyErr) -> Option<Error> {
     if !raised.is_instance_of::<PyTypeError>(py) || raised.traceback(py).is_some() {
         return None;
@@ -254,8 +254,8 @@ fn uncallable(py: Python<'_>, field: &str, raised: &PyErr) -> Option<Error> {
     Some(PyTypeError::new_err(complaint.to_string()).into())
 }
 
-/// The axes that an argument names: by their numbers, or by a boolean for each. Python takes `True` for 1, so that a list of
-/// booleans has to be told from one of numbers.
+/// The axes in an argument: indices, or a boolean for each axis. Python treats `True` as 1, so a list of
+/// booleans must be distinguished from one of numbers.
 fn chosen(
     field: &str,
     object: Option<&Bound<'_, PyAny>>,
@@ -293,7 +293,7 @@ fn chosen(
     Ok(named)
 }
 
-/// Reserves memory for `count` numbers of the argument `field`.
+/// Allocates memory for `count` numbers of the argument `field`.
 fn memory(field: &str, count: usize) -> Result<Vec<f64>, Error> {
     let mut numbers = Vec::new();
     let room = numbers.try_reserve_exact(count);
@@ -303,7 +303,7 @@ fn memory(field: &str, count: usize) -> Result<Vec<f64>, Error> {
     Ok(numbers)
 }
 
-/// Refuses an axis whose nodes lie so close that rounding moves them by more than a thousandth of their distance.
+/// Refuses an axis with nodes so close that rounding moves them by more than a thousandth of their spacing.
 fn apart(axis: Axis, d: usize) -> Result<(), Invalid> {
     let rounding = f64::EPSILON * axis.low.abs().max(axis.high.abs());
     let least = (1e3 * rounding).max(f64::MIN_POSITIVE);
@@ -315,7 +315,7 @@ fn apart(axis: Axis, d: usize) -> Result<(), Invalid> {
     Err(Invalid::new(format!("hi[{d}]"), expected, format!("{:e}", axis.spacing())))
 }
 
-/// A complaint about the only axis of a grid, as one about the arguments of axis `d`.
+/// Converts an error about the only axis of a grid to one about the arguments of axis `d`.
 fn named(mut invalid: Invalid, d: usize) -> Invalid {
     for (part, argument) in [("low", "lo"), ("high", "hi"), ("nodes", "nodes")] {
         invalid.field =

@@ -1,4 +1,4 @@
-//! Games of one's own on a grid: the Hamilton–Jacobi equation, solved.
+//! User-defined games on a grid: solves the Hamilton–Jacobi equation.
 
 use std::ffi::CString;
 use std::ops::ControlFlow;
@@ -19,48 +19,56 @@ use crate::scalars::{self, some_real, some_whole};
 use crate::solution::{DIRECTIONS, KINDS, OnGrid, Solution, Solved};
 use crate::value::checked;
 
-/// Finds from where a target is reached in a game of your own, ẋ = f0(x) + Gu(x) u + Gd(x) d. Ctrl-C ends it.
+/// Solves for the states from which a target is reached in a game of your own, ẋ = f0(x) + Gu(x) u + Gd(x) d.
+/// Ctrl-C cancels it.
 ///
-/// The inputs u minimise V and steer to the target {V ≤ 0}; the inputs d maximise it. If the control is to avoid
+/// The inputs u minimise V and steer to the target {V ≤ 0}; the inputs d maximise it. If the control must avoid
 /// the target, the control is d and the disturbance u. V is computed in single precision, by the local
 /// Lax–Friedrichs method.
 ///
 /// Parameters
 /// ----------
 /// grid : Grid
-///     Of D dimensions.
+///     With D dimensions.
 /// f0 : array of float64 or callable, shape (*nodes, D) or (D,)
-///     The velocity without inputs, in the unit of each coordinate per second: at each node, or the same everywhere.
-///     A callable gets `grid.states`, shape (*nodes, D), and answers with such an array.
+///     The velocity without inputs, in the unit of each coordinate per second: at each node, or one for all
+///     nodes. A callable gets `grid.states`, shape (*nodes, D), and returns such an array.
 /// Gu, Gd : array of float64 or callable or None, shape (*nodes, D, m) or (D, m)
-///     What the m inputs of a player add to it: row d of a matrix belongs to coordinate d. `None` if there are none.
+///     Effect of a player's m inputs on the velocity: row i of a matrix belongs to coordinate i. `None` for no
+///     inputs.
 /// u_box, d_box : array of float64 or None, shape (m, 2)
 ///     The lowest and the highest value of each input.
 /// target : array of float64 or callable, shape (*nodes,)
-///     l(x), ≤ 0 in the target; V begins as l. Best a distance, negative inside.
+///     l(x), ≤ 0 in the target; V starts as l. Ideally a distance, negative inside.
 /// times : float or array of float64, shape (nt,)
-///     The horizon > 0, s; or the instants at which V is kept, s, which rise from 0 to the horizon in equal steps.
-///     They are times of the march: the time left, or with `direction="forward"` the time since the beginning.
+///     The horizon > 0, s; or the instants at which V is stored, s, increasing from 0 to the horizon in equal
+///     steps. They are times of the march: the time left, or with `direction="forward"` the time since the
+///     start.
 /// avoid : array of float64 or callable or None, shape (*nodes,)
-///     g(x), < 0 in what must not be entered: V ≥ -g. Best a distance, negative inside, as for the target. Warns if so little of V
-///     is left that its sign can be wrong: of an indicator that is lower than the target is deep.
+///     g(x), < 0 in the states to avoid: V ≥ -g. Ideally a distance, negative inside, as for the target. Warns
+///     if so little of V is left that its sign can be wrong, for example if g is an indicator function with a
+///     smaller magnitude than the depth of the target.
 /// obstacle : array of float64 or callable or None, shape (*nodes,)
-///     The same with the other sign, **positive** inside, as in earlier versions: use `avoid`. Warns.
+///     As `avoid` with the opposite sign, **positive** inside, as in earlier versions. Deprecated: use `avoid`.
+///     Warns.
 /// kind : {"tube", "set"}
-///     Whether a state counts that reaches the target at any time up to the horizon, or exactly at the horizon.
+///     Whether a state counts if it reaches the target at any time up to the horizon, or only if exactly at the
+///     horizon.
 /// direction : {"backward", "forward"}
 ///     States that lead to the target, or states that are reached from it.
 /// scheme : {"weno5", "eno3", "eno2", "upwind"}
-///     The spatial derivatives, and a Runge–Kutta method that matches.
+///     The spatial derivatives, and a matching Runge–Kutta method.
 /// cfl : float, optional
-///     The share of the largest stable time step, in (0, 1]; by default one at which the scheme keeps its order.
+///     Share of the largest stable time step, in (0, 1]; the default preserves the order of the scheme.
 /// tolerance : float, optional
-///     Ends as soon as V changes by at most this per second everywhere; `times` is then the longest time, a number.
+///     Stops as soon as V changes by at most this per second everywhere; `times` is then a number, the longest
+///     time.
 /// threads : int, optional
-///     The greatest number of threads; by default as many as the machine has processors.
+///     Maximum number of threads; by default the number of processors.
 /// progress : callable, optional
-///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and the
-///     largest change of V per second (inf where it is not measured). An exception that it raises ends the solve.
+///     Called as `progress(done, residual)` about ten times a second: the share of the steps done, 0 to 1, and
+///     the largest change of V per second (inf where it is not measured). If it raises an exception, solving
+///     stops.
 ///
 /// Returns
 /// -------
@@ -68,17 +76,19 @@ use crate::value::checked;
 ///
 /// Notes
 /// -----
-/// A tube's V is between the least l at any node and max(l, -g), at every node.
+/// At every node, V of a tube is between the minimum of l over all nodes and max(l, -g).
 ///
-/// Beyond the grid nothing is known. There V continues as `Grid` says, and where paths leave the grid, V depends on that:
-/// `Solution.depends_on_outside` marks such nodes, and others. If they matter, take a larger grid.
+/// V is unknown beyond the grid and continues there as described in `Grid`. Where paths leave the grid, V
+/// depends on that: `Solution.depends_on_outside` marks such nodes, and others. If they matter, use a larger
+/// grid.
 ///
 /// Raises
 /// ------
 /// ValueError
-///     If an obstacle covers all of the grid or of the target, or V is not finite (numbers too large for single
-///     precision). If an array has another shape or dtype or a number that is not finite, a box has its ends in the wrong order,
-///     the instants are not evenly spaced, or the grid needs too much memory or is too small for the scheme.
+///     If an obstacle covers the whole grid or the whole target, or V is not finite (numbers too large for
+///     single precision). If an array has another shape or dtype or a number that is not finite, a box has its
+///     ends in the wrong order, the instants are not evenly spaced, or the grid needs too much memory or is too
+///     small for the scheme.
 #[pyfunction]
 #[pyo3(signature = (grid, f0, Gu, Gd, u_box, d_box, target, times, *, avoid=None, obstacle=None, kind="tube", direction="backward", scheme="weno5", cfl=None, tolerance=None, threads=None, progress=None))]
 #[allow(clippy::too_many_arguments, reason = "most are optional, and Python names them")]
@@ -146,7 +156,7 @@ const SCHEMES: &[(&str, Scheme, &str)] = &[
     ("upwind", Scheme::Upwind, ""),
 ];
 
-/// The horizon, s, and how many instants before it are kept.
+/// The horizon, s, and the number of stored instants before it.
 fn instants(times: &Bound<'_, PyAny>) -> Result<(f64, usize), Error> {
     let Numbers { shape, values } = numbers("times", "() or (nt,)", times)?;
     let last = match (&shape[..], &values[..]) {
@@ -161,7 +171,7 @@ fn instants(times: &Bound<'_, PyAny>) -> Result<(f64, usize), Error> {
     let slices = values.len() - 1;
     for (k, &time) in values.iter().enumerate() {
         let even = last * k as f64 / slices as f64;
-        // Also false for a last one that is not > 0.
+        // Also false if the last one is not > 0.
         if !(last > 0.0 && (time - even).abs() <= 1e-9 * last) {
             let expected = if last > 0.0 { even.to_string() } else { "a last one > 0".to_owned() };
             let found = if last > 0.0 { time } else { last };
@@ -172,7 +182,7 @@ fn instants(times: &Bound<'_, PyAny>) -> Result<(f64, usize), Error> {
     Ok((last, slices))
 }
 
-/// When the march ends.
+/// End of the march.
 fn horizon(horizon_s: f64, slices: usize, tolerance: Option<f64>) -> Result<Horizon, Error> {
     match tolerance {
         None => Ok(Horizon::Finite(horizon_s)),
@@ -180,7 +190,7 @@ fn horizon(horizon_s: f64, slices: usize, tolerance: Option<f64>) -> Result<Hori
             Err(Invalid::new("tolerance", "a finite number > 0", tolerance).into())
         }
         Some(_) if slices > 0 => {
-            let expected = "one number beside tolerance: the longest time";
+            let expected = "one number together with tolerance: the longest time";
             Err(Invalid::new("times", expected, format!("{} instants", slices + 1)).into())
         }
         Some(tolerance) => Ok(Horizon::Converged { tolerance, longest_s: horizon_s }),
@@ -217,7 +227,7 @@ fn inputs(
     Ok((Grid::at_nodes(grid, matrix_name, &tail, matrix)?, ranges))
 }
 
-/// What must not be entered, and whether the function is negative inside.
+/// The function for the states to avoid, and whether it is negative inside.
 fn avoided(
     grid: &Bound<'_, Grid>,
     avoid: Option<&Bound<'_, PyAny>>,
@@ -238,12 +248,12 @@ fn avoided(
             Ok(Some((Grid::at_nodes(grid, "obstacle", &[], obstacle)?, false)))
         }
         (Some(_), Some(_)) => {
-            Err(Invalid::new("obstacle", "None beside avoid", "both of them").into())
+            Err(Invalid::new("obstacle", "None together with avoid", "both of them").into())
         }
     }
 }
 
-/// A complaint in the names of the arguments.
+/// Renames an error's fields to those of the arguments.
 fn of_arguments(mut invalid: Invalid) -> Invalid {
     for (theirs, ours) in [
         ("drift", "f0"),
@@ -263,13 +273,13 @@ fn of_arguments(mut invalid: Invalid) -> Invalid {
     invalid
 }
 
-/// What is to be solved, on a grid of any dimension.
+/// A problem to solve, on a grid of any dimension.
 struct Task {
     f0: Vec<f64>,
     minimiser: OfPlayer,
     maximiser: OfPlayer,
     target: Vec<f64>,
-    /// With whether it is negative inside.
+    /// The function, and whether it is negative inside.
     avoid: Option<(Vec<f64>, bool)>,
     kind: Kind,
     direction: Direction,
@@ -304,7 +314,7 @@ impl Task {
     }
 }
 
-/// The number at the node whose coordinates these are.
+/// The number at the node with these coordinates.
 fn at<const D: usize>(grid: &reachability::Grid<D>, values: &[f64], state: [f64; D]) -> f64 {
     let node = grid.axes.iter().zip(state).fold(0, |position, (axis, coordinate)| {
         let node = ((coordinate - axis.low) / axis.spacing()).round() as usize;

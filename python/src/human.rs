@@ -1,4 +1,4 @@
-//! What predicts the human's actions: a trained model, or a function of Python.
+//! Models of the human's actions: a trained model, or a Python function.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -15,7 +15,7 @@ use crate::function::{SafetyLevels, levels};
 use crate::predictor::Predictor;
 use crate::vehicles::SceneParameters;
 
-/// A model of your own: a function that says how likely each action of the human is.
+/// A model of your own: a function that returns the probability of each action of the human.
 ///
 /// Not for `OnlinePredictor`; `Predictor.constant` and `sidestep.from_sklearn` make models for it.
 ///
@@ -24,9 +24,9 @@ use crate::vehicles::SceneParameters;
 /// actions : array of float64, shape (n,)
 ///     The turn rate of each action, rad/s, left positive.
 /// probabilities : callable
-///     Called as `probabilities(history)` with the joint states from the beginning of the trial on, the predicted
-///     ones among them, an array of shape (t, 2, 3); answers with the probability of each action, shape (n,). The
-///     same states must always give the same answer.
+///     Called as `probabilities(history)` with the joint states since the start of the trial, including
+///     predicted ones, as an array of shape (t, 2, 3). Returns the probability of each action, shape (n,). The
+///     result must depend only on the states.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ActionModel {
     actions: Vec<f64>,
@@ -55,7 +55,7 @@ impl ActionModel {
         self.actions.clone()
     }
 
-    /// The same turn rates, and functions that Python calls equal.
+    /// Whether the turn rates are the same and Python considers the functions equal.
     fn __eq__(&self, py: Python<'_>, other: &Self) -> PyResult<bool> {
         Ok(self.actions == other.actions && self.probabilities.bind(py).eq(&other.probabilities)?)
     }
@@ -78,14 +78,14 @@ impl ActionModel {
 pub(crate) enum Model<'py> {
     /// A trained one.
     Trained(Bound<'py, Predictor>),
-    /// A function of Python.
+    /// A Python function.
     Own(Bound<'py, ActionModel>),
 }
 
 /// A model, the parameters of its scene, and the safety levels if it needs them.
 pub(crate) type Arguments<'py> = (Bound<'py, PyAny>, SceneParameters, Option<SafetyLevels>);
 
-/// A model in its scene, which outlives the call that made it.
+/// A model in its scene, which outlives the call that created it.
 pub(crate) struct Human {
     model: Kept,
     pub(crate) parameters: scene::SceneParameters,
@@ -97,7 +97,7 @@ enum Kept {
 }
 
 impl Human {
-    /// The human of these parameters, as predicted by `model`.
+    /// The human with these parameters, predicted by `model`.
     pub(crate) fn new(
         model: Model<'_>,
         parameters: &scene::SceneParameters,
@@ -129,7 +129,7 @@ impl Human {
         Ok(Learned { model, raised: Mutex::new(None) })
     }
 
-    /// Whether it is the human of these parameters, as this predictor predicts it.
+    /// Whether it has these parameters and is predicted by this predictor.
     pub(crate) fn predicted_by(
         &self,
         predictor: &Predictor,
@@ -151,7 +151,7 @@ impl Human {
         model && self.parameters == other.parameters
     }
 
-    /// What makes it anew: the model, the parameters, and the safety levels if it needs them.
+    /// Arguments to recreate it: the model, the parameters, and the safety levels if it needs them.
     pub(crate) fn arguments<'py>(&self, py: Python<'py>) -> Arguments<'py> {
         let parameters = SceneParameters(self.parameters);
         match &self.model {
@@ -166,7 +166,7 @@ impl Human {
         }
     }
 
-    /// The trained predictor; none for a function of Python.
+    /// The trained predictor; `None` for a Python function.
     pub(crate) fn predictor(&self) -> Option<&Predictor> {
         match &self.model {
             Kept::Trained(predictor, _) => Some(predictor.get()),
@@ -174,7 +174,7 @@ impl Human {
         }
     }
 
-    /// How many actions the model has.
+    /// Number of actions of the model.
     pub(crate) fn actions(&self) -> usize {
         match &self.model {
             Kept::Trained(predictor, _) => predictor.get().predictor.classes().len(),
@@ -182,8 +182,8 @@ impl Human {
         }
     }
 
-    /// Lets the library work with the model while the interpreter is released. What a function of Python raised
-    /// comes before any complaint that followed from it.
+    /// Runs library code with the model while the interpreter is released. An exception raised by a Python
+    /// function takes precedence over errors that follow from it.
     pub(crate) fn work<T: Send>(
         &self,
         py: Python<'_>,
@@ -201,7 +201,7 @@ impl Human {
 /// The learned function G while the library works with it.
 pub(crate) struct Learned<'a> {
     model: G<'a>,
-    /// What a function of Python raised first.
+    /// The first exception raised by a Python function.
     raised: Mutex<Option<Error>>,
 }
 
@@ -223,7 +223,7 @@ impl bounds::ActionModel for Learned<'_> {
             G::Trained(human) => human.probabilities(history, out),
             G::Own(model) => {
                 if let Err(raised) = ask(model, history, out) {
-                    // Algorithm 1 stops at probabilities that are no numbers.
+                    // Algorithm 1 stops at NaN probabilities.
                     out.fill(f64::NAN);
                     let mut first = self.raised.lock().unwrap_or_else(PoisonError::into_inner);
                     first.get_or_insert(raised);
@@ -233,7 +233,7 @@ impl bounds::ActionModel for Learned<'_> {
     }
 }
 
-/// Asks a function of Python for the probability of each action.
+/// Calls a Python function for the probability of each action.
 fn ask(model: &ActionModel, history: &[JointState], out: &mut [f64]) -> Result<(), Error> {
     Python::attach(|py| {
         py.check_signals()?;

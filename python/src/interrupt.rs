@@ -5,10 +5,10 @@ use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 
-/// How long work goes on between two looks at Python.
+/// Interval between two checks for interrupts.
 const BETWEEN_LOOKS: Duration = Duration::from_millis(100);
 
-/// Looks at Python now and then: whether the user pressed Ctrl-C, or a callable raised an exception.
+/// Checks at intervals whether the user pressed Ctrl-C or a callable raised an exception.
 pub(crate) struct Watch {
     looked: Instant,
     raised: Option<PyErr>,
@@ -19,12 +19,12 @@ impl Watch {
         Self { looked: Instant::now(), raised: None }
     }
 
-    /// Whether to go on.
+    /// Checks if due; returns whether to continue.
     pub(crate) fn look(&mut self) -> ControlFlow<()> {
         self.tell(|_| Ok(()))
     }
 
-    /// Whether to go on, after `told` was told if it is time to look.
+    /// Calls `told` and checks if due; returns whether to continue.
     pub(crate) fn tell(
         &mut self,
         told: impl FnOnce(Python<'_>) -> PyResult<()>,
@@ -43,13 +43,13 @@ impl Watch {
         if self.raised.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Raises what was raised.
+    /// Raises the pending exception.
     pub(crate) fn end(self) -> PyResult<()> {
         self.raised.map_or(Ok(()), Err)
     }
 }
 
-/// One result for each of `count` pieces of work, while the interpreter is released.
+/// Computes one result for each of `count` pieces of work, while the interpreter is released.
 pub(crate) fn each<T: Send>(
     py: Python<'_>,
     count: usize,

@@ -14,11 +14,12 @@ use sidestep::scene;
 use crate::error::Error;
 use crate::files::{read, write};
 
-/// What pickling calls a class with: arguments by place and by name.
+/// Arguments for the constructor when unpickling: positional and by name.
 pub(crate) type New<'py, T> = (T, Bound<'py, PyDict>);
 
-/// The settings of sets, as the laboratory's explorer saves them and `sidestep shfrs --settings` reads them. How polygons are
-/// drawn is in the file only if it is not the usual way; then this package alone reads it.
+/// Settings of sets, in the format of the laboratory's explorer and of `sidestep shfrs --settings`. Settings
+/// for drawing polygons are in the file only if they differ from the defaults; only this package can read such
+/// a file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SettingsFile {
@@ -48,7 +49,7 @@ fn base() -> Rollout {
 }
 
 impl SettingsFile {
-    /// The file for this choice of actions, `k` or `tau`; polygons are drawn as usual.
+    /// The file for this choice of actions, `k` or `tau`; polygons have default settings.
     pub(crate) fn new(
         epsilon: Vec<f64>,
         k: Option<Vec<usize>>,
@@ -60,7 +61,7 @@ impl SettingsFile {
         Self { format, steps, epsilon, k, tau, rollout, accuracy_m: None, by_step: false }
     }
 
-    /// Which actions count.
+    /// The choice of actions.
     pub(crate) fn choice(&self) -> Result<ActionChoice, Invalid> {
         match (&self.k, self.tau) {
             (Some(k), None) => {
@@ -74,18 +75,18 @@ impl SettingsFile {
     }
 }
 
-/// A calibration: what was scored, and what its sets are predicted with.
+/// A calibration: its scores, and the settings and model of its sets.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CalibrationFile {
     pub(crate) format: CalibrationFormat,
     /// The probability that a trajectory stays inside.
     pub(crate) p: f64,
-    /// How often the calibration may fail; `null` for a guarantee on average.
+    /// The probability that the calibration may fail; `null` for a guarantee on average.
     pub(crate) delta: Option<f64>,
-    /// What follows from the scores, rad/s.
+    /// Follows from the scores, rad/s.
     pub(crate) epsilon: f64,
-    /// The least ε of each window, rad/s, rising.
+    /// The least ε of each window, rad/s, increasing.
     pub(crate) scores: Vec<f64>,
     pub(crate) settings: SettingsFile,
     pub(crate) parameters: scene::SceneParameters,
@@ -98,7 +99,7 @@ pub(crate) enum CalibrationFormat {
     V1,
 }
 
-/// Reads a file of this form; complaints call it `name`.
+/// Reads a file of this format; errors call it `name`.
 pub(crate) fn loaded<T: DeserializeOwned>(name: &str, path: &Path) -> Result<T, Error> {
     let text = String::from_utf8(read(path)?);
     let text = text.map_err(|error| Invalid::new(name, "UTF-8", error))?;
@@ -108,6 +109,6 @@ pub(crate) fn loaded<T: DeserializeOwned>(name: &str, path: &Path) -> Result<T, 
 /// Writes a file.
 pub(crate) fn saved(name: &str, path: &Path, file: &impl Serialize) -> Result<(), Error> {
     let text = serde_json::to_string(file);
-    let text = text.map_err(|error| Invalid::new(name, "numbers that JSON has", error))?;
+    let text = text.map_err(|error| Invalid::new(name, "finite numbers, as in JSON", error))?;
     write(path, text.as_bytes())
 }

@@ -1,10 +1,10 @@
-//! The native half of the Python package `sidestep`: the library's functions with NumPy arrays in and out.
+//! Native half of the Python package `sidestep`: the library's functions with NumPy arrays in and out.
 //!
-//! Nothing is computed here. Each file checks what Python gives (`arrays`), releases the interpreter while
-//! the library works, and hands back arrays and objects that own their memory. Every complaint is a
-//! `ValueError` that names the argument, what was expected and what was found (`error`).
+//! Nothing is computed here. Each file checks the arguments from Python (`arrays`), releases the interpreter
+//! while the library works, and returns arrays and objects that own their memory. Every error is a `ValueError`
+//! that names the argument, the expected and the actual value (`error`).
 //!
-//! What draws figures or reads tables is plain Python beside it, in `python/package/sidestep/`.
+//! Functions that draw figures or read tables are plain Python, in `python/package/sidestep/`.
 
 mod error;
 mod interrupt;

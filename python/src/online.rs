@@ -1,4 +1,4 @@
-//! A prediction in a robot's loop, state by state.
+//! Prediction in a robot's loop, state by state.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -23,24 +23,25 @@ use crate::scalars::{real, some_real};
 use crate::shfrs_settings::{ShfrsSettings, usual};
 use crate::vehicles::SceneParameters;
 
-/// Predicts a human in a robot's loop: push each new state, then predict, then ask whether plans are clear. It draws
-/// no polygons and keeps its own history; it may be used from several threads, one after the other.
+/// Predicts a human in a robot's loop: push each new state, predict, then check whether plans are clear. It
+/// draws no polygons and keeps its own history. Several threads may use it; calls are serialized.
 ///
 /// Parameters
 /// ----------
 /// model : Predictor
-///     Its features look back a fixed number of steps. For an `ActionModel` use `ShfrsPredictor`.
+///     Its features must look back a fixed number of steps. For an `ActionModel` use `ShfrsPredictor`.
 /// settings : ShfrsSettings, optional
-///     Those of a `Calibration`, for instance; by default as for `ShfrsPredictor`.
+///     For example those of a `Calibration`; by default as for `ShfrsPredictor`.
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
-///     Needed if the vehicles differ and a feature of the model is a safety level.
+///     Required if the vehicles differ and a feature of the model is a safety level.
 /// accuracy_m : float
-///     How far a clearance may be below the true one, m; 10⁻⁴ to 10.
+///     Error bound of clearances: how far one may be below the true value, m; 10⁻⁴ to 10.
 /// assume_vehicle : bool
-///     Whether clearances assume that the human drives on like the vehicle of the parameters, even after a step that it cannot
-///     have driven (`departure`): they can then be positive for somebody who stands in the way.
+///     Whether clearances assume that the human drives on like the vehicle of the parameters, even after a step
+///     that this vehicle cannot have driven (`departure`). They can then be positive for a human who stands in
+///     the way.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct OnlinePredictor {
     model: Py<Predictor>,
@@ -86,11 +87,12 @@ impl OnlinePredictor {
         Ok(Self { model, settings, parameters, safety, accuracy_m, assume_vehicle, online })
     }
 
-    /// Appends the state one step, `step_s` of the parameters, after the last one. Where one was missed, call `reset` and begin
-    /// anew. Sets assume that the human goes on at the speed of the parameters and within its turn rate: for one who stands still,
-    /// or moves slower or faster, they prove nothing. So a step that the human's vehicle cannot have driven, to a millimetre and a
-    /// milliradian, is told: `departure` says what was measured, `clear` is −∞ until the next step, and `Calibration.collision`
-    /// refuses it. Positions with more noise than that need `assume_vehicle`.
+    /// Appends the state one step, `step_s` of the parameters, after the last one. If you missed a state, call
+    /// `reset` and start over. Sets assume that the human continues at the speed of the parameters and within
+    /// its turn rate: they prove nothing about a human who stands still, or moves slower or faster. So after a
+    /// step that the human's vehicle cannot have driven, to a millimetre and a milliradian, `departure` has the
+    /// measurement, `clear` returns −∞ until the next step, and `Calibration.collision` raises an error.
+    /// Positions with more noise than that need `assume_vehicle`.
     ///
     /// Parameters
     /// ----------
@@ -100,8 +102,9 @@ impl OnlinePredictor {
     /// Returns
     /// -------
     /// bool
-    ///     Whether it follows from the state before as the human's vehicle drives. If not, `departure` says why; if the human
-    ///     moved or turned more than twice as much as the vehicle can in a step, the states before are forgotten, too.
+    ///     Whether the human's vehicle can have driven the step from the last state. If not, `departure` gives
+    ///     the reason; if the human moved or turned more than twice as much as the vehicle can in a step, the
+    ///     earlier states are discarded.
     fn push(&self, state: &Bound<'_, PyAny>) -> Result<bool, Error> {
         let found = numbers("state", "(2, 3)", state)?;
         let (&[human, robot], [2, 3]) = (found.values.as_chunks::<3>().0, &found.shape[..]) else {
@@ -113,34 +116,34 @@ impl OnlinePredictor {
         Ok(continuity == Continuity::Continues)
     }
 
-    /// Why the sets say nothing of the human's next steps: the last step was none that the human's vehicle of the parameters
-    /// can drive, to a millimetre and a milliradian; in words, with what was measured. `None` if it was, if one state alone is
-    /// known, or with `assume_vehicle`.
+    /// Why the sets say nothing about the human's next steps: the human's vehicle of the parameters cannot have
+    /// driven the last step, to a millimetre and a milliradian; in words, with the measurement. `None` if it
+    /// can, if only one state is known, or with `assume_vehicle`.
     #[getter]
     fn departure(&self, py: Python<'_>) -> Option<String> {
         py.detach(|| self.lock().departure()).map(|found| found.to_string())
     }
 
-    /// Forgets all states.
+    /// Discards all states.
     fn reset(&self, py: Python<'_>) {
         py.detach(|| self.lock().reset());
     }
 
-    /// The latest states, at most as many as are needed, the present one last, shape (n, 2, 3).
+    /// The latest states, up to the number needed, the current one last, shape (n, 2, 3).
     #[getter]
     fn history<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let history = py.detach(|| self.lock().history().to_vec());
         states_array(py, &history)
     }
 
-    /// How many states a prediction needs.
+    /// Number of states that a prediction needs.
     #[getter]
     fn states_needed(&self, py: Python<'_>) -> usize {
         py.detach(|| self.lock().states_needed())
     }
 
-    /// Bounds on the human's turn rate from the states so far; of a human who drives like the vehicle, which `departure` may
-    /// contradict.
+    /// Bounds on the human's turn rate from the states so far. They assume a human who drives like the vehicle;
+    /// see `departure`.
     ///
     /// Returns
     /// -------
@@ -150,14 +153,14 @@ impl OnlinePredictor {
     /// Raises
     /// ------
     /// ValueError
-    ///     If there are fewer states than the features look back.
+    ///     If there are fewer states than the features need.
     fn predict<'py>(&self, py: Python<'py>) -> Result<(Array<'py>, Array<'py>), Error> {
         let sets = py.detach(|| self.lock().predict().map(<[InputBounds]>::to_vec))?;
         stacked(py, sets.iter())
     }
 
-    /// Predicts as `predict` does, and returns the reachable sets under these bounds: from the human's last pose, at the speed
-    /// and with the steps of the parameters.
+    /// Predicts like `predict`, and returns the reachable sets under these bounds: from the human's last pose,
+    /// with the speed and the steps of the parameters.
     ///
     /// Returns
     /// -------
@@ -179,14 +182,14 @@ impl OnlinePredictor {
         Ok(sets.into_iter().map(set).collect::<Result<_, _>>()?)
     }
 
-    /// How far a plan that begins now stays clear of where the human may be.
+    /// Clearance of a plan that starts now from where the human may be.
     ///
     /// Parameters
     /// ----------
     /// plan, radius_m, corners, most_speed_mps, most_turn_rate_radps
     ///     As for `Shfrs.clear`.
     ///
-    /// Returns
+    /// As for `Shfrs.clear`: −∞ throughout if `departure` is not `None`.
     /// -------
     /// array of float64, shape (m, T)
     ///     As `Shfrs.clear` returns: −∞ throughout if `departure` is not `None`.
@@ -194,7 +197,7 @@ impl OnlinePredictor {
     /// Raises
     /// ------
     /// ValueError
-    ///     If there is no prediction since the last state; and as for `Shfrs.clear`.
+    ///     If there was no prediction since the last state; and as for `Shfrs.clear`.
     #[pyo3(signature = (plan, radius_m, *, corners=None, most_speed_mps=None, most_turn_rate_radps=None))]
     fn clear<'py>(
         &self,
@@ -221,12 +224,12 @@ impl OnlinePredictor {
         Ok(((self.model.clone_ref(py), settings), named))
     }
 
-    /// The states that it knows, to push again, and whether it predicted.
+    /// Its states, to push again, and whether it has predicted.
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, bool)> {
         let (states, predicted) = py.detach(|| {
             let online = self.lock();
             let mut states = online.history().to_vec();
-            // Of the state before the history, the robot does not matter.
+            // Only the human's pose before the history matters, not the robot's.
             if let ([only], Some(human)) = (&states[..], online.before()) {
                 states.insert(0, JointState { human, ..*only });
             }
@@ -267,7 +270,7 @@ impl OnlinePredictor {
         Ok(py.detach(clear)?)
     }
 
-    /// Whether the human drove like the vehicle in the last step.
+    /// Checks that the human's vehicle can have driven the last step.
     pub(crate) fn check_human(&self, py: Python<'_>) -> Result<(), Invalid> {
         py.detach(|| self.lock().check_human())
     }
@@ -277,13 +280,14 @@ impl OnlinePredictor {
         human.predicted_by(self.model.get(), &self.parameters)
     }
 
-    /// Only while the interpreter is released: whoever holds the lock may be waiting for it.
+    /// Call only while the interpreter is released: a thread that holds the lock may be waiting for the
+    /// interpreter.
     fn lock(&self) -> MutexGuard<'_, clearance::OnlinePredictor> {
         self.online.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The state that was pushed last.
+/// The last state pushed.
 fn present(online: &clearance::OnlinePredictor) -> Result<JointState, Invalid> {
     let last = online.history().last().copied();
     last.ok_or_else(|| Invalid::new("history", "at least one state", "none"))

@@ -1,4 +1,4 @@
-//! A robot's plan: how far it stays clear of where the human may be.
+//! A robot's plan, and its clearance from where the human may be.
 
 use pyo3::prelude::*;
 use sidestep::bounds::InputBounds;
@@ -15,7 +15,7 @@ use crate::arrays::{Array, Numbers, numbers, place, pose, poses, rows, shaped, w
 use crate::error::Error;
 use crate::scalars::real;
 
-/// A plan, as methods take it.
+/// The plan arguments of a method.
 pub(crate) struct Asked<'a, 'py> {
     pub(crate) plan: &'a Bound<'py, PyAny>,
     pub(crate) radius_m: f64,
@@ -24,21 +24,21 @@ pub(crate) struct Asked<'a, 'py> {
     pub(crate) most_turn_rate_radps: Option<f64>,
 }
 
-/// A plan and the ground that the robot covers.
+/// A plan and the robot's footprint.
 pub(crate) struct Planned {
     pub(crate) plan: Plan,
     pub(crate) footprint: Footprint,
 }
 
 impl Asked<'_, '_> {
-    /// The plan of the robot of `parameters`, which is at `now`.
+    /// Checks the plan of the robot of `parameters`, which is at `now`.
     pub(crate) fn check(
         &self,
         now: Pose,
         parameters: &scene::SceneParameters,
     ) -> Result<Planned, Error> {
         let mut ahead = poses("plan", self.plan)?;
-        // What `drive` makes knows its steps.
+        // A plan from `drive` carries the length of its steps.
         let made_for = self.plan.getattr_opt("step_s")?.filter(|step_s| !step_s.is_none());
         if let Some(step_s) = made_for.map(|step_s| real(&step_s)).transpose()?
             && (step_s - parameters.step_s).abs() > 1e-9 * parameters.step_s
@@ -80,7 +80,7 @@ impl Asked<'_, '_> {
     }
 }
 
-/// Restates a complaint about a list of poses, whose first is the present one, in terms of the plan alone.
+/// Converts an error about a list of poses that starts with the current one to one about the plan alone.
 fn of_array(mut invalid: Invalid, poses: usize) -> Invalid {
     for i in (0..poses).rev() {
         let theirs = format!("poses[{i}]");
@@ -98,7 +98,8 @@ fn of_array(mut invalid: Invalid, poses: usize) -> Invalid {
 }
 
 impl Planned {
-    /// The clearance from each of the sets of a human who is at `now`, and may have `departed` from what the vehicle drives.
+    /// The clearance from each of the sets of a human at `now`, who may have `departed` from the motion of the
+    /// vehicle.
     pub(crate) fn clearances(
         &self,
         now: Pose,
@@ -130,14 +131,15 @@ pub(crate) fn proved<'py>(py: Python<'py>, found: &Clearances) -> PyResult<Array
 /// speed_mps : float, or array of float64 of the shape of `turn_rates`
 ///     Speed in each step, m/s; negative: backward.
 /// turn_rates : array of float64, shape (…, T), T ≥ 1
-///     Turn rate in each step, rad/s, left positive; at most half a turn a step, of which `clear` refuses exactly half.
+///     Turn rate in each step, rad/s, left positive; at most half a turn per step. `clear` refuses exactly half
+///     a turn.
 /// step_s : float
-///     Length of a step > 0, s: that of the parameters of the prediction.
+///     Length of a step > 0, s; must be that of the parameters of the prediction.
 ///
 /// Returns
 /// -------
 /// array of float64, shape (…, T, 3)
-///     The poses (x, y, ψ) after steps 1 … T, without the present one, world frame, m, m, rad in (−π, π].
+///     The poses (x, y, ψ) after steps 1 … T, without the current one, world frame, m, m, rad in (−π, π].
 #[pyfunction]
 #[pyo3(name = "drive")]
 pub(crate) fn drive_all<'py>(
@@ -157,7 +159,7 @@ pub(crate) fn drive_all<'py>(
         [speed] if speeds.shape.is_empty() => vec![speed; rates.len()],
         _ if speeds.shape == shape => speeds.values,
         _ => {
-            let expected = format!("{shape:?} as turn_rates has, or a number");
+            let expected = format!("{shape:?} as turn_rates, or a number");
             return Err(wrong_shape("speed_mps", &expected, &speeds.shape));
         }
     };
@@ -180,20 +182,20 @@ pub(crate) fn drive_all<'py>(
     Ok(shaped(py, found, &[&shape[..], &[3]].concat())?)
 }
 
-/// The largest set of which a plan is clear throughout; it is clear of all smaller ones, too.
+/// The largest set of which a plan is clear throughout; it is then clear of all smaller sets.
 ///
 /// Parameters
 /// ----------
 /// clearances : array of float64, shape (m, T)
-///     As `Shfrs.clear` and `OnlinePredictor.clear` return them, m: for each set, the smallest first, and each step. −∞ is
-///     clear of nothing.
+///     As returned by `Shfrs.clear` and `OnlinePredictor.clear`, m: for each set, the smallest first, and each
+///     step. −∞ means not clear of any set.
 /// margin_m : float
 ///     A plan is clear of a set if its clearance exceeds this, m, ≥ 0.
 ///
 /// Returns
 /// -------
 /// int or None
-///     Counted from 0, as in `Shfrs.sets`; `None` if the plan is not clear of the smallest.
+///     Index of the set from 0, as in `Shfrs.sets`; `None` if the plan is not clear of the smallest.
 #[pyfunction]
 #[pyo3(signature = (clearances, margin_m=0.0))]
 pub(crate) fn largest_clear(
@@ -212,10 +214,10 @@ pub(crate) fn largest_clear(
     Ok(values.chunks_exact(steps).rposition(clear))
 }
 
-/// Clearances, among which −∞ is one.
+/// Clearances, which may be −∞.
 fn clearances_or_nothing(clearances: &Bound<'_, PyAny>) -> Result<Numbers, Error> {
     let numpy = clearances.py().import("numpy")?;
-    // Whatever is no array of numbers is refused below.
+    // Anything that is not an array of numbers is refused below.
     let bounded = numpy.call_method1("maximum", (clearances, f64::MIN));
     numbers("clearances", "(m, T)", bounded.as_ref().unwrap_or(clearances))
 }

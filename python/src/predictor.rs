@@ -1,4 +1,4 @@
-//! Trained models, and the features that they look at.
+//! Trained models and their features.
 
 use std::path::PathBuf;
 
@@ -19,13 +19,13 @@ use crate::vehicles::SceneParameters;
 
 /// A trained model with its features: a probability for each class.
 ///
-/// `Predictor.load` reads a predictor.json, which `sidestep analyze` and `save` write; `sidestep.from_sklearn` makes
-/// one of an estimator, and `Predictor.constant` one that looks at nothing.
+/// `Predictor.load` reads a predictor.json written by `sidestep analyze` or `save`; `sidestep.from_sklearn`
+/// converts an estimator, and `Predictor.constant` makes a predictor without features.
 #[pyclass(frozen, eq, module = "sidestep")]
 #[derive(PartialEq)]
 pub(crate) struct Predictor {
     pub(crate) predictor: predict::Predictor,
-    /// What the classes mean, as the file says.
+    /// The meaning of the classes, if the file states it.
     experiment: Option<u8>,
 }
 
@@ -36,30 +36,30 @@ impl Predictor {
     /// Raises
     /// ------
     /// ValueError
-    ///     If it is malformed, has an unknown feature or kind, or a format of another version.
+    ///     If the file is malformed, has an unknown feature or kind, or another format version.
     #[staticmethod]
     fn load(path: PathBuf) -> Result<Self, Error> {
         let text = String::from_utf8(read(&path)?);
         Self::from_json(&text.map_err(|error| Invalid::new("predictor", "UTF-8", error))?)
     }
 
-    /// The predictor that a text in the form of predictor.json describes.
+    /// Parses the text of a predictor.json.
     #[staticmethod]
     fn from_json(text: &str) -> Result<Self, Error> {
         Self::of_file(from_json(text).map_err(|unread| Error::unread("predictor", unread))?)
     }
 
-    /// The predictor that gives the same probabilities in every state.
+    /// A predictor with the same probabilities in every state.
     ///
     /// Parameters
     /// ----------
     /// classes : list of int
-    ///     Rising, −128 to 127: −1 right, 0 straight, 1 left; others only with `actions`.
+    ///     Increasing, −128 to 127: −1 right, 0 straight, 1 left; others only with `actions`.
     /// probabilities : array of float64, shape (classes,)
-    ///     Of each class, 0 to 1, summing to 1.
+    ///     Of each class, 0 to 1; their sum is 1.
     /// actions : array of float64, shape (classes,), optional
-    ///     The turn rate of each class, rad/s, left positive, rising; by default each class times the human's turn
-    ///     rate.
+    ///     The turn rate of each class, rad/s, left positive, increasing; by default each class times the
+    ///     human's turn rate.
     ///
     /// Returns
     /// -------
@@ -82,7 +82,7 @@ impl Predictor {
         if let Some(actions) = actions {
             predictor = predictor.with_actions(list("actions", actions)?)?;
         }
-        // What a file may not hold is no predictor.
+        // Refuse a predictor that a file could not contain.
         let predictor = PredictorFile::from(&predictor).try_into()?;
         Ok(Self { predictor, experiment: None })
     }
@@ -95,7 +95,7 @@ impl Predictor {
     /// The text of predictor.json.
     fn to_json(&self) -> Result<String, Error> {
         serde_json::to_string(&self.file())
-            .map_err(|error| Invalid::new("predictor", "numbers that JSON has", error).into())
+            .map_err(|error| Invalid::new("predictor", "finite numbers, as in JSON", error).into())
     }
 
     /// The names of its features, in the order of the columns.
@@ -104,20 +104,21 @@ impl Predictor {
         self.predictor.features().clone().into()
     }
 
-    /// The classes, rising: −1 right, 0 straight, 1 left.
+    /// The classes, increasing: −1 right, 0 straight, 1 left.
     #[getter]
     fn classes(&self) -> Vec<i64> {
         self.predictor.classes().iter().copied().map(i64::from).collect()
     }
 
-    /// The turn rate of each class, rad/s, left positive, if they were given; otherwise each class, −1, 0 or 1, is
-    /// taken times the turn rate of the human of the parameters.
+    /// The turn rate of each class, rad/s, left positive, if given; otherwise each class (−1, 0 or 1) is
+    /// multiplied by the turn rate of the human of the parameters.
     #[getter]
     fn actions(&self) -> Option<Vec<f64>> {
         self.predictor.actions().map(<[f64]>::to_vec)
     }
 
-    /// What the classes mean, if the file says so: 1 the direction of a turn, 2 whether the human avoids.
+    /// The meaning of the classes, if the file states it: 1 the direction of a turn, 2 whether the human
+    /// avoids.
     #[getter]
     fn experiment(&self) -> Option<u8> {
         self.experiment
@@ -128,7 +129,7 @@ impl Predictor {
     /// Parameters
     /// ----------
     /// rows : array of float64, shape (n, features)
-    ///     Features as they are, not standardised, in the order of `features`.
+    ///     Raw features, not standardised, in the order of `features`.
     ///
     /// Returns
     /// -------
@@ -147,8 +148,8 @@ impl Predictor {
         Ok(shaped(py, found, &[n, classes])?)
     }
 
-    /// The class that the model predicts for each row: the likeliest, the lowest on a tie; for support vector
-    /// machines the one with the most votes.
+    /// The predicted class of each row: the likeliest, the lowest if tied; for support vector machines the one
+    /// with the most votes.
     ///
     /// Parameters
     /// ----------
@@ -176,7 +177,7 @@ impl Predictor {
 }
 
 impl Predictor {
-    /// The predictor of a file.
+    /// Creates the predictor of a file.
     pub(crate) fn of_file(file: PredictorFile) -> Result<Self, Error> {
         let experiment = file.experiment;
         if let Some(other) = experiment.filter(|number| !(1..=2).contains(number)) {
@@ -187,7 +188,7 @@ impl Predictor {
         Ok(Self { predictor, experiment })
     }
 
-    /// What the file of it holds.
+    /// Content of its file.
     pub(crate) fn file(&self) -> PredictorFile {
         PredictorFile { experiment: self.experiment, ..PredictorFile::from(&self.predictor) }
     }
@@ -207,19 +208,19 @@ impl Predictor {
 /// Parameters
 /// ----------
 /// history : array of float64, shape (n, 2, 3), n ≥ 1
-///     Joint states from the beginning of the trial on, one a step: the poses (x, y, ψ) of the human and of the
+///     Joint states from the start of the trial on, one per step: the poses (x, y, ψ) of the human and of the
 ///     robot in the world frame, m, m, rad.
 /// names : list of str
 ///     As in `FEATURES`.
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
-///     Needed if the vehicles differ and a feature is a safety level.
+///     Required if the vehicles differ and a feature is a safety level.
 ///
 /// Returns
 /// -------
 /// array of float64, shape (n, names)
-///     Row i follows from the states up to i alone. `FEATURES` has units and meanings.
+///     Row i depends only on the states up to i. `FEATURES` has units and meanings.
 #[pyfunction]
 #[pyo3(signature = (history, names, *, parameters=None, safety=None))]
 pub(crate) fn features<'py>(
@@ -252,7 +253,7 @@ pub(crate) fn feature_table() -> Vec<(&'static str, &'static str, &'static str)>
     FEATURES.iter().map(|feature| (feature.name, feature.unit, feature.meaning)).collect()
 }
 
-/// Rows of features that a model has finite scores for.
+/// Rows of features small enough for finite scores.
 fn feature_rows(width: usize, rows: &Bound<'_, PyAny>) -> Result<(usize, Vec<f64>), Error> {
     let (n, rows) = matrix("rows", width, rows)?;
     if let Some(place) = rows.iter().position(|value| value.abs() > MOST_FEATURE) {
@@ -263,5 +264,5 @@ fn feature_rows(width: usize, rows: &Bound<'_, PyAny>) -> Result<(usize, Vec<f64
     Ok((n, rows))
 }
 
-/// Features are no larger: scores of larger ones could overflow.
+/// Upper bound of features: scores of larger ones could overflow.
 const MOST_FEATURE: f64 = 1e100;

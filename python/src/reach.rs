@@ -21,17 +21,17 @@ use crate::scalars::{real, whole};
 /// start : array of float64, shape (3,)
 ///     The pose (x, y, ψ) now, world frame, m, m, rad.
 /// lo, hi : array of float64, shape (T,), 1 ≤ T ≤ 100
-///     Lowest and highest turn rate of each step, rad/s, left positive; at most half a turn a step. Bounds that forbid
-///     driving straight by less than 10⁻⁵ rad in all steps together are taken to allow it.
+///     Lowest and highest turn rate of each step, rad/s, left positive; at most half a turn per step. Bounds
+///     that exclude driving straight by less than 10⁻⁵ rad over all steps are treated as if they allowed it.
 /// speed_mps : float
-///     > 0, m/s; a step is at most 100 m. The paper's by default.
+///     Speed > 0, m/s; at most 100 m per step. By default the paper's.
 /// step_s : float
 ///     Length of a step > 0, s; the paper's by default.
 #[pyclass(frozen, eq, module = "sidestep")]
 #[derive(PartialEq)]
 pub(crate) struct ReachableSet {
     pub(crate) set: reach::ReachableSet,
-    /// What it was made of.
+    /// The bounds it was created from.
     pub(crate) bounds: InputBounds,
     pub(crate) speed_mps: f64,
     pub(crate) step_s: f64,
@@ -63,23 +63,23 @@ impl ReachableSet {
     /// Parameters
     /// ----------
     /// accuracy_m : float
-    ///     How far edges may lie from the true boundary, m; 10⁻⁶ to 1. Where that would take too much work, at large turns a
-    ///     step, over many steps or at high accuracy, the polygon is larger, and contains the set.
+    ///     Largest distance of edges from the true boundary, m; 10⁻⁶ to 1. Where that would be too expensive,
+    ///     for large turns per step, many steps or high accuracy, the polygon is larger and contains the set.
     /// conservative : bool
-    ///     Whether the polygon must contain the set, instead of following its boundary to either side.
+    ///     Whether the polygon must contain the set; otherwise it follows the boundary on either side.
     /// return_margin : bool
     ///     Whether to also return the margin.
     ///
     /// Returns
     /// -------
     /// polygon : array of float64, shape (n, 2)
-    ///     Vertices (x, y), world frame, m, counter-clockwise, the first not repeated. If the bounds leave no choice,
-    ///     a strip along the path, a five-hundredth of the accuracy wide.
+    ///     Vertices (x, y), world frame, m, counter-clockwise; the first is not repeated. If the bounds leave no
+    ///     choice, a strip along the path whose width is a five-hundredth of the accuracy.
     /// margin_m : float
-    ///     Only with `return_margin`, m. 0: the polygon follows the boundary to either side, but for sharp corners, which
-    ///     can stick out by several times the accuracy. Otherwise it contains the set: it was grown by that much, and lies
-    ///     farther outside where it was drawn coarsely. Infinity: it is convex, since following the boundary would have
-    ///     taken too much work.
+    ///     Only with `return_margin`, m. If 0, the polygon follows the boundary on either side, except at sharp
+    ///     corners, which can stick out by several times the accuracy. Otherwise the polygon contains the set: it
+    ///     was grown by this much, and is farther outside where it was drawn coarsely. Infinite if it is convex,
+    ///     because following the boundary would have been too expensive.
     #[pyo3(signature = (*, accuracy_m=1e-3, conservative=false, return_margin=false))]
     fn tube<'py>(
         &self,
@@ -127,10 +127,10 @@ impl ReachableSet {
         polygon(py, return_margin, draw)
     }
 
-    /// Whether each state, position and heading, is reached after exactly `step` steps.
+    /// Whether each state (position and heading) is reached after exactly `step` steps.
     ///
-    /// It is never false for a state within the tolerance of a reachable one. At large turns a step it can be true for others:
-    /// where a bounded amount of work does not prove that a state is outside, it counts as reached.
+    /// Never false for a state within the tolerance of a reachable one. For large turns per step it can be true
+    /// for other states: a state counts as reached unless a bounded amount of work proves that it is outside.
     ///
     /// Parameters
     /// ----------
@@ -139,7 +139,7 @@ impl ReachableSet {
     /// step : int
     ///     0 to T.
     /// position_m, heading_rad : float
-    ///     How far a state may be from a reachable one and still count, m and rad, ≥ 0.
+    ///     Tolerance: the largest distance of a state from a reachable one to count as reached, m and rad, ≥ 0.
     ///
     /// Returns
     /// -------
@@ -159,7 +159,8 @@ impl ReachableSet {
         Ok(each(py, states.len(), inside)?.into_pyarray(py))
     }
 
-    /// Whether a drive is inside at each step; as `contains` for each state, but all together take no more work than one may.
+    /// Whether a drive is inside at each step; like `contains` for each state, but the bound on the work holds
+    /// for all of them together.
     ///
     /// Parameters
     /// ----------
@@ -235,8 +236,8 @@ impl ReachableSet {
 
 /// The reachable set of each of m sets of bounds, as `bounds` returns them.
 ///
-/// Speed and step are the paper's unless you give them: the bounds do not know those of their prediction.
-/// `Shfrs.sets` and `OnlinePredictor.sets` have the sets of a prediction with its own.
+/// Speed and step are the paper's unless given: the bounds do not contain those of their prediction.
+/// `Shfrs.sets` and `OnlinePredictor.sets` use those of the prediction.
 ///
 /// Parameters
 /// ----------
@@ -245,7 +246,7 @@ impl ReachableSet {
 /// lo, hi : array of float64, shape (m, T), 1 ≤ T ≤ 100
 ///     Lowest and highest turn rate of each step, rad/s, left positive.
 /// speed_mps : float
-///     m/s; a step is at most 100 m. The paper's by default.
+///     Speed, m/s; at most 100 m per step. By default the paper's.
 /// step_s : float
 ///     Length of a step, s; the paper's by default.
 ///
@@ -288,7 +289,7 @@ pub(crate) fn reach_all(
     .collect()
 }
 
-/// One to `most` poses, those after each step.
+/// One to `most` poses, one after each step.
 pub(crate) fn drive(
     field: &str,
     most: usize,
@@ -302,7 +303,7 @@ pub(crate) fn drive(
     Ok(states)
 }
 
-/// A drawn polygon as an array, and its margin if that is asked for.
+/// A polygon as an array, with its margin on request.
 fn polygon(
     py: Python<'_>,
     return_margin: bool,
@@ -317,7 +318,7 @@ fn polygon(
     Ok(polygon.into_any())
 }
 
-/// By how much a polygon was grown, m; infinite for one that does not follow its set.
+/// By how much a polygon was grown, m; infinite for one that does not follow the boundary.
 pub(crate) fn margin_m(outline: Outline) -> f64 {
     match outline {
         Outline::Refined { margin_m } => margin_m,
@@ -325,7 +326,7 @@ pub(crate) fn margin_m(outline: Outline) -> f64 {
     }
 }
 
-/// How polygons are drawn.
+/// Settings for drawing polygons.
 pub(crate) fn drawn(accuracy_m: f64, conservative: bool) -> Result<PolygonSettings, Error> {
     let settings = PolygonSettings::new(accuracy_m, 8)?;
     Ok(if conservative { settings.conservative() } else { settings })

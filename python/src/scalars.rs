@@ -1,5 +1,5 @@
-//! Numbers and words from Python. Whole numbers of any size are accepted where they are too large for a machine's number:
-//! the largest one stands for them, and infinity among real numbers, so that whoever checks the argument names it.
+//! Numbers and words from Python. Integers beyond the machine's range are accepted and clamped to the largest
+//! one (infinity for real numbers), so that the check of the argument reports its name.
 
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -14,7 +14,7 @@ pub(crate) fn real(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     or_largest(object, [f64::NEG_INFINITY, f64::INFINITY])
 }
 
-/// The argument `horizon_s`, which may be infinite: a whole number that is too large is not.
+/// The argument `horizon_s`. It may be infinite, but not an integer that is too large.
 pub(crate) fn horizon(object: &Bound<'_, PyAny>) -> PyResult<f64> {
     let horizon_s = real(object)?;
     if horizon_s.is_infinite() && object.is_instance_of::<pyo3::types::PyInt>() {
@@ -66,7 +66,7 @@ pub(crate) fn seed(object: &Bound<'_, PyAny>) -> PyResult<u64> {
     })
 }
 
-/// A number, or the least or the largest one for a whole number that is beyond.
+/// A number; an integer out of range is clamped to the least or the largest one.
 fn or_largest<'py, T>(object: &Bound<'py, PyAny>, [least, largest]: [T; 2]) -> PyResult<T>
 where
     T: for<'a> FromPyObject<'a, 'py, Error = PyErr>,
@@ -79,7 +79,8 @@ where
     })
 }
 
-/// Functions with the names of arguments that are words: Python's own complaint about what is no string does not name them.
+/// Defines functions that extract string arguments by name: Python's own error for a value that is not a string
+/// does not name the argument.
 macro_rules! words {
     ($($argument:ident),*) => {$(
         pub(crate) fn $argument<'a>(object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {

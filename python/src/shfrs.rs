@@ -1,4 +1,4 @@
-//! Stochastic human forward reachable sets, predicted and calibrated.
+//! Stochastic human forward reachable sets.
 
 use std::sync::{Arc, Mutex};
 
@@ -30,8 +30,9 @@ use crate::vehicles::SceneParameters;
 
 /// Nested forward reachable sets F_1 ⊆ F_2 ⊆ … of the human, predicted from the states so far.
 ///
-/// They assume that the human goes on at the speed of the parameters and within its turn rate: for one who stands still, or
-/// moves slower or faster, they prove nothing. `departure` says if the last step was such a one; `clear` is then −∞.
+/// They assume that the human continues at the speed of the parameters and within its turn rate: they prove
+/// nothing about a human who stands still, or moves slower or faster. `departure` says whether the last step
+/// was like that; `clear` is then −∞.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Shfrs {
     pub(crate) found: shfrs::Shfrs,
@@ -42,7 +43,7 @@ pub(crate) struct Shfrs {
     pub(crate) source: Arc<Source>,
 }
 
-/// What predicts.
+/// The source of the prediction.
 pub(crate) struct Source {
     pub(crate) human: Human,
     pub(crate) settings: shfrs::ShfrsSettings,
@@ -69,15 +70,15 @@ impl Shfrs {
         Ok(stacked(py, self.bounds())?.1)
     }
 
-    /// The tube of each set, every position within the coming steps: m polygons of shape (n, 2), world frame, m,
-    /// counter-clockwise.
+    /// The tube of each set, which has every position within the coming steps: m polygons of shape (n, 2),
+    /// world frame, m, counter-clockwise.
     #[getter]
     fn tubes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
         self.found.sets.iter().map(|set| points(py, &set.tube)).collect()
     }
 
-    /// By how much each tube was grown so that it contains its set, m, shape (m,), as `ReachableSet.tube` returns it: 0 if
-    /// it follows the boundary, infinity if it is a convex polygon around the set.
+    /// By how much each tube was grown so that it contains its set, m, shape (m,), as returned by
+    /// `ReachableSet.tube`: 0 if it follows the boundary, infinite if it is a convex polygon around the set.
     #[getter]
     fn margins_m<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let margins = self.found.sets.iter().map(|set| margin_m(set.tube_outline));
@@ -90,9 +91,9 @@ impl Shfrs {
         self.found.sets.iter().map(|set| set.area_m2).collect::<Vec<_>>().into_pyarray(py)
     }
 
-    /// The areas of the sets as shares of the worst case's, of everything that the human's vehicle can reach meanwhile, shape
-    /// (m,), at most 1: near 1, a set says no more than the vehicle does. `areas_m2` are those of the polygons, which differ
-    /// from the sets by their accuracy.
+    /// The areas of the sets as shares of the worst case's area, that of everything the human's vehicle can
+    /// reach, shape (m,), at most 1: a set with a share near 1 says no more than the vehicle does. `areas_m2`
+    /// are those of the polygons, which differ from the sets by their accuracy.
     #[getter]
     fn shares_of_worst_case<'py>(
         &self,
@@ -100,7 +101,8 @@ impl Shfrs {
     ) -> Result<Bound<'py, PyArray1<f64>>, Error> {
         let Source { human, settings, .. } = &*self.source;
         let worst = worst_case_area_m2(&human.parameters, settings.bounds.steps())?;
-        // By one rule for both; where it is that of a polygon, smaller bounds may give a larger area by its accuracy.
+        // Both areas follow the same rule; with polygon areas, tighter bounds could seem to have a larger area,
+        // within the accuracy.
         let share = |set: &shfrs::NestedSet| {
             Ok((tube_area_m2(&set.bounds, &human.parameters)? / worst).min(1.0))
         };
@@ -108,14 +110,16 @@ impl Shfrs {
         Ok(shares?.into_pyarray(py))
     }
 
-    /// The positions after exactly 1 … T steps, for each set: m lists of T polygons, or of none without `by_step`.
+    /// The positions after exactly 1 … T steps, for each set: m lists of T polygons; empty lists without
+    /// `by_step`.
     #[getter]
     fn step_polygons<'py>(&self, py: Python<'py>) -> PyResult<Vec<Vec<Bound<'py, PyArray2<f64>>>>> {
         let of = |set: &shfrs::NestedSet| set.steps.iter().map(|step| points(py, step)).collect();
         self.found.sets.iter().map(of).collect()
     }
 
-    /// By how much each of `step_polygons` was grown, m, shape (m, T), or (m, 0) without `by_step`; as `margins_m`.
+    /// By how much each of `step_polygons` was grown, m, shape (m, T), or (m, 0) without `by_step`; as
+    /// `margins_m`.
     #[getter]
     fn step_margins_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let sets = &self.found.sets;
@@ -124,15 +128,15 @@ impl Shfrs {
         margins.collect::<Vec<_>>().into_pyarray(py).reshape([sets.len(), steps])
     }
 
-    /// Why the sets say nothing of the human's next steps: the last step of the history was none that the human's vehicle of
-    /// the parameters can drive, to a millimetre and a milliradian; in words, with what was measured. `None` if it was, if the
-    /// history has one state, or with `assume_vehicle`.
+    /// Why the sets say nothing about the human's next steps: the human's vehicle of the parameters cannot have
+    /// driven the last step of the history, to a millimetre and a milliradian; in words, with the measurement.
+    /// `None` if it can, if the history has one state, or with `assume_vehicle`.
     #[getter]
     fn departure(&self) -> Option<String> {
         self.departed().map(|found| found.to_string())
     }
 
-    /// The sets themselves, m of them, for other polygons and for states.
+    /// The m reachable sets, for other polygons and for tests of states.
     #[getter]
     fn sets(&self) -> Vec<ReachableSet> {
         let (human, step_s) = (self.source.human.parameters.human, self.step_s());
@@ -146,15 +150,15 @@ impl Shfrs {
         .collect()
     }
 
-    /// Whether a drive is inside each set at every one of its steps. What is not decided within a bounded amount of work counts
-    /// as outside, so that shares of contained drives are never too large.
+    /// Whether a drive is inside each set at every one of its steps. What is undecided after a bounded amount
+    /// of work counts as outside, so that shares of contained drives are never too large.
     ///
     /// Parameters
     /// ----------
     /// states : array of float64, shape (t, 3), 1 ≤ t ≤ T
     ///     The human's poses after steps 1 … t, world frame, m, m, rad.
     /// position_m, heading_rad : float
-    ///     How far a state may be from a reachable one and still count, m and rad, ≥ 0.
+    ///     Tolerance: the largest distance of a state from a reachable one to count as reached, m and rad, ≥ 0.
     ///
     /// Returns
     /// -------
@@ -174,40 +178,43 @@ impl Shfrs {
         Ok(each(py, self.reachable.len(), inside)?.into_pyarray(py))
     }
 
-    /// How far a plan of the robot that begins now stays clear of where the human may be: at every instant, not only
+    /// Clearance of a plan of the robot that starts now from where the human may be: at every instant, not only
     /// at the ends of steps, and proved for a human at the speed of the parameters, whatever the turn rates.
     ///
-    /// Between two poses the robot holds its speed and its turn rate. If yours deviates from that, add how far to `radius_m`;
-    /// the human is a point: add a radius for the body, too.
+    /// Between two poses the robot holds its speed and its turn rate. If your robot deviates from that, add the
+    /// deviation to `radius_m`. The human is a point: also add a radius for the body.
     ///
     /// Parameters
     /// ----------
     /// plan : array of float64, shape (T, 3)
-    ///     The robot's poses (x, y, ψ) after steps 1 … T, as `drive` makes them, world frame, m, m, rad. The present
-    ///     pose is not among them: the robot is now where the last state of the history says. (Rust's `Plan` begins
-    ///     with it.)
+    ///     The robot's poses (x, y, ψ) after steps 1 … T, as returned by `drive`, world frame, m, m, rad. The
+    ///     current pose is not included: it is that of the robot in the last state of the history. (Rust's
+    ///     `Plan` starts with it.)
     /// radius_m : float
-    ///     Of a disc around the robot's position, m, 0 to 10⁴; with `corners`, how far the robot extends beyond them.
+    ///     Radius of a disc around the robot's position, m, 0 to 10⁴; with `corners`, how far the robot extends
+    ///     beyond them.
     /// corners : array of float64, shape (n, 2), optional
     ///     Corners of the robot, whose convex hull counts, in its frame: x ahead, y to the left, m.
     /// most_speed_mps, most_turn_rate_radps : float, optional
-    ///     What the robot can do, > 0, m/s and rad/s: a plan that exceeds it is refused as a jump. By default the speed
-    ///     and turn rate of the robot of the parameters.
+    ///     Limits of the robot, > 0, m/s and rad/s: a plan that exceeds them is refused as a jump. By default
+    ///     the speed and turn rate of the robot of the parameters.
     /// accuracy_m : float
-    ///     How far a clearance up to 2 m may be below the true one, m; 10⁻⁴ to 10. It can be lower still where the search
-    ///     is cut short, at large turns a step or over tens of steps.
+    ///     How far a clearance of up to 2 m may be below the true value, m; 10⁻⁴ to 10. It can be lower still
+    ///     where the search is cut short, for large turns per step or over tens of steps.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (m, T)
-    ///     For each set and step: nobody who drives within the set comes nearer to the robot, m. At ≤ 0 they may touch; how far
-    ///     below 0 says nothing. −∞ throughout if the human's last step was none that the vehicle can drive: `departure` says
-    ///     why. `largest_clear` takes it.
+    ///     For each set and step, a lower bound on the distance from the robot to any human who drives within
+    ///     the set, m. At ≤ 0 they may touch; the magnitude of a negative value has no meaning. −∞ throughout
+    ///     if the vehicle cannot have driven the human's last step: `departure` gives the reason. Input of
+    ///     `largest_clear`.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If the plan has another shape than (T, 3), jumps (it says where), or was made by `drive` for other steps.
+    ///     If the plan has another shape than (T, 3), jumps (the message says where), or was made by `drive`
+    ///     for other steps.
     #[pyo3(signature = (plan, radius_m, *, corners=None, most_speed_mps=None, most_turn_rate_radps=None, accuracy_m=0.02))]
     fn clear<'py>(
         &self,
@@ -227,7 +234,7 @@ impl Shfrs {
         self.found.sets.len()
     }
 
-    /// The same sets, predicted in the same way.
+    /// Whether the sets and their source are the same.
     fn __eq__(&self, other: &Self) -> bool {
         self.found == other.found
             && (self.now, self.before) == (other.now, other.before)
@@ -240,7 +247,7 @@ impl Shfrs {
         self.found.sets.len()
     }
 
-    /// The sets that `predictor` predicted after these states, the last one or two, as bounds of shape (m, T).
+    /// The sets that `predictor` predicted after these one or two last states, from bounds of shape (m, T).
     #[staticmethod]
     #[pyo3(name = "_of")]
     fn of(
@@ -308,7 +315,7 @@ impl Shfrs {
         Ok(py.detach(find)?)
     }
 
-    /// How the last step was none of the vehicle.
+    /// How the last step departs from the motion of the vehicle, if so.
     fn departed(&self) -> Option<Departure> {
         let before = self.before.filter(|_| !self.source.assume_vehicle)?;
         departure(&self.source.human.parameters, before.human, self.now.human)
@@ -318,7 +325,7 @@ impl Shfrs {
         self.source.human.parameters.step_s
     }
 
-    /// Whether the human drove like the vehicle in the last step.
+    /// Checks that the human's vehicle can have driven the last step.
     pub(crate) fn check_human(&self) -> Result<(), Invalid> {
         let Some(before) = self.before else { return Ok(()) };
         check_step(&self.source.human.parameters, before.human, self.now.human)
@@ -330,25 +337,27 @@ impl Shfrs {
     }
 }
 
-/// Predicts sets online, frame by frame. The robot drives straight on.
+/// Predicts sets online, frame by frame. The robot drives straight ahead.
 ///
 /// Parameters
 /// ----------
 /// model : Predictor or ActionModel
-///     How likely each action of the human is.
+///     Probabilities of the human's actions.
 /// settings : ShfrsSettings, optional
-///     The paper's by default (`ShfrsSettings.paper`), ten steps of `step_s`, with ε in proportion to the human's turn rate.
+///     By default the paper's (`ShfrsSettings.paper`): ten steps of `step_s`, with ε in proportion to the
+///     human's turn rate.
 /// parameters : SceneParameters, optional
 ///     The paper's by default.
 /// safety : SafetyLevels, optional
-///     Needed if the vehicles differ and a feature of the model is a safety level.
+///     Required if the vehicles differ and a feature of the model is a safety level.
 /// assume_vehicle : bool
-///     Whether clearances assume that the human drives on like the vehicle of the parameters, even after a step that it cannot
-///     have driven (`Shfrs.departure`): they can then be positive for somebody who stands in the way.
+///     Whether clearances assume that the human drives on like the vehicle of the parameters, even after a step
+///     that this vehicle cannot have driven (`Shfrs.departure`). They can then be positive for a human who
+///     stands in the way.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct ShfrsPredictor {
     source: Arc<Source>,
-    /// Its memory serves one prediction at a time.
+    /// Its buffers serve one prediction at a time.
     frames: Mutex<shfrs::ShfrsPredictor>,
 }
 
@@ -384,13 +393,13 @@ impl ShfrsPredictor {
         Ok(((model, ShfrsSettings::of(&self.source.settings)), named))
     }
 
-    /// The sets that follow from the states so far.
+    /// Predicts the sets from the states so far.
     ///
     /// Parameters
     /// ----------
     /// history : array of float64, shape (n, 2, 3), n ≥ 1
-    ///     Joint states from the beginning to now, one a step: the poses (x, y, ψ) of the human and of the robot in
-    ///     the world frame, m, m, rad.
+    ///     Joint states from the start to now, one per step: the poses (x, y, ψ) of the human and of the robot
+    ///     in the world frame, m, m, rad.
     ///
     /// Returns
     /// -------
@@ -402,7 +411,7 @@ impl ShfrsPredictor {
         let parameters = &human.parameters;
         let mut watch = Watch::new();
         let predicted = human.work(py, |learned| {
-            // Another thread may be predicting, or a function of Python within its own prediction.
+            // Another thread may be predicting, or a Python function may predict within its own prediction.
             let mut other = shfrs::ShfrsPredictor::default();
             let mut kept = self.frames.try_lock().ok();
             let frames = kept.as_deref_mut().unwrap_or(&mut other);

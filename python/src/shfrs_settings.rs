@@ -19,26 +19,28 @@ use crate::kept::{self, New, SettingsFile};
 use crate::reach::drawn;
 use crate::scalars::{real, some_real, some_whole, some_wholes};
 
-/// How sets are predicted and drawn.
+/// Settings for predicting and drawing sets.
 ///
-/// `calibrate` finds an ε for a choice of actions. The choice itself, `k` or `tau`, is tuned by the command
+/// `calibrate` finds ε for a choice of actions. The choice itself, `k` or `tau`, is tuned by the command
 /// `sidestep shfrs` and by Rust's `tune`.
 ///
 /// Parameters
 /// ----------
 /// epsilon : array of float64, shape (m,)
-///     By how much each set widens the bounds, rad/s, rising from ≥ 0. A last one of twice the human's turn rate
-///     admits everything.
+///     By how much each set widens the bounds, rad/s; increasing, ≥ 0. A last one of twice the human's turn
+///     rate admits everything.
 /// k : list of int, optional
-///     How many of the likeliest actions count at each coming step; all that are as likely as the last of them count too.
+///     Number of the likeliest actions that count at each coming step; actions tied with the last of them count
+///     too.
 /// tau, steps : float and int, optional
-///     Instead of `k`: the probability in (0, 1] that makes an action count, and the number of coming steps.
+///     Instead of `k`: the probability in (0, 1] from which an action counts, and the number of coming steps.
 /// rollout : {"base", "paper"}
-///     Which bounds the simulations within Algorithm 1 follow: those before widening by ε ("base"), or those of F_1 ("paper").
+///     Bounds that the simulations within Algorithm 1 follow: before widening by ε ("base"), or of F_1
+///     ("paper").
 /// accuracy_m : float
-///     Of the polygons, m; 10⁻⁶ to 1.
+///     Accuracy of the polygons, m; 10⁻⁶ to 1.
 /// by_step : bool
-///     Whether to draw the positions after each step too, besides the tube.
+///     Whether to also draw the positions after each step, besides the tube.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, PartialEq)]
 pub(crate) struct ShfrsSettings {
@@ -70,18 +72,18 @@ impl ShfrsSettings {
         Ok(settings)
     }
 
-    /// The paper's settings of Figure 3, for three actions: ten steps; on the left, two actions count in the first two steps
-    /// and one from then on, with ε = 0, 0.15, 0.25, 0.4 and 1 rad/s.
+    /// The paper's settings of Figure 3, for three actions and ten steps. On the left, two actions count in the
+    /// first two steps and one from then on, with ε = 0, 0.15, 0.25, 0.4 and 1 rad/s.
     ///
     /// Parameters
     /// ----------
     /// figure : {"left", "middle", "right"}
-    ///     Which part of the figure.
+    ///     Part of the figure.
     /// turn_rate_radps : float
-    ///     The human's turn rate > 0, rad/s, that of the paper by default. The ε scale with it, so that the last one,
-    ///     twice as much, admits everything.
+    ///     The human's turn rate > 0, rad/s, by default the paper's. ε scales with it, so that the last one,
+    ///     twice the turn rate, admits everything.
     /// by_step : bool
-    ///     Whether to draw the positions after each step too.
+    ///     Whether to also draw the positions after each step.
     ///
     /// Returns
     /// -------
@@ -118,42 +120,42 @@ impl ShfrsSettings {
         self.epsilon.clone().into_pyarray(py)
     }
 
-    /// How many actions count at each coming step; `None` with `tau`.
+    /// Number of actions that count at each coming step; `None` with `tau`.
     #[getter]
     fn k(&self) -> Option<Vec<usize>> {
         if let ActionChoice::TopK(k) = &self.choice { Some(k.clone()) } else { None }
     }
 
-    /// The probability that makes an action count; `None` with `k`.
+    /// The probability from which an action counts; `None` with `k`.
     #[getter]
     fn tau(&self) -> Option<f64> {
         if let ActionChoice::Adaptive { tau, .. } = self.choice { Some(tau) } else { None }
     }
 
-    /// Coming steps, T.
+    /// Number of coming steps, T.
     #[getter]
     pub(crate) fn steps(&self) -> usize {
         self.choice.steps()
     }
 
-    /// What roll-outs follow.
+    /// Bounds that roll-outs follow.
     #[getter]
     fn rollout(&self) -> &'static str {
         self.rollout.word()
     }
 
-    /// Writes the settings as JSON. The laboratory's explorer and `sidestep shfrs --settings` read it, too, unless `accuracy_m`
-    /// or `by_step` was given, or there are more than ten sets.
+    /// Writes the settings as JSON. The laboratory's explorer and `sidestep shfrs --settings` can read the
+    /// file, unless `accuracy_m` or `by_step` was given, or there are more than ten sets.
     fn save(&self, path: PathBuf) -> Result<(), Error> {
         kept::saved("settings", &path, &self.file())
     }
 
-    /// Reads what `save`, or the laboratory's explorer, wrote.
+    /// Reads settings that `save` or the laboratory's explorer wrote.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     If it is malformed, has values that are not accepted, or a format of another version.
+    ///     If the file is malformed, has invalid values, or another format version.
     #[staticmethod]
     fn load(path: PathBuf) -> Result<Self, Error> {
         let file: SettingsFile = kept::loaded("settings", &path)?;
@@ -193,14 +195,14 @@ impl ShfrsSettings {
         BoundsSettings::new(self.epsilon.clone(), self.choice.clone(), self.rollout, actions)
     }
 
-    /// For a model with this number of actions.
+    /// Settings for a model with this number of actions.
     pub(crate) fn of_prediction(&self, actions: usize) -> Result<shfrs::ShfrsSettings, Error> {
         Ok(shfrs::ShfrsSettings::new(self.bounds(actions)?)
             .with_polygon(drawn(self.accuracy_m, false)?)
             .with_by_step(self.by_step))
     }
 
-    /// The settings of a prediction.
+    /// Creates settings from those of a prediction.
     pub(crate) fn of(settings: &shfrs::ShfrsSettings) -> Self {
         let bounds = &settings.bounds;
         Self {
@@ -212,7 +214,7 @@ impl ShfrsSettings {
         }
     }
 
-    /// What the file of them holds.
+    /// Content of their file.
     pub(crate) fn file(&self) -> SettingsFile {
         let (epsilon, steps) = (self.epsilon.clone(), self.steps());
         let mut file = SettingsFile::new(epsilon, self.k(), self.tau(), steps, self.rollout);
@@ -221,7 +223,7 @@ impl ShfrsSettings {
         file
     }
 
-    /// The settings of a file.
+    /// Creates settings from those of a file.
     pub(crate) fn of_file(file: &SettingsFile) -> Result<Self, Invalid> {
         let choice = file.choice()?;
         if choice.steps() > MOST_STEPS {
@@ -240,13 +242,13 @@ impl ShfrsSettings {
         &self.choice
     }
 
-    /// The same with other sets.
+    /// The same settings with other sets.
     pub(crate) fn with(&self, epsilon: Vec<f64>) -> Self {
         Self { epsilon, rollout: Rollout::Base, ..self.clone() }
     }
 }
 
-/// Of polygons, m, unless something else is asked for.
+/// Default accuracy of polygons, m.
 const USUAL_ACCURACY_M: f64 = 1e-3;
 
 /// The paper's settings for a model with this number of actions and the human of these parameters.

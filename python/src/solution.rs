@@ -1,4 +1,4 @@
-//! What is found on a grid: V as a function of state and time.
+//! Solutions on a grid: V as a function of state and time.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -20,11 +20,11 @@ use crate::value::{checked, in_parts};
 /// Values on the nodes.
 type Values<'py> = Bound<'py, numpy::PyArrayDyn<f32>>;
 
-/// What `hj_solve` found: V on the nodes, and by interpolation at any state of the grid.
+/// Result of `hj_solve`: V on the nodes, and by interpolation at any state of the grid.
 ///
-/// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences at both ends
-/// of an edge; between instants it is linear in time. Outside the grid there is no value: a state there is refused, or
-/// has NaN on request.
+/// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences at
+/// both ends of an edge; between instants it is linear in time. Outside the grid there is no value: a state
+/// there raises an error, or has NaN on request.
 #[pyclass(frozen, module = "sidestep")]
 pub(crate) struct Solution {
     pub(crate) grid: Grid,
@@ -39,7 +39,7 @@ impl Solution {
         self.grid.clone()
     }
 
-    /// The instants, s of the march, shape (nt,): the time left, or forward the time since the beginning. The last
+    /// The instants, s of the march, shape (nt,): the time left, or forward the time since the start. The last
     /// one is the horizon.
     #[getter]
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
@@ -56,7 +56,7 @@ impl Solution {
         shaped(py, self.solved.values(), &shape)
     }
 
-    /// Which way time ran, `backward` or `forward`.
+    /// Direction of time, `backward` or `forward`.
     #[getter]
     fn direction(&self) -> &'static str {
         word(DIRECTIONS, self.solved.march().0)
@@ -68,13 +68,14 @@ impl Solution {
         word(KINDS, self.solved.march().1)
     }
 
-    /// Time steps taken.
+    /// Number of time steps.
     #[getter]
     fn steps(&self) -> usize {
         self.solved.march().2
     }
 
-    /// The largest change of V per second at the end: near 0 where V has settled. It says nothing about accuracy.
+    /// The largest change of V per second at the end: near 0 where V has settled. It says nothing about
+    /// accuracy.
     #[getter]
     fn residual(&self) -> f64 {
         self.solved.march().3
@@ -85,13 +86,13 @@ impl Solution {
     /// Parameters
     /// ----------
     /// states : array of float64, shape (…, D)
-    ///     On the grid; any real along periodic axes.
+    ///     On the grid; any real number along periodic axes.
     /// tau_s : float, optional
     ///     The time of the march, s, as in `times`; the horizon by default.
     /// outside : {"raise", "nan"}
-    ///     Whether a state outside the grid is refused, or has NaN.
+    ///     Whether a state outside the grid raises an error, or has NaN.
     /// threads : int, optional
-    ///     The greatest number of threads; by default as many as the machine has processors.
+    ///     Maximum number of threads; by default the number of processors.
     ///
     /// Returns
     /// -------
@@ -136,29 +137,30 @@ impl Solution {
         Ok(shaped(py, found, &[&asked.shape[..], &[self.grid.axes.len()]].concat())?)
     }
 
-    /// The inputs that are optimal for the gradient of V at many states: what both players do there and then; forward,
-    /// what they did when they arrived there.
+    /// Optimal inputs by the gradient of V at many states: what both players do at that state and time; with
+    /// `forward`, what they did when they arrived there.
     ///
     /// Parameters
     /// ----------
     /// states, outside, threads
     ///     As for `value`.
     /// tau_s : float or "first", optional
-    ///     As for `value`; or for each state the first of `times` at which it belongs to the tube (the horizon if it never
-    ///     does). Long before the horizon V is flat inside a tube, and inputs at the horizon follow rounding errors.
+    ///     As for `value`; or "first" for the first of `times` at which each state belongs to the tube (the
+    ///     horizon if it never does). Long before the horizon V is flat inside a tube, and inputs at the
+    ///     horizon follow rounding errors.
     ///
     /// Returns
     /// -------
     /// u : array of float64, shape (…, m)
     ///     Of the player who minimises V.
     /// d : array of float64, shape (…, k)
-    ///     Of the player who maximises V. An input on which nothing depends is the middle of its range.
+    ///     Of the player who maximises V. An input without effect is the middle of its range.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     As for `value`, or `time_to_reach` with "first"; and for a solution that was loaded, which does not know the
-    ///     game.
+    ///     As for `value`, or `time_to_reach` with "first"; and for a loaded solution, which does not contain
+    ///     the game.
     #[pyo3(signature = (states, *, tau_s=None, outside="raise", threads=None))]
     fn inputs<'py>(
         &self,
@@ -184,25 +186,25 @@ impl Solution {
         Ok((shaped(py, u, &wide(m))?, shaped(py, d, &wide(k))?))
     }
 
-    /// The first time of the march at which states belong to the tube: backward the time that they need to the
-    /// target, forward the time after which they are reached.
+    /// The first time of the march at which states belong to the tube: backward, the time they need to the
+    /// target; forward, the time after which they are reached.
     ///
     /// Parameters
     /// ----------
     /// states, threads
     ///     As for `value`.
     /// outside : {"nan", "raise"}
-    ///     Whether a state outside the grid has NaN, or is refused.
+    ///     Whether a state outside the grid has NaN, or raises an error.
     ///
     /// Returns
     /// -------
     /// array of float64, shape (…,)
-    ///     s; 0 in the target, inf where the horizon is too short. Between the instants of `times` V is linear.
+    ///     s; 0 in the target, inf where the horizon is too short. V is linear between the instants of `times`.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     As for `value`; for a set, which is no tube, and where `times` was one number.
+    ///     As for `value`; also for a set, which is not a tube, and if `times` was one number.
     #[pyo3(signature = (states, *, outside="nan", threads=None))]
     fn time_to_reach<'py>(
         &self,
@@ -215,10 +217,11 @@ impl Solution {
         Ok(shaped(py, found, &asked.shape)?)
     }
 
-    /// Where V may depend on what lies beyond the ends of the grid: a path from there can leave the grid in the time
-    /// marched, if each coordinate changes as fast as anywhere on the grid with that coordinate, for any inputs and **in either
-    /// direction**. The paths that matter may leave much later, or never, as beside an end from which everything moves away: more
-    /// nodes are marked than depend. Where it is False, V is that of a larger grid.
+    /// Where V may depend on values beyond the ends of the grid. A node is marked if a path from it can leave
+    /// the grid in the time marched, assuming that each coordinate changes as fast as anywhere on the grid with
+    /// that coordinate, for any inputs and **in either direction**. The relevant paths may leave much later, or
+    /// never, for example beside an end from which everything moves away, so more nodes are marked than depend.
+    /// Where it is False, a larger grid gives the same V.
     ///
     /// Parameters
     /// ----------
@@ -232,7 +235,8 @@ impl Solution {
     /// Raises
     /// ------
     /// ValueError
-    ///     For a time that is not from 0 to the horizon, and for a file of an earlier version, which does not say.
+    ///     For a time not between 0 and the horizon, and for a file of an earlier version, which lacks this
+    ///     information.
     #[pyo3(signature = (*, tau_s=None))]
     fn depends_on_outside<'py>(
         &self,
@@ -243,7 +247,8 @@ impl Solution {
         Ok(shaped(py, marked, &self.grid.nodes())?)
     }
 
-    /// Writes the values to an .npz file, which `load`, `numpy.load` and the Rust library read. The game is not kept; `pickle` keeps it.
+    /// Writes the values to an .npz file, which `load`, `numpy.load` and the Rust library read. The file does
+    /// not contain the game; `pickle` does.
     fn save(&self, py: Python<'_>, path: PathBuf) -> Result<(), Error> {
         py.detach(|| write(&path, &self.solved.npz()?))
     }
@@ -253,14 +258,14 @@ impl Solution {
     /// Raises
     /// ------
     /// ValueError
-    ///     If the file is no solution in single precision, is cut short, damaged or longer than 4 GiB, has a format of
-    ///     another version, or `tau` or an axis is not as `meta` says.
+    ///     If the file is not a solution in single precision, is truncated, damaged or larger than 4 GiB, has
+    ///     another format version, or `tau` or an axis does not match `meta`.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Result<Self, Error> {
         py.detach(|| {
             let bytes = read(&path)?;
             let mut answer = loaded::<1>(&bytes);
-            // The file says how many axes it has.
+            // The number of axes is in the file.
             for next in [loaded::<2>, loaded::<3>, loaded::<4>] {
                 if !answer.as_ref().is_err_and(|invalid| invalid.field == "meta.axes") {
                     break;
@@ -271,7 +276,7 @@ impl Solution {
         })
     }
 
-    /// The solution in these bytes of a file, with the game as its arrays.
+    /// Creates a solution from the bytes of a file, with the game as its arrays.
     #[staticmethod]
     #[pyo3(name = "_of")]
     fn of(py: Python<'_>, bytes: Cow<'_, [u8]>, game: Option<GameArrays>) -> Result<Self, Error> {
@@ -293,7 +298,7 @@ impl Solution {
         Ok((slf.get_type().getattr("_of")?, (bytes, solved.game())))
     }
 
-    /// The same values on the same nodes, of the same game if both know it.
+    /// Whether the values and nodes are the same, and the game, if both have one.
     fn __eq__(&self, other: &Self) -> Result<bool, Error> {
         let same = self.grid == other.grid && self.solved.march() == other.solved.march();
         let games = self.solved.game().zip(other.solved.game());
@@ -351,7 +356,7 @@ fn decoded<const D: usize>(bytes: &[u8], game: Option<&GameArrays>) -> Result<So
     Ok(Solution { grid, solved: Box::new(OnGrid { solution, game }) })
 }
 
-/// The word of an entry.
+/// Looks up the word of an entry.
 fn word<T: PartialEq + Copy>(table: &[(&'static str, T, &str)], entry: T) -> &'static str {
     table.iter().find(|(_, other, _)| *other == entry).map_or("", |(word, ..)| word)
 }
@@ -373,14 +378,14 @@ pub(crate) trait Solved: Send + Sync {
     fn samples(&self, py: Python<'_>, asked: &Asked, gradient: bool) -> Result<Vec<f64>, Error>;
     /// When states first belong to the tube, s.
     fn first_times(&self, py: Python<'_>, asked: &Asked) -> Result<Vec<f64>, Error>;
-    /// Which nodes depend on what is beyond the grid, after this time or the horizon.
+    /// Nodes that depend on values beyond the grid, at this time or at the horizon.
     fn depends_on_outside(&self, tau_s: Option<f64>) -> Result<Vec<bool>, Invalid>;
     fn shallow(&self) -> Option<ShallowObstacle>;
-    /// The optimal inputs u and d at states, and how many there are of each.
+    /// The optimal inputs u and d at states, and the number of inputs of each.
     fn inputs(&self, py: Python<'_>, asked: &Asked) -> Result<OptimalInputs, Error>;
 }
 
-/// When a solution is looked at.
+/// Time at which a solution is evaluated.
 #[derive(Clone, Copy)]
 pub(crate) enum Instant {
     /// At the end of the march.
@@ -391,13 +396,13 @@ pub(crate) enum Instant {
     First,
 }
 
-/// Where a solution is looked at.
+/// Points at which a solution is evaluated.
 pub(crate) struct Asked {
     /// The shape of the states without their last axis.
     shape: Vec<usize>,
     states: Vec<f64>,
     instant: Instant,
-    /// Whether states outside the grid are refused; else they have NaN.
+    /// Whether states outside the grid raise an error; otherwise they have NaN.
     is_refused: bool,
     threads: usize,
 }
@@ -407,7 +412,7 @@ pub(crate) type OptimalInputs = [(Vec<f64>, usize); 2];
 
 pub(crate) struct OnGrid<const D: usize> {
     pub(crate) solution: cartesian::Solution<f32, D>,
-    /// Not known of a file.
+    /// `None` for a solution from a file.
     pub(crate) game: Option<AffineArrays<D>>,
 }
 
@@ -426,7 +431,7 @@ impl<const D: usize> OnGrid<D> {
         }
     }
 
-    /// One result for each state; `outside` for one outside the grid, if that is not refused.
+    /// One result for each state; `outside` for a state outside the grid, unless that raises an error.
     fn each<T: Send + Sync + Clone>(
         &self,
         py: Python<'_>,
@@ -441,7 +446,7 @@ impl<const D: usize> OnGrid<D> {
                     continue;
                 }
                 *found = of(state).map_err(|mut invalid| {
-                    // The library names a coordinate of the state; the array has many.
+                    // The library names a coordinate of one state; the array has many states.
                     let coordinate = invalid.field.strip_prefix("state[");
                     let d = coordinate.and_then(|of| of.strip_suffix(']')?.parse::<usize>().ok());
                     if let Some(d) = d {
@@ -502,7 +507,7 @@ impl<const D: usize> Solved for OnGrid<D> {
 
     fn depends_on_outside(&self, tau_s: Option<f64>) -> Result<Vec<bool>, Invalid> {
         let marked = self.solution.depends_on_outside(tau_s.unwrap_or(self.solution.horizon_s))?;
-        let expected = "a solution that knows how soon paths leave the grid";
+        let expected = "a solution that stores how soon paths leave the grid";
         marked.ok_or_else(|| Invalid::new("solution", expected, "a file of an earlier version"))
     }
 

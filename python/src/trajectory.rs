@@ -10,7 +10,7 @@ use crate::arrays::{Array, count, joint_states, list, states_array};
 use crate::error::Error;
 use crate::scalars::{seed, whole};
 
-/// What a person drove: joint states, and the human's turn rates between them.
+/// A person's drive: joint states, and the human's turn rates between them.
 ///
 /// Parameters
 /// ----------
@@ -66,16 +66,16 @@ impl Trajectory {
 
 /// Trials of synthetic participants in scenes of the paper's study, for testing programs.
 ///
-/// They come from published models of people who walk. Results on these drives say nothing about people.
+/// They follow published models of pedestrians. Results on these drives say nothing about people.
 ///
 /// Parameters
 /// ----------
 /// participants : int
-///     How many, ≥ 1.
+///     Number of participants, ≥ 1.
 /// tasks : int
-///     Trials of each, ≥ 1, of 50 steps of 0.2 s.
+///     Number of trials of each, ≥ 1, with 50 steps of 0.2 s.
 /// seed : int
-///     Of the population, ≥ 0.
+///     Seed of the population, ≥ 0.
 ///
 /// Returns
 /// -------

@@ -24,11 +24,11 @@ pub(crate) type States<'py> = (Array<'py>, Array<'py>, Array<'py>, Bound<'py, Py
 /// Parameters
 /// ----------
 /// states : array of float64, shape (…, 3)
-///     The pursuer's poses (x, y, ψ) in the evader's frame: x ahead, y to the left, m; ψ rad, any real.
+///     The pursuer's poses (x, y, ψ) in the evader's frame: x ahead, y to the left, m; ψ rad, any real number.
 /// game : PursuitGame
 ///     With identical vehicles; others need `solve`.
 /// threads : int, optional
-///     The greatest number of threads; by default as many as the machine has processors.
+///     Maximum number of threads; by default the number of processors.
 ///
 /// Returns
 /// -------
@@ -58,7 +58,7 @@ pub(crate) fn value<'py>(
 /// game : PursuitGame
 ///     With identical vehicles; others need `solve`.
 /// threads : int, optional
-///     The greatest number of threads; by default as many as the machine has processors.
+///     Maximum number of threads; by default the number of processors.
 ///
 /// Returns
 /// -------
@@ -67,10 +67,10 @@ pub(crate) fn value<'py>(
 /// gradient : array of float64, shape (…, 3)
 ///     (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
 /// turns : array of float64, shape (…, 2)
-///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive. Where V does not depend on a turn, it is any
-///     of the vehicle's: 0 or either extreme.
+///     Optimal turn rates of the evader and of the pursuer, rad/s, left positive. Where V does not depend on a
+///     turn, it is 0 or either extreme of the vehicle.
 /// inside : array of bool, shape (…,)
-///     Whether the state is inside the solved grid; always, with the closed form.
+///     Whether the state is inside the solved grid; always true for the closed form.
 ///
 /// Raises
 /// ------
@@ -107,7 +107,7 @@ pub(crate) fn relative_state<'py>(
     let (evader, pursuer) = (rows::<3>("evader", evader)?, rows::<3>("pursuer", pursuer)?);
     let shape = [&evader.shape[..], &[3]].concat();
     if pursuer.shape != evader.shape {
-        let expected = format!("{shape:?} as evader has");
+        let expected = format!("{shape:?} as evader");
         return Err(wrong_shape("pursuer", &expected, &[&pursuer.shape[..], &[3]].concat()));
     }
     let pairs = evader.rows().iter().zip(pursuer.rows());
@@ -151,7 +151,7 @@ pub(crate) fn value_of<'py>(
     Ok(shaped(py, values, &states.shape)?)
 }
 
-/// Everything that `function` says of states of shape (…, 3).
+/// The full result of `function` at states of shape (…, 3).
 pub(crate) fn state_of<'py>(
     states: &Bound<'py, PyAny>,
     function: &ValueFunction,
@@ -180,19 +180,20 @@ pub(crate) fn state_of<'py>(
     ))
 }
 
-/// The number of threads that may be used.
+/// Validates the number of threads.
 pub(crate) fn checked(threads: Option<i64>) -> Result<usize, Error> {
     threads.map_or_else(|| Ok(default_threads()), |threads| count("threads", 1, threads))
 }
 
-/// Fewer states than this are not worth another thread: they take less time than it takes to start.
+/// With fewer states another thread does not pay off: computing them takes less time than starting it.
 const STATES_OF_A_THREAD: usize = 4096;
 
-/// States that a thread takes at once.
+/// Number of states that a thread takes at a time.
 const STATES_AT_ONCE: usize = 1024;
 
-/// One result for each state, `unseen` at first: `work` gets the number of its first state, states and their results
-/// to fill in, on at most `threads` threads, while the interpreter is released. Ctrl-C ends it.
+/// One result for each state, initially `unseen`. `work` gets the index of its first state, states, and their
+/// results to fill in. It runs on at most `threads` threads, while the interpreter is released. Ctrl-C cancels
+/// it.
 pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
     py: Python<'_>,
     states: &[S],
@@ -214,7 +215,7 @@ pub(crate) fn in_parts<S: Sync, T: Send + Clone>(
             };
             if let Err(invalid) = work(i * STATES_AT_ONCE, states, found) {
                 ended.store(true, Ordering::Relaxed);
-                // Earlier parts were taken before, so the first complaint of all is among those that come.
+                // Earlier parts were taken before, so the first error of all is among those reported.
                 let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
                 if first.as_ref().is_none_or(|(other, _)| i < *other) {
                     *first = Some((i, invalid));

@@ -21,7 +21,7 @@ use crate::scalars::{real, whole};
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct VehicleModel(pub(crate) vehicle::VehicleModel);
 
-/// Equal numbers have equal bits here: they are finite and > 0.
+/// Equal numbers have equal bits here, because they are finite and > 0.
 impl std::hash::Hash for VehicleModel {
     fn hash<H: std::hash::Hasher>(&self, state: &mut H) {
         (self.0.speed_mps.to_bits(), self.0.turn_rate_radps.to_bits()).hash(state);
@@ -141,7 +141,7 @@ impl PursuitGame {
 /// step_s : float
 ///     Length of a step > 0, s.
 /// steps : int
-///     Steps of a trial, 1 to 3000. Predictions do not depend on it.
+///     Number of steps of a trial, 1 to 3000. Predictions do not depend on it.
 #[pyclass(frozen, eq, from_py_object, module = "sidestep")]
 #[derive(Clone, Copy, Default, PartialEq)]
 pub(crate) struct SceneParameters(pub(crate) scene::SceneParameters);
@@ -190,7 +190,7 @@ impl SceneParameters {
         self.0.step_s
     }
 
-    /// Steps of a trial.
+    /// Number of steps of a trial.
     #[getter]
     fn steps(&self) -> usize {
         self.0.steps

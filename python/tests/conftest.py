@@ -1,4 +1,4 @@
-"""What several tests need."""
+"""Shared fixtures and helpers."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ matplotlib.use("Agg")
 
 @pytest.fixture
 def ctrl_c():
-    """Sends Ctrl-C to this process after some seconds; a process that was started in the background ignores it else."""
+    """Sends Ctrl-C to this process after some seconds, also if it runs in the background, where it would be ignored."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield lambda seconds: threading.Timer(seconds, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     signal.signal(signal.SIGINT, before)
@@ -54,7 +54,7 @@ def people():
 
 
 def constant(probabilities):
-    """A predictor that gives these probabilities of right, straight and left."""
+    """A predictor with these constant probabilities of right, straight and left."""
     text = '{"format":"sidestep-predictor/1","kind":"constant","features":[],"classes":[-1,0,1],"probabilities":%s}'
     return sidestep.Predictor.from_json(text % list(probabilities))
 

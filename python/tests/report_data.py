@@ -1,4 +1,4 @@
-"""Trials for an analysis, and what it wrote of them."""
+"""Trials for an analysis, and the files it wrote about them."""
 
 import csv
 import json
@@ -14,7 +14,7 @@ from report_statistics import balanced
 
 RATE, STEP_S, SPEED_MPS = 0.5, 0.2, 2.0
 PAPERS = ["svm", "dt", "lr"]
-# One value of each hyper-parameter: what is chosen does not matter here.
+# One value of each hyper-parameter: the choice does not matter here.
 GRIDS = {"rbf_c": [1], "rbf_gamma": [0.1], "linear_c": [1], "tree_depth": [3], "tree_leaf": [5], "logistic_c": [1]}
 
 
@@ -56,7 +56,7 @@ class Trial:
 
 
 def simulated(folder, people, tasks, steps, seed):
-    """The trials of synthetic people: for each a list."""
+    """The trials of synthetic people: one list per person."""
     path = folder / "simulated.csv"
     sidestep("simulate", "--participants", people, "--seed", seed, "--keys", "clock", "--tasks", tasks, "--out", path)
     rows = defaultdict(list)
@@ -66,7 +66,7 @@ def simulated(folder, people, tasks, steps, seed):
 
 
 def written(path, people):
-    """The trials as a file that the program reads. People and trials are called by their places."""
+    """Writes the trials as a file that the program reads. Names of people and trials are their indices."""
     with open(path, "w", newline="") as file:
         out = csv.writer(file)
         out.writerow("participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega,synthetic".split(","))
@@ -134,19 +134,19 @@ class Report:
         return self.folder / "out" / "models" / f"{model}-{experiment}-{features}-{name}.json"
 
     def of(self, model, experiment, features):
-        """A model's cells, a person each."""
+        """A model's cells, one per person."""
         return [self.cells[model, experiment, features, name] for name in self.names]
 
     def accuracy(self, model, experiment, features):
-        """Of each person."""
+        """The accuracy for each person."""
         return np.array([cell.accuracy() for cell in self.of(model, experiment, features)])
 
     def tested(self, name):
-        """The numbers of a person's tasks that test."""
+        """The numbers of a person's test tasks."""
         return self.cells["lr", 1, "hrd", name].trials
 
     def training(self, name):
-        """A person's tasks that train, in order."""
+        """A person's training tasks, in order."""
         return self.people[name][: -len(self.tested(name))]
 
     def classes(self, experiment, trials):
@@ -155,7 +155,7 @@ class Report:
         return np.abs(signs) if experiment == 2 else signs
 
     def commonest(self, experiment):
-        """Of each person: who always predicts the commonest class, with its probabilities; the truth, both by step."""
+        """For each person, by step: the truth, and a model that always predicts the commonest class."""
         classes = np.array([-1, 0, 1] if experiment == 1 else [0, 1])
         for name in self.names:
             truth = self.classes(experiment, [self.people[name][task] for task in self.tested(name)]).ravel()
@@ -165,7 +165,7 @@ class Report:
 
 
 def printed(text, number, places=4):
-    """So many places of a number, and nothing of none."""
+    """Checks that a number is printed with this many decimals, and `None` as nothing."""
     if number is None:
         assert text == ""
         return
@@ -174,12 +174,12 @@ def printed(text, number, places=4):
 
 
 def printed_beside_zero(text, number):
-    """Four places, but 0.0001 at least of what is not 0."""
+    """Checks for four decimals, with a magnitude of at least 0.0001 unless the number is 0."""
     least = number and np.copysign(max(abs(number), 1e-4), number)
     printed(text, least)
 
 
 def printed_p(text, p):
-    """Six places of the first figure."""
+    """Checks for scientific notation with six decimals."""
     assert re.fullmatch(r"\d\.\d{6}e-?\d+", text), text
     assert abs(float(text) - p) <= 0.5e-6 * 10.0 ** int(text.split("e")[1]) * (1 + 1e-9), (text, p)

@@ -1,4 +1,4 @@
-"""The models of an analysis, read as docs/predictor.md says, and what is computed with them.
+"""The models of an analysis, read according to docs/predictor.md, and computations with them.
 
 No code is shared with the server, but safety levels are those of `sidestep features`.
 """
@@ -15,7 +15,7 @@ from report_data import RATE, SPEED_MPS, STEP_S, sidestep, table
 
 
 class Model:
-    """A model of a file of `models/`, for rows of features."""
+    """A model from a file of `models/`, for rows of features."""
 
     def __init__(self, path):
         self.file = json.loads(path.read_text())
@@ -35,7 +35,7 @@ class Model:
         return np.exp(-self.file["gamma"] * squares) @ np.array(self.file["dual_coefficients"]).T + self.file["intercepts"]
 
     def coupled(self, decisions):
-        """The P that minimises the squares that the pairs leave, with a sum of 1."""
+        """Pairwise coupling: the P with a sum of 1 that minimises the squared residuals of the pairs."""
         a, b = np.array(self.file["sigmoids"]).T
         r = np.clip(expit(-a * decisions - b), 1e-7, 1 - 1e-7)
         count = len(self.classes)
@@ -58,7 +58,7 @@ class Model:
         return tree["counts"][node]
 
     def probabilities(self, rows):
-        """Of each class, row by row."""
+        """The probability of each class, row by row."""
         if self.file["kind"] == "tree":
             counts = np.array([self.leaf(row) for row in rows]) + 1
             return counts / counts.sum(axis=1, keepdims=True)
@@ -69,7 +69,7 @@ class Model:
         return scores / scores.sum(axis=1, keepdims=True)
 
     def predicted(self, rows):
-        """The class: that with the most votes of an SVM's pairs, else the likeliest."""
+        """The predicted class: for an SVM the one with the most votes of pairs, otherwise the likeliest."""
         if self.file["kind"] != "svm":
             return self.classes[self.probabilities(rows).argmax(axis=1)]
         votes = np.zeros((len(rows), len(self.classes)), int)
@@ -79,7 +79,7 @@ class Model:
 
 
 def features(folder, every):
-    """For each of several predictions every feature of its states, which the program computes as of trials of one step."""
+    """Every feature of the states of several predictions, computed by the program as trials of one step."""
     with open(folder / "states.csv", "w", newline="") as file:
         out = csv.writer(file)
         out.writerow("participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega".split(","))
@@ -91,7 +91,7 @@ def features(folder, every):
 
 
 def by_person(path):
-    """The columns of a file of features, a person each, in the order of the file."""
+    """The columns of a file of features for each person, in the order of the file."""
     rows = defaultdict(list)
     for row in table(path):
         rows[int(row["participant"])].append(row)
@@ -99,7 +99,7 @@ def by_person(path):
 
 
 def wrapped(poses):
-    """With headings from -pi to pi."""
+    """Poses with headings wrapped to -pi to pi."""
     return np.column_stack([poses[:, :2], np.arctan2(np.sin(poses[:, 2]), np.cos(poses[:, 2]))])
 
 
@@ -108,7 +108,7 @@ def of_names(columns, names):
 
 
 class Ahead:
-    """Predictions up to so many steps ahead, from every step of some trials of one person."""
+    """Predictions up to `horizon` steps ahead, from every step of some trials of one person."""
 
     def __init__(self, trials, driver, horizon):
         steps = len(trials[0].rates)
@@ -132,7 +132,7 @@ class Ahead:
         return RATE * self.driver.classes[found.argmax(axis=1)], p
 
     def step(self, columns, ahead):
-        """Drives on, and notes windows, how many were right, log loss and distance at the targets of this step ahead."""
+        """Drives one step, and records windows, hits, log loss and distance at the targets of this step ahead."""
         rates, p = self.expected(columns)
         self.human, self.robot = on(self.human, rates), on(self.robot, np.zeros(len(rates)))
         target = self.begin + ahead
@@ -146,14 +146,14 @@ class Ahead:
 
 
 def on(pose, rate):
-    """Poses after a step."""
+    """The poses after a step."""
     chord = SPEED_MPS * STEP_S * np.sinc(0.5 * rate * STEP_S / np.pi)
     middle = pose[:, 2] + 0.5 * rate * STEP_S
     return np.column_stack([pose[:, 0] + chord * np.cos(middle), pose[:, 1] + chord * np.sin(middle), pose[:, 2] + rate * STEP_S])
 
 
 def rolled_out(report, drivers):
-    """For each driver, by steps ahead: windows, how many were right, sums of log loss and of distance.
+    """For each driver, by steps ahead: windows, hits, sums of log loss and of distance.
 
     A driver is a word for one without a model, or a model's name and feature set.
     """
@@ -204,7 +204,7 @@ class Generator:
         return (high << 32 | low) * n >> 64
 
     def order(self, n):
-        """Of 0 to n - 1, by Fisher and Yates."""
+        """A random order of 0 to n - 1, by Fisher and Yates."""
         found = list(range(n))
         for i in range(n - 1, 0, -1):
             j = self.below(i + 1)

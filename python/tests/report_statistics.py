@@ -11,7 +11,7 @@ LEVEL, TIE, EXACT = 0.05, 1e-12, 60
 
 
 def ranks(sizes):
-    """Midranks; what differs by rounding is tied."""
+    """Midranks; numbers that differ only by rounding are tied."""
     order = np.argsort(sizes, kind="stable")
     found, begin = np.empty(len(sizes)), 0
     while begin < len(order):
@@ -24,7 +24,7 @@ def ranks(sizes):
 
 
 def sign_ways(of):
-    """How likely each sum of positive ranks is (index: twice the sum), by convolution."""
+    """The probability of each sum of positive ranks (index: twice the sum), by convolution."""
     ways = np.ones(1)
     for rank in of:
         one = np.zeros(int(round(2 * rank)) + 1)
@@ -38,7 +38,7 @@ def tails(ways, at):
 
 
 def signed_rank(gains):
-    """p, r, typical gain and interval of Wilcoxon's test, all of the gains that are not zero."""
+    """p, r, typical gain and interval of Wilcoxon's test, for the non-zero gains."""
     gains = np.asarray(gains)
     d = gains[np.abs(gains) > TIE]
     n = len(d)
@@ -56,13 +56,13 @@ def signed_rank(gains):
     p = p_of(positive)
     means = np.sort([(a + b) / 2 for a, b in itertools.combinations_with_replacement(d, 2)])
     typical = np.median(means)
-    # A shift is kept if some count of means above it, between those above and those at or above it, is not rejected.
+    # A shift is kept if a count between the means above it and those at or above it is not rejected.
     kept = [
         at for at in np.unique(means)
         if any(p_of(w / 2) >= LEVEL for w in range(2 * int((means > at + TIE).sum()), 2 * int((means >= at - TIE).sum()) + 1))
     ] if n < 40 else None
     if kept is None:
-        # W falls by one at each mean: the least doubled sum that is kept tells how many lie outside on either side.
+        # W falls by one at each mean: the least doubled sum that is kept gives the number outside on either side.
         least = next(w for w in range(len(means) + 1) if p_of(w / 2) >= LEVEL)
         kept = [means[-(-least // 2) - 1], means[len(means) - -(-least // 2)]] if least else []
     never = p_of(0) >= LEVEL
@@ -74,7 +74,7 @@ def signed_rank(gains):
 
 
 def mann_whitney(a, b):
-    """Exact by counting, also with ties; SciPy's normal approximation for many numbers."""
+    """The Mann–Whitney test: exact by counting, also with ties; SciPy's normal approximation for many numbers."""
     if len(a) + len(b) > EXACT:
         if np.ptp([*a, *b]) <= TIE:
             return 1.0
@@ -100,7 +100,7 @@ def holm(p):
 
 @functools.cache
 def power(people, family, draws=20_000, seed=8):
-    """How probably a test of normal gains with a mean of 0.8 standard deviations is below the level, times `family`."""
+    """The probability that p · `family` is below the level, for normal gains with a mean of 0.8 deviations."""
     gains = 0.8 + np.random.default_rng(seed).standard_normal((draws, people))
     of = np.abs(gains).argsort(axis=1).argsort(axis=1) + 1
     ways = sign_ways(range(1, people + 1))[::2]
@@ -140,12 +140,12 @@ def calibration(classes, truth, p):
 
 
 def balanced(truth, predicted):
-    """The mean over the classes that occur of the share of their steps predicted right, in per cent."""
+    """The share of steps predicted right in each class that occurs, averaged over classes, in percent."""
     return 100 * np.mean([(predicted[truth == of] == of).mean() for of in np.unique(truth)])
 
 
 def close(found, expected, what):
-    """Equal to 1e-9; none only where none is expected."""
+    """Equal to 1e-9; `None` only where `None` is expected."""
     if expected is None or found is None:
         assert found is None and expected is None, what
         return
@@ -153,7 +153,7 @@ def close(found, expected, what):
 
 
 def gains_are(told, first, second, what):
-    """A paired comparison is what the two lists say, and does not contradict itself."""
+    """Checks a paired comparison against the two lists, and for consistency."""
     gains = np.asarray(first) - np.asarray(second)
     paired, mine = told["paired"], signed_rank(gains)
     close(paired["gains"], gains, what)

@@ -1,4 +1,4 @@
-"""Algorithm 1, against a plain one in Python."""
+"""Algorithm 1, against a plain implementation in Python."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ ACTIONS = np.array([-0.5, 0.0, 0.5])
 
 
 def likely(history):
-    """Some model with a memory: it looks at the human's last turn and at the robot's bearing."""
+    """A model with memory: it uses the human's last turn and the robot's bearing."""
     human, robot = history[-1]
     bearing = np.arctan2(robot[1] - human[1], robot[0] - human[0]) - human[2]
     turned = 0.0 if len(history) < 2 else history[-1, 0, 2] - history[-2, 0, 2]

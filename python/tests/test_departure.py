@@ -1,4 +1,4 @@
-"""A human who does not move as the model's vehicle does, and headings that are no radians."""
+"""A human who does not move like the model's vehicle, and headings that are not in radians."""
 
 import warnings
 
@@ -34,10 +34,10 @@ def test_nobody_who_stands_still_is_driven_over():
     prediction = sidestep.ShfrsPredictor(STRAIGHT, WIDE).predict([STANDS] * 3)
     assert prediction.departure == online.departure
     np.testing.assert_array_equal(prediction.clear(OVER, 0.5), clearances)
-    # The plan is checked all the same.
+    # The plan is still checked.
     with pytest.raises(ValueError, match=r"plan\[0\]"):
         online.clear(OVER + [9, 0, 0], 0.5)
-    # Whoever asks for the sets of the vehicle all the same gets them: 2 m from somebody whom the robot drives over.
+    # With `assume_vehicle` the clearance is 2 m although the robot drives over the human.
     assumed, followed = pushed([STANDS] * 3, assume_vehicle=True)
     assert followed == [True] * 3 and assumed.departure is None
     sure = assumed.clear(OVER, 0.5)
@@ -85,7 +85,7 @@ def test_a_plan_in_other_steps_is_refused():
     for each in (online, prediction):
         with pytest.raises(ValueError, match=r"plan: expected steps of 0\.2 s, those of the prediction, found steps of 0\.1 s"):
             each.clear(fine + 0.0, 0.5)
-    # Every second pose of twenty is a plan in steps of 0.2 s; an array of one's own is taken as it is.
+    # Every second pose of twenty is a plan in steps of 0.2 s; a plain array is accepted.
     halved = sidestep.drive(STANDS[1], 1.0, np.zeros(20), 0.1)[1::2]
     assert halved.step_s is None
     same = sidestep.drive(STANDS[1], 1.0, np.zeros(10), 0.2)
@@ -120,9 +120,9 @@ def test_headings_that_may_be_degrees_are_told():
             assert call() is not None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sidestep.AngleWarning)
-        # They are computed all the same: 180 rad are 28 turns and 4.0708 rad.
+        # They are still computed with: 180 rad are 28 turns and 4.0708 rad.
         np.testing.assert_allclose(sidestep.value(turned, GAME), sidestep.value([[9.0, 0.0, 180 - 56 * np.pi]], GAME), atol=1e-9)
-    # A full turn is none of them, and raises here if it were.
+    # A full turn does not warn; a warning would raise here.
     sidestep.value([[9.0, 0.0, 2 * np.pi], [9.0, 0.0, -2 * np.pi]], GAME)
     sidestep.solve(GAME).level_curves(2 * np.pi)
     assert issubclass(sidestep.AngleWarning, UserWarning)

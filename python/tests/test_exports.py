@@ -1,4 +1,4 @@
-"""Exports and solved grids, as the program writes them."""
+"""Exports and solved grids that the program wrote."""
 
 import hashlib
 import json
@@ -58,7 +58,7 @@ def test_tables_of_an_export(exported, name):
 def test_trajectories_of_an_export_are_what_was_driven(exported, name):
     drives = exports.trajectories(exported / name)
     assert [(drive.participant, drive.trial) for drive in drives] == [(p, t) for p in (1, 2, 3) for t in range(10)]
-    # The states before each step are in the file that was imported, with as many digits.
+    # The imported file has the states before each step, with the same number of digits.
     driven = pandas.read_csv(exported / "trials.csv")
     poses = driven[["hx", "hy", "hpsi", "rx", "ry", "rpsi"]].to_numpy().reshape(30, 50, 2, 3)
     trajectories = [drive.trajectory for drive in drives]
@@ -86,7 +86,7 @@ def test_what_is_not_whole_is_refused(tmp_path):
 
 
 def whole(folder, **files):
-    """A folder of these files, by name without point, with a manifest of them."""
+    """A folder with these files, by name without extension, and their manifest."""
     listed = []
     for name, content in files.items():
         file = name.replace("_", ".")
@@ -99,9 +99,9 @@ def whole(folder, **files):
 def test_files_that_cannot_be_read_are_refused_by_name(tmp_path):
     whole(tmp_path, steps_csv=b"", trials_parquet=b"PAR1 and no more PAR1")
     for library in ("pandas", "polars"):
-        with pytest.raises(ValueError, match=r"steps\.csv: expected a table as CSV, found what"):
+        with pytest.raises(ValueError, match=r"steps\.csv: expected a table as CSV, found content that"):
             exports.table(tmp_path, "steps", library)
-        with pytest.raises(ValueError, match=r"trials\.parquet: expected a table as Parquet, found what"):
+        with pytest.raises(ValueError, match=r"trials\.parquet: expected a table as Parquet, found content that"):
             exports.table(tmp_path, "trials", library)
     (tmp_path / "steps.csv").unlink()
     with pytest.raises(ValueError, match=r"folder: expected steps\.csv, which .*manifest\.json lists, found no such"):
@@ -184,11 +184,11 @@ def test_damaged_archives_are_refused_by_name(tmp_path, rng):
             assert str(error).startswith(f"path: expected an archive of `sidestep solve`, found {path}")
             refused += 1
         else:
-            # A byte that says nothing of the arrays, such as a time.
+            # A byte that is irrelevant to the arrays, for example of a time.
             assert found.value.shape == (3, 4, 5)
     assert refused > 250
     np.savez(path, **axes, value=np.ones((3, 4, 5), np.float32), meta=np.frombuffer(b"[1]", dtype=np.uint8))
-    with pytest.raises(ValueError, match="path: expected an archive of `sidestep solve`.*meta that is no object"):
+    with pytest.raises(ValueError, match="path: expected an archive of `sidestep solve`.*meta that is not an object"):
         exports.nodes(path)
     with pytest.raises(FileNotFoundError, match="absent"):
         exports.nodes(tmp_path / "absent.npz")

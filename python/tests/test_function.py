@@ -1,4 +1,4 @@
-"""Value functions: solved, interrupted, looked at, kept."""
+"""Value functions: solved, interrupted, evaluated, stored."""
 
 import copy
 import os
@@ -39,7 +39,7 @@ def test_a_longer_game_is_more_dangerous(unequal, rng):
     short, long = (sidestep.solve(unequal, horizon, accuracy="draft") for horizon in (0.5, 3.0))
     assert (short.horizon_s, long.horizon_s) == (0.5, 3.0)
     longer = long.value(states) - short.value(states)
-    # But for the errors of a draft, which are tenths of a metre near kinks.
+    # Up to the errors of a draft, which are tenths of a metre near kinks.
     assert np.quantile(longer, 0.99) < 0.05 and longer.min() < -1
 
 
@@ -126,7 +126,7 @@ def test_ctrl_c_ends_many_values(paper, solved, ctrl_c, rng):
         begin = time.process_time()
         with pytest.raises(KeyboardInterrupt):
             call()
-        # Work, however busy the machine is; whole, it takes twice as much and more.
+        # CPU time does not depend on the load; a complete solve takes at least twice as much.
         assert time.process_time() - begin < 2
 
 
@@ -157,7 +157,7 @@ def test_a_grid_ends_where_it_says(paper, solved, unequal):
 
 
 def test_a_faster_pursuer_depends_on_the_range():
-    """What the documentation warns of: the pursuer turns round beyond a grid that is too small, and comes back."""
+    """As the documentation warns: the pursuer turns round beyond a grid that is too small, and comes back."""
     quick = sidestep.PursuitGame(sidestep.VehicleModel(2.0, 1.0), sidestep.VehicleModel(2.5, 0.4), 3.0)
     small, large = (sidestep.solve(quick, accuracy="draft", range_m=range_m) for range_m in (None, 240.0))
     assert large.domain == {"range": (0.0, 240.0)} and small.domain["range"][1] < 70
@@ -185,7 +185,7 @@ def test_what_is_no_function_is_refused(solved, tmp_path):
     solved.save(path)
     whole = path.read_bytes()
     newer = whole.replace(b"sidestep-value-function/1", b"sidestep-value-function/2")
-    for broken, expected in ((b"", "found"), (b"no", ": expected what `ValueFunction.save` writes, found other bytes"), (whole[:-5], "bytes"), (newer, "expected sidestep-value-function/1")):
+    for broken, expected in ((b"", "found"), (b"no", ": expected a file of `ValueFunction.save`, found other bytes"), (whole[:-5], "bytes"), (newer, "expected sidestep-value-function/1")):
         path.write_bytes(broken)
         with pytest.raises(ValueError, match=f"value function.*{expected}"):
             sidestep.ValueFunction.load(path)
@@ -209,7 +209,7 @@ def test_ctrl_c_ends_a_solve(unequal, ctrl_c):
     start = time.process_time()
     with pytest.raises(KeyboardInterrupt):
         sidestep.solve(unequal, 20.0, accuracy="fine", threads=1)
-    # Whole, it takes much longer.
+    # A complete solve takes much longer.
     assert time.process_time() - start < 3
 
 

@@ -1,4 +1,4 @@
-"""Games of one's own on a grid, against hj_reachability, an analytic solution and themselves."""
+"""User-defined games on a grid, against hj_reachability, an analytic solution and each other."""
 
 import os
 import pickle
@@ -29,7 +29,7 @@ def plane():
 
 @pytest.fixture(scope="module")
 def solution(plane):
-    """From where can |x| ≤ 0.5 be reached within a second, with |u| ≤ 1 m/s² against a wind of 0.3 m/s²?"""
+    """The states that can reach |x| ≤ 0.5 within a second, with |u| ≤ 1 m/s² against a wind of 0.3 m/s²."""
     wind, most = [[0.0], [0.3]], [[-1, 1]]
     times = np.linspace(0, 1, 5)
     return sidestep.hj_solve(plane, double_integrator, PUSH, wind, most, most, strip, times)
@@ -61,7 +61,7 @@ def test_a_mask_of_axes_is_not_their_numbers():
 
 
 def peer():
-    """hj_reachability, which warns while it is imported."""
+    """hj_reachability, which emits a warning on import."""
     import warnings
 
     with warnings.catch_warnings():
@@ -78,7 +78,7 @@ def peer_grid(hj, grid):
 
 
 def peer_values(hj, jnp, dynamics, grid, target, obstacle, horizon_s):
-    """Reach-avoid tubes as there: V is at most the target and at least the obstacle."""
+    """Reach-avoid tubes by hj_reachability: V is at most the target and at least the obstacle."""
 
     def limited(t, values):
         values = jnp.minimum(values, target)
@@ -154,7 +154,7 @@ def test_an_obstacle_of_the_old_convention_still_is_one(plane):
 
 
 def test_an_obstacle_may_be_an_indicator(plane):
-    """With ±10⁶ beside distances the tube is that of the distance, but for cells beside the obstacle."""
+    """An indicator of ±10⁶ gives the same tube as a distance, except in cells beside the obstacle."""
     x = plane.states
     distance = np.hypot(x[..., 0] - 1.2, x[..., 1] + 0.5) - 0.4
 
@@ -213,7 +213,7 @@ def test_states_outside_have_nan_on_request(solution):
 
 
 def test_inputs_at_the_first_time_arrive():
-    """A car that needs 3.5 to 5 s, though 12 s were solved for."""
+    """A car that needs 3.5 to 5 s, although the horizon is 12 s."""
     grid = sidestep.Grid([-6, -6, 0], [6, 6, 2 * np.pi], [41, 41, 32], periodic=[2])
 
     def drift(states):
@@ -242,7 +242,7 @@ def test_straight_motion_is_known():
     x = np.linspace(-1.9, 0.9, 29)
     expected = np.maximum(np.maximum(-0.5 - x - 1, x - 0.5), -0.5)
     found = solution.value(np.stack([x, 0 * x], axis=-1))
-    # But for the kinks, which a scheme rounds off over a few cells of 0.05.
+    # Except at kinks, which a scheme smooths over a few cells of 0.05.
     assert np.abs(found - expected).max() < 0.03
     u, d = solution.inputs([[0.0, 0.0]])
     assert u.shape == d.shape == (1, 0)
@@ -332,7 +332,7 @@ def test_damage_of_a_file_is_noticed(solution, tmp_path, rng):
         damaged = bytearray(whole)
         damaged[at] ^= 0x40
         path.write_bytes(damaged)
-        with pytest.raises(ValueError, match="solution.*checksum.*found damaged ones"):
+        with pytest.raises(ValueError, match="solution.*checksum.*found damaged bytes"):
             sidestep.Solution.load(path)
     path.write_bytes(whole + b"junk")
     with pytest.raises(ValueError, match=r"solution\.bytes: expected a whole NumPy archive.*bytes after its end"):
@@ -393,7 +393,7 @@ def test_ctrl_c_ends_it(ctrl_c):
     start = time.process_time()
     with pytest.raises(KeyboardInterrupt):
         endless()
-    # Whole, it takes minutes.
+    # A complete solve takes minutes.
     assert time.process_time() - start < 10
 
 
@@ -435,7 +435,7 @@ REFUSED = [
         r"avoid: expected numbers, .*np\.where\(mask, -1\.0, 1\.0\), found booleans",
     ),
     (lambda: solve(target=np.ones((5, 4), bool)), r"target: .*np\.where\(mask, -1\.0, 1\.0\), found booleans"),
-    (lambda: solve(avoid=lambda x: x[..., 0], obstacle=np.zeros((5, 4))), "obstacle: expected None beside avoid, found both"),
+    (lambda: solve(avoid=lambda x: x[..., 0], obstacle=np.zeros((5, 4))), "obstacle: expected None together with avoid, found both"),
     (lambda: solve(avoid=lambda x: 0.5 - x[..., 0] - 1), "avoid: .*negative in the obstacle.*found one that covers all of the grid"),
     (lambda: solve(avoid=lambda x: x[..., 0] - 0.3), "avoid: .*negative in the obstacle.*found one that covers all of the target"),
     (lambda: solve(times=0.0), "times: expected a finite number > 0, found 0"),
@@ -443,7 +443,7 @@ REFUSED = [
     (lambda: solve(times=[0, -1]), r"times\[0\]: expected a last one > 0"),
     (lambda: solve(times=[1.0]), "times: expected a number, or at least two instants from 0 on, found 1"),
     (lambda: solve(tolerance=0.0), "tolerance: expected a finite number > 0, found 0"),
-    (lambda: solve(tolerance=0.1, times=[0, 1]), "times: expected one number beside tolerance"),
+    (lambda: solve(tolerance=0.1, times=[0, 1]), "times: expected one number together with tolerance"),
     (lambda: solve(kind="reach"), "kind: expected one of tube, set, found reach"),
     (lambda: solve(direction="up"), "direction: expected one of backward, forward, found up"),
     (lambda: solve(scheme="weno7"), "scheme: expected one of weno5, eno3, eno2, upwind, found weno7"),
@@ -488,7 +488,7 @@ def test_a_refusal_names_argument_expected_and_found(call, complaint):
 def test_other_types_are_named_too(call, complaint):
     with pytest.raises(TypeError) as raised:
         call()
-    # Without the notes that Python adds from 3.11 on.
+    # Without the notes that Python 3.11 and later add.
     assert re.search(complaint, str(raised.value))
 
 

@@ -1,4 +1,4 @@
-"""What the package promises of itself: documents, types, size and speed."""
+"""Promises of the package: documentation, types, size and speed."""
 
 import inspect
 import re
@@ -45,7 +45,7 @@ def test_everything_public_is_documented():
     for name, member in public():
         text = inspect.getdoc(member)
         assert text and text[0].isupper() and text.split("\n\n")[0].endswith("."), f"{name}: {text!r}"
-        # The methods of scikit-learn are described there.
+        # Methods of scikit-learn are documented there.
         ours = not name.startswith("sidestep.SidestepClassifier.")
         if ours and callable(member) and not inspect.isclass(member):
             arguments = set(inspect.signature(member).parameters) - {"self", "path", "text"}
@@ -65,14 +65,14 @@ def test_nothing_heavy_is_imported():
 
 
 def test_the_native_half_is_small():
-    """Compressed, as in a wheel, of which it is nearly all."""
+    """Compressed, as in a wheel, which contains little else."""
     native = Path(sidestep._sidestep.__file__)
     assert len(zlib.compress(native.read_bytes())) < 3e6
 
 
 @pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
 def test_a_value_is_faster_than_the_formula_in_numpy(paper, rng):
-    """Both in one run, so that it does not matter how busy the machine is."""
+    """Both in one run, so that the load of the machine does not matter."""
     states = rng.uniform(-20, 20, (200_000, 3))
 
     def least(work):

@@ -68,7 +68,7 @@ MACHINES = {"OnlinePredictor", "ShfrsPredictor"}
 
 def test_every_public_class_is_among_the_examples(examples):
     classes = {name for name in sidestep.__all__ if inspect.isclass(getattr(sidestep, name))}
-    # A warning and an array are Python's and NumPy's own; the classifier is scikit-learn's kind, tested beside it.
+    # `AngleWarning` and `Plan` are types of Python and NumPy; the classifier is tested with scikit-learn.
     assert classes - {"AngleWarning", "Plan", "SidestepClassifier"} == {name for name, _ in examples} | MACHINES
 
 
@@ -106,7 +106,7 @@ def test_predictors_go_on_where_they_were():
         for again in (pickle.loads(pickle.dumps(online)), copy.deepcopy(online), copy.copy(online)):
             assert again is not online
             np.testing.assert_array_equal(again.history, online.history)
-            # It was predicted already.
+            # The predictor has predicted already.
             np.testing.assert_array_equal(again.clear(plan, 0.4), online.clear(plan, 0.4))
     stood = copy.copy(online)
     assert not stood.push(WALK[-1]) and online.departure is None
@@ -136,7 +136,7 @@ def test_a_calibration_is_stored_and_loaded(examples, tmp_path):
     assert sidestep.Calibration.load(path) == trained
     for change, complaint in (
         ({"format": "sidestep-calibration/9"}, "calibration.format"),
-        ({"epsilon": 0.01}, r"calibration\.epsilon: expected .*, which the scores give, for F_1, found 0\.01"),
+        ({"epsilon": 0.01}, r"calibration\.epsilon: expected .*, the ε of the scores, for F_1, found 0\.01"),
         ({"scores": [-1.0]}, r"calibration\.scores"),
         ({"scores": []}, "calibration.scores: expected at least one, found none"),
         ({"p": 2}, r"calibration\.p: expected"),
@@ -179,7 +179,7 @@ def test_settings_are_files_of_the_laboratory(tmp_path):
         settings.save(path)
         assert sidestep.ShfrsSettings.load(path) == settings
     sidestep.ShfrsSettings.paper().save(path)
-    # The form that `sidestep shfrs --settings` reads, with nothing that it does not know.
+    # The format that `sidestep shfrs --settings` reads, without unknown fields.
     assert json.loads(path.read_text(encoding="utf-8")) == {
         "format": "sidestep-shfrs/1", "steps": 10, "epsilon": [0.0, 0.15, 0.25, 0.4, 1.0], "k": [2, 2] + [1] * 8, "rollout": "base",
     }

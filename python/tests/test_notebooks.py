@@ -1,4 +1,4 @@
-"""The notebooks run, and show what they promise."""
+"""The notebooks run and show the expected output."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ NOTEBOOKS = sorted((Path(__file__).parent.parent / "notebooks").glob("*.ipynb"))
 
 
 def ran(path):
-    """The outputs of a notebook, by the kind of content."""
+    """The outputs of a notebook, by content type."""
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     assert not any(cell.get("outputs") for cell in notebook.cells), "stored outputs belong to nobody's version"

@@ -1,4 +1,4 @@
-"""A robot's loop: plans, the model without training, the sets that a plan is clear of."""
+"""A robot's loop: plans, the untrained model, the sets that a plan is clear of."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_plans_that_are_none_are_refused():
         (([0, 0], 1.0, [0.0], 0.2), "start: expected an array of shape"),
         (([0, 0, 0], 1.0, 0.0, 0.2), r"turn_rates: expected an array of shape \(…, T\) with T ≥ 1, found shape \(\)"),
         (([0, 0, 0], 1.0, np.zeros((3, 0)), 0.2), r"turn_rates: expected an array of shape \(…, T\) with T ≥ 1"),
-        (([0, 0, 0], [1.0], [0.0, 0.0], 0.2), r"speed_mps: expected an array of shape \[2\] as turn_rates has, or a number"),
+        (([0, 0, 0], [1.0], [0.0, 0.0], 0.2), r"speed_mps: expected an array of shape \[2\] as turn_rates, or a number"),
         (([0, 0, 0], 1.0, [[0.0, 20.0]], 0.2), r"turn_rates\[0, 1\]: expected at most half a turn in a step of 0.2 s, found 20"),
         (([0, 0, 0], 1e9, [0.0], 0.2), r"the pose after turn_rates\[0\]\.x: expected a number"),
         (([0, 0, 0], 1.0, [0.0], 0.0), "step_s: expected a finite number > 0, found 0"),
@@ -109,7 +109,7 @@ def test_the_sets_of_a_loop_have_its_speed_and_step():
         np.testing.assert_array_equal(ours.tube(), theirs.tube())
     # Straight on for a second.
     assert sets[0].contains([[1.4, 0.0, 0.0]], 10)[0]
-    # The sets are a prediction, after which plans may be asked for.
+    # `sets` counts as a prediction, after which plans can be checked.
     assert online.clear(sidestep.drive(CROSSED[1], 0.0, np.zeros(10), 0.1), 0.3).shape == (5, 10)
 
 
@@ -121,7 +121,7 @@ def test_a_plan_that_turns_by_half_a_turn_is_refused():
     prediction = sidestep.ShfrsPredictor(model, settings, parameters=parameters).predict([CROSSED])
     for turn in (-np.pi, np.pi):
         plan = sidestep.drive(CROSSED[1], 0.0, [turn / 0.2], 0.2)
-        complaint = r"plan\[0\]: expected less than half a turn after the present pose, since poses do not tell which way"
+        complaint = r"plan\[0\]: expected less than half a turn after the present pose, since the direction would be ambiguous"
         with pytest.raises(ValueError, match=complaint):
             prediction.clear(plan, 0.4, corners=[[0, 0], [2, 0]])
     almost = sidestep.drive(CROSSED[1], 0.0, [-(np.pi - 1e-5) / 0.2], 0.2)
@@ -144,7 +144,7 @@ def test_a_collision_bound_in_a_loop(people):
         assert ours.set == sidestep.largest_clear(online.clear(plan, 0.5), ours.margin_m)
         bounds.add(ours.at_most)
     assert len(bounds) > 1
-    # Somebody who stands still, walks slowly or jumps is nobody whom it was calibrated with.
+    # No human in the calibration stands still, walks slowly or jumps.
     for way_m in (0.0, 0.2, 0.5, 3.0):
         moved = np.array(CROSSED)
         moved[0, 0] += way_m

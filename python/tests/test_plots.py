@@ -1,4 +1,4 @@
-"""What figures show."""
+"""Content of the figures."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -22,7 +22,7 @@ def test_figure_1_shows_the_level_sets_around_the_vehicles(people):
     beginning, later, levels = figure.axes
     assert later.get_title() == "after 4 s"
     assert len(beginning.patches) == len(levels.patches) == 1
-    # The same part of the plane in all, with every vehicle and outline.
+    # All panels show the same part of the plane, with every vehicle and outline.
     assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in figure.axes}) == 1
     low, high = np.transpose([levels.get_xlim(), levels.get_ylim()])
     shown = np.vstack([trajectory.states[[0, 20], :, :2].reshape(-1, 2), *(line.get_xydata() for line in levels.lines)])
@@ -35,7 +35,7 @@ def test_figure_1_shows_the_level_sets_around_the_vehicles(people):
     car = sidestep.VehicleModel(2.0, 0.5)
     game = sidestep.PursuitGame(car, car, 3.0)
     human, robot = trajectory.states[20]
-    # On the human's outline, a robot with its present heading has V_HR = 0.
+    # On the human's outline, a robot with its current heading has V_HR = 0.
     outline = outlines["$V_{HR} = 0$"]
     others = np.column_stack([outline, np.full(len(outline), robot[2])])
     seen = sidestep.relative_state(np.broadcast_to(human, others.shape), others)
@@ -52,7 +52,7 @@ def test_figure_3_shows_the_regions(people):
     figure = plots.figure3(found, states[-1], ["left", "middle", "right"])
     for axes, prediction in zip(figure.axes, found, strict=True):
         drawn = [shapely.Polygon(patch.get_xy()).area for patch in axes.patches[:5]]
-        # The largest first, so that the smaller ones remain to be seen.
+        # The largest first, so that the smaller ones stay visible.
         np.testing.assert_allclose(drawn[::-1], prediction.areas_m2, rtol=1e-9)
         assert axes.get_legend().get_texts()[0].get_text().startswith("$F_{1}$: ε = ")
     assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in figure.axes}) == 1

@@ -50,7 +50,7 @@ def test_features_of_a_long_drive_take_no_longer_each(people):
     names = ["turned", "turned_5", "distance"]
     begin = time.process_time()
     found = sidestep.features(states, names)
-    # Row by row from the beginning, it takes a thousand times as long.
+    # Recomputing every row from the start takes a thousand times as long.
     assert time.process_time() - begin < 1
     for n in (1, 2, 40, 2000):
         np.testing.assert_array_equal(found[n - 1], sidestep.features(states[:n], names)[-1])
@@ -109,7 +109,7 @@ def test_a_decision_tree(rows):
     counts = np.rint(model.tree_.value[leaf, 0] * model.tree_.weighted_n_node_samples[leaf, None])
     np.testing.assert_allclose(predictor.proba(x), (counts + 1) / (counts.sum(1, keepdims=True) + 3), atol=1e-12)
     np.testing.assert_array_equal(predictor.predict(x), model.predict(x))
-    # A weight of 0 leaves a row out.
+    # A weight of 0 excludes a row.
     chosen = np.arange(len(y)) % 2
     without = DecisionTreeClassifier(max_depth=6, random_state=0).fit(x, y, sample_weight=chosen)
     kept = DecisionTreeClassifier(max_depth=6, random_state=0).fit(x[chosen == 1], y[chosen == 1])
@@ -125,7 +125,7 @@ def test_a_decision_tree_with_weights_is_refused(rows):
         DecisionTreeClassifier(max_depth=3).fit(x, y, sample_weight=twice),
         DecisionTreeClassifier(max_depth=3).fit(x, y, sample_weight=0.3 * twice),
         DecisionTreeClassifier(max_depth=3, class_weight={-1: 1, 0: 2, 1: 1}).fit(x, y),
-        # The weights of the only node sum to the number of its rows, and are whole.
+        # The weights of the only node are integers and sum to the number of its rows.
         DecisionTreeClassifier(min_samples_leaf=200, class_weight="balanced").fit(x[:300], np.arange(300) // 120 - 1),
     ):
         with pytest.raises(ValueError, match="estimator: expected a tree fitted without weights or constraints, found"):
@@ -181,8 +181,8 @@ def coupled(pairwise, classes):
 @pytest.mark.parametrize("kind", [SVC, NuSVC])
 @pytest.mark.parametrize("classes", [2, 3])
 def test_a_support_vector_machine(rows, kind, kernel, classes):
-    """From scikit-learn's own decision values and sigmoids: ours are the solution to 1e-9, and its own are what the
-    iteration of libsvm makes of the same numbers, to 1e-9, too."""
+    """From scikit-learn's decision values and sigmoids: our probabilities are the exact solution to 1e-9, and those of
+    scikit-learn are the result of libsvm's iteration, also to 1e-9."""
     x, y = (of[::4] for of in rows)
     y = np.abs(y) if classes == 2 else y
     share = {"nu": 0.2} if kind is NuSVC else {"C": 3.0}
@@ -190,7 +190,7 @@ def test_a_support_vector_machine(rows, kind, kernel, classes):
     model = make_pipeline(StandardScaler(), model).fit(x, y)
     predictor = sidestep.from_sklearn(model, NAMES, experiment=2 if classes == 2 else 1)
     x = rows[0][1::4]
-    # The only pair of two classes is turned around.
+    # With two classes the only pair is reversed.
     decisions = model.decision_function(x) if classes == 3 else -model.decision_function(x)[:, None]
     pairwise = 1 / (1 + np.exp(decisions * model[-1].probA_ + model[-1].probB_))
     iterated, solved = (np.array(of) for of in zip(*(coupled(row, classes) for row in pairwise), strict=True))
@@ -210,7 +210,7 @@ def test_a_calibrated_support_vector_machine(rows, kernel):
     outside = make_pipeline(StandardScaler(), CalibratedClassifierCV(SVC(kernel=kernel), ensemble=False)).fit(x, y)
     found = sidestep.from_sklearn(outside, NAMES, experiment=2).proba(x)
     np.testing.assert_allclose(found, outside.predict_proba(x), rtol=0, atol=1e-9)
-    # Votes, as of the machine within; the likeliest class is another one near the boundary.
+    # Votes, as in the inner machine; near the boundary the likeliest class differs.
     within = model.calibrated_classifiers_[0].estimator
     np.testing.assert_array_equal(predictor.predict(x), within.predict(x))
     assert np.mean(predictor.predict(x) != model.predict(x)) < 0.02

@@ -53,7 +53,7 @@ def test_polygons_say_by_how_much_they_were_grown():
     polygon, margin_m = reachable.polygon(10, conservative=True, return_margin=True)
     np.testing.assert_array_equal(polygon, reachable.polygon(10, conservative=True))
     assert 0 < margin_m < 0.01
-    # Half a turn a step: nothing but a convex polygon around the set.
+    # At half a turn per step there is only a convex polygon around the set.
     full = np.full(100, np.pi)
     turning = sidestep.ReachableSet([0, 0, 0], -full, full, 2.0, 1.0)
     polygon, margin_m = turning.polygon(100, return_margin=True)

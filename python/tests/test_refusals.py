@@ -1,4 +1,4 @@
-"""Whatever is not accepted is named, with what was expected and found; nothing ends the process."""
+"""Errors name the invalid argument, the expected and the actual value; nothing ends the process."""
 
 import numpy as np
 import pytest

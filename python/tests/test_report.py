@@ -1,12 +1,11 @@
 """Every test, interval, effect size, correction, calibration and count of a report, computed again.
 
-The program below knows what the documents say (docs/analysis.md) and shares no code with the server: it reads the
-predictions that an analysis wrote and the trials that it was given, computes everything from them with NumPy and SciPy,
-and compares with the numbers behind the report, on six sets of data that were made to be awkward. Then it compares each
-figure of the printed tables with the number behind it.
+This program follows docs/analysis.md and shares no code with the server: it reads the predictions of an analysis and
+its input trials, computes everything from them with NumPy and SciPy, and compares with the numbers behind the report,
+on six deliberately awkward data sets. Then it compares each figure of the printed tables with the number behind it.
 
-Not computed: `cv_accuracy` and the hyper-parameters that were chosen, which are of models of folds, and these are in no
-file. Powers are shares of samples that the program draws; here they are drawn anew, and compared to 0.02.
+Not computed: `cv_accuracy` and the chosen hyper-parameters, because the models of the folds are not in any file. Powers
+are shares of random samples; here other samples are drawn, and powers compared to 0.02.
 Learning curves, unseen people, importance, roll-outs of models and leakage are in test_report_people.py.
 """
 
@@ -34,7 +33,7 @@ RADIUS_M = 3.0
 
 
 def once(rng, trial):
-    """The same trial of somebody who turns in one step only."""
+    """The same trial with a turn in one step only."""
     rates = np.zeros(len(trial.rates))
     rates[rng.integers(len(rates))] = rng.choice([-RATE, RATE])
     return trial.turned(rates)
@@ -47,7 +46,7 @@ def ties(folder, rng):
 
 
 def one_class(folder, _rng):
-    """Nobody turns in the tasks that test."""
+    """Nobody turns in the test tasks."""
     return [tasks[:4] + [trial.turned(np.zeros(25)) for trial in tasks[4:]] for tasks in simulated(folder, 7, 6, 25, 6)]
 
 
@@ -62,12 +61,12 @@ def many(folder, _rng):
 
 
 def copied_trials(folder, _rng):
-    """The first tasks again at the end, among those that test."""
+    """The first tasks are repeated at the end, among the test tasks."""
     return [tasks[:8] + tasks[:2] for tasks in simulated(folder, 8, 8, 25, 8)]
 
 
 def identical_people(folder, _rng):
-    """Eight times the same person: no variance at all."""
+    """The same person eight times: no variance."""
     return simulated(folder, 1, 8, 30, 3) * 8
 
 
@@ -84,9 +83,9 @@ def report(request, tmp_path_factory):
 
 
 def test_people_and_predictions(report):
-    """The predictions are of the last fifth of the tasks, and their truth is what was driven."""
+    """The predictions are of the last fifth of the tasks, and their truth is the driven input."""
     tasks = len(report.people[0])
-    # Who shows one class only in the tasks that train is left out, since no model can be fitted to it.
+    # A person with only one class in the training tasks is left out, because no model can be fitted.
     training = [of[: tasks - tasks // 5] for of in report.people]
     turned = [{rate for trial in of for rate in trial.rates} for of in training]
     assert report.names == [name for name, rates in enumerate(turned) if len(rates) > 1]
@@ -161,7 +160,7 @@ def pooled(report, model, experiment, features):
 
 
 def test_calibration_and_ablation(report):
-    """Of all rows together."""
+    """Over all rows together."""
     losses = {}
     for told in report.numbers["calibration"]:
         what = told["model"], told["experiment"], told["features"]
@@ -190,7 +189,7 @@ def test_calibration_and_ablation(report):
 
 
 def distances(report, model, features, metric):
-    """Mean distance of the first or last steps of avoidance: penalised; of those trials in which both avoid; their number."""
+    """Mean distance of first or last steps of avoidance: penalised; for trials in which both avoid; their number."""
     cells = report.of(model, 2, features)
     distance = np.concatenate([cell.by_trial(metric) for cell in cells])
     both = np.concatenate([cell.truth.any(axis=1) & cell.predicted.any(axis=1) for cell in cells])
@@ -220,7 +219,7 @@ def test_tables_of_the_paper(report):
 
 
 def test_answers(report):
-    """What is said of the tests together, and how much so many people can show."""
+    """The overall conclusion from the tests, and the power with this number of people."""
     findings, tests = report.numbers["findings"], report.numbers["tests"]
     of_tests = lambda metric, *pair: [  # noqa: E731
         test["gain"] for test in tests if (test["gain"]["metric"], test["first"], test["second"]) == (metric, *pair)
@@ -262,12 +261,12 @@ def verdict(gains):
 
 
 def power_is(told, people, family):
-    """Powers are shares of 10 000 samples, and mine of 20 000 others: both err by less than 0.02 together."""
+    """Powers are shares of 10 000 samples, and ours of 20 000 others: together they err by less than 0.02."""
     least = min(1.0, 2 * 0.5**people)
     needed = next(n for n in itertools.count(1) if 2 * 0.5**n * family < LEVEL)
     assert (told["participants"], told["family"], told["needed"]) == (people, family, needed)
     close([told["least_p"], told["least_p_after_holm"]], [least, min(1.0, family * least)], told)
-    # Of more than 100 people it is that of 100.
+    # For more than 100 people it is the power of 100.
     most = min(people, 100)
     mine = [power(most, 1), power(most, family), power(needed, family)]
     assert np.allclose([told["shown"], told["shown_after_holm"], told["needed_shown"]], mine, rtol=0, atol=0.02), (told, mine)
@@ -280,11 +279,11 @@ def test_rollouts_without_a_model(report):
         close([[of[key] for key in ("windows", "right", "log_loss", "distance_m")] for of in told], mine, driver)
 
 
-# What people did.
+# Behaviour.
 
 
 def behaviour(trial):
-    """Of one task. The smallest distance is that of 21 instants of each step, as the library says it is."""
+    """Behaviour in one task. The smallest distance is over 21 instants of each step, as in the library."""
     human, rates = driven(trial.start, trial.rates), np.array(trial.rates)
     robot = np.array([*trial.robot, driven(trial.robot[-1], [0])[1]])
     instants = np.linspace(0, STEP_S, 21)
@@ -310,7 +309,7 @@ def behaviour(trial):
 
 
 def summary(tasks):
-    """Of several tasks; none of no task."""
+    """Summary of several tasks; `None` for no task."""
     if not tasks:
         return None
     onsets = [of["onset"] for of in tasks if of["onset"]]
@@ -358,7 +357,7 @@ def test_behaviour(report):
 
 
 def printed_gain(row, gain):
-    """What tests.csv and beside.csv say of a paired comparison."""
+    """Checks a paired comparison in tests.csv and beside.csv."""
     paired = gain["paired"]
     assert (row["model"], row["experiment"]) == (gain["model"], str(gain["experiment"]))
     assert row["differing"] == str(paired["differing"])

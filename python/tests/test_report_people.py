@@ -1,14 +1,14 @@
 """Learning curves, unseen people, importance of features, roll-outs and leakage of a report, computed again.
 
-As in test_report.py. The predictions behind these numbers are in no file, but what makes them is:
+As in test_report.py. The predictions behind these numbers are not in any file, but their inputs are:
 
-- Models in `models/` are computed here (report_models.py), of features that `sidestep features` writes. This gives the
-  predictions again that were exported, the importance of features and the roll-outs of the paper's models.
-- Models that other tasks trained (learning curves, unseen people, leakage) are in no file. A second analysis trains them
-  again, of people who are made up so that their first four fifths are these tasks, and exports its predictions.
+- Models in `models/` are evaluated here (report_models.py) on features that `sidestep features` writes. This reproduces
+  the exported predictions, the importance of features and the roll-outs of the paper's models.
+- Models trained on other tasks (learning curves, unseen people, leakage) are not in any file. A second analysis trains
+  them again, on artificial people whose first four fifths are these tasks, and exports its predictions.
 
-Not computed: roll-outs of boosted trees and of models with a memory, which are in no file and which no second analysis
-exports; only the numbers of their windows are compared.
+Not computed: roll-outs of boosted trees and of models with memory, which are neither in a file nor exported by a second
+analysis; only the numbers of their windows are compared.
 """
 
 import itertools
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif("SIDESTEP_BIN" not in os.environ, reason="needs 
 
 COMPARED = ["hrd", "d", "hrd_body"]
 ROLLED_OUT = ["hrd", "d", "hrd_body", "d_body"]
-# These are exchanged together, since one of them alone would still say the same.
+# These are permuted together, because each alone would still carry the same information.
 TOGETHER = ["dpsi", "cos_dpsi", "sin_dpsi"]
 
 
@@ -33,7 +33,7 @@ TOGETHER = ["dpsi", "cos_dpsi", "sin_dpsi"]
 
 
 def differing(folder):
-    """People with 6 to 26 tasks. One begins to turn late, one never turns, and one never turns right before the test."""
+    """People with 6 to 26 tasks. One starts to turn late, one never turns, and one turns right only in the test."""
     people = simulated(folder, 6, 26, 12, 11)
     people = [tasks[:count] for tasks, count in zip(people, (13, 14, 6, 6, 13, 26), strict=True)]
     straight = lambda trials: [trial.turned(np.zeros(12)) for trial in trials]  # noqa: E731
@@ -43,7 +43,7 @@ def differing(folder):
 
 
 def alike(folder):
-    """Six times the same person: others' models are as good as one's own, or equally much worse."""
+    """The same person six times: models of others are as good as one's own, or all equally worse."""
     return simulated(folder, 1, 6, 12, 3) * 6
 
 
@@ -53,7 +53,7 @@ def alone(folder):
 
 
 def crowd(folder):
-    """More people than groups of which one is left out: the first and the last are left out together."""
+    """More people than left-out groups: the first and the last person are left out together."""
     return simulated(folder, 21, 5, 8, 12)
 
 
@@ -64,7 +64,7 @@ def report(request, tmp_path_factory):
 
 
 class Again:
-    """A second analysis, of models that some trials train and others test: `wanted` has both lists of each key."""
+    """A second analysis, with models trained and tested on given trials: `wanted` has both lists for each key."""
 
     def __init__(self, folder, wanted, grids=GRIDS):
         people, self.parts = [], {}
@@ -74,13 +74,13 @@ class Again:
             for begin in range(0, len(test), fifth):
                 part = test[begin : begin + fifth]
                 self.parts[key].append((len(people), len(part)))
-                # A fifth of the tasks tests: the same again if there are fewer.
+                # A fifth of the tasks are test tasks: they are repeated if there are fewer.
                 people.append([*training, *itertools.islice(itertools.cycle(part), fifth)])
         self.report = Report(folder, people, grids, paper_only=True)
         assert self.report.names == list(range(len(people)))
 
     def tested(self, model, experiment, features, key):
-        """What was driven and what was predicted."""
+        """The driven and the predicted inputs."""
         cells = [(self.report.cells[model, experiment, features, place], count) for place, count in self.parts[key]]
         return [np.vstack([getattr(cell, of)[:count] for cell, count in cells]) for of in ("truth", "predicted")]
 
@@ -130,7 +130,7 @@ def test_unseen_people_of_a_crowd(tmp_path):
 
 
 def unseen_are_right(report, folder, checked):
-    """The accuracies are right of those who are checked, and everything else of everybody."""
+    """Accuracies are right for the people checked, and everything else for all people."""
     told, rows = report.numbers["unseen"], iter(report.table("unseen"))
     if len(report.names) == 1:
         assert told == list(rows) == []
@@ -142,7 +142,7 @@ def unseen_are_right(report, folder, checked):
         if name in checked:
             test = [report.people[name][task] for task in report.tested(name)]
             wanted[name] = ([trial for other in others for trial in report.people[other]], test)
-    # No support vector machine is wanted, so that theirs may be trained in no time.
+    # No support vector machine is checked, so their training may be trivial.
     again = Again(folder, wanted, {**GRIDS, "rbf_c": [1e-3], "linear_c": [1e-3]})
     whats, found = list(itertools.product(("dt", "lr"), (1, 2), COMPARED)), []
     for what, each in zip(whats, told, strict=True):
@@ -170,7 +170,7 @@ def unseen_are_right(report, folder, checked):
 
 
 def test_leakage(report, tmp_path):
-    """Every fifth step tests: as trials of one step, those that train come first."""
+    """Every fifth step is a test step: as trials of one step, the training steps come first."""
     people = []
     for name in report.names:
         steps = [part for trial in report.people[name] for part in trial.parts()]
@@ -188,7 +188,7 @@ def test_leakage(report, tmp_path):
 
 @pytest.fixture(scope="module")
 def known(report):
-    """The features of each person's steps that test, as the program exports them."""
+    """The features of each person's test steps, as the program exports them."""
     path = report.folder / "all.csv"
     sidestep("features", "--trials", report.trials, "--trial-steps", report.steps, "--out", path)
     rows = lambda name: slice(len(report.training(name)) * report.steps, None)  # noqa: E731
@@ -197,7 +197,7 @@ def known(report):
 
 
 def test_models_of_files(report, known):
-    """They predict what was exported, with the same probabilities."""
+    """They reproduce the exported predictions, with the same probabilities."""
     for key, cell in report.cells.items():
         model = Model(report.model_file(*key))
         rows = of_names(known[key[3]], model.features)
@@ -208,12 +208,12 @@ def test_models_of_files(report, known):
 
 
 def exchanged(features):
-    """The features that are exchanged, a list for each time."""
+    """The features that are permuted, one list for each permutation."""
     return [TOGETHER if name == TOGETHER[0] else [name] for name in features if name not in TOGETHER[1:]]
 
 
 def test_importance(report, known):
-    """Each value comes from another step of the test, five times, in orders that have a fixed seed."""
+    """Each value is replaced by that of another test step, five times, in orders with a fixed seed."""
     told = {}
     for row in report.table("importance"):
         told[row["model"], int(row["experiment"]), row["features"], row["permuted"], int(row["participant"])] = row["loss"]
@@ -257,7 +257,7 @@ def test_rollouts(report):
 
 
 def test_furthest_ahead(report):
-    """What the report says of roll-outs is of their last step."""
+    """The report describes the last step of roll-outs."""
     furthest = {}
     last = {(of["driver"], of["features"]): of["horizons"][-1] for of in report.numbers["rollouts"]}
     for (driver, features), of in last.items():

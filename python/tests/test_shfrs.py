@@ -18,9 +18,9 @@ NOW = np.array([[[1, 2, 0.5], [9, 2, 3.0]]])
 
 def test_areas_of_a_human_who_turns_right():
     found = sidestep.ShfrsPredictor(constant([0.6, 0.3, 0.1])).predict(NOW)
-    # The areas that the library's own test has from the reference.
+    # The reference areas of the library's own test.
     np.testing.assert_allclose(found.areas_m2, [1.22, 2.05, 2.60, 3.43, 5.33], atol=0.01)
-    # v²/6 · T³ · 2 ω = 16/3 m² can be reached at all in 2 s.
+    # The reachable area in 2 s is v²/6 · T³ · 2 ω = 16/3 m².
     np.testing.assert_allclose(found.shares_of_worst_case, found.areas_m2 / (16 / 3), rtol=1e-3)
     tubes = [shapely.Polygon(tube) for tube in found.tubes]
     assert all(tube.is_valid and tube.exterior.is_ccw for tube in tubes)
@@ -58,7 +58,7 @@ def test_what_a_prediction_holds(rng):
     np.testing.assert_array_equal(found.contains(straight), [True, True, True])
     np.testing.assert_array_equal(found.contains(left), [False, True, True])
     np.testing.assert_array_equal(found.contains(np.zeros((4, 3))), [False] * 3)
-    # An older prediction is its own, whatever was predicted since.
+    # An older prediction does not change with later ones.
     before = [tube.copy() for tube in found.tubes]
     predictor.predict(NOW + [[[3, 0, 1], [0, 0, 0]]])
     assert all((old == new).all() for old, new in zip(before, found.tubes, strict=True))
@@ -82,7 +82,7 @@ def test_threads_may_share_a_predictor(people):
 
 
 def test_a_function_may_predict_within_its_prediction(people):
-    """It neither waits for itself nor disturbs the prediction around it."""
+    """It neither deadlocks nor disturbs the outer prediction."""
     history, inner = people[0][0].states[:9], []
 
     def model(states):
@@ -134,7 +134,7 @@ def test_calibration_is_the_rank_that_it_says(people):
 
 @pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
 def test_trajectories_of_other_vehicles_are_refused(people):
-    """Sets hold no drive that their vehicle cannot drive, whatever ε is, so there would be no guarantee."""
+    """No ε gives sets that contain a drive which their vehicle cannot drive, so there would be no guarantee."""
     trajectories = [trial for trials in people for trial in trials]
     model, settings = constant([0.2, 0.6, 0.2]), sidestep.ShfrsSettings([0.0], [1] * 8)
     slower = sidestep.SceneParameters(human=sidestep.VehicleModel(1.0, 0.5))
@@ -153,7 +153,7 @@ def test_trajectories_of_other_vehicles_are_refused(people):
     lying = sidestep.Trajectory(trajectories[0].states, trajectories[0].turn_rates + 0.1)
     with pytest.raises(ValueError, match=r"trajectories\[0\]\.turn_rates\[0\]: expected .* rad/s, by which the human"):
         sidestep.calibrate([lying, *trajectories[1:]], model, settings, p=0.8, delta=None)
-    # Which way a robot drives is no matter of the vehicle, and three decimals are enough.
+    # The robot's motion is not checked, and three decimals are enough.
     states = trajectories[0].states
     states[:, 1] = rng.uniform(-100, 100, (51, 3))
     rounded = sidestep.Trajectory(states.round(3), trajectories[0].turn_rates)
@@ -182,13 +182,13 @@ CROSSED = np.array([[[0.0, 0.0, 0.0], [2.0, -2.4, np.pi / 2]]])
 
 
 def crossing(speed_mps):
-    """The plan of a robot that drives up from where it is in `CROSSED`, ten steps of 0.2 s."""
+    """The plan of a robot that drives up from its position in `CROSSED`, ten steps of 0.2 s."""
     y = -2.4 + speed_mps * 0.2 * np.arange(1, 11)
     return np.stack([np.full(10, 2.0), y, np.full(10, np.pi / 2)], axis=-1)
 
 
 def test_a_plan_is_as_clear_as_it_is_from_drives(rng):
-    """No drive of a set comes nearer than the clearance; straight on there is one drive, which comes as near."""
+    """No drive of a set comes closer than the clearance; the only straight drive comes exactly as close."""
     predicted = sidestep.ShfrsPredictor(STRAIGHT, sidestep.ShfrsSettings([0.0, 0.25, 1.0], [1] * 10)).predict(CROSSED)
     plan, radius = crossing(1.2), 0.6
     clear = predicted.clear(plan, radius)
@@ -269,7 +269,7 @@ def test_a_collision_bound_is_that_of_clopper_and_pearson(people):
         largest = int(np.flatnonzero(clear).max())
         expected = 0.0 if largest == 2 else outside([0.0, 0.3][largest])
         assert bound.set == largest and abs(bound.at_most - expected) < 1e-9
-        assert "With confidence 0.9" in bound.statement and "no guarantee for one scene" in bound.statement
+        assert "With confidence 0.9" in bound.statement and "no guarantee for a single scene" in bound.statement
     other = sidestep.ShfrsPredictor(STRAIGHT, sidestep.ShfrsSettings([0.0], [2] + [1] * 9)).predict(CROSSED)
     model = sidestep.ShfrsPredictor(constant([0.2, 0.6, 0.2]), nested).predict(CROSSED)
     paper = sidestep.ShfrsSettings([0.0, 0.3, 1.0], [1] * 10, rollout="paper")
@@ -287,7 +287,7 @@ def test_a_collision_bound_is_that_of_clopper_and_pearson(people):
         with pytest.raises(ValueError, match=complaint):
             call()
     assert average.collision(predicted, crossing(0.0), 0.6, delta=0.1).at_most == 0.0
-    # However sure the bound is to be, it comes at once; 1 says nothing.
+    # The bound is fast for any δ; a bound of 1 is vacuous.
     bounds = [calibration.collision(predicted, crossing(1.2), 0.6, delta=d) for d in (0.1, 1e-100, 1e-200, 1e-300)]
     found = [bound.at_most for bound in bounds]
     assert found == sorted(found) and (found[0] < 1 or bounds[0].set is None)
@@ -300,7 +300,7 @@ def test_ctrl_c_ends_long_predictions(ctrl_c):
     fine = sidestep.ShfrsSettings(np.linspace(0, 1, 20), [1] * 40, accuracy_m=1e-6, by_step=True)
     for predictor in (many, sidestep.ShfrsPredictor(STRAIGHT, fine)):
         ctrl_c(0.3)
-        # The processor's time, of which a busy machine takes no more.
+        # CPU time, which does not depend on the load.
         begin = time.process_time()
         with pytest.raises(KeyboardInterrupt):
             predictor.predict(CROSSED)

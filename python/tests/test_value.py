@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import sidestep
 
-# Headings go round more than once here.
+# Headings exceed a full turn here.
 pytestmark = pytest.mark.filterwarnings("ignore::sidestep.AngleWarning")
 
 
@@ -87,7 +87,7 @@ def test_the_gradient_is_that_of_the_value(paper, rng):
 
 @pytest.mark.parametrize("begin", [[10, 1, np.pi], [6, -4, 2.0], [9, 5, -2.5]])
 def test_optimal_play_ends_at_the_value(paper, begin):
-    """Both follow their optimal turns in scipy's integrator, in equal steps: the least range is V + R."""
+    """Both follow their optimal turns in SciPy's integrator, in equal steps: the least range is V + R."""
 
     def motion(_, state):
         turn, other = sidestep.state(state, paper, threads=1)[2]
@@ -106,7 +106,7 @@ def test_relative_states(rng):
     heading = np.angle(np.exp(1j * (pursuer[:, 2] - evader[:, 2])))
     expected = np.stack([away.real, away.imag, heading], axis=-1)
     np.testing.assert_allclose(sidestep.relative_state(evader, pursuer), expected, atol=1e-12)
-    with pytest.raises(ValueError, match=r"pursuer: expected an array of shape \[40, 3\] as evader has"):
+    with pytest.raises(ValueError, match=r"pursuer: expected an array of shape \[40, 3\] as evader"):
         sidestep.relative_state(evader, pursuer[:5])
 
 

@@ -1,5 +1,6 @@
-//! Algorithm 1, the sets and the picture of a frame take no memory once they have run. It counts what the whole process allocates,
-//! so it runs without the test harness and its threads.
+//! Algorithm 1, the sets and the picture of a frame allocate nothing after their first runs. The
+//! test counts allocations of the whole process, so it runs without the test harness and its
+//! threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use core::ops::ControlFlow;
@@ -62,7 +63,7 @@ fn main() {
         view.set("colours", colours).unwrap();
         let (mut picture, mut shown) = (Picture::default(), Picture::default());
         silent(|length| {
-            // Between steps too.
+            // Also between steps.
             view.time_s = 0.17 * length as f64;
             playback.go(&view).unwrap();
             picture.begin("canvas", playback.window());
@@ -83,9 +84,9 @@ fn main() {
     }
 }
 
-/// After every frame of the trial was seen twice (the envelope of a rear swaps two lists, so
-/// that each of them has to meet the largest frame), going through all of them again, forth and
-/// back as a slider would, takes no memory.
+/// Shows every frame of the trial twice first (the envelope of a rear swaps two lists, so each of
+/// them must meet the largest frame). After that, going through all frames again, back and forth as
+/// with a slider, allocates nothing.
 fn silent(mut frame: impl FnMut(usize)) {
     (1..=51).chain(1..=51).for_each(&mut frame);
     MEMORY.reset_peak_usage();

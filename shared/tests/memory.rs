@@ -1,5 +1,4 @@
-//! How much memory a solve takes at most. A binary of its own, since it counts what the
-//! whole process allocates.
+//! Peak memory of a solve. A separate program, because it counts allocations of the whole process.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use core::ops::ControlFlow;

@@ -1,5 +1,5 @@
-//! An online predictor and its clearances take no memory once they have run. It counts what the whole
-//! process allocates, so it runs without the test harness and its threads.
+//! An online predictor and its clearances allocate nothing after their first runs. The test counts
+//! allocations of the whole process, so it runs without the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 #![allow(clippy::print_stdout, reason = "how much was touched is worth reading")]
 

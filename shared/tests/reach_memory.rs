@@ -1,5 +1,5 @@
-//! Nothing is allocated for a polygon once the memory is there. It counts what the whole
-//! process allocates, so it runs without the test harness and its threads.
+//! A polygon allocates nothing once its buffers exist. The test counts allocations of the whole
+//! process, so it runs without the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use peak_alloc::PeakAlloc;
@@ -45,7 +45,7 @@ fn main() {
     let before = MEMORY.peak_usage();
     let first = every_polygon();
     assert!(MEMORY.peak_usage() > before, "is anything counted?");
-    // Whatever is allocated, be it for a moment, raises the peak above the present.
+    // Any allocation, even a short-lived one, raises the peak above the current usage.
     MEMORY.reset_peak_usage();
     let before = MEMORY.peak_usage();
     assert_eq!(every_polygon(), first);

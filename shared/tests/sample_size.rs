@@ -1,8 +1,9 @@
-//! The README's advice on how many people to recruit is what the library computes.
+//! The README's advice on the number of people to recruit agrees with the library.
 
 use sidestep::stats::power::PowerCurve;
 
-/// The table's lines: an effect, the power with each number of people, and how many people give 80 %.
+/// The table's lines: an effect, the power with each number of people, and the number of people for
+/// 80 %.
 fn lines() -> Vec<String> {
     const PEOPLE: [usize; 5] = [11, 16, 20, 30, 40];
     const FAMILY: usize = 48;

@@ -1,8 +1,9 @@
-//! What to run for how many participants: `cargo xtask bench capacity`.
+//! Sizes of a site for a number of participants: `cargo xtask bench capacity`.
 //!
-//! Simulates the queues of servers and of a database with times of service that `cargo xtask bench load` has
-//! measured on one machine, first at the sizes of that machine, so that the simulation can be compared with what
-//! was measured there, and then at others. It neither starts a server nor takes long.
+//! Simulates the queues of servers and of a database with service times that `cargo xtask bench
+//! load` has measured on one machine, first at the sizes of that machine, so that the simulation
+//! can be compared with the measurements there, and then at others. It starts no server and is
+//! fast.
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
 use clap::Parser;
@@ -13,20 +14,20 @@ use sidestep_tests::load::figures::row;
 #[derive(Parser)]
 #[command(name = "cargo xtask bench capacity --")]
 struct Options {
-    /// For SQLite: an upload's work on the server and in the writer, ms of a core; a transaction's wait for the
-    /// disk, ms.
+    /// For SQLite, ms: CPU time of an upload on the server, in the writer, and wait of a
+    /// transaction for the disk.
     #[arg(long, value_delimiter = ',', num_args = 3, default_values_t = SQLITE)]
     sqlite: Vec<f64>,
     /// The same for PostgreSQL.
     #[arg(long, value_delimiter = ',', num_args = 3, default_values_t = POSTGRES)]
     postgres: Vec<f64>,
-    /// How many times the work of an upload an enrolment is.
+    /// CPU time of an enrolment, as a multiple of an upload's.
     #[arg(long, default_value_t = ENROLMENT)]
     enrolment: f64,
     /// Simulated time, s.
     #[arg(long, default_value_t = 20.0)]
     seconds: f64,
-    /// Of the arrivals.
+    /// Seed of the arrivals.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     #[arg(long, hide = true)]
@@ -40,19 +41,19 @@ const SQLITE: [f64; 3] = [0.16, 0.09, 1.0];
 const POSTGRES: [f64; 3] = [0.44, 0.60, 1.5];
 const ENROLMENT: f64 = 11.0;
 
-/// A transaction itself, ms of a core.
+/// CPU time of a transaction itself, ms.
 const TRANSACTION_MS: f64 = 0.1;
 
-/// Trials of a participant, one of them every 12 s.
+/// Trials per participant, one every 12 s.
 const TRIALS: f64 = 59.0;
 
-/// Trials are to be acknowledged within this time, 99 of 100 of them, ms.
+/// 99 of 100 trials should be acknowledged within this time, ms.
 const WANTED_MS: f64 = 50.0;
 
-/// A share of time in which cores may be busy, so that there is room for pages, reads and bursts.
+/// Largest share of time for which cores may be busy, leaving room for pages, reads and bursts.
 const ROOM: f64 = 0.7;
 
-/// The number of servers, the cores of each, and the cores of the database (none for SQLite).
+/// The number of servers, the cores of each, and the cores of the database (`None` for SQLite).
 const SITES: [(usize, usize, Option<usize>); 8] = [
     (1, 2, None),
     (1, 4, None),
@@ -64,18 +65,18 @@ const SITES: [(usize, usize, Option<usize>); 8] = [
     (4, 8, Some(32)),
 ];
 
-/// Participants who begin in a minute.
+/// Participants who start per minute.
 const PER_MINUTE: [f64; 4] = [1.0, 100.0, 1_000.0, 10_000.0];
 
 impl Options {
-    /// The queues of a site, and what an upload costs there.
+    /// The queues of a site, and the cost of an upload there.
     fn site(&self, (servers, cores, database): (usize, usize, Option<usize>)) -> (Site, Work) {
         let of = |figures: &[f64]| {
             let work = Work { server_ms: figures[0], database_ms: figures[1] };
             (work, figures[2])
         };
         match database {
-            // The writer is a thread of the server and has a core of it.
+            // The writer is a thread of the server and occupies one of its cores.
             None => {
                 let (work, commit_ms) = of(&self.sqlite);
                 let site = Site {
@@ -103,7 +104,7 @@ impl Options {
         }
     }
 
-    /// Simulates the site while `per_minute` participants begin in each minute.
+    /// Simulates the site with `per_minute` participants starting per minute.
     fn with(&self, (site, work): (Site, Work), per_minute: f64) -> Shown {
         let [server_ms, database_ms] =
             [work.server_ms, work.database_ms].map(|ms| self.enrolment * ms);

@@ -1,6 +1,6 @@
-//! Servers that are killed and lose power, again and again: `cargo xtask bench faults`.
+//! Servers that are repeatedly killed and lose power: `cargo xtask bench faults`.
 //!
-//! What is left to chance follows from the seed. The tests `faults` do the same a few times.
+//! All random choices follow from the seed. The tests `faults` do the same a few times.
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
 use std::process::ExitCode;
@@ -20,10 +20,10 @@ use tokio::task::LocalSet;
 #[derive(Parser)]
 #[command(name = "cargo xtask bench faults --")]
 struct Options {
-    /// How often a server is killed (SIGKILL) while people upload, on each database.
+    /// Number of kills (SIGKILL) of a server while people upload, on each database.
     #[arg(long, default_value_t = 20)]
     kills: u32,
-    /// How often the power is cut.
+    /// Number of power cuts.
     #[arg(long, default_value_t = 100)]
     cuts: u32,
     /// People whose uploads are recorded for the cuts; every other one deletes their data.
@@ -32,13 +32,13 @@ struct Options {
     /// Connections that upload while servers are killed.
     #[arg(long, default_value_t = 32)]
     connections: usize,
-    /// Of everything that is left to chance.
+    /// Seed of all random choices.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// A fifth of the kills and cuts.
+    /// Do a fifth of the kills and cuts.
     #[arg(long)]
     quick: bool,
-    /// For other benchmarks.
+    /// Ignored; for other benchmarks.
     #[arg(long, hide = true)]
     discard_baseline: bool,
     #[arg(long, hide = true)]
@@ -51,7 +51,7 @@ enum Kind {
     Postgres,
 }
 
-/// Where servers are killed: on which database, and how many serve it at once.
+/// Configurations to kill servers in: database, and number of servers at once.
 const SUBJECTS: &[(&str, Kind, usize)] = &[
     ("sqlite", Kind::Sqlite, 1),
     ("postgres, 1 server", Kind::Postgres, 1),
@@ -75,9 +75,9 @@ async fn main() -> ExitCode {
     if broken == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Kills servers; returns the number of promises that were broken.
+/// Kills servers; returns the number of broken promises.
 async fn kills(options: &Options, kind: Kind, servers: usize) -> usize {
-    // On a disk: a folder for temporary files may be in memory.
+    // On a disk: the folder for temporary files may be in memory.
     let folder = Folder::within(env!("CARGO_TARGET_TMPDIR"));
     let cluster = matches!(kind, Kind::Postgres).then(|| Cluster::start(Fsync::On));
     let database = match &cluster {
@@ -116,7 +116,7 @@ async fn kills(options: &Options, kind: Kind, servers: usize) -> usize {
     found.broken() + usize::from(last_s > 2.0)
 }
 
-/// Cuts the power at moments of one recording; returns the number of promises that were broken.
+/// Cuts the power at points of one recording; returns the number of broken promises.
 async fn cuts(options: &Options) -> usize {
     let session = Session { people: options.people, trials: 59, seed: options.seed };
     let mut recorded = session.record().await;

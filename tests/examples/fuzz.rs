@@ -1,4 +1,4 @@
-//! What `cargo xtask fuzz` runs: libFuzzer around the parser that PARSER names.
+//! Target of `cargo xtask fuzz`: libFuzzer around the parser named by PARSER.
 
 #![no_main]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "a program for developers")]

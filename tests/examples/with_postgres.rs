@@ -1,5 +1,5 @@
-//! Runs a command with a cluster of PostgreSQL of its own, in which tests make their databases:
-//! `with_postgres cargo test …`. The cluster is gone afterwards.
+//! Runs a command with its own PostgreSQL cluster, in which tests create their databases:
+//! `with_postgres cargo test …`. The cluster is removed afterwards.
 
 use sidestep_tests::postgres::{Cluster, Fsync};
 use std::env;

@@ -1,4 +1,4 @@
-//! A database behind the server's back, of whichever kind.
+//! Direct access to a database of either kind, bypassing the server.
 
 use crate::sqlite::{self, Cell, cells};
 use sqlx::postgres::{PgColumn, PgConnectOptions, PgConnection, PgRow, PgSslMode, Postgres};
@@ -16,9 +16,9 @@ pub fn behind(url: &str) -> Behind {
 #[derive(Debug)]
 pub struct BehindRow(Vec<Cell>);
 
-/// What a column can be read as.
+/// Types that a column can be read as.
 pub trait FromBehind: Sized {
-    /// The value, if it is one.
+    /// The value, if it has this type.
     fn from_cell(cell: &BehindCell<'_>) -> Option<Self>;
 }
 
@@ -66,7 +66,8 @@ impl<T: FromBehind> FromBehind for Option<T> {
     }
 }
 
-/// A database behind the server's back. Truth values are the words `TRUE` and `FALSE` on both kinds.
+/// Direct access to a database, bypassing the server. Booleans are `TRUE` and `FALSE` on both
+/// kinds.
 #[derive(Debug)]
 pub struct Behind {
     url: String,
@@ -88,7 +89,7 @@ impl Behind {
         done.map_err(|error| error.to_string())
     }
 
-    /// What `read` makes of each row that a query finds.
+    /// Applies `read` to each row of a query.
     ///
     /// # Errors
     /// If the query fails, or `read`.
@@ -113,7 +114,7 @@ impl Behind {
         rows.map_err(|error| error.to_string())?.iter().map(read).collect()
     }
 
-    /// What `read` makes of the first row that a query finds.
+    /// Applies `read` to the first row of a query.
     ///
     /// # Errors
     /// If there is none, the query fails, or `read`.
@@ -149,7 +150,7 @@ fn row_of_server(row: &PgRow) -> sqlx::Result<BehindRow> {
     row.columns().iter().enumerate().map(cell).collect::<Result<_, _>>().map(BehindRow)
 }
 
-/// What `talk` makes of a connection to PostgreSQL, which is closed again when this returns.
+/// Applies `talk` to a connection to PostgreSQL, and closes it afterwards.
 async fn on_server<T>(
     url: &str,
     talk: impl AsyncFnOnce(&mut PgConnection) -> sqlx::Result<T>,
@@ -161,11 +162,11 @@ async fn on_server<T>(
     found
 }
 
-/// The address of a new database: in the cluster of PostgreSQL that `SIDESTEP_TEST_POSTGRES` names (an
-/// address with DATABASE in the place of its name), if there is one.
+/// The address of a new database in the PostgreSQL cluster in `SIDESTEP_TEST_POSTGRES` (an address
+/// with DATABASE in the place of its name); `None` if that is not set.
 ///
 /// # Panics
-/// If the cluster does not make a database.
+/// If the database cannot be created.
 #[must_use]
 pub async fn new_postgres_database() -> Option<String> {
     let cluster = std::env::var("SIDESTEP_TEST_POSTGRES").ok()?;

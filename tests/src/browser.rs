@@ -1,5 +1,4 @@
-//! A real browser: headless Chromium with a profile of its own, real key presses
-//! and pictures.
+//! A real browser: headless Chromium with its own profile, real key presses and screenshots.
 
 pub use chromiumoxide::cdp::browser_protocol::emulation::SetEmulatedVisionDeficiencyType as Vision;
 use chromiumoxide::cdp::browser_protocol::emulation::{
@@ -35,23 +34,23 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 
-/// A browser; it ends when it is dropped.
+/// A browser; dropping it ends it.
 pub struct Browser {
     browser: chromiumoxide::Browser,
     events: JoinHandle<()>,
     profile: TempDir,
 }
 
-/// How long a page may show the same while a test waits for it to change: far longer than needed,
-/// so that a test that waits this long has failed.
+/// How long a page may stay unchanged while a test waits for a change: far longer than needed, so
+/// that a test that waits this long has failed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// How long the browser may take to start, or to do what it is asked to, such as to load a page.
+/// Timeout for the start of the browser and for its commands, such as loading a page.
 const ANSWERS: Duration = Duration::from_secs(180);
 
 /// Width and height of a window, CSS pixels.
 pub const WIDE: (u32, u32) = (1280, 800);
-/// The same for a telephone.
+/// The same for a phone.
 pub const NARROW: (u32, u32) = (390, 844);
 
 fn chromium() -> PathBuf {
@@ -66,7 +65,8 @@ fn chromium() -> PathBuf {
     found.expect("Chromium: run the tests with `cargo xtask test`, which installs it")
 }
 
-/// The processes of the browser with this profile: those that name it, and all that they started.
+/// The processes of the browser with this profile: those with the profile in their arguments, and
+/// their children.
 fn processes_of(profile: &str) -> Vec<String> {
     let read = |process: &str, name: &str| {
         std::fs::read_to_string(format!("/proc/{process}/{name}")).unwrap_or_default()
@@ -93,7 +93,7 @@ fn processes_of(profile: &str) -> Vec<String> {
     found
 }
 
-/// Whether a process is there, and more than an entry that nobody has read yet.
+/// Whether a process is running, and not just a zombie.
 fn is_running(process: &str) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     stat.rsplit_once(')').is_some_and(|(_, fields)| !fields.trim_start().starts_with('Z'))
@@ -108,13 +108,13 @@ impl Browser {
         Self::with_profile(TempDir::new().expect("a folder")).await
     }
 
-    /// Kills the browser, as a power cut would, and starts it again with what it has on the disk.
+    /// Kills the browser, as a power cut would, and restarts it with its files on disk.
     ///
     /// # Panics
     /// If it does not start.
     pub async fn killed(self) -> Self {
         let Self { mut browser, events, profile } = self;
-        // Its other processes would hold its databases for a while after the first one is gone.
+        // Its other processes would lock its databases for a while after the first one is gone.
         let all = processes_of(&profile.path().to_string_lossy());
         browser.kill().await.expect("a process").expect("a kill");
         events.abort();
@@ -138,11 +138,11 @@ impl Browser {
             .launch_timeout(ANSWERS)
             .request_timeout(ANSWERS)
             .window_size(WIDE.0, WIDE.1)
-            // Its own emulation would make a touch screen of every window.
+            // Its own emulation would make every window a touch screen.
             .viewport(None)
             .args([
                 "disable-gpu",
-                // WebGL without a graphics processor.
+                // WebGL without a GPU.
                 "enable-unsafe-swiftshader",
                 "disable-background-networking",
                 "disable-component-update",
@@ -163,7 +163,7 @@ impl Browser {
         Self { browser, events, profile }
     }
 
-    /// Opens an address in a new tab of 1280 × 800, light.
+    /// Opens an address in a new tab of 1280 × 800, in the light colour scheme.
     ///
     /// # Panics
     /// If it cannot be opened.
@@ -196,7 +196,7 @@ impl Browser {
         tokio::spawn(async move {
             while asked.next().await.is_some() {
                 told.fetch_add(1, Ordering::Relaxed);
-                // A page that is closed meanwhile asks no more.
+                // A page that is closed meanwhile needs no answer.
                 let _ = asking.execute(HandleJavaScriptDialogParams::new(true)).await;
             }
         });
@@ -208,14 +208,14 @@ impl Browser {
 
     /// Ends the browser and waits until it has.
     pub async fn close(mut self) {
-        // One that is gone already is closed.
+        // It may have ended already.
         let _ = self.browser.close().await;
         let _ = self.browser.wait().await;
         self.events.abort();
     }
 }
 
-/// What a mouse does.
+/// A mouse action.
 #[derive(Clone, Copy, Debug)]
 pub enum Mouse {
     /// It moves without a button.
@@ -226,7 +226,7 @@ pub enum Mouse {
     Drag,
     /// The button goes up.
     Release,
-    /// Its wheel turns by so many px, towards the user if positive.
+    /// Its wheel turns by this many px, towards the user if positive.
     Roll(f64),
 }
 
@@ -238,7 +238,7 @@ pub struct Tab {
 }
 
 impl Tab {
-    /// How often a page asked whether it may be left; the answer was yes.
+    /// Number of times a page asked for confirmation before leaving; the answer was always yes.
     #[must_use]
     pub fn warnings(&self) -> usize {
         self.warnings.load(Ordering::Relaxed)
@@ -252,8 +252,7 @@ impl Tab {
         self.page.goto(url).await.expect("the page opens");
     }
 
-    /// Runs JavaScript in every page that this tab opens from now on, before the
-    /// page's own.
+    /// Runs JavaScript in every page that this tab opens from now on, before the page's own code.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -261,7 +260,7 @@ impl Tab {
         self.page.evaluate_on_new_document(code).await.expect("a script for pages to come");
     }
 
-    /// Has the page's programs run this many times as slowly.
+    /// Slows down the page's programs by this factor.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -270,8 +269,7 @@ impl Tab {
         self.page.execute(rate).await.expect("a slower processor");
     }
 
-    /// Has the network answer after `latency_ms` and bring `bytes_per_s`, and nothing come from the
-    /// browser's cache.
+    /// Sets the network's latency and bandwidth, and disables the browser's cache.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -283,16 +281,16 @@ impl Tab {
         self.page.execute(network).await.expect("a slower network");
     }
 
-    /// What the page's JavaScript keeps in memory once nothing is left to collect, bytes.
+    /// Heap size of the page's JavaScript after garbage collection, bytes.
     ///
     /// # Panics
-    /// If the browser does not tell.
+    /// If the browser does not return it.
     pub async fn heap_bytes(&self) -> f64 {
         self.page.execute(CollectGarbageParams::default()).await.expect("a collection");
         self.page.execute(GetHeapUsageParams::default()).await.expect("the usage").used_size
     }
 
-    /// Closes the tab at once, without a question.
+    /// Closes the tab at once, without confirmation.
     ///
     /// # Panics
     /// If it cannot be closed.
@@ -300,7 +298,7 @@ impl Tab {
         self.page.close().await.expect("the tab closes");
     }
 
-    /// Takes the network from the page, or gives it back.
+    /// Takes the page offline or back online.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -313,7 +311,7 @@ impl Tab {
         self.page.execute(network).await.expect("other conditions");
     }
 
-    /// Stops the page's scripts and timers for a while, as a browser does with one that is not used.
+    /// Freezes the page's scripts and timers for a while, as a browser does with an unused page.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -326,7 +324,7 @@ impl Tab {
         }
     }
 
-    /// Limits what the pages of this origin can store, bytes. Call it before they store anything.
+    /// Limits the storage for pages of this origin, bytes. Call it before they store anything.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -335,7 +333,7 @@ impl Tab {
         self.page.execute(quota.build().expect("a quota")).await.expect("another quota");
     }
 
-    /// Enlarges the page as the browser's zoom does: fewer and larger CSS pixels in the same window.
+    /// Zooms the page as the browser does: fewer and larger CSS pixels in the same window.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -346,7 +344,7 @@ impl Tab {
         self.page.execute(size).await.expect("a size");
     }
 
-    /// Loads the page again.
+    /// Reloads the page.
     ///
     /// # Panics
     /// If it cannot be loaded.
@@ -369,7 +367,7 @@ impl Tab {
         self.page.execute(media).await.expect("a colour scheme");
     }
 
-    /// Shows the page as people with this vision see it.
+    /// Emulates a vision deficiency.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -393,7 +391,7 @@ impl Tab {
     /// The value of a JavaScript expression.
     ///
     /// # Panics
-    /// If it throws or is no `T`.
+    /// If it throws, or its value is not a `T`.
     pub async fn eval<T: serde::de::DeserializeOwned>(&self, expression: &str) -> T {
         let result = self.page.evaluate(expression).await;
         let result = result.unwrap_or_else(|error| panic!("{expression}: {error}"));
@@ -409,7 +407,7 @@ impl Tab {
         result.unwrap_or_else(|error| panic!("{code}: {error}"));
     }
 
-    /// Waits until the address has this query, with its question mark.
+    /// Waits until the address has this query, including its question mark.
     ///
     /// # Panics
     /// If it never has.
@@ -424,7 +422,7 @@ impl Tab {
     pub async fn until(&self, expression: &str) {
         let (mut since, mut shown) = (Instant::now(), String::new());
         loop {
-            // While a page loads there is nothing to ask.
+            // While a page loads, the expression cannot be evaluated.
             let result = self.page.evaluate(format!("Boolean({expression})")).await;
             let holds = result.ok().and_then(|value| value.into_value::<bool>().ok());
             if holds == Some(true) {
@@ -437,14 +435,14 @@ impl Tab {
                     words != shown,
                     "never true: {expression}\nthe page says: {words}\ncomplaints: {complaints:?}"
                 );
-                // Something still happens, if slowly, such as a solve on a busy machine.
+                // The page still makes slow progress, such as a solve on a busy machine.
                 (since, shown) = (Instant::now(), words);
             }
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
 
-    /// The JavaScript expression of an element by its test name.
+    /// A JavaScript expression for the element with this test name.
     #[must_use]
     pub fn at(test_id: &str) -> String {
         format!("document.querySelector('[data-testid=\"{test_id}\"]')")
@@ -457,7 +455,7 @@ impl Tab {
         self.run(&format!("{element}.click()")).await;
     }
 
-    /// Waits for an element, and clicks on its middle with the mouse, as a hand does.
+    /// Waits for an element, and clicks on its centre with a real mouse event.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -474,7 +472,7 @@ impl Tab {
         }
     }
 
-    /// Waits for an element's words.
+    /// Waits for an element's text.
     pub async fn words(&self, test_id: &str) -> String {
         let element = Self::at(test_id);
         self.until(&element).await;
@@ -486,7 +484,7 @@ impl Tab {
         self.until(&format!("{}?.textContent.includes({words:?})", Self::at(test_id))).await;
     }
 
-    /// Gives a field a value, as its user would.
+    /// Sets a field's value as a user would.
     pub async fn enter(&self, test_id: &str, value: &str) {
         let field = Self::at(test_id);
         let told = "dispatchEvent(new Event('input', {bubbles: true}))";
@@ -498,19 +496,19 @@ impl Tab {
         self.eval(&format!("{}?.getAttribute('{name}') ?? null", Self::at(test_id))).await
     }
 
-    /// Waits until the scene on a canvas has come to a step.
+    /// Waits until the scene on a canvas has reached a step.
     pub async fn until_step(&self, canvas: &str, step: usize) {
         let element = Self::at(canvas);
         self.until(&format!("Number({element}?.dataset.step) >= {step}")).await;
     }
 
-    /// Waits until the browser has painted the page as it is now.
+    /// Waits until the browser has painted the page in its current state.
     ///
     /// # Panics
-    /// If it paints nothing.
+    /// If it does not paint.
     pub async fn until_painted(&self) {
-        // The second frame begins once the first is done; by then it is known what still moves. What
-        // is not shown, as inside closed details, may never end.
+        // The second frame begins after the first is done; by then all running animations are
+        // known. Those of hidden elements, such as in closed details, may never end.
         let painted = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => \
                        Promise.allSettled(document.getAnimations() \
                        .filter(a => a.effect.target.checkVisibility()).map(a => a.finished)) \
@@ -518,7 +516,7 @@ impl Tab {
         assert!(self.eval::<bool>(painted).await);
     }
 
-    /// Presses a key and lets it go.
+    /// Presses and releases a key.
     pub async fn key(&self, key: &str) {
         self.key_down(key).await;
         self.key_up(key).await;
@@ -527,13 +525,13 @@ impl Tab {
     /// Presses a key down.
     pub async fn key_down(&self, key: &str) {
         self.send_key(key, DispatchKeyEventType::RawKeyDown).await;
-        // What a button does when this key is pressed, the browser does with the key's character.
+        // The browser triggers buttons on the key's character.
         if key == "Enter" || digit(key).is_some() {
             self.send_key(key, DispatchKeyEventType::Char).await;
         }
     }
 
-    /// Lets a key go.
+    /// Releases a key.
     pub async fn key_up(&self, key: &str) {
         self.send_key(key, DispatchKeyEventType::KeyUp).await;
     }
@@ -571,7 +569,7 @@ impl Tab {
         self.page.execute(event).await.expect("a key press");
     }
 
-    /// Has the mouse do something at a place of the window, CSS pixels.
+    /// Performs a mouse action at a position in the window, CSS pixels.
     ///
     /// # Panics
     /// If the browser refuses.
@@ -597,10 +595,10 @@ impl Tab {
         self.page.execute(event).await.expect("a mouse");
     }
 
-    /// A picture of the window, also kept under `target/screenshots`.
+    /// A screenshot of the window, also stored under `target/screenshots`.
     ///
     /// # Panics
-    /// If it cannot be taken or kept.
+    /// If it cannot be taken or stored.
     pub async fn picture(&self, name: &str) -> RgbaImage {
         let bytes = self.page.screenshot(ScreenshotParams::builder().build()).await;
         let bytes = bytes.expect("a picture");
@@ -620,10 +618,10 @@ impl Tab {
     }
 
     /// Checks that the page has reported no error, that nothing is cut off at the right, and that
-    /// axe-core finds nothing that people with a screen reader or without a mouse cannot use.
+    /// axe-core finds no barriers for people with a screen reader or without a mouse.
     ///
     /// # Panics
-    /// If it has, or something is, or it does.
+    /// If a check fails.
     pub async fn is_well(&self) {
         self.is_quiet();
         let excess: f64 = self
@@ -633,10 +631,10 @@ impl Tab {
         self.is_accessible().await;
     }
 
-    /// Checks the page, as it is shown now, with axe-core.
+    /// Checks the page in its current state with axe-core.
     ///
     /// # Panics
-    /// If it finds something.
+    /// If it finds a violation.
     pub async fn is_accessible(&self) {
         const AXE: &[u8] = include_bytes!("../data/axe-core/axe.min.js.gz");
         if self.eval::<bool>("typeof axe === 'undefined'").await {
@@ -644,8 +642,7 @@ impl Tab {
             GzDecoder::new(AXE).read_to_string(&mut code).expect("axe-core");
             self.page.evaluate(code).await.expect("axe-core starts");
         }
-        // Colours that still fade from one scheme to the other are at their end: on a busy machine some begin
-        // late.
+        // Colour transitions are finished at once: on a busy machine some start late.
         let violations: Vec<String> = self
             .eval(
                 "document.getAnimations().filter(a => a instanceof CSSTransition) \
@@ -658,7 +655,7 @@ impl Tab {
     }
 }
 
-/// How many pixels of a picture have about this colour (within 6 of each channel).
+/// Number of pixels of about this colour in a picture (within 6 of each channel).
 #[must_use]
 pub fn count_pixels(picture: &RgbaImage, colour: [u8; 3]) -> usize {
     let near =

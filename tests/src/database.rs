@@ -1,4 +1,4 @@
-//! A database under test, of whichever kind: its address for the server, and its rows for the test.
+//! A database under test of either kind: its address for the server, and its rows for the test.
 
 use crate::sqlite::{self, Cell, cells};
 use futures_util::TryStreamExt;
@@ -7,14 +7,14 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Between two columns, and after a row, in what `psql` prints.
+/// Separator between two columns, and after a row, in the output of `psql`.
 const UNIT: char = '\u{1f}';
 const RECORD: u8 = 0x1e;
 
 /// A database under test.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Database {
-    /// A file of SQLite.
+    /// An SQLite file.
     Sqlite(PathBuf),
     /// A database of PostgreSQL, by its address.
     Postgres(String),
@@ -36,8 +36,8 @@ impl Database {
         }
     }
 
-    /// Calls `row` with each row that a query returns. Values are text in the same form for both
-    /// kinds: numbers in the shortest decimal form, bytes in hexadecimal, NULL as an empty text.
+    /// Calls `row` with each row of a query. Values are text in the same format for both kinds:
+    /// numbers in the shortest decimal form, bytes in hexadecimal, NULL as an empty text.
     ///
     /// # Panics
     /// If the query fails.
@@ -48,7 +48,7 @@ impl Database {
         }
     }
 
-    /// The one whole number that a query returns.
+    /// The single integer that a query returns.
     ///
     /// # Panics
     /// If it returns anything else.
@@ -62,7 +62,7 @@ impl Database {
         number
     }
 
-    /// Changes rows behind the server's back.
+    /// Changes rows directly, bypassing the server.
     ///
     /// # Panics
     /// If a statement fails.
@@ -133,7 +133,7 @@ pub(crate) fn psql(url: &str, query: &str, mut row: impl FnMut(&[&str])) {
 mod tests {
     use super::*;
 
-    /// As `tests/faults/postgres.rs` demands it of the other kind.
+    /// Must match `tests/faults/postgres.rs` for the other kind.
     #[tokio::test]
     async fn values_of_a_file_are_texts() {
         let folder = tempfile::tempdir().unwrap();
@@ -148,7 +148,7 @@ mod tests {
         database.each_row(query, |row| rows.push(row.join("|"))).await;
         assert_eq!(rows, ["7|a b|00ff|1760000000123.25", "8|||-0.5", "9|a\u{fffd}||2"]);
         assert_eq!(database.number("SELECT count(*) FROM kept").await, 3);
-        // It is closed: nothing is left beside it.
+        // It is closed: no other file is left beside it.
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -8,13 +8,13 @@ use sidestep::scene::{Scene, SceneParameters};
 use sidestep::trial::simulate;
 use sidestep::vehicle::TurnInput;
 
-/// An honest upload of a scene driven with these inputs, by the paper's vehicles.
+/// An honest upload of a scene driven with these inputs by the paper's vehicles.
 #[must_use]
 pub fn upload(scene: &Scene, inputs: Vec<TurnInput>) -> TrialUpload {
     upload_with(&SceneParameters::default(), scene, inputs)
 }
 
-/// The same, by other vehicles.
+/// The same with other vehicles.
 #[must_use]
 pub fn upload_with(
     parameters: &SceneParameters,
@@ -41,7 +41,7 @@ pub fn driven(scene: &Scene) -> TrialUpload {
     driven_with(&SceneParameters::default(), scene)
 }
 
-/// The same, by other vehicles.
+/// The same with other vehicles.
 #[must_use]
 pub fn driven_with(parameters: &SceneParameters, scene: &Scene) -> TrialUpload {
     let mut inputs = vec![TurnInput::Straight; 50];
@@ -49,21 +49,21 @@ pub fn driven_with(parameters: &SceneParameters, scene: &Scene) -> TrialUpload {
     upload_with(parameters, scene, inputs)
 }
 
-/// Sampling times of a good machine: a few milliseconds after each step's start.
+/// Sampling times of a fast machine: a few milliseconds after each step's start.
 #[must_use]
 pub fn on_time() -> Vec<f64> {
     (0..50).map(|step| f64::from(step) * 200.0 + 3.7).collect()
 }
 
-/// Someone who takes part.
+/// A participant.
 #[derive(Clone, Debug)]
 pub struct Driver {
-    /// What the server said at the enrolment.
+    /// The server's response to the enrolment.
     pub enrolled: Enrolled,
 }
 
 impl Driver {
-    /// Someone new, in the study `default`.
+    /// Enrols a new participant in the study `default`.
     pub async fn enrol(server: &Address) -> Self {
         let answer = Self::ask(server, json!({ "consent": true })).await;
         Self { enrolled: answer.into(201) }
@@ -118,7 +118,7 @@ impl Driver {
         sent
     }
 
-    /// Drives all scenes with keys that are held for half a second or so; another person steers otherwise.
+    /// Drives all scenes with keys held for about half a second; each `who` steers differently.
     ///
     /// # Panics
     /// If a trial is not stored.
@@ -145,7 +145,7 @@ impl Driver {
         Answer::of(self.request(server, Method::POST, routes::COMPLETE)).await
     }
 
-    /// The answer to "where am I".
+    /// The answer to a request for the participant's progress.
     pub async fn me(&self, server: &Address) -> Answer {
         self.get(server, routes::ME).await
     }

@@ -1,11 +1,11 @@
-//! A folder of a test's own, and tables.
+//! Temporary folders, and tables.
 
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A folder that is removed when it is dropped.
+/// A folder that is removed when dropped.
 pub struct Folder(TempDir);
 
 impl Default for Folder {
@@ -15,7 +15,7 @@ impl Default for Folder {
 }
 
 impl Folder {
-    /// A folder in another one than that for temporary files.
+    /// A temporary folder in `parent`.
     ///
     /// # Panics
     /// If it cannot be made.
@@ -48,7 +48,7 @@ impl Folder {
         format!("sqlite:{}", self.name(name))
     }
 
-    /// Writes a file and returns its name.
+    /// Writes a file and returns its path.
     ///
     /// # Panics
     /// If it cannot be written.
@@ -66,10 +66,10 @@ impl Folder {
         fs::read_to_string(self.path(name)).expect("a text")
     }
 
-    /// Names of all that is in it, hidden or not, sorted.
+    /// Names of all entries, including hidden ones, sorted.
     ///
     /// # Panics
-    /// If the folder is gone.
+    /// If the folder does not exist.
     #[must_use]
     pub fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.root()).expect("the folder");
@@ -92,7 +92,7 @@ pub type Row = HashMap<String, String>;
 /// The rows of a CSV file.
 ///
 /// # Panics
-/// If it is no table.
+/// If it is not a table.
 pub fn rows(path: impl AsRef<Path>) -> Vec<Row> {
     let mut reader = csv::Reader::from_path(path).expect("a file");
     reader.deserialize().map(|row| row.expect("a row")).collect()
@@ -101,7 +101,7 @@ pub fn rows(path: impl AsRef<Path>) -> Vec<Row> {
 /// A field as a number.
 ///
 /// # Panics
-/// If it is none.
+/// If it is not a number.
 #[must_use]
 pub fn number(row: &Row, column: &str) -> f64 {
     row[column].parse().expect("a number")

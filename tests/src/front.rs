@@ -1,4 +1,5 @@
-//! nginx or HAProxy before two servers, as `docs/deploy` has them, with free ports and files of its own.
+//! NGINX or HAProxy in front of two servers, as in `docs/deploy`, with free ports and its own
+//! files.
 //!
 //! It needs Debian's packages `nginx` and `haproxy`, which `cargo xtask test` installs.
 
@@ -15,13 +16,13 @@ use tokio::process::{Child, Command};
 use tokio_rustls::rustls::RootCertStore;
 use tokio_rustls::rustls::pki_types::CertificateDer;
 
-/// The name by which participants know the servers, in the files of `docs/deploy`.
+/// Host name of the servers in the files of `docs/deploy`.
 pub const NAME: &str = "study.example.org";
 
-/// Longest wait until it passes requests on.
+/// Timeout until it forwards requests.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Which proxy.
+/// Kind of proxy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// `nginx.conf`.
@@ -30,11 +31,11 @@ pub enum Kind {
     Haproxy,
 }
 
-/// A running proxy; it ends when it is dropped.
+/// A running proxy; dropping it ends it.
 pub struct Front {
-    /// Where participants ask, encrypted.
+    /// The encrypted address for participants.
     pub address: Address,
-    /// Where they are sent from to there.
+    /// The plain address, which redirects to the encrypted one.
     pub plain: Address,
     kind: Kind,
     folder: Folder,
@@ -42,7 +43,7 @@ pub struct Front {
 }
 
 impl Front {
-    /// Starts it before these two servers and waits until it passes requests on.
+    /// Starts it in front of these two servers and waits until it forwards requests.
     ///
     /// # Panics
     /// If the proxy is not installed, refuses its file, or does not answer.
@@ -60,7 +61,7 @@ impl Front {
                 command
             }
             Kind::Haproxy => {
-                // Fewer files than its connections would take, as many systems allow.
+                // Fewer file descriptors than its connections would take, as on many systems.
                 let mut command = Command::new("sh");
                 command.args(["-c", "ulimit -n 20000 && exec \"$@\"", "sh"]);
                 command.arg(program("haproxy")).args(["-db", "-f", &file]);
@@ -97,7 +98,7 @@ impl Front {
         Self { address, plain, kind, folder, _child: child }
     }
 
-    /// What it logged of requests.
+    /// Its log of requests.
     #[must_use]
     pub fn log(&self) -> String {
         self.folder.text(match self.kind {
@@ -107,7 +108,7 @@ impl Front {
     }
 }
 
-/// The file of `docs/deploy` with ports, files and servers replaced, and nothing else.
+/// The file of `docs/deploy` with only ports, files and servers replaced.
 fn adapted(
     kind: Kind,
     folder: &Folder,
@@ -134,7 +135,7 @@ fn adapted(
             put("/var/log/nginx/", &folder.name(""));
             put("listen 80;", &format!("listen 127.0.0.1:{plain};"));
             put("listen 443 ssl", &format!("listen 127.0.0.1:{encrypted} ssl"));
-            // Where whoever runs the tests may write.
+            // In a place that the user of the tests can write to.
             let folders = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"];
             let folders = folders.map(|one| format!("{one}_temp_path {};\n", folder.name(one)));
             put("http {\n", &format!("http {{\n{}", folders.concat()));
@@ -149,7 +150,7 @@ fn adapted(
     text
 }
 
-/// Writes a certificate for [`NAME`] as both proxies want it.
+/// Writes a certificate for [`NAME`] in the format of both proxies.
 fn certificate(folder: &Folder) -> CertificateDer<'static> {
     let params = CertificateParams::new(vec![NAME.to_owned()]).expect("a name");
     let key = KeyPair::generate().expect("a key");
@@ -161,7 +162,7 @@ fn certificate(folder: &Folder) -> CertificateDer<'static> {
     certificate.der().clone()
 }
 
-/// A port that nobody listens at now.
+/// A free port.
 ///
 /// # Panics
 /// If there is none.
@@ -171,7 +172,7 @@ pub fn free_port() -> u16 {
     listener.local_addr().expect("its address").port()
 }
 
-/// A server that is installed, also where only root looks for it.
+/// The path of an installed server program, also in root's folders.
 fn program(name: &str) -> PathBuf {
     let installed = Path::new("/usr/sbin").join(name);
     if installed.is_file() { installed } else { name.into() }

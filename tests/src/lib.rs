@@ -1,6 +1,5 @@
-//! What tests of the whole are written with: a server on a free port with its own
-//! database and a small site, people who drive, and the command as a process.
-//! Everything is gone when it is dropped.
+//! Support for end-to-end tests: a server on a free port with its own database and a small site,
+//! people who drive, and the command as a process. Everything is removed when dropped.
 
 pub mod behind;
 pub mod browser;
@@ -34,12 +33,12 @@ use serde_json::Value;
 use sidestep_server::client::http;
 use tokio_rustls::rustls::RootCertStore;
 
-/// Where a server answers.
+/// Address of a server.
 #[derive(Clone, Debug)]
 pub struct Address {
     /// `http://127.0.0.1:PORT`.
     pub origin: String,
-    /// Sends requests; keeps no cookies and follows no redirects.
+    /// Sends requests; has no cookies and follows no redirects.
     client: Client,
 }
 
@@ -51,7 +50,7 @@ impl Address {
         Self::through(origin, client.build().expect("a client"))
     }
 
-    /// The server at that origin, reached by a client of the test's own.
+    /// The server at that origin, accessed by the test's own client.
     #[must_use]
     pub fn through(origin: String, client: Client) -> Self {
         Self { origin, client }
@@ -68,7 +67,7 @@ impl Address {
     }
 }
 
-/// The answer to a request: status, and the body as JSON (null where it is none).
+/// The answer to a request: status, and the body as JSON (null if it is not JSON).
 #[derive(Debug)]
 pub struct Answer {
     /// Status.
@@ -78,7 +77,7 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// Sends a request and reads its whole answer.
+    /// Sends a request and reads the whole answer.
     ///
     /// # Panics
     /// If the server cannot be reached.
@@ -105,7 +104,7 @@ impl Answer {
     /// The body as a `T`.
     ///
     /// # Panics
-    /// If the status is another one or the body is no `T`.
+    /// If the status is another one or the body is not a `T`.
     pub fn into<T: serde::de::DeserializeOwned>(self, status: u16) -> T {
         assert_eq!(self.status, status, "{}", self.body);
         serde_json::from_value(self.body).expect("the body's type")

@@ -1,7 +1,7 @@
-//! Many people who take part at once, in one thread, and what the server owes them afterwards.
+//! Many people who take part at once, in one thread, and a check of the database afterwards.
 //!
-//! A [`Crowd`] enrols, uploads as fast as it is answered or by the clock, reloads, repeats, vanishes
-//! and withdraws. Its [ledger](ledger::compare) then compares every trial that was acknowledged with the
+//! A [`Crowd`] enrols, uploads at full speed or by the clock, reloads, retries, vanishes and
+//! withdraws. Its [ledger](ledger::compare) then compares every acknowledged trial with the
 //! database, value by value.
 
 pub mod capacity;

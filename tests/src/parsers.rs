@@ -1,6 +1,6 @@
-//! Everything that reads what comes from outside, each as a function of any bytes: what a fuzzer calls
-//! (`cargo xtask fuzz`), and what the test of all kept inputs calls. A parser may refuse; it may not panic, hang, or
-//! read back other than it wrote.
+//! All parsers of external input, as functions of arbitrary bytes: called by a fuzzer (`cargo xtask
+//! fuzz`), and by the test on all stored inputs. A parser may refuse its input, but it must not
+//! panic, hang, or fail to read back its own output.
 
 use crate::Folder;
 use clap::Args;
@@ -27,10 +27,10 @@ use std::io::Cursor;
 use std::ops::ControlFlow;
 use tokio::runtime::Runtime;
 
-/// A parser that is called with any bytes.
+/// A parser, called with arbitrary bytes.
 pub type Parser = fn(&[u8]);
 
-/// All of them, by their names.
+/// All parsers, by name.
 pub const PARSERS: [(&str, Parser); 10] = [
     ("upload", upload),
     ("trials-csv", trials),
@@ -50,7 +50,7 @@ pub fn named(name: &str) -> Option<Parser> {
     PARSERS.iter().find(|(one, _)| *one == name).map(|&(_, parser)| parser)
 }
 
-/// The body of an upload, as far as the database.
+/// The body of an upload, up to the database.
 fn upload(bytes: &[u8]) {
     let _ = json::parse::<Enrolment<serde_json::Value>>(bytes);
     let Ok(upload) = json::parse::<TrialUpload>(bytes) else { return };
@@ -77,8 +77,8 @@ fn written_as_json(value: &impl serde::Serialize) -> String {
     serde_json::to_string(value).expect("JSON")
 }
 
-/// A file of trials, in both ways of reading it, which find the same. Only the first judges a file whose
-/// participants are scattered.
+/// A file of trials, by both readers, which must agree. Only the first checks whether the
+/// participants of a file are scattered.
 fn trials(bytes: &[u8]) {
     let parameters = SceneParameters::default();
     let whole = trials_csv::read(bytes, &parameters);
@@ -105,7 +105,7 @@ fn archive(bytes: &[u8]) {
     used(&stored.function);
 }
 
-/// A function in transport, which is written as it was read.
+/// A serialized value function, which must survive a round trip.
 fn value_function(bytes: &[u8]) {
     let Ok(function) = ValueFunction::decode(bytes) else { return };
     used(&function);
@@ -113,7 +113,7 @@ fn value_function(bytes: &[u8]) {
     assert_eq!(again.encode(), function.encode());
 }
 
-/// A function that was read has a value everywhere.
+/// A decoded function must have a value everywhere.
 fn used(function: &ValueFunction) {
     for relative in [[0.0, 0.0, 0.0], [3.0, -2.0, 1.0], [-1e3, 1e3, -4.0]] {
         let value = function.value(relative);
@@ -121,7 +121,7 @@ fn used(function: &ValueFunction) {
     }
 }
 
-/// A predictor, whose probabilities are some.
+/// A predictor, which must return probabilities.
 fn predictor(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(file) = from_json::<PredictorFile>(text) else { return };
@@ -136,7 +136,7 @@ fn predictor(bytes: &[u8]) {
     );
 }
 
-/// A study file, which is written as it was read.
+/// A study file, which must survive a round trip.
 fn study(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(file) = StudyFile::of("study.toml".to_owned(), text.to_owned()) else { return };
@@ -146,13 +146,13 @@ fn study(bytes: &[u8]) {
     assert!(again.is_ok_and(|again| again.config() == config), "{text}");
 }
 
-/// The document of `sidestep bounds`, which is answered or refused.
+/// The input document of `sidestep bounds`, which must be answered or refused.
 fn bounds(bytes: &[u8]) {
     answered::<BoundsArgs>(bytes, bounds::run);
 }
 
-/// The document of `sidestep reach`. Many steps are computed for seconds, which the command's users ask for and a
-/// fuzzer does not.
+/// The input document of `sidestep reach`. Many steps take seconds, which users accept but a fuzzer
+/// does not.
 fn reach(bytes: &[u8]) {
     let document: serde_json::Value = serde_json::from_slice(bytes).unwrap_or_default();
     let is_long = |set: &serde_json::Value| set["lo"].as_array().is_some_and(|lo| lo.len() > 8);
@@ -162,7 +162,7 @@ fn reach(bytes: &[u8]) {
     answered::<ReachArgs>(bytes, reach::run);
 }
 
-/// Runs a command from a file of these bytes to a file.
+/// Runs a command with an input file of these bytes and an output file.
 fn answered<A: Args>(bytes: &[u8], run: impl AsyncFn(A) -> Result<(), CommandError>) {
     thread_local! {
         static RUNTIME: Runtime = Runtime::new().expect("a runtime");
@@ -185,7 +185,7 @@ fn answered<A: Args>(bytes: &[u8], run: impl AsyncFn(A) -> Result<(), CommandErr
     });
 }
 
-/// The queries of routes, and those that hold the view of a page, which are written as they were read.
+/// The queries of routes, and those with the view of a page, which must survive a round trip.
 fn query(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(uri) = format!("/?{text}").parse() else { return };

@@ -1,4 +1,4 @@
-//! What a participant does at the real page, with real key presses.
+//! Actions of a participant at the real page, with real key presses.
 
 use crate::{Server, Tab};
 use sidestep::api::{Texts, routes};
@@ -39,7 +39,7 @@ pub async fn understood(tab: &Tab, server: &Server, language: &str) {
     tab.words("start").await;
 }
 
-/// Gives the right answers to the check of understanding.
+/// Answers the check of understanding correctly.
 pub async fn answer_check(tab: &Tab, server: &Server, language: &str) {
     send_answers(tab, server, language).await;
     tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;

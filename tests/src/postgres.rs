@@ -1,4 +1,4 @@
-//! A PostgreSQL server of a test's own: in a private folder, on a Unix socket, gone when it is dropped.
+//! A PostgreSQL server for one test: in a private folder, on a Unix socket, removed when dropped.
 //!
 //! It needs Debian's package `postgresql`, which `cargo xtask test` installs.
 
@@ -10,13 +10,13 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Who owns the server's files if the tests run as root, as whom PostgreSQL refuses to run: nobody.
+/// Owner of the server's files if the tests run as root, which PostgreSQL refuses: the user nobody.
 const NOBODY: u32 = 65_534;
 
 /// The user of its databases.
 const USER: &str = "app";
 
-/// Longest wait until it accepts connections, or has ended.
+/// Timeout until it accepts connections, or has stopped.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Whether a commit waits for the disk.
@@ -24,18 +24,18 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub enum Fsync {
     /// As in production.
     On,
-    /// Faster, for tests that cut no power.
+    /// Faster, for tests without power cuts.
     Off,
 }
 
 /// How a server is stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// It ends its sessions, rolls back what they were doing, and writes everything to its files.
+    /// Ends its sessions, rolls back their transactions, and writes everything to its files.
     Fast,
-    /// Its processes end at once and write nothing more; the next start recovers.
+    /// Its processes exit at once without writing; the next start recovers.
     Immediate,
-    /// It is gone at once, as in a power cut (SIGKILL); the next start recovers.
+    /// It is killed, as in a power cut (SIGKILL); the next start recovers.
     Kill,
 }
 
@@ -43,9 +43,9 @@ pub enum Stop {
 #[derive(Debug)]
 pub struct Cluster {
     folder: TempDir,
-    /// Settings of its command line, which count most.
+    /// Settings on its command line, which take precedence.
     pub settings: Vec<String>,
-    /// In the name of its socket, and of this machine if `settings` say so.
+    /// Used in the name of its socket, and as a TCP port if `settings` enable that.
     port: u16,
     running: Option<Child>,
     databases: Cell<usize>,
@@ -69,7 +69,7 @@ impl Cluster {
         cluster
     }
 
-    /// As [`Self::start`], for tests that run on a runtime.
+    /// As [`Self::start`], for async tests.
     ///
     /// # Panics
     /// If PostgreSQL is not installed or does not start.
@@ -78,7 +78,7 @@ impl Cluster {
         started.await.expect("a cluster")
     }
 
-    /// As [`Self::start`], at a port of this machine too.
+    /// As [`Self::start`], also on a TCP port of this machine.
     ///
     /// # Panics
     /// If PostgreSQL is not installed or does not start.
@@ -95,7 +95,7 @@ impl Cluster {
         self.port = port;
     }
 
-    /// As [`Self::at_port`], where it insists on TLS and a password.
+    /// As [`Self::at_port`], requiring TLS and a password.
     ///
     /// # Panics
     /// If PostgreSQL is not installed or does not start.
@@ -118,8 +118,8 @@ impl Cluster {
         cluster
     }
 
-    /// A standby at another port that follows this cluster, which from now on acknowledges nothing that the
-    /// standby does not have.
+    /// A standby at another port that follows this cluster. From now on the cluster acknowledges a
+    /// commit only when the standby has it.
     ///
     /// # Panics
     /// If it does not follow.
@@ -147,9 +147,9 @@ impl Cluster {
         standby
     }
 
-    /// Makes a standby the one that takes writes; returns when it does.
+    /// Promotes a standby to primary; returns when it accepts writes.
     pub fn promote(&self) {
-        // The setting was copied from the primary: nobody follows this one.
+        // The setting was copied from the primary, but no standby follows this one.
         self.ask("SELECT pg_promote()");
         self.ask("ALTER SYSTEM RESET synchronous_standby_names");
         self.ask("SELECT pg_reload_conf()");
@@ -159,7 +159,7 @@ impl Cluster {
         self.folder.path().join("data")
     }
 
-    /// A cluster that does not run yet.
+    /// A cluster that is not running yet.
     fn made(fsync: Fsync) -> Self {
         let folder = TempDir::new().expect("a folder");
         own(folder.path());
@@ -192,7 +192,7 @@ impl Cluster {
     pub fn start_again(&mut self) {
         assert!(self.running.is_none(), "it runs");
         let end = Instant::now() + PATIENCE;
-        // What is left of a killed server may still be ending, and the next one refuses to start
+        // Processes of a killed server may still be exiting, and the next one refuses to start
         // meanwhile.
         while !self.try_start() {
             assert!(Instant::now() < end, "PostgreSQL does not start: {}", self.log());
@@ -200,7 +200,7 @@ impl Cluster {
         }
     }
 
-    /// Starts a server; false if it ended instead of accepting connections.
+    /// Starts a server; false if it exits instead of accepting connections.
     fn try_start(&mut self) -> bool {
         let log = std::fs::File::options().create(true).append(true).open(self.log_file());
         let child = command("postgres")
@@ -227,10 +227,10 @@ impl Cluster {
         true
     }
 
-    /// Stops it, if it runs; returns when it has ended.
+    /// Stops it, if it runs; returns when it has exited.
     ///
     /// # Panics
-    /// If it does not end.
+    /// If it does not exit.
     pub fn stop(&mut self, how: Stop) {
         let Some(mut child) = self.running.take() else { return };
         let signal = match how {
@@ -246,7 +246,7 @@ impl Cluster {
     /// A new, empty database.
     ///
     /// # Panics
-    /// If it cannot be made.
+    /// If it cannot be created.
     #[must_use]
     pub fn create(&self) -> Database {
         let number = self.databases.replace(self.databases.get() + 1);
@@ -255,7 +255,7 @@ impl Cluster {
         Database::Postgres(self.url(&name))
     }
 
-    /// What a statement finds in the first column, asked in the database `postgres`.
+    /// The first column of a statement's result, in the database `postgres`.
     fn ask(&self, statement: &str) -> Vec<String> {
         let mut found = Vec::new();
         psql(&self.url("postgres"), statement, |row| found.push(row[0].to_owned()));
@@ -286,13 +286,13 @@ impl Cluster {
         self.folder.path().join("log")
     }
 
-    /// What it logged.
+    /// Its log.
     fn log(&self) -> String {
         std::fs::read_to_string(self.log_file()).unwrap_or_default()
     }
 }
 
-/// A program of PostgreSQL, run as somebody who may run it.
+/// A PostgreSQL program, run as a user who may run it.
 fn command(name: &str) -> Command {
     let program = program(name);
     if !is_root() {
@@ -304,7 +304,7 @@ fn command(name: &str) -> Command {
     command
 }
 
-/// Where a program of the newest installed version is.
+/// The path of a program in the newest installed version.
 fn program(name: &str) -> PathBuf {
     let versions = std::fs::read_dir("/usr/lib/postgresql").into_iter().flatten().flatten();
     let number = |path: &Path| path.file_name()?.to_str()?.parse::<u32>().ok();
@@ -317,7 +317,7 @@ fn is_root() -> bool {
     std::fs::metadata("/proc/self").is_ok_and(|own| std::os::unix::fs::MetadataExt::uid(&own) == 0)
 }
 
-/// Gives a folder to who runs the server.
+/// Gives a folder to the user who runs the server.
 fn own(folder: &Path) {
     if is_root() {
         std::os::unix::fs::chown(folder, Some(NOBODY), Some(NOBODY)).expect("a folder of nobody's");

@@ -1,10 +1,10 @@
-//! Power cuts: what SQLite writes and syncs is recorded, and the disk made as a cut at any moment
-//! would leave it.
+//! Power cuts: SQLite's writes and syncs are recorded, and the disk is reconstructed as a cut at
+//! any point would leave it.
 //!
-//! What was synced before the cut is there. Of what was written since, each sector of 512 bytes is there
-//! or not, by chance: a disk writes in any order, and a cut tears what it is writing. That a sector is
-//! written whole is what SQLite itself relies on (<https://sqlite.org/psow.html>). The recorder is a
-//! file layer (VFS) below the server's own SQLite, so nothing of the server is replaced.
+//! Everything synced before the cut is there. Of later writes, each sector of 512 bytes is there or
+//! not, at random: a disk writes in any order, and a cut tears the current write. SQLite itself
+//! relies on sectors being written atomically (<https://sqlite.org/psow.html>). The recorder is a
+//! VFS layer below the server's own SQLite, so nothing in the server is replaced.
 
 pub mod cuts;
 mod vfs;
@@ -14,10 +14,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Bytes that a disk writes whole or not at all.
+/// Bytes that a disk writes atomically.
 const SECTOR: usize = 512;
 
-/// What was done to a file. A file is known by its name in the folder.
+/// An operation on a file. Files are identified by their names in the folder.
 #[derive(Clone, Debug)]
 enum Act {
     Wrote {
@@ -28,32 +28,32 @@ enum Act {
         length: usize,
     },
     Deleted,
-    /// All that was done before `covered` is on the disk.
+    /// Everything before `covered` is on the disk.
     Synced {
         covered: usize,
     },
 }
 
-/// What was done to all files of a folder, in order.
+/// Operations on all files of a folder, in order.
 type Acts = Arc<Mutex<Vec<(String, Act)>>>;
 
-/// What happens to the files of a folder from the beginning of the recording on.
+/// A recording of operations on the files of a folder.
 #[derive(Debug)]
 pub struct Recording {
     acts: Acts,
 }
 
-/// What a disk does when it is told to sync.
+/// Behaviour of a disk on sync.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Disk {
-    /// It answers when everything is written.
+    /// It responds when everything is written.
     Honest,
-    /// For SQLite's log it answers at once, as if the program had not asked: the counterproof.
+    /// For SQLite's log it responds at once without writing: the negative control.
     Lying,
 }
 
 impl Recording {
-    /// Records what SQLite does within this process to files in a folder.
+    /// Records SQLite's operations in this process on files in a folder.
     ///
     /// # Panics
     /// If SQLite does not accept the file layer.
@@ -68,13 +68,13 @@ impl Recording {
         self.acts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The moment now: how much has been done so far.
+    /// The current point: the number of operations so far.
     #[must_use]
     pub fn now(&self) -> usize {
         self.acts().len()
     }
 
-    /// Writes the files into a folder as they are found after a power cut at that moment.
+    /// Writes the files into a folder as they are after a power cut at that point.
     ///
     /// # Panics
     /// If they cannot be written.
@@ -85,7 +85,7 @@ impl Recording {
     }
 }
 
-/// The files after these acts and a cut.
+/// The files after these operations and a cut.
 fn files(acts: &[(String, Act)], disk: Disk, rng: &mut SeededRng) -> BTreeMap<String, Vec<u8>> {
     let mut synced: BTreeMap<&str, usize> = BTreeMap::new();
     for (name, act) in acts {
@@ -113,7 +113,7 @@ fn files(acts: &[(String, Act)], disk: Disk, rng: &mut SeededRng) -> BTreeMap<St
             Act::Cut { length } if is_kept() => {
                 files.entry(name.clone()).or_default().resize(*length, 0);
             }
-            // SQLite deletes a log or journal only when nothing of it is needed.
+            // SQLite deletes a log or journal only when it is no longer needed.
             Act::Deleted => drop(files.remove(name)),
             Act::Cut { .. } | Act::Synced { .. } => {}
         }
@@ -127,7 +127,7 @@ fn name_in(folder: &Path, file: &Path) -> Option<String> {
     (name.components().count() == 1).then(|| name.to_string_lossy().into_owned())
 }
 
-/// Where recordings go: folder by folder.
+/// Recordings by folder.
 type Recordings = Mutex<Vec<(PathBuf, Acts)>>;
 
 #[cfg(test)]
@@ -151,7 +151,7 @@ mod tests {
             assert!(sectors[..2].iter().all(|sector| [1, 2].contains(sector)), "{sectors:?}");
             found.insert(sectors);
         }
-        // Each of the three unsynced sectors with and without each other.
+        // Every combination of the three unsynced sectors.
         assert_eq!(found.len(), 8);
         let lying = (0..50).map(|_| files(&acts[..2], Disk::Lying, &mut rng));
         assert!(lying.into_iter().any(|files| files.get("a-wal").is_none_or(|file| file[0] == 0)));

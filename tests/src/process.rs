@@ -1,4 +1,4 @@
-//! The `sidestep` command as a process: exit codes, output, sudden death.
+//! The `sidestep` command as a process: exit codes, output, kills.
 
 use crate::server::write_site;
 use crate::{Address, Database, Folder};
@@ -12,7 +12,7 @@ use std::time::Duration;
 use tokio::io::{AsyncBufReadExt, BufReader, Lines};
 use tokio::process::{Child, ChildStdout, Command};
 
-/// The command as users get it, with the client beside it: `SIDESTEP_BIN`.
+/// The installed command, with the client beside it: `SIDESTEP_BIN`.
 ///
 /// # Panics
 /// If that is not set.
@@ -24,7 +24,7 @@ pub fn binary() -> &'static Path {
     &BINARY
 }
 
-/// Runs the command to its end.
+/// Runs the command to completion.
 ///
 /// # Panics
 /// If it cannot be run.
@@ -34,10 +34,10 @@ pub async fn sidestep(args: &[&str]) -> Output {
     command.kill_on_drop(true).output().await.expect("sidestep")
 }
 
-/// What a command said, and how it ended.
+/// The output and exit code of a command.
 #[derive(Debug)]
 pub struct Said {
-    /// Its exit code; none if a signal ended it.
+    /// Its exit code; `None` if a signal ended it.
     pub code: Option<i32>,
     /// What it printed to stdout.
     pub out: String,
@@ -63,17 +63,17 @@ impl Said {
         serde_json::from_str(&self.out).expect("JSON")
     }
 
-    /// As [`Self::json`], of a command that said nothing else.
+    /// As [`Self::json`], with nothing on stderr.
     ///
     /// # Panics
-    /// If it said anything on stderr.
+    /// If it printed anything on stderr.
     pub fn only_json(&self) -> Value {
         assert_eq!(self.err, "", "no bar and no warning");
         self.json()
     }
 
-    /// Checks that it ended with this exit code, printed no result, and complained in one line
-    /// that has all these words. (Errors about flags have more lines.)
+    /// Checks that it exited with this code, printed no result, and reported an error in one line
+    /// that contains all these words. (Errors about flags have more lines.)
     ///
     /// # Panics
     /// If it did not.
@@ -87,19 +87,19 @@ impl Said {
     }
 }
 
-/// Runs the command to its end and returns what it said.
+/// Runs the command to completion and returns its output.
 ///
 /// # Panics
-/// If it cannot be run, or printed no UTF-8.
+/// If it cannot be run, or its output is not UTF-8.
 pub async fn run(args: &[&str]) -> Said {
     sidestep(args).await.into()
 }
 
-/// Runs the command, sends it `signal` (`INT` or `TERM`) as soon as it catches that signal and
-/// `is_due` holds, and returns what it said.
+/// Runs the command, sends it `signal` (`INT` or `TERM`) as soon as it handles that signal and
+/// `is_due` holds, and returns its output.
 ///
 /// # Panics
-/// If the command cannot be run, ends before the signal, or does not end within a minute of it.
+/// If the command cannot be run, exits before the signal, or does not exit within a minute of it.
 #[cfg(unix)]
 pub async fn interrupted(args: &[&str], signal: &str, is_due: impl Fn() -> bool) -> Output {
     let mut command = Command::new(binary());
@@ -118,7 +118,7 @@ pub async fn interrupted(args: &[&str], signal: &str, is_due: impl Fn() -> bool)
     output.expect("it ends").expect("its output")
 }
 
-/// Whether a process has a handler for the signal; Linux tells.
+/// Whether a process has a handler for the signal, according to Linux.
 #[cfg(unix)]
 fn catches(process: u32, signal: &str) -> bool {
     let number = match signal {
@@ -134,11 +134,11 @@ fn catches(process: u32, signal: &str) -> bool {
 
 /// `sidestep serve` as a process; killed when dropped.
 pub struct Process {
-    /// What it said when it was ready.
+    /// Its output when it was ready.
     pub announcement: Vec<String>,
     address: Address,
     child: Child,
-    // Kept open: a server whose stdout is gone could not print.
+    // Kept open: a server without stdout could not print.
     stdout: Lines<BufReader<ChildStdout>>,
 }
 
@@ -151,7 +151,7 @@ impl Deref for Process {
 }
 
 impl Process {
-    /// Starts with the database `sidestep.db` in `folder`. What it logs is in the file `log`.
+    /// Starts with the database `sidestep.db` in `folder`. Its log is in the file `log`.
     ///
     /// # Panics
     /// If it does not become ready.
@@ -159,8 +159,8 @@ impl Process {
         Self::start_through(&["env"], folder, &folder.database("sidestep.db")).await
     }
 
-    /// As [`Self::start`], with another database, and through another program that runs the
-    /// command that it is given.
+    /// As [`Self::start`], with another database, and through another program that runs the command
+    /// passed to it.
     ///
     /// # Panics
     /// If it does not become ready.
@@ -194,7 +194,7 @@ impl Process {
         Self::launch(&["env"], folder, &[&["--database", &database.url()], args].concat()).await
     }
 
-    /// As [`Self::start_on`], or what it logged if it ended instead of becoming ready.
+    /// As [`Self::start_on`]; returns its log if it exited instead of becoming ready.
     ///
     /// # Errors
     /// The log.
@@ -217,7 +217,7 @@ impl Process {
             .arg(&site)
             .args(args)
             .env_remove("SIDESTEP_ADMIN_KEY")
-            // As users have it: a line of the log for each request.
+            // As for users: one log line per request.
             .env_remove("RUST_LOG")
             .stdout(Stdio::piped())
             .stderr(std::fs::File::create(folder.path("log")).expect("a log"))
@@ -239,17 +239,16 @@ impl Process {
         Ok(Self { announcement, address: Address::new(origin), child, stdout: lines })
     }
 
-    /// The number of the process.
+    /// The process id.
     ///
     /// # Panics
-    /// If it has ended.
+    /// If it has exited.
     #[must_use]
     pub fn id(&self) -> u32 {
         self.child.id().expect("a running process")
     }
 
-    /// The experimenter's key, which it has made if this was the first start; reads it from what it
-    /// prints.
+    /// The experimenter's key, which is created on the first start; read from its output.
     ///
     /// # Panics
     /// If it prints none.
@@ -261,18 +260,18 @@ impl Process {
         }
     }
 
-    /// The next line that it prints.
+    /// The next line of its output.
     ///
     /// # Panics
-    /// If it prints nothing more.
+    /// If there is none.
     pub async fn says(&mut self) -> String {
         self.stdout.next_line().await.expect("a line").expect("a running server")
     }
 
-    /// SIGTERM, as a service manager sends it; waits until it has ended.
+    /// Sends SIGTERM, like a service manager, and waits until it has exited.
     ///
     /// # Panics
-    /// If it does not end.
+    /// If it does not exit.
     pub async fn stop(mut self) {
         let id = self.id().to_string();
         let sent = Command::new("kill").args(["-TERM", &id]).status().await;
@@ -280,7 +279,7 @@ impl Process {
         self.child.wait().await.expect("an end");
     }
 
-    /// SIGKILL, as a power cut or an operator's last resort would.
+    /// Sends SIGKILL, like a power cut or an operator's last resort.
     ///
     /// # Panics
     /// If it cannot be killed.

@@ -5,21 +5,21 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinHandle;
 
-/// When a connection is cut.
+/// Point at which a connection is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
-    /// Before the request has left.
+    /// Before any of the request is forwarded.
     Before,
-    /// When half of the request's first packet has left.
+    /// After half of the request's first packet is forwarded.
     During,
-    /// When the server has answered; nothing of its answer arrives.
+    /// After the server has responded; none of the response arrives.
     After,
 }
 
-/// What is cut now: connections with a request whose text has these words.
+/// The current fault: connections with a request whose text contains these words are cut.
 type Fault = Arc<Mutex<Option<(Cut, &'static str)>>>;
 
-/// A proxy; it ends when it is dropped.
+/// A proxy; dropping it ends it.
 pub struct Proxy {
     /// `http://127.0.0.1:PORT`.
     pub origin: String,
@@ -48,7 +48,7 @@ impl Proxy {
             while let Ok((browser, _)) = listener.accept().await {
                 let (server, fault) = (server.clone(), Arc::clone(&present));
                 tokio::spawn(async move {
-                    // A connection that breaks is what this is for.
+                    // Broken connections are the purpose of this proxy.
                     let _ = relay(browser, &server, &fault).await;
                 });
             }
@@ -56,7 +56,7 @@ impl Proxy {
         Self { origin, fault, accepting }
     }
 
-    /// From now on, cuts connections with a request whose text has these words.
+    /// Cuts connections with a request whose text contains these words from now on.
     ///
     /// # Panics
     /// If a connection panicked.
@@ -64,7 +64,7 @@ impl Proxy {
         *self.fault.lock().expect("the fault") = Some((cut, words));
     }
 
-    /// Cuts nothing more.
+    /// Stops cutting connections.
     ///
     /// # Panics
     /// If a connection panicked.

@@ -1,4 +1,4 @@
-//! A server within the test, as a browser or a script sees it.
+//! A server in the test's process, as a browser or a script sees it.
 
 use crate::behind::new_postgres_database;
 use crate::process::binary;
@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// A study that is driven quickly: five scenes.
+/// A short study: five scenes.
 pub const SHORT_STUDY: &str = r#"
 title = "Short"
 phases = [
@@ -23,8 +23,8 @@ phases = [
 ]
 "#;
 
-/// A study with a robot that turns more slowly than the human: the games have no
-/// closed form. Both are as fast, so that neither can be caught from everywhere.
+/// A study with a robot that turns more slowly than the human: the games have no closed form. Both
+/// have the same speed, so that neither can be caught from everywhere.
 pub const UNEQUAL_STUDY: &str = r#"
 title = "Unequal"
 phases = [{ phase = "task", scenes = 7 }]
@@ -42,7 +42,7 @@ pub struct Server {
     running: Running,
 }
 
-/// A server that was stopped, with its database and its address.
+/// A stopped server, with its database and its address.
 pub struct Stopped {
     folder: TempDir,
     args: ServeArgs,
@@ -58,12 +58,12 @@ impl Deref for Server {
 }
 
 impl Server {
-    /// The paper's study.
+    /// Starts a server with the paper's study.
     pub async fn start() -> Self {
         Self::with_study("").await
     }
 
-    /// A study file over the paper's study, and a site of nothing but names.
+    /// With a study file based on the paper's study, and a site of placeholder files.
     pub async fn with_study(study: &str) -> Self {
         Self::with_study_and(study, |_| ()).await
     }
@@ -76,15 +76,15 @@ impl Server {
         Self::first(folder, study, site, change).await
     }
 
-    /// As [`Self::with_study`], in a folder that the caller has made.
+    /// As [`Self::with_study`], in a folder of the caller.
     pub async fn within(folder: TempDir, study: &str) -> Self {
         let site = folder.path().join("site");
         write_site(&site);
         Self::first(folder, study, site, |_| ()).await
     }
 
-    /// A study file over the paper's study, and the site that users get: the one
-    /// beside the `sidestep` command.
+    /// With a study file based on the paper's study, and the real site: the one beside the
+    /// `sidestep` command.
     pub async fn with_client(study: &str) -> Self {
         Self::with_client_and(study, |_| ()).await
     }
@@ -95,7 +95,7 @@ impl Server {
         Self::first(TempDir::new().expect("a folder"), study, site, change).await
     }
 
-    /// As [`Self::with_study`], with the language files of a folder.
+    /// As [`Self::with_study`], with the language files in a folder.
     pub async fn with_files(study: &str, languages: &Path) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -114,7 +114,7 @@ impl Server {
         Self::on_file(folder, study, site, |_| ()).await
     }
 
-    /// As [`Self::with_study`], on a file of SQLite in any case: for tests of what only a file can suffer.
+    /// As [`Self::with_study`], always on an SQLite file: for tests of faults that only files have.
     pub async fn on_a_file(study: &str) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -122,7 +122,7 @@ impl Server {
         Self::on_file(folder, study, site, |_| ()).await
     }
 
-    /// On the database at this address, with a study file if one is given.
+    /// On the database at this address, with a study file if given.
     pub async fn on(database: String, study: Option<&str>) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -185,7 +185,7 @@ impl Server {
         Stopped { folder: self.folder, args, key: self.key }
     }
 
-    /// Stops the server and starts it again on the same database.
+    /// Stops the server and restarts it on the same database.
     pub async fn restarted(self) -> Self {
         self.stop().await.start().await
     }
@@ -195,15 +195,15 @@ impl Server {
         self.stop().await.start_with(key, change).await
     }
 
-    /// Stops the server and starts it again with another study file, which replaces a study of the
-    /// same name.
+    /// Stops the server and restarts it with another study file, which replaces a study of the same
+    /// name.
     pub async fn restarted_with_study(self, study: &str) -> Self {
         let stopped = self.stop().await;
         stopped.write_study(study);
         stopped.start_with(None, |args| args.replace_study = true).await
     }
 
-    /// What it said when it was ready.
+    /// Its output when it was ready.
     #[must_use]
     pub fn announcement(&self) -> String {
         self.running.announcement()
@@ -262,7 +262,7 @@ impl Stopped {
         std::fs::write(self.path("study.toml"), with_slug(study)).expect("a study file");
     }
 
-    /// Starts the server, again at the address that it had.
+    /// Restarts the server at its previous address.
     ///
     /// # Panics
     /// If it shows its key a second time.
@@ -275,7 +275,7 @@ impl Stopped {
     /// As [`Self::start`], with a key from the environment or other arguments.
     ///
     /// # Panics
-    /// If the server does not start, for want of a built client say.
+    /// If the server does not start, for example without a built client.
     pub async fn start_with(
         mut self,
         key: Option<&str>,
@@ -295,7 +295,8 @@ impl Stopped {
     }
 }
 
-/// The arguments of a server in `folder` with a study file. A study without a slug is called `default`.
+/// The arguments of a server in `folder` with a study file. A study without a slug gets the slug
+/// `default`.
 async fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
     let file = folder.join("study.toml");
     std::fs::write(&file, with_slug(study)).expect("a study file");
@@ -326,13 +327,13 @@ async fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
             memory_mib: 2048,
             hours: 24.0,
             program: Some(binary().to_owned()),
-            // Tests wait for analyses while others take all processors.
+            // Tests wait for analyses while others occupy all processors.
             nice: 0,
         },
     }
 }
 
-/// A study file that has a slug: its own, or `default`.
+/// A study file with a slug: its own, or `default`.
 #[must_use]
 pub fn with_slug(study: &str) -> String {
     let has_one = study.lines().any(|line| line.starts_with("slug"));
@@ -344,7 +345,7 @@ fn file_in(folder: &Path) -> String {
     format!("sqlite:{}", folder.join("sidestep.db").display())
 }
 
-/// A client bundle of nothing but names.
+/// A client bundle of placeholder files.
 ///
 /// # Panics
 /// If it cannot be written.

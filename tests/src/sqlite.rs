@@ -1,18 +1,18 @@
-//! Files of SQLite, opened beside the server that uses them.
+//! SQLite files, opened in parallel with the server that uses them.
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteRow};
 use sqlx::{ConnectOptions, Connection, Row, TypeInfo, ValueRef};
 use std::path::Path;
 use std::time::Duration;
 
-/// What a row has in a column.
+/// The value of a column in a row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cell {
-    /// Nothing.
+    /// NULL.
     Null,
-    /// A whole number, or on PostgreSQL a truth value: 0 or 1.
+    /// An integer, or on PostgreSQL a boolean: 0 or 1.
     Integer(i64),
-    /// A number.
+    /// A floating-point number.
     Real(f64),
     /// A text.
     Text(String),
@@ -20,8 +20,8 @@ pub enum Cell {
     Bytes(Vec<u8>),
 }
 
-/// Opens a file that exists. Whoever looks at the file afterwards must close the connection: SQLite does so in
-/// a thread, and dropping the connection does not wait for it.
+/// Opens an existing file. A caller that accesses the file afterwards must close the connection:
+/// SQLite closes it in a thread, and dropping the connection does not wait for that.
 ///
 /// # Errors
 /// If there is no such file.
@@ -30,7 +30,7 @@ pub async fn open(file: &Path) -> sqlx::Result<SqliteConnection> {
     options.busy_timeout(Duration::from_secs(10)).connect().await
 }
 
-/// What `talk` makes of a file, which is closed again when this returns.
+/// Applies `talk` to a file, and closes it afterwards.
 ///
 /// # Errors
 /// If there is no such file, or `talk` fails.
@@ -44,10 +44,10 @@ pub async fn with<T>(
     found
 }
 
-/// What a row has in each column.
+/// The values of all columns of a row.
 ///
 /// # Errors
-/// If SQLite does not give a value.
+/// If SQLite does not return a value.
 pub fn cells(row: &SqliteRow) -> sqlx::Result<Vec<Cell>> {
     (0..row.len()).map(|at| cell(row, at)).collect()
 }
@@ -57,7 +57,7 @@ fn cell(row: &SqliteRow, at: usize) -> sqlx::Result<Cell> {
     if value.is_null() {
         return Ok(Cell::Null);
     }
-    // What the value is, whatever the column was declared as.
+    // The type of the value itself, whatever the declared type of the column.
     Ok(match value.type_info().name() {
         "INTEGER" => Cell::Integer(row.try_get(at)?),
         "REAL" => Cell::Real(row.try_get(at)?),

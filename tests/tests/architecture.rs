@@ -1,4 +1,4 @@
-//! What must never be, and what the documents promise.
+//! Forbidden dependencies, and promises of the documents.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 #[path = "architecture/source.rs"]
@@ -19,7 +19,7 @@ fn read(path: impl AsRef<Path>) -> String {
     fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Files below a folder with that ending, as paths from the root.
+/// Files below a folder with this extension, as paths from the root.
 fn files(folder: &str, ending: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut folders = vec![root().join(folder)];
@@ -40,7 +40,7 @@ fn files(folder: &str, ending: &str) -> Vec<String> {
     found
 }
 
-/// Asserts that no path of the code below `folder` has one of `words` in it.
+/// Asserts that no path in the code below `folder` contains one of `words`.
 fn never(folder: &str, words: &[&str], except: impl Fn(&str) -> bool) {
     for path in files(folder, ".rs").into_iter().filter(|path| !except(path)) {
         let source = Source::new(&read(&path));
@@ -52,7 +52,7 @@ fn never(folder: &str, words: &[&str], except: impl Fn(&str) -> bool) {
     }
 }
 
-/// Names in a manifest's `[dependencies]`, those of single targets included.
+/// Names in a manifest's `[dependencies]`, including those of single targets.
 fn dependencies(manifest: &str) -> BTreeSet<String> {
     let manifest: toml::Table = read(manifest).parse().unwrap();
     let targets = manifest.get("target").and_then(toml::Value::as_table);
@@ -154,7 +154,7 @@ fn the_container_is_built_from_every_package() {
     let manifest: toml::Table = read("Cargo.toml").parse().unwrap();
     let packages = manifest["workspace"]["members"].as_array().unwrap();
     for package in packages.iter().map(|package| package.as_str().unwrap()) {
-        // Without one of them, cargo builds nothing.
+        // Without any one of them, cargo builds nothing.
         assert!(recipe.contains(&format!("\nCOPY {package} {package}\n")), "{package}");
     }
 }
@@ -218,7 +218,7 @@ fn documents_name_files_that_exist() {
             let path = link.split('#').next().unwrap();
             assert!(path.is_empty() || folder.join(path).exists(), "{document} links to {link}");
         }
-        // Paths in back-quotes that begin with a folder of ours.
+        // Paths in backquotes that begin with one of our folders.
         for name in text.split('`').skip(1).step_by(2) {
             let ours = [
                 "shared/",
@@ -239,7 +239,7 @@ fn documents_name_files_that_exist() {
     }
 }
 
-/// Lines of the `sh` blocks, without what `cat` writes to a file up to a line `END`.
+/// Lines of the `sh` blocks, without here-documents of `cat` up to a line `END`.
 fn commands(document: &str) -> Vec<&str> {
     let blocks = document.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next());
     let mut lines = blocks.flat_map(str::lines);
@@ -256,7 +256,7 @@ fn commands(document: &str) -> Vec<&str> {
 
 #[test]
 fn commands_of_the_readme_exist() {
-    // A command may go on in the next line.
+    // A command may continue on the next line.
     let readme = read("README.md").replace("\\\n", " ");
     let lines = commands(&readme);
     assert!(lines.contains(&"cargo xtask serve"));

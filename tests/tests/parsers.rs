@@ -1,5 +1,5 @@
-//! Every input that was kept: seeds, what reaches code of its own, and what a parser once failed on. Each is read or
-//! refused (`cargo xtask fuzz` finds more).
+//! All stored fuzz inputs: seeds, inputs that reach new code, and former failures. Each must be
+//! parsed or refused (`cargo xtask fuzz` finds more).
 
 #![allow(clippy::unwrap_used)]
 

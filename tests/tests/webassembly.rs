@@ -1,10 +1,10 @@
-//! WebAssembly in a real browser computes what this machine does, bit for bit, and its adapter
-//! delivers forms whole and moves elements without touching what is in them.
+//! WebAssembly in a real browser computes the same as this machine, bit for bit, and its adapter
+//! delivers complete forms and moves elements without affecting their content.
 
 use sidestep::comparison::learning_fingerprints;
 use sidestep_tests::{Browser, Tab};
 
-/// Where the page with the program `web-client/examples/fingerprint.rs` is.
+/// The path of the page with the program `web-client/examples/fingerprint.rs`.
 const PAGE: &str = "SIDESTEP_FINGERPRINT_PAGE";
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -57,12 +57,12 @@ async fn forms_arrive_whole_and_rows_keep_what_is_in_them() {
     );
     assert_eq!(tab.eval::<Vec<String>>(&kept).await, ["typed", "true", "1–3"]);
 
-    // Numbers keep every bit on their way through the browser's JSON.
+    // Numbers keep every bit in a round trip through the browser's JSON.
     tab.press("numbers").await;
     tab.until_says("said", "lost").await;
     assert_eq!(tab.words("said").await, "lost []");
 
-    // Storage answers, also when it refuses.
+    // Storage responds, also when it refuses.
     tab.press("keep").await;
     tab.until_says("said", "Ok(())").await;
     tab.run(

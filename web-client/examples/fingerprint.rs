@@ -1,4 +1,4 @@
-//! The fingerprints of learning, natively or as WebAssembly: a JSON list of `[stage, SHA-256]`.
+//! Fingerprints of learning, natively or as WebAssembly: a JSON list of `[stage, SHA-256]`.
 //! `tests/tests/webassembly.rs` compares both.
 
 mod answer;

@@ -1,5 +1,5 @@
 //! A page with every kind of field and with rows that change places, for
-//! `tests/tests/webassembly.rs`: it says what its messages held.
+//! `tests/tests/webassembly.rs`. It shows the content of the messages it received.
 
 use sidestep::math::SeededRng;
 use sidestep_web::form::{FieldValue, Form};
@@ -28,7 +28,7 @@ struct Forms {
     rows: Vec<u32>,
 }
 
-/// What it can be told.
+/// The page's messages.
 #[derive(Clone)]
 enum Msg {
     Submitted(Form),
@@ -42,7 +42,7 @@ enum Msg {
 
 impl Forms {
     fn open(_: PageContext) -> (Self, Commands<Msg>) {
-        // Of two timers with one name, only the second ends.
+        // Only the second of two timers with the same name fires.
         let wake = |n, after_ms| Command::Wake { timer: "wake", after_ms, message: Msg::Woken(n) };
         (Self { said: String::new(), rows: vec![1, 2, 3] }, vec![wake(1, 0.0), wake(2, 1.0)])
     }
@@ -108,7 +108,7 @@ impl Page for Forms {
     }
 }
 
-/// Numbers that are others after they were written and read as JSON: there should be none.
+/// Numbers that change in a JSON round trip. Should be empty.
 fn lost_numbers() -> Vec<f64> {
     let mut rng = SeededRng::new(1);
     let random = (0..20_000).map(|_| f64::from_bits((rng.unit() * 1.8e19) as u64));

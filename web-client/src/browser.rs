@@ -1,5 +1,5 @@
-//! The only part that touches the browser: it brings messages to a page, applies
-//! the page's commands, and shows its view and picture.
+//! The only part that touches the browser: it delivers messages to a page, executes the page's
+//! commands, and shows its view and picture.
 
 mod address;
 mod canvas;
@@ -35,7 +35,7 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{Blob, Document, HtmlElement, Window};
 
-/// Opens a page and keeps it until the tab is closed.
+/// Opens a page and runs it until the tab is closed.
 pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
     std::panic::set_hook(Box::new(|panic| {
         web_sys::console::error_1(&format!("Sidestep stopped: {panic}").into());
@@ -48,7 +48,8 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
     background(async move {
         let (storage, kept) = match P::keeps() {
             true => Storage::open(&window).await,
-            // To open the browser's database takes longer than all else that a page waits for.
+            // Opening the browser's database takes longer than everything else that a page waits
+            // for.
             false => (Storage::none(&window), Vec::new()),
         };
         let context = PageContext { kept, not_kept: storage.failure(), ..context(&window) };
@@ -90,9 +91,9 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
     });
 }
 
-/// Works on this while the browser does other things.
+/// Spawns a future that runs while the browser does other things.
 fn background(work: impl Future<Output = ()> + 'static) {
-    // One type for all of them: the program holds once how such work goes on.
+    // One boxed type for all futures, so that the program contains the executor code only once.
     let work: Pin<Box<dyn Future<Output = ()>>> = Box::pin(work);
     wasm_bindgen_futures::spawn_local(work);
 }
@@ -116,7 +117,7 @@ fn place() -> Option<(Window, Document, HtmlElement)> {
     Some((window, document, root))
 }
 
-/// After a panic only the document can be trusted.
+/// After a panic only the document can be trusted, so the message is written there directly.
 fn show_crash() {
     if let Some((_, _, root)) = place() {
         root.set_text_content(Some(
@@ -125,7 +126,7 @@ fn show_crash() {
     }
 }
 
-/// What a page is told when it opens, but for what is kept.
+/// The context that a page gets when it opens, without its stored records.
 fn context(window: &Window) -> PageContext {
     let screen = window.screen().ok();
     let width = screen.as_ref().and_then(|screen| screen.width().ok()).unwrap_or(0);
@@ -135,7 +136,7 @@ fn context(window: &Window) -> PageContext {
     PageContext {
         address: address::current(window),
         languages: languages.iter().filter_map(|language| language.as_string()).collect(),
-        // Who has nothing to point with at all has a keyboard.
+        // A device without any pointer has a keyboard.
         touch_only: matches(window, "(any-pointer: coarse)")
             && !matches(window, "(any-pointer: fine), (any-hover: hover)"),
         reduced_motion: matches(window, "(prefers-reduced-motion: reduce)"),
@@ -152,7 +153,7 @@ fn context(window: &Window) -> PageContext {
     }
 }
 
-/// Calls a method that the browser may refuse; the page hears only of what comes of it.
+/// Calls a method that the browser may refuse. The page sees only its effects.
 fn wish(object: &JsValue, method: &str) {
     let method = Reflect::get(object, &method.into()).unwrap_or_default();
     let promise = method.dyn_ref::<Function>().and_then(|method| method.call0(object).ok());
@@ -168,7 +169,7 @@ fn matches(window: &Window, query: &str) -> bool {
     window.match_media(query).ok().flatten().is_some_and(|query| query.matches())
 }
 
-/// Width and height inside the window, CSS pixels, and pixels of the screen to one of them.
+/// Width and height inside the window, CSS pixels, and device pixels per CSS pixel.
 fn window_size(window: &Window) -> (f64, f64, f64) {
     let number =
         |value: Result<JsValue, JsValue>| value.ok().and_then(|v| v.as_f64()).unwrap_or(0.0);
@@ -191,39 +192,39 @@ struct Shell<P: Page> {
     clock: Clock,
     storage: Storage,
     painter: canvas::Painter,
-    /// What was painted last.
+    /// The last picture painted.
     picture: Picture,
-    /// What [`Extra`] says, once there is one. A page without solids and panes has none of its code.
+    /// See [`Extra`]; created on demand. Pages without solids and panes contain none of its code.
     extra: Option<Box<dyn Any>>,
     /// The document's title.
     title: String,
     frame_requested: bool,
-    /// Whether a frame is under way, at whose end the picture is painted.
+    /// Whether a frame is in progress, which will paint the picture at its end.
     in_frame: bool,
     on_frame: Option<Closure<dyn FnMut(f64)>>,
-    /// The moment of the page's next tick, on its clock, and the browser's timer for it.
+    /// Time of the page's next tick on its clock, and the browser's timer for it.
     alarm: Option<(f64, i32)>,
     on_alarm: Option<Closure<dyn FnMut()>>,
     on_resize: Option<canvas::SizeWatcher>,
     listeners: Vec<listen::Listener>,
-    /// The keys that are down, by their places.
+    /// Codes of the keys that are down.
     down: Vec<String>,
-    /// Whether the pointer was used last, and not a key.
+    /// Whether the last input was by pointer and not by key.
     has_pointed: bool,
-    /// Asks users who leave, while it is there.
+    /// While present, asks users who leave for confirmation.
     guard: Option<listen::Listener>,
     claims: Vec<tabs::Claim>,
     underway: Vec<Underway>,
-    /// How many requests, timers and solves were started.
+    /// Number of requests, timers and solves started so far.
     started: u32,
 }
 
-/// What only some pages need.
+/// State that only some pages need.
 #[derive(Default)]
 struct Extra {
     /// The painter of solids.
     solids: solid::Painter,
-    /// The painter of the second picture, and what it painted last.
+    /// The painter of the second picture, and the last picture it painted.
     painter: canvas::Painter,
     picture: Picture,
 }
@@ -231,14 +232,14 @@ struct Extra {
 /// A request, timer or solve.
 struct Underway {
     name: &'static str,
-    /// Distinguishes it from others of that name: work that was cancelled may still report.
+    /// Distinguishes it from others of the same name: cancelled work may still report.
     number: u32,
     /// Cancels it when dropped.
     _work: Box<dyn Any>,
 }
 
 impl<P: Page> Shell<P> {
-    /// Brings the document and the canvas up to date.
+    /// Updates the document and the canvas.
     fn show(&mut self) {
         self.dom.show(self.page.view());
         let title = self.page.title();
@@ -260,7 +261,7 @@ impl<P: Page> Shell<P> {
         }
     }
 
-    /// Paints what there is to see at this moment of the page's clock.
+    /// Paints the page's picture at this time of its clock.
     fn paint(&mut self, at_ms: f64) {
         if self.page.draw(at_ms, &mut self.picture) {
             self.painter.paint(&self.window, &self.picture);
@@ -280,7 +281,7 @@ impl<P: Page> Shell<P> {
         }
     }
 
-    /// Paints in another size or other colours.
+    /// Repaints after a change of size or colours.
     fn repaint(&mut self) {
         self.painter.measure_again();
         if P::has_panes()
@@ -291,7 +292,7 @@ impl<P: Page> Shell<P> {
         self.paint(self.clock.now_ms());
     }
 
-    /// Cancels the work of this name; returns the number of its successor.
+    /// Cancels the work of this name and returns the number for its successor.
     fn begin(&mut self, name: &'static str) -> u32 {
         self.underway.retain(|underway| underway.name != name);
         self.started += 1;
@@ -307,15 +308,15 @@ impl<P: Page> Shell<P> {
     }
 }
 
-/// What only some pages need, made when one needs it.
+/// State that only some pages need, created on first use.
 fn extra(place: &mut Option<Box<dyn Any>>) -> Option<&mut Extra> {
     place.get_or_insert_with(|| Box::new(Extra::default())).downcast_mut()
 }
 
-/// Messages with when their causes happened, on the page's clock.
+/// Messages and the times of their causes, on the page's clock.
 type Queue<M> = RefCell<VecDeque<(M, f64)>>;
 
-/// Takes messages one at a time, in the order in which they came.
+/// Processes messages one at a time, in order of arrival.
 struct Pump<P: Page> {
     shell: Rc<RefCell<Shell<P>>>,
     queue: Rc<Queue<P::Msg>>,
@@ -333,7 +334,7 @@ impl<P: Page> Clone for Pump<P> {
 }
 
 impl<P: Page + 'static> Pump<P> {
-    /// Gives the page a message now, or after those that are waiting.
+    /// Delivers a message to the page now, or after those in the queue.
     fn dispatch(&self, message: P::Msg, t_ms: f64) {
         self.queue.borrow_mut().push_back((message, t_ms));
         if !self.busy.replace(true) {
@@ -341,19 +342,19 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Gives the page a message whose cause happens now.
+    /// Delivers a message whose cause happens now.
     fn dispatch_now(&self, message: P::Msg) {
         let now_ms = self.shell.borrow().clock.now_ms();
         self.dispatch(message, now_ms);
     }
 
-    /// Tells the page of an event that happened at `stamp` on the browser's clock.
+    /// Reports an event that happened at `stamp` on the browser's clock.
     fn tell(&self, event: &Event, stamp: f64) {
         let t_ms = self.shell.borrow().clock.of(stamp);
         self.report(event, t_ms);
     }
 
-    /// Tells the page of an event at `t_ms` on its clock, if it wants to know.
+    /// Reports an event at `t_ms` on the page's clock, if the page wants it.
     fn report(&self, event: &Event, t_ms: f64) {
         let message = self.shell.borrow().page.hear(event);
         if let Some(message) = message {
@@ -361,7 +362,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Works through the queue, then shows the result.
+    /// Empties the queue, then shows the result.
     fn work(&self) {
         loop {
             let next = self.queue.borrow_mut().pop_front();
@@ -378,7 +379,7 @@ impl<P: Page + 'static> Pump<P> {
         self.request_frame();
     }
 
-    /// Draws the page's solid, and tells the page if the browser cannot, or can again.
+    /// Draws the page's solid, and notifies the page if the browser cannot draw it, or can again.
     fn show_solid(&self) {
         let mut shell = self.shell.borrow_mut();
         let Some(solid) = shell.page.solid() else { return };
@@ -425,7 +426,7 @@ impl<P: Page + 'static> Pump<P> {
                     shell.clock.browser_ms(after_ms),
                 );
             }
-            // The compiler leaves this out of the program of a page that does not solve.
+            // Compiled out for pages that do not solve.
             Command::Solve { .. } if !P::solves() => {}
             Command::Solve { name, task, then } => {
                 let number = shell.begin(name);
@@ -494,7 +495,8 @@ impl<P: Page + 'static> Pump<P> {
                 shell.underway.push(Underway { name, number, _work });
             }
             Command::Cancel(name) => shell.underway.retain(|underway| underway.name != name),
-            // Whoever leaves what is filmed wants the film up to then: it is offered once it has ended.
+            // A user who leaves while a film is recorded wants the film so far: it is offered once
+            // it has ended.
             Command::CancelAll if P::offers_files() => {
                 shell.underway.retain(|underway| {
                     underway._work.downcast_ref::<film::Film>().map(film::Film::end).is_some()
@@ -551,9 +553,10 @@ impl<P: Page + 'static> Pump<P> {
                     let ended = move |film: Result<Blob, String>| {
                         let offered = film.and_then(|film| {
                             files::offer_blob(&document, &file, &film)
-                                .map_err(|_| "The browser did not take the film.".to_owned())
+                                .map_err(|_| "The browser did not accept the film.".to_owned())
                         });
-                        // The film is dropped once its listener, which calls this, has returned.
+                        // The film is dropped only after its listener, which calls this, has
+                        // returned.
                         let (pump, then) = (pump.clone(), Rc::clone(&then_ended));
                         background(async move { pump.finish(number, || then(offered)) });
                     };
@@ -587,7 +590,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Ends a request, timer or solve with a message, unless it was cancelled.
+    /// Completes a request, timer or solve with a message, unless it was cancelled.
     fn finish(&self, number: u32, message: impl FnOnce() -> P::Msg) {
         {
             let mut shell = self.shell.borrow_mut();
@@ -599,7 +602,7 @@ impl<P: Page + 'static> Pump<P> {
         self.dispatch_now(message());
     }
 
-    /// Goes to an address of this page without loading it; whether the page shows it.
+    /// Goes to an address of this page without loading it. Returns whether the page shows it.
     fn visit(&self, url: &str, t_ms: f64) -> bool {
         if !P::navigates() {
             return false;
@@ -617,7 +620,7 @@ impl<P: Page + 'static> Pump<P> {
         true
     }
 
-    /// Asks for a frame if the page wants one.
+    /// Requests a frame if the page wants one.
     fn request_frame(&self) {
         let mut shell = self.shell.borrow_mut();
         if shell.frame_requested || !shell.page.wants_frames() {
@@ -633,13 +636,13 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// A frame, which began at `stamp` on the browser's clock, is about to be shown.
+    /// Handles a frame that began at `stamp` on the browser's clock and is about to be shown.
     fn frame(&self, stamp: f64) {
         let (begun_ms, at_ms) = {
             let mut shell = self.shell.borrow_mut();
             (shell.frame_requested, shell.in_frame) = (false, true);
             let now_ms = shell.clock.now_ms();
-            // A clock that hurries has run far since the frame began.
+            // An accelerated clock has advanced far since the frame began.
             let is_hurried = shell.clock.is_hurried();
             (now_ms, if is_hurried { now_ms } else { shell.clock.of(stamp) })
         };
@@ -653,7 +656,7 @@ impl<P: Page + 'static> Pump<P> {
         self.request_frame();
     }
 
-    /// Has the page compute what follows from the clock.
+    /// Lets the page compute what follows from the clock.
     fn tick(&self, now_ms: f64) {
         let message = self.shell.borrow_mut().page.tick(now_ms);
         match message {
@@ -662,7 +665,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Has the browser call when the page's next tick is due.
+    /// Sets the browser's timer for the page's next tick.
     fn set_alarm(&self) {
         let mut shell = self.shell.borrow_mut();
         let due_ms = shell.page.due_ms();
@@ -686,7 +689,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// The browser's timer has run out; it may be early by the grain of its clock.
+    /// Handles the browser's timer, which may fire early by the resolution of its clock.
     fn ring(&self) {
         let now_ms = {
             let mut shell = self.shell.borrow_mut();
@@ -694,7 +697,7 @@ impl<P: Page + 'static> Pump<P> {
             shell.clock.now_ms()
         };
         self.tick(now_ms);
-        // A clock that hurries has more steps than frames; whoever operates the page sees each.
+        // An accelerated clock has more steps than frames; the simulator must see each step.
         let mut shell = self.shell.borrow_mut();
         if shell.clock.is_hurried() {
             shell.paint(now_ms);

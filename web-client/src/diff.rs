@@ -1,39 +1,39 @@
-//! From what is shown to what is to be shown: a list of edits, as plain data.
+//! Edits that turn the old view into the new one, as plain data.
 //!
-//! Siblings are matched by tag and identity ([`Node::identity`]), in order where they have
-//! none. A matched element stays in the document, and with it the focus, selection, scrolling
-//! and input in it.
+//! Siblings are matched by tag and identity ([`Node::identity`]), or in order without one. A
+//! matched element stays in the document, and so keeps its focus, selection, scroll position and
+//! input.
 
 use crate::view::{Child, Node};
 
-/// What changes in an element that stays.
+/// Changes to an element that stays.
 pub struct Patch<'a, M> {
-    /// Attributes to set, or to remove where there is no value.
+    /// Attributes to set, or to remove if the value is `None`.
     pub attributes: Vec<(&'static str, Option<&'a str>)>,
-    /// What changes among its children, in this order.
+    /// Changes to its children, in order.
     pub children: Vec<Edit<'a, M>>,
 }
 
-/// A change among an element's children. Places are those at the time of the edit.
+/// A change to an element's children. Indices are those at the time of the edit.
 pub enum Edit<'a, M> {
-    /// The child at this place goes.
+    /// Removes the child at this index.
     Remove(usize),
-    /// A new child comes to this place.
+    /// Inserts a new child at this index.
     Insert(usize, &'a Child<M>),
-    /// The child at the first place goes to the second, which lies before it.
+    /// Moves the child at the first index to the second, smaller one.
     Move(usize, usize),
-    /// The text at this place becomes that of the child.
+    /// Replaces the text at this index by that of the child.
     Text(usize, &'a Child<M>),
-    /// The element at this place changes.
+    /// Changes the element at this index.
     Patch(usize, Patch<'a, M>),
 }
 
-/// The edits that bring `old` to `new`.
+/// The edits that turn `old` into `new`.
 #[must_use]
 pub fn children<'a, M>(old: &[Child<M>], new: &'a [Child<M>]) -> Vec<Edit<'a, M>> {
     let mut edits = Vec::new();
     let sources = matched(old, new);
-    // Places in `old` of the children that are left in the document.
+    // Indices in `old` of the children still in the document.
     let mut present: Vec<usize> = (0..old.len()).collect();
     for place in (0..old.len()).rev() {
         if !sources.contains(&Some(place)) {
@@ -44,12 +44,12 @@ pub fn children<'a, M>(old: &[Child<M>], new: &'a [Child<M>]) -> Vec<Edit<'a, M>
     for (place, (child, source)) in new.iter().zip(sources).enumerate() {
         let Some(source) = source else {
             edits.push(Edit::Insert(place, child));
-            // It has no old place.
+            // A new child has no index in `old`.
             present.insert(place, usize::MAX);
             continue;
         };
         if present[place] != source {
-            // Places before `place` are settled, so the child lies behind it.
+            // Indices before `place` are final, so the child is behind it.
             let from = place + present[place..].iter().take_while(|&&at| at != source).count();
             edits.push(Edit::Move(from, place));
             present.remove(from);
@@ -79,12 +79,12 @@ fn node<'a, M>(old: &Node<M>, new: &'a Node<M>) -> Patch<'a, M> {
     Patch { attributes, children: children(&old.children, &new.children) }
 }
 
-/// For each new child the place of the old one that it continues.
+/// For each new child, the index of the old one that it continues.
 fn matched<M>(old: &[Child<M>], new: &[Child<M>]) -> Vec<Option<usize>> {
     let mut free = vec![true; old.len()];
     let mut expected = 0;
     let continued = new.iter().map(|child| {
-        // Usually the next one, so the search begins there.
+        // Usually the next one, so the search starts there.
         let mut places = (expected..old.len()).chain(0..expected);
         let place = places.find(|&place| free[place] && continues(&old[place], child))?;
         free[place] = false;
@@ -115,19 +115,19 @@ mod tests {
     /// An object of a document.
     #[derive(Clone, Debug, PartialEq)]
     struct Object {
-        /// Tells it from every other one that was made.
+        /// Unique number.
         number: usize,
         tag: String,
         attributes: Vec<(&'static str, String)>,
         children: Vec<Object>,
     }
 
-    /// What the browser does with edits.
+    /// A model of the browser's document, to which edits are applied.
     #[derive(Default)]
     struct Document {
         shown: View,
         objects: Vec<Object>,
-        /// How many objects were made, and how many edits were carried out.
+        /// Counts of objects created and of edits applied.
         made: usize,
         edits: usize,
     }
@@ -171,8 +171,8 @@ mod tests {
             }
         }
 
-        /// Brings the document to a view and checks that it shows that. Returns the numbers of
-        /// its objects, and how many edits it took.
+        /// Updates the document to a view and checks the result. Returns the numbers of its
+        /// objects, and the number of edits.
         fn show(&mut self, view: View) -> (Vec<usize>, usize) {
             self.edits = 0;
             let mut objects = std::mem::take(&mut self.objects);
@@ -209,7 +209,7 @@ mod tests {
         let (second, _) = document.show(rows(&["d", "a", "x", "c"]));
         assert_eq!([second[0], second[1], second[3]], [first[3], first[0], first[2]]);
         assert!(!first.contains(&second[2]));
-        // Rows that come and go ahead of others touch none of them.
+        // Inserting and removing rows ahead of others leaves those alone.
         let (third, edits) = document.show(rows(&["new", "d", "a", "x", "c"]));
         assert_eq!((&third[1..], edits), (&second[..], 1));
         assert_eq!(document.show(rows(&["d", "a", "x", "c"])), (second, 1));
@@ -259,7 +259,7 @@ mod tests {
                     0 => Child::Text(key),
                     1 => Child::Node(el("p").text(key)),
                     2 => Child::Moment(rng.below(3) as i64),
-                    // Keys may come twice: that is a mistake of the page, but must do no harm.
+                    // Duplicate keys are a bug of the page, but must do no harm.
                     _ => Child::Node(el("li").key(&key).attr("title", &key).child(el("b"))),
                 });
             }

@@ -1,4 +1,4 @@
-//! A scene that is being driven: steps from the clock, smooth motion in between.
+//! A scene in progress: steps by the clock, smooth motion in between.
 
 use crate::input::{HeldKeys, KeyMap, input_at};
 use crate::runtime::Event;
@@ -10,10 +10,9 @@ use sidestep::vehicle::TurnInput;
 
 /// A scene between its start and its end.
 ///
-/// Steps follow from the clock and never from the number of frames: step i is
-/// due at i · 0.2 s, and its input is what the keys, by their own time stamps,
-/// asked for at that moment. A call that comes late therefore changes when a
-/// step is computed but not what it is. A press before that moment may be reported
+/// Steps follow from the clock and never from the number of frames: step i is due at i · 0.2 s, and
+/// its input follows from the keys, by their own time stamps, at that time. A late call therefore
+/// changes when a step is computed but not its result. A press just before a step may be reported
 /// just after it; it still counts.
 #[derive(Clone, Debug)]
 pub struct Drive {
@@ -31,7 +30,7 @@ pub struct Drive {
     frames: FrameTimes,
 }
 
-/// How frames came and how long their work took, ms.
+/// Frame intervals and durations of the work in frames, ms.
 #[derive(Clone, Debug, Default)]
 struct FrameTimes {
     last_ms: Option<f64>,
@@ -39,15 +38,15 @@ struct FrameTimes {
     work_ms: Vec<f64>,
 }
 
-/// A gap between frames counts as a dropped frame if it is this many times the median.
+/// A frame interval counts as a dropped frame if it is this many times the median.
 const DROPPED: f64 = 1.5;
 
-/// Frames a second up to which a scene takes no memory after its start.
+/// Frame rate up to which a scene allocates nothing after its start.
 const USUAL_RATE_HZ: f64 = 250.0;
 
 impl Drive {
-    /// A scene that starts at `start_ms` on the page's clock, which is
-    /// `started_at_ms` since 1970. `held` are those of its `keys` that are down already.
+    /// A scene that starts at `start_ms` on the page's clock, which is `started_at_ms` since 1970.
+    /// `held` are the keys that are already down.
     #[must_use]
     pub fn new(
         parameters: SceneParameters,
@@ -79,9 +78,9 @@ impl Drive {
         }
     }
 
-    /// Takes note of a key, at `t_ms` on the page's clock.
+    /// Records a key event at `t_ms` on the page's clock.
     pub fn key(&mut self, t_ms: f64, code: &str, down: bool) {
-        // Events are delivered in order; the guard is for clocks that are not.
+        // Events are delivered in order; this guards against clocks that go back.
         let last = self.key_events.last().map_or(f64::NEG_INFINITY, |event| event.t_ms);
         if self.key_events.len() < MAX_KEY_EVENTS {
             let t_ms = (t_ms - self.start_ms).max(last);
@@ -90,7 +89,7 @@ impl Drive {
         }
     }
 
-    /// Takes note of what happened to the page at `t_ms` on its clock.
+    /// Records a page event at `t_ms` on the page's clock.
     pub fn page_event(&mut self, t_ms: f64, event: &Event) {
         let kind = match event {
             Event::FocusLost { hidden: true } => PageEventKind::Hidden,
@@ -108,7 +107,7 @@ impl Drive {
         }
     }
 
-    /// Computes the present step again, in case a key's report came after it.
+    /// Recomputes the current step, in case a key event arrived after it.
     fn correct(&mut self) {
         let Some(step) = self.inputs.len().checked_sub(1) else { return };
         let due = step as f64 * self.step_ms();
@@ -126,7 +125,7 @@ impl Drive {
         &self.inputs
     }
 
-    /// The state before each step that has begun, and the one after the last of them.
+    /// The state before each step begun, and the one after the last of them.
     #[must_use]
     pub fn states(&self) -> &[JointState] {
         &self.states
@@ -136,7 +135,7 @@ impl Drive {
         self.parameters.step_s * 1000.0
     }
 
-    /// When the next step is due, or the scene over, on the page's clock, ms.
+    /// Time when the next step is due or the scene is over, on the page's clock, ms.
     #[must_use]
     pub fn due_ms(&self) -> f64 {
         self.start_ms + self.inputs.len() as f64 * self.step_ms()
@@ -158,8 +157,8 @@ impl Drive {
         false
     }
 
-    /// Where both vehicles are at `at_ms`, on the arc of the step at that time or, if that is not
-    /// computed yet, at its beginning.
+    /// Poses of both vehicles at `at_ms`, on the arc of the step at that time or, if that is not
+    /// computed yet, at its start.
     #[must_use]
     pub fn state_at(&self, at_ms: f64) -> JointState {
         let step = self.step_at(at_ms).min(self.inputs.len().saturating_sub(1));
@@ -167,12 +166,12 @@ impl Drive {
             return self.states[0];
         };
         let begun = self.start_ms + step as f64 * self.step_ms();
-        // `clamp` would bring code to print both ends, a tenth of the page's download.
+        // `clamp` would pull in code that formats both bounds, a tenth of the page's download.
         let into = ((at_ms - begun) / 1000.0).max(0.0).min(self.parameters.step_s);
         self.states[step].advance(&self.parameters, input, into)
     }
 
-    /// Time since its start, s.
+    /// Time since the start, s.
     #[must_use]
     pub fn time_s(&self, at_ms: f64) -> f64 {
         (at_ms - self.start_ms).max(0.0) / 1000.0
@@ -181,13 +180,12 @@ impl Drive {
     /// The step at `at_ms`, from 0; the number of steps when the scene is over.
     #[must_use]
     pub fn step_at(&self, at_ms: f64) -> usize {
-        // The tolerance keeps the beginning of a step in that step, however the start is rounded.
+        // The tolerance keeps the start of a step in that step despite rounding.
         let step = (at_ms - self.start_ms) / self.step_ms() + 1e-9;
         (step.max(0.0) as usize).min(self.parameters.steps)
     }
 
-    /// Takes note of a frame that was shown at `at_ms` on the page's clock, and of how long its
-    /// work took.
+    /// Records a frame shown at `at_ms` on the page's clock, and the duration of its work.
     pub fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
         if let Some(last) = self.frames.last_ms.replace(at_ms) {
             self.frames.gaps_ms.push(at_ms - last);
@@ -195,8 +193,8 @@ impl Drive {
         self.frames.work_ms.push(work_ms);
     }
 
-    /// The finished scene, ready to be sent, which was shown for the `exposures`-th time. `screen`
-    /// describes the display.
+    /// The finished scene, ready for upload, in its `exposures`-th showing. `screen` describes the
+    /// display.
     #[must_use]
     pub fn into_upload(self, screen: &[(&'static str, f64)], exposures: u32) -> TrialUpload<f64> {
         let frames = &self.frames;
@@ -223,10 +221,10 @@ impl Drive {
     }
 }
 
-/// Half the side of the part of the world that is always seen, m.
+/// Half the side of the part of the world that is always visible, m.
 const WINDOW_HALF_M: f64 = 15.0;
 
-/// The same view for every scene; it widens only where a vehicle would leave it.
+/// The same view for every scene, widened only when a vehicle would leave it.
 #[must_use]
 pub fn window(scene: &Scene, state: JointState) -> Window {
     let human = state.human.position();
@@ -239,9 +237,9 @@ pub fn facts<'a>(numbers: impl IntoIterator<Item = &'a (&'static str, f64)>) -> 
     numbers.into_iter().map(|&(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// The value below which a share of `values` lies; 0 if there are none.
+/// The quantile of `values` at `share`; 0 if there are none.
 fn quantile(values: &[f64], share: f64) -> f64 {
-    // A few hundred values: insertion takes less code, and so less download, than sorting.
+    // For a few hundred values, insertion takes less code than sorting, and so less download.
     let mut sorted: Vec<f64> = Vec::with_capacity(values.len());
     for &value in values {
         sorted.insert(sorted.partition_point(|&other| other < value), value);
@@ -271,7 +269,7 @@ mod tests {
         Drive::new(parameters, &scene(), start_ms, 1.7e12, &keys, held)
     }
 
-    /// Drives with frames at the given times; keys at theirs.
+    /// Drives with frames and keys at the given times.
     fn drive(frames: impl Iterator<Item = f64>, keys: &[(f64, &str, bool)]) -> TrialUpload<f64> {
         let mut drive = begin(1000.0, &HeldKeys::default());
         let mut keys = keys.iter().peekable();
@@ -306,7 +304,7 @@ mod tests {
             flags(&parameters, &scene(), &trial.inputs, &trial.states, &trial.sampled_at_ms),
             []
         );
-        // Left from 2.05 s (first step that starts later: 11), right from 4.21 s to 5.0 s, left to 6.0 s.
+        // Left from 2.05 s (the next step to start: 11), right from 4.21 s to 5.0 s, left to 6.0 s.
         let signs: Vec<i8> = trial.inputs.iter().map(|input| input.sign()).collect();
         let expected: Vec<i8> = (0..50)
             .map(|step| match step {
@@ -371,7 +369,7 @@ mod tests {
             (1501.0, Event::FocusLost { hidden: true }),
             (1600.0, Event::FocusGained),
             (1700.0, Event::Online),
-            // A clock that goes back does not turn the order of events.
+            // A clock that goes back does not change the order of events.
             (1650.0, Event::Fullscreen(false)),
             (1650.0, Event::Resized { width_px: 800.0, height_px: 600.0, ratio: 1.0 }),
         ];
@@ -428,7 +426,7 @@ mod tests {
         drive.tick(200.0);
         let (before, after) = (drive.states[1], drive.state_at(200.0));
         assert_eq!(before, after);
-        // A picture of a moment before the present step shows that moment.
+        // A picture of a time before the current step shows that time.
         assert_eq!(drive.state_at(199.9).human.x, {
             let mut earlier = begin(0.0, &held("KeyA", -50.0));
             earlier.tick(199.9);

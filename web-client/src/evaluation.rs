@@ -1,7 +1,7 @@
-//! What an evaluator does beside a page: it trains a predictor on one participant's tasks, counts how often
-//! predicted sets hold their future, compares their areas with those of simpler predictions, and tunes
-//! settings. It works piece by piece, so that it hears of the next question between two pieces, and the newest
-//! question is the only one that it works on.
+//! Work of an evaluator beside a page: it trains a predictor on one participant's tasks, counts how
+//! often predicted sets contain the future, compares their areas with those of simpler predictions,
+//! and tunes settings. It works in pieces, so that it can receive the next question between two of
+//! them, and it works only on the newest question.
 
 pub mod counting;
 pub mod areas;
@@ -28,7 +28,7 @@ use sidestep::shfrs::window::Trajectory;
 use sidestep::shfrs::window_sets::Prediction;
 use tuning::{Found, Tuning};
 
-/// What an evaluator can be told.
+/// Messages to an evaluator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// The participant's tasks, [`Drives`] as JSON.
@@ -47,12 +47,12 @@ pub enum Part {
     AreaQuestion,
     /// An [`Aim`](tuning::Aim) as JSON.
     Aim,
-    /// No more work on what was asked.
+    /// Stops the current work.
     Stop,
 }
 
 impl Part {
-    /// All of them; their places stand for them between page and evaluator.
+    /// All parts; their indices stand for them between page and evaluator.
     pub const ALL: [Self; 9] = [
         Self::Drives,
         Self::Human,
@@ -66,62 +66,62 @@ impl Part {
     ];
 }
 
-/// The request for a predictor.
+/// A request to train a predictor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Training {
-    /// Its report has this number.
+    /// Number of its report.
     pub number: u32,
     /// Names of features.
     pub features: Vec<String>,
-    /// The places of the tasks to learn from.
+    /// Indices of the training tasks.
     pub tasks: Vec<usize>,
 }
 
-/// What an evaluator has to say.
+/// A report of an evaluator.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// The number of what it answers.
+    /// The number of the question that it answers.
     pub number: u32,
-    /// The share of the work that is done; 1 in the last report.
+    /// Progress; 1 in the last report.
     pub done: f64,
-    /// Why there is no answer, if there is none.
+    /// Reason for the failure, if any.
     #[serde(default)]
     pub trouble: Option<String>,
-    /// The predictor that was asked for.
+    /// The trained predictor.
     #[serde(default)]
     pub predictor: Option<PredictorFile>,
-    /// Why it has only the frequencies of the inputs, if so.
+    /// Why the predictor has only the frequencies of the inputs, if so.
     #[serde(default)]
     pub fallback: Option<String>,
-    /// What was counted so far.
+    /// Counts so far.
     #[serde(default)]
     pub regions: Option<Regions>,
-    /// What is known of coverage and area so far.
+    /// Coverage and area so far.
     #[serde(default)]
     pub pareto: Option<Pareto>,
-    /// The settings that were tuned.
+    /// The tuned settings.
     #[serde(default)]
     pub found: Option<Found>,
 }
 
-/// Confidence of all intervals, as the command line has it.
+/// Confidence level of all intervals, as in the command line.
 pub const CONFIDENCE: f64 = 0.95;
 
-/// What an evaluator knows and works on.
+/// State of an evaluator.
 #[derive(Default)]
 pub struct Evaluation {
     tasks: Option<Tasks>,
     safety: Option<SafetyLevels>,
     predictor: Option<Predictor>,
-    /// What is known of the tasks' windows, and of other predictions, under this predictor.
+    /// Cache of the tasks' windows and of other predictions under this predictor.
     memory: Memory,
     known: Known,
     work: Option<Work>,
-    /// What is still to be reported.
+    /// The next report, not yet sent.
     report: Option<Report>,
 }
 
-/// What is being answered.
+/// The current work.
 enum Work {
     Counting(Counting),
     Comparing(Comparing),
@@ -129,7 +129,7 @@ enum Work {
 }
 
 impl Work {
-    /// The number of its reports.
+    /// The number that its reports have.
     fn number(&self) -> u32 {
         match self {
             Self::Counting(it) => it.number,
@@ -139,7 +139,7 @@ impl Work {
     }
 }
 
-/// What is asked has a number, which its reports have too.
+/// A question with a number, which its reports repeat.
 trait Asked {
     fn number(&self) -> u32;
 }
@@ -155,7 +155,7 @@ struct Tasks {
 }
 
 impl Evaluation {
-    /// Hears what the page says.
+    /// Handles a message of the page.
     pub fn hear(&mut self, part: Part, content: &[u8]) {
         let taken = match part {
             Part::Drives => self.take_drives(content),
@@ -175,14 +175,14 @@ impl Evaluation {
             Part::Aim => return self.begin(content, Tuning::begin),
             Part::Stop => return self.work = None,
         };
-        // What was found so far holds no more.
+        // The caches are no longer valid.
         (self.memory, self.known) = (Memory::default(), Known::default());
         if let Err(invalid) = taken {
             self.fail(0, &invalid);
         }
     }
 
-    /// Works on this instead of anything else.
+    /// Replaces the current work.
     fn begin<T: DeserializeOwned + Asked>(
         &mut self,
         content: &[u8],
@@ -200,8 +200,8 @@ impl Evaluation {
         }
     }
 
-    /// Does a piece of the work. Returns whether there is more. A long piece tells `progress` reports, as
-    /// JSON.
+    /// Does a piece of the work. Returns whether there is more. A long piece passes reports to
+    /// `progress`, as JSON.
     pub fn work(&mut self, progress: &mut dyn FnMut(String)) -> bool {
         let Some(work) = &mut self.work else { return false };
         let number = work.number();
@@ -222,7 +222,7 @@ impl Evaluation {
         })
     }
 
-    /// What is new since the last report, as JSON.
+    /// News since the last report, as JSON.
     pub fn report(&mut self) -> Option<String> {
         let report = self.report.take().or_else(|| match &mut self.work {
             Some(Work::Counting(it)) => it.report(),
@@ -291,7 +291,7 @@ fn known<'a>(
     }
 }
 
-/// The page has not said enough, which is a defect of this program.
+/// The page has sent too little, which is a bug of this program.
 fn unknown() -> Invalid {
     Invalid::new("evaluator", "tasks, safety levels and a predictor", "less")
 }

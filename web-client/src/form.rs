@@ -1,38 +1,38 @@
-//! What people entered: the values of fields, and of whole forms.
+//! Form input: the values of fields, and of whole forms.
 
 /// The value of one field.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FieldValue {
-    /// Text of a text field or text area, or the chosen entry of a list or of radio buttons.
+    /// Text of a text field or text area, or the selected entry of a list or of radio buttons.
     Text(String),
-    /// A number field or slider; nothing if it holds no number.
+    /// A number field or slider; `None` if it holds no number.
     Number(Option<f64>),
     /// Whether a check box is ticked.
     Checked(bool),
-    /// What a pointer does on an element that hears pointers.
+    /// A pointer action on an element that listens to pointers.
     Pointing(Pointing),
 }
 
-/// What a pointer does on an element, and where.
+/// A pointer action on an element, and its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pointing {
-    /// From the element's left and top, in shares of its width and height.
+    /// Position from the element's left and top, as shares of its width and height.
     pub at: [f32; 2],
-    /// What it does.
+    /// The action.
     pub does: Does,
 }
 
-/// What a pointer does.
+/// A pointer action.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Does {
-    /// It moves over the element without a button.
+    /// Moves over the element without a button.
     #[default]
     Hover,
-    /// Its button or a finger goes down.
+    /// A button or finger goes down.
     Press,
-    /// It moves while that is down, perhaps beyond the element.
+    /// Moves while that is down, perhaps beyond the element.
     Drag,
-    /// The wheel turns by so many px, towards the user if positive.
+    /// The wheel turns by this many px, towards the user if positive.
     Roll(f32),
 }
 
@@ -46,7 +46,7 @@ impl FieldValue {
         }
     }
 
-    /// The number, if there is one.
+    /// The number, if any.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self {
@@ -56,8 +56,8 @@ impl FieldValue {
     }
 }
 
-/// The values of a form's fields by name. Fields without a name, disabled fields and groups of
-/// radio buttons without a choice are absent.
+/// The values of a form's fields by name. Fields without a name, disabled fields and radio buttons
+/// without a selection are absent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Form(Vec<(String, FieldValue)>);
 
@@ -80,7 +80,7 @@ impl Form {
         self.get(name).map_or("", FieldValue::text)
     }
 
-    /// The number in a field; nothing if it holds none or is absent.
+    /// The number in a field; `None` if it holds none or is absent.
     #[must_use]
     pub fn number(&self, name: &str) -> Option<f64> {
         self.get(name)?.number()

@@ -1,19 +1,18 @@
-//! Which input the keys ask for.
+//! Turn input from keys.
 
 use serde::{Deserialize, Serialize};
 use sidestep::api::KeyEvent;
 use sidestep::vehicle::TurnInput;
 
-/// The name under which the loss of all keys is recorded.
+/// Event name under which the loss of all keys is recorded.
 pub const BLUR: &str = "blur";
 
-/// The keys that steer, by their places on the keyboard (`KeyboardEvent.code`): they are the same
-/// on every layout.
+/// The steering keys by their codes (`KeyboardEvent.code`), which are the same on every layout.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KeyMap {
-    /// Those that turn left.
+    /// Keys that turn left.
     pub left: Vec<String>,
-    /// Those that turn right.
+    /// Keys that turn right.
     pub right: Vec<String>,
 }
 
@@ -26,14 +25,14 @@ impl Default for KeyMap {
 }
 
 impl KeyMap {
-    /// One key for each side, if both may steer and they differ.
+    /// One key for each side; `None` if one cannot steer or both are the same.
     #[must_use]
     pub fn chosen(left: &str, right: &str) -> Option<Self> {
         let fits = can_steer(left) && can_steer(right) && left != right;
         fits.then(|| Self { left: vec![left.to_owned()], right: vec![right.to_owned()] })
     }
 
-    /// The turn that a key stands for.
+    /// The turn for a key.
     #[must_use]
     pub fn turn(&self, code: &str) -> Option<TurnInput> {
         let has = |codes: &[String]| codes.iter().any(|known| known == code);
@@ -45,8 +44,7 @@ impl KeyMap {
     }
 }
 
-/// Whether a key may steer: not one that leaves the page, operates it, or changes what other keys
-/// do.
+/// Whether a key may steer. Excludes keys that leave the page, operate it, or modify other keys.
 #[must_use]
 pub fn can_steer(code: &str) -> bool {
     const OTHERS: [&str; 6] = ["", "Tab", "Escape", "Enter", "NumpadEnter", "Space"];
@@ -57,12 +55,12 @@ pub fn can_steer(code: &str) -> bool {
     !(is_function || OTHERS.contains(&code) || GROUPS.iter().any(|group| code.starts_with(group)))
 }
 
-/// The keys that are down, in the order in which they were pressed, with when that was.
+/// The keys that are down, in order of their presses, with the times of those.
 #[derive(Clone, Debug, Default)]
 pub struct HeldKeys(Vec<(f64, String)>);
 
 impl HeldKeys {
-    /// A key went down or up; with [`BLUR`], all went up.
+    /// Records a key that went down or up; with [`BLUR`], all went up.
     pub fn change(&mut self, t_ms: f64, code: &str, down: bool) {
         self.0.retain(|(_, held)| held != code && code != BLUR);
         if down {
@@ -76,7 +74,7 @@ impl HeldKeys {
         self.0.is_empty()
     }
 
-    /// The input that they ask for: that of the key pressed last. When it is released, the other
+    /// The input for the keys held: that of the key pressed last. When it is released, the other
     /// one counts again.
     #[must_use]
     pub fn turn(&self, keys: &KeyMap) -> TurnInput {
@@ -95,12 +93,12 @@ impl HeldKeys {
     }
 }
 
-/// The input at time `t_ms`, given what the keys did (in order of time).
+/// The input at time `t_ms` after these key events (in order of time).
 #[must_use]
 pub fn input_at(events: &[KeyEvent], t_ms: f64, keys: &KeyMap) -> TurnInput {
     let count = events.partition_point(|event| event.t_ms <= t_ms);
     let past = events.get(..count).unwrap_or_default();
-    // Back from the end to the last press of a key of which nothing was heard since.
+    // Search backwards for the last press of a key without a later event of that key.
     for (i, event) in past.iter().enumerate().rev() {
         if event.key == BLUR {
             break;
@@ -119,7 +117,7 @@ mod tests {
 
     #[test]
     fn the_input_is_that_of_the_key_pressed_last() {
-        // A rule, what the keys did, and the input at some times.
+        // A rule, key events, and the input at some times.
         type Case<'a> = (&'a str, &'a [(f64, &'a str, bool)], &'a [(f64, TurnInput)]);
         let cases: [Case<'_>; 5] = [
             (

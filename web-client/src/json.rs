@@ -1,9 +1,9 @@
 //! JSON by the browser's own means.
 //!
-//! Exact conversion between digits and numbers is a large part of what serde_json would add to
-//! the participant's download: its tables do not compress. The browser has both conversions built
-//! in. So the browser parses a text to a tree of values (serde_json in native tests), serde makes
-//! a wire type of the tree, and writes wire types with the browser's digits. Nothing is
+//! Exact conversion between digits and numbers is a large part of what serde_json would add to the
+//! participant's download: its tables do not compress. The browser has both conversions built in.
+//! So the browser parses text to a tree of values (serde_json in native tests), serde deserializes
+//! a wire type from the tree, and serializes wire types with the browser's digits. Nothing is
 //! rounded either way. See `docs/decisions/0006-json-in-the-client.md`.
 
 mod number;
@@ -14,19 +14,19 @@ pub use number::number;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// The value that a text holds; nothing if it is no JSON or of another shape.
+/// Deserializes a text; `None` if it is not JSON or of another shape.
 #[must_use]
-// What is read in several places is in the program once.
+// Not inlined, so that types read in several places are compiled once.
 #[inline(never)]
 pub fn read<T: DeserializeOwned>(text: &[u8]) -> Option<T> {
     T::deserialize(&read::parse(text)?).ok()
 }
 
-/// The text of a value. A number that is not finite becomes null.
+/// Serializes a value. A number that is not finite becomes null.
 #[must_use]
 pub fn write<T: Serialize>(value: &T) -> String {
     let mut text = String::new();
-    // Wire types hold nothing that JSON does not.
+    // Wire types contain nothing that JSON cannot represent.
     let _ = value.serialize(write::Writer(&mut text));
     text
 }

@@ -1,9 +1,9 @@
 //! Sidestep in the browser.
 //!
-//! A page is a [`Page`](runtime::Page): it takes messages of its own type, answers with
-//! commands, and describes what to show ([`view`], [`sidestep::picture`]). [`diff`] turns two views into
-//! edits of the document. Only [`browser`] touches the browser, so that every page can be driven
-//! natively in tests.
+//! A page is a [`Page`](runtime::Page): it takes messages of its own type, returns commands, and
+//! describes its view ([`view`], [`sidestep::picture`]). [`diff`] computes the edits of the
+//! document between two views. Only [`browser`] touches the browser, so tests drive every page
+//! natively.
 
 pub mod form;
 pub mod view;

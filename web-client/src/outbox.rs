@@ -1,11 +1,10 @@
-//! Trials that the server has not yet acknowledged. Each is kept in this browser before it is
-//! sent. They are sent in order, and forgotten only after the server has said that they are
-//! stored.
+//! Trials that the server has not yet acknowledged. Each is stored in this browser before it is
+//! sent. They are sent in order, and deleted only after the server has acknowledged them.
 
 use crate::runtime::{Answer, Command, Commands, Failure, NotKept, Request};
 use sidestep::api::routes;
 
-/// What waits to be sent for one participant.
+/// Unsent trials of one participant.
 #[derive(Clone, Debug, Default)]
 pub struct Outbox {
     participant_id: String,
@@ -15,12 +14,12 @@ pub struct Outbox {
     failures: u32,
 }
 
-/// Whether something can be sent.
+/// State of the upload queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Line {
     #[default]
     Free,
-    /// A trial is on its way.
+    /// A trial is being sent.
     Busy,
     /// The last attempt failed, and the pause before the next is not over.
     Pausing,
@@ -30,35 +29,35 @@ enum Line {
 struct Waiting {
     trial_id: String,
     body: String,
-    /// Whether this browser keeps it; nothing until it has said so.
+    /// Whether this browser has stored it; `None` until that is known.
     kept: Option<bool>,
 }
 
-/// What the outbox is told.
+/// Messages to the outbox.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Msg {
-    /// The browser keeps this trial, or does not.
+    /// The browser has stored this trial, or failed to.
     Kept(String, Result<(), NotKept>),
     /// The server answered the upload of this trial.
     Uploaded(String, Answer),
-    /// The browser keeps this refused trial apart from those that wait, or does not.
+    /// The browser has stored this refused trial apart from the queue, or failed to.
     SetAside(String, Result<(), NotKept>),
     /// It is time to try again.
     Retry,
 }
 
-/// What became of an upload.
+/// Outcome of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum UploadOutcome {
     /// The server has stored this trial.
     Stored(String),
-    /// The server had stored another version of this trial before; this one is kept here.
+    /// The server already had another version of this trial; this one stays here.
     StoredBefore(String),
-    /// The server awaits another trial first; this one goes on waiting.
+    /// The server expects another trial first; this one stays in the queue.
     OutOfOrder,
-    /// The server does not accept this trial, for this reason; it is kept here.
+    /// The server does not accept this trial, for this reason; it stays here.
     Refused(String, String),
-    /// The server takes nothing more from this participant, for this reason.
+    /// The server accepts nothing more from this participant, for this reason.
     Ended(Failure),
 }
 
@@ -68,7 +67,7 @@ const FIRST_PAUSE_MS: f64 = 500.0;
 const LONGEST_PAUSE_MS: f64 = 10_000.0;
 
 impl Outbox {
-    /// What this browser has kept for a participant, in the order of `plan`.
+    /// Restores the trials that this browser has stored for a participant, in the order of `plan`.
     #[must_use]
     pub fn restore(
         participant_id: &str,
@@ -95,7 +94,7 @@ impl Outbox {
         format!("{kind}.{}.{trial_id}", self.participant_id)
     }
 
-    /// Keeps a trial until the server has it.
+    /// Stores a trial until the server has it.
     pub fn add(&mut self, trial_id: &str, body: String) -> Command<Msg> {
         let id = trial_id.to_owned();
         let keep = Command::Keep {
@@ -107,8 +106,8 @@ impl Outbox {
         keep
     }
 
-    /// Sends the trial that the server awaits, if it waits here and none is on its way. A trial
-    /// that the browser cannot keep is sent from memory.
+    /// Sends the trial that the server expects, if it is in the queue and no other is being sent. A
+    /// trial that the browser cannot store is sent from memory.
     pub fn send(&mut self, awaited: Option<&str>) -> Option<Command<Msg>> {
         if self.line != Line::Free {
             return None;
@@ -117,7 +116,7 @@ impl Outbox {
         let next = self.waiting.iter().find(is_next).filter(|next| next.kept.is_some())?;
         self.line = Line::Busy;
         let id = next.trial_id.clone();
-        // What else waits here is the study's backlog, which experimenters watch.
+        // The rest of the queue is the study's backlog, which experimenters watch.
         let url = format!("{}?waiting={}", routes::my_trial(&id), self.waiting.len() - 1);
         Some(Command::Send(Request {
             name: "upload",
@@ -129,7 +128,7 @@ impl Outbox {
         }))
     }
 
-    /// Takes a message. After it, [`Self::send`] may have something to send.
+    /// Handles a message. Afterwards, [`Self::send`] may have something to send.
     pub fn update(&mut self, message: Msg) -> (Option<UploadOutcome>, Commands<Msg>) {
         match message {
             Msg::Kept(trial_id, kept) => {
@@ -138,7 +137,7 @@ impl Outbox {
                     waiting.kept = Some(kept.is_ok());
                 }
             }
-            // A trial that cannot be kept twice stays where it is.
+            // If there is no room for a second copy, the trial stays where it is.
             Msg::SetAside(_, Err(_)) => {}
             Msg::SetAside(trial_id, Ok(())) => return (None, vec![self.forget(&trial_id)]),
             Msg::Retry => self.resume(),
@@ -174,7 +173,7 @@ impl Outbox {
         (Some(outcome), set_aside.into_iter().collect())
     }
 
-    /// Begins a pause, each about twice as long as the one before.
+    /// Begins a pause; pauses grow exponentially.
     fn pause(&mut self) -> Command<Msg> {
         self.line = Line::Pausing;
         let pause_ms = FIRST_PAUSE_MS * f64::from(1u32 << self.failures.min(8));
@@ -183,8 +182,8 @@ impl Outbox {
         Command::Wake { timer: "upload-retry", after_ms, message: Msg::Retry }
     }
 
-    /// Between a half and one, and different for each participant and attempt: a server that is
-    /// back does not hear from everybody at once.
+    /// Jitter between a half and one, different for each participant and attempt, so that not all
+    /// clients call a restarted server at once.
     fn share(&self) -> f64 {
         let mix = |hash: u32, byte: u8| (hash ^ u32::from(byte)).wrapping_mul(16_777_619);
         let hash =
@@ -201,7 +200,7 @@ impl Outbox {
         Command::Forget(self.name(WAITING, trial_id))
     }
 
-    /// Moves a trial that the server does not want out of the way without losing it.
+    /// Moves a refused trial out of the queue without losing it.
     fn set_aside(&mut self, trial_id: &str) -> Option<Command<Msg>> {
         let Waiting { trial_id, body, .. } = self.take(trial_id)?;
         let name = self.name(REFUSED, &trial_id);
@@ -209,25 +208,25 @@ impl Outbox {
         Some(Command::Keep { name, text: body, then })
     }
 
-    /// Ends the pause after a failed attempt, early if the network is back.
+    /// Ends the pause after a failed attempt, for example when the network is back.
     pub fn resume(&mut self) {
         if self.line == Line::Pausing {
             self.line = Line::Free;
         }
     }
 
-    /// The server has stored this trial, whoever sent it.
+    /// Drops a trial that the server has stored, whichever tab sent it.
     pub fn drop_stored(&mut self, trial_id: &str) -> Option<Command<Msg>> {
         self.take(trial_id).map(|_| self.forget(trial_id))
     }
 
-    /// Forgets everything that waits: the participant has withdrawn.
+    /// Deletes the whole queue: the participant has withdrawn.
     pub fn forget_all(&mut self) -> Commands<Msg> {
         let waiting = std::mem::take(&mut self.waiting);
         waiting.iter().map(|waiting| self.forget(&waiting.trial_id)).collect()
     }
 
-    /// How many wait.
+    /// Number of trials in the queue.
     #[must_use]
     pub fn len(&self) -> usize {
         self.waiting.len()
@@ -239,13 +238,13 @@ impl Outbox {
         self.waiting.is_empty()
     }
 
-    /// Whether this trial waits.
+    /// Whether this trial is in the queue.
     #[must_use]
     pub fn holds(&self, trial_id: &str) -> bool {
         self.waiting.iter().any(|waiting| waiting.trial_id == trial_id)
     }
 
-    /// Whether this browser keeps everything that waits, also when the page is closed.
+    /// Whether this browser has stored the whole queue, so that the page may be closed.
     #[must_use]
     pub fn is_safe(&self) -> bool {
         self.waiting.iter().all(|waiting| waiting.kept == Some(true))
@@ -265,7 +264,7 @@ mod tests {
     use crate::testing::Session;
     use crate::view::{Node, el};
 
-    /// A page with nothing but an outbox.
+    /// A page with only an outbox.
     struct Alone {
         outbox: Outbox,
         outcomes: Vec<UploadOutcome>,
@@ -293,7 +292,7 @@ mod tests {
         ["t1", "t2", "t3"].map(str::to_owned).to_vec()
     }
 
-    /// A browser that keeps these trials.
+    /// A browser with these trials stored.
     fn open(trials: &[&str]) -> Session<Alone> {
         let outbox = Outbox::restore("p", "secret", &plan(), &[]);
         let page = Alone { outbox, outcomes: Vec::new() };
@@ -310,7 +309,7 @@ mod tests {
             self.apply(vec![keep]);
         }
 
-        /// Sends the trial that the server awaits; whether that was possible.
+        /// Sends the trial that the server expects. Returns whether that was possible.
         fn upload(&mut self, awaited: &str) -> bool {
             let send = self.page.outbox.send(Some(awaited));
             let sends = send.is_some();
@@ -318,7 +317,7 @@ mod tests {
             sends
         }
 
-        /// The server answers the upload; what became of it.
+        /// The server refuses the upload. Returns the outcome.
         fn refuse(&mut self, status: u16, code: &str) -> Option<UploadOutcome> {
             let body = format!(r#"{{"code":"{code}","message":"because"}}"#);
             self.answer("upload", status, body.as_bytes());
@@ -448,7 +447,7 @@ mod tests {
             browser.answer("upload", 201, b"");
             assert!(browser.page.outbox.is_safe() && browser.page.outbox.is_empty());
         }
-        // Room for the trial, but not for a copy: the first is not forgotten.
+        // There is room for the trial but not for a copy: the first is not deleted.
         let mut browser = open(&["t1"]);
         browser.refuses = Some(NotKept::Full);
         browser.upload("t1");

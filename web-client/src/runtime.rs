@@ -1,5 +1,5 @@
-//! How a page and the browser talk: the page takes messages of its own type and answers with
-//! commands, each of which says which message its outcome becomes.
+//! Interface between a page and the browser: the page takes messages of its own type and returns
+//! commands, each of which turns its outcome into a message.
 
 use crate::evaluation::Part;
 use crate::task::Task;
@@ -9,14 +9,14 @@ use sidestep::picture::Picture;
 use sidestep::value_view::Mesh;
 use std::rc::Rc;
 
-/// A page: a state machine with a message type of its own. It never waits and never touches
-/// the browser, so that tests run it natively.
+/// A page: a state machine with its own message type. It never blocks and never touches the
+/// browser, so tests run it natively.
 pub trait Page {
-    /// What it can be told.
+    /// The page's messages.
     type Msg: Clone + 'static;
 
-    /// Whether it has several addresses. A function without a page, so that the compiler leaves
-    /// out of a program what its page does not need: every participant downloads it.
+    /// Whether it has several addresses. This is an associated function so that the compiler
+    /// removes code that a page does not need: every participant downloads the program.
     #[must_use]
     fn navigates() -> bool
     where
@@ -25,7 +25,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it shows solids; else [`Page::solid`] is never asked.
+    /// Whether it shows solids; otherwise [`Page::solid`] is never called.
     #[must_use]
     fn shows_solids() -> bool
     where
@@ -34,7 +34,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it may show a second picture; else [`Page::draw_beside`] is never asked.
+    /// Whether it may show a second picture; otherwise [`Page::draw_beside`] is never called.
     #[must_use]
     fn has_panes() -> bool
     where
@@ -43,8 +43,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it looks at what pointers do; else [`Node::on_point`] does
-    /// nothing.
+    /// Whether it uses pointer events; otherwise [`Node::on_point`] does nothing.
     #[must_use]
     fn points() -> bool
     where
@@ -53,8 +52,8 @@ pub trait Page {
         false
     }
 
-    /// Whether it has programs beside it that compute; else [`Command::Solve`] and [`Command::Evaluate`] do
-    /// nothing.
+    /// Whether it uses workers that compute; otherwise [`Command::Solve`] and [`Command::Evaluate`]
+    /// do nothing.
     #[must_use]
     fn solves() -> bool
     where
@@ -63,8 +62,8 @@ pub trait Page {
         false
     }
 
-    /// Whether it offers and opens files; else [`Command::Offer`] does nothing, and fields for files hold no
-    /// content.
+    /// Whether it offers and opens files; otherwise [`Command::Offer`] does nothing, and file
+    /// fields have no content.
     #[must_use]
     fn offers_files() -> bool
     where
@@ -73,7 +72,7 @@ pub trait Page {
         false
     }
 
-    /// Whether it keeps something in this browser; else it opens without asking what is kept.
+    /// Whether it stores records in this browser; otherwise it opens without reading any.
     #[must_use]
     fn keeps() -> bool
     where
@@ -82,7 +81,7 @@ pub trait Page {
         true
     }
 
-    /// Whether it follows changes; else [`Command::Follow`] does nothing.
+    /// Whether it follows changes on the server; otherwise [`Command::Follow`] does nothing.
     #[must_use]
     fn follows() -> bool
     where
@@ -91,8 +90,8 @@ pub trait Page {
         false
     }
 
-    /// Whether keys are short cuts: a control that has the keyboard keeps the keys that it needs, and the
-    /// page hears all others, again and again while they are held. Else the page hears all keys once.
+    /// Whether keys are shortcuts: a focused control keeps the keys that it needs, and the page
+    /// receives all others, with repeats. Otherwise the page receives all keys, without repeats.
     #[must_use]
     fn has_short_cuts() -> bool
     where
@@ -101,79 +100,79 @@ pub trait Page {
         false
     }
 
-    /// Takes a message and says what is to be done. `now_ms` is when the message's cause
-    /// happened, on the page's clock.
+    /// Handles a message and returns commands. `now_ms` is when the message's cause happened, on
+    /// the page's clock.
     fn update(&mut self, message: Self::Msg, now_ms: f64) -> Commands<Self::Msg>;
 
-    /// What to show.
+    /// The view to show.
     fn view(&self) -> Node<Self::Msg>;
 
     /// The document's title.
     fn title(&self) -> String;
 
-    /// The message that something outside of the view becomes, if the page wants to know.
+    /// The message for an event outside the view, if the page wants it.
     fn hear(&self, _event: &Event) -> Option<Self::Msg> {
         None
     }
 
-    /// When something happens by the clock alone, on the page's clock, ms: [`Self::tick`] is
-    /// called then, however few frames are shown.
+    /// Time of the next change by the clock alone, on the page's clock, ms: [`Self::tick`] is
+    /// called then, whatever the frame rate.
     fn due_ms(&self) -> Option<f64> {
         None
     }
 
-    /// Computes what follows from the clock alone up to `now_ms`. It is called when that is due
-    /// and in every frame. Returns a message if more changes than the picture. A call that returns
-    /// none allocates nothing.
+    /// Computes what follows from the clock alone up to `now_ms`. Called when that is due and in
+    /// every frame. Returns a message if more than the picture changes; a call that returns `None`
+    /// allocates nothing.
     fn tick(&mut self, _now_ms: f64) -> Option<Self::Msg> {
         None
     }
 
-    /// Whether the page wants frames; else the picture is painted after messages only.
+    /// Whether the page wants frames; otherwise the picture is painted only after messages.
     fn wants_frames(&self) -> bool {
         false
     }
 
-    /// Puts what there is to see at `at_ms`, on the page's clock, into `picture`, which holds
-    /// what was painted last. Returns whether there is a canvas.
+    /// Draws the scene at `at_ms`, on the page's clock, into `picture`, which holds the last
+    /// picture painted. Returns whether there is a canvas.
     fn draw(&self, _at_ms: f64, _picture: &mut Picture) -> bool {
         false
     }
 
-    /// As [`Self::draw`], for a second picture on a canvas of its own beside the first.
+    /// Like [`Self::draw`], for a second picture on its own canvas beside the first.
     fn draw_beside(&self, _at_ms: f64, _picture: &mut Picture) -> bool {
         false
     }
 
-    /// The solid that there is to see, if there is one. It is drawn after every message.
+    /// The solid to show, if any. It is drawn after every message.
     fn solid(&self) -> Option<Solid<Self::Msg>> {
         None
     }
 
-    /// Whether the key at this place (see [`Event::Key`]) belongs to the page, so that the browser
+    /// Whether the key with this code (see [`Event::Key`]) belongs to the page, so that the browser
     /// does not scroll on it.
     fn owns_key(&self, _code: &str) -> bool {
         false
     }
 
-    /// Takes note of a frame that was shown at `at_ms`, and of how long its work took.
+    /// Records a frame shown at `at_ms`, and the duration of its work.
     fn frame_shown(&mut self, _at_ms: f64, _work_ms: f64) {}
 }
 
-/// Something that happens outside of what a page shows.
+/// Something that happens outside the view.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// A key went down or up (repeats are left out).
+    /// A key went down or up. Repeats are left out, except for shortcuts.
     Key {
-        /// Its place on the keyboard, such as `ArrowLeft` or `KeyA`: the same on every layout.
+        /// Its code, such as `ArrowLeft` or `KeyA`: the same on every layout.
         code: String,
-        /// What it types, or its name: what is printed on it.
+        /// The character or name printed on it.
         key: String,
         /// Down or up.
         down: bool,
     },
-    /// The window lost the keyboard. No key counts as held from now on: the browser does not
-    /// report when it is released.
+    /// The window lost the keyboard. From now on no key counts as held, because the browser does
+    /// not report their release.
     FocusLost {
         /// Whether the page is hidden, behind another tab for example.
         hidden: bool,
@@ -182,51 +181,51 @@ pub enum Event {
     FocusGained,
     /// The page is no longer hidden.
     Shown,
-    /// The window has another size, or is shown at another zoom.
+    /// The window changed size or zoom.
     Resized {
         /// Width inside the window, CSS pixels.
         width_px: f64,
         /// Height inside the window, CSS pixels.
         height_px: f64,
-        /// Pixels of the screen to a CSS pixel.
+        /// Device pixels per CSS pixel.
         ratio: f64,
     },
     /// The page fills the screen, or no longer does.
     Fullscreen(bool),
     /// The network is back.
     Online,
-    /// Another tab has taken over what this one had; see [`Command::TakeOver`].
+    /// Another tab has taken over a claim of this one; see [`Command::TakeOver`].
     TakenOver,
-    /// Another address is to be shown: a link was pressed, the user went back or forward, or
-    /// edited the address. The document stays if the page wants the message.
+    /// Another address is requested: the user followed a link, went back or forward, or edited the
+    /// address. The document stays if the page wants the message.
     Address(Address),
 }
 
-/// Triangles on a canvas of their own, transparent around them.
+/// Triangles on their own canvas, transparent around them.
 pub struct Solid<M> {
     /// The canvas element's id.
     pub canvas: &'static str,
-    /// The triangles; another mesh has another pointer.
+    /// The triangles. A changed mesh has a new pointer.
     pub mesh: Rc<Mesh>,
     /// From the mesh's coordinates to clip coordinates, column by column.
     pub matrix: [f32; 16],
     /// The direction from which light falls, of length 1, in the space of the normals.
     pub light: [f32; 3],
-    /// Its tones in shadow, in half light and in bright light.
+    /// Its tones in shadow, half light and bright light.
     pub tones: [[u8; 3]; 3],
-    /// Difference of the mesh's third coordinate between two rings on the surface.
+    /// Spacing of the rings on the surface, in the mesh's third coordinate.
     pub ring: f32,
-    /// Whether it is looked at and not being turned: worth more pixels.
+    /// Whether it is not being turned, so that it is drawn with more pixels.
     pub is_still: bool,
-    /// The message when the browser does not draw it (false), because it never could or has lost its graphics
-    /// for a while, and when it can again (true).
+    /// The message when the browser cannot draw it (false), permanently or while its context is
+    /// lost, and when it can again (true).
     pub then: Rc<dyn Fn(bool) -> M>,
-    /// The message when another mesh was drawn: how long a picture of it takes while it turns, ms.
+    /// The message after the first drawing of a mesh: duration of a frame while it turns, ms.
     pub drawn: Rc<dyn Fn(f64) -> M>,
 }
 
 impl<M: 'static> Solid<M> {
-    /// The same with the messages of a page that this one is part of.
+    /// Maps its messages to those of a page that contains this one.
     #[must_use]
     pub fn map<N: 'static>(self, lift: impl Fn(M) -> N + 'static) -> Solid<N> {
         let Self { canvas, mesh, matrix, light, tones, ring, is_still, then, drawn } = self;
@@ -238,30 +237,30 @@ impl<M: 'static> Solid<M> {
     }
 }
 
-/// The part of an address that tells pages apart.
+/// The parts of an address that identify a page.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Address {
     /// Scheme and host, such as `http://127.0.0.1:8080`.
     pub origin: String,
     /// Path, such as `/s/default`.
     pub path: String,
-    /// The query as it is written, with its `?`; empty if there is none.
+    /// The raw query, with its `?`; empty if there is none.
     pub search: String,
     /// Query, decoded.
     pub query: Vec<(String, String)>,
-    /// What follows `#`.
+    /// The fragment, after `#`.
     pub fragment: String,
 }
 
 impl Address {
-    /// The value of a name in the query.
+    /// The value of a query parameter.
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<&str> {
         self.query.iter().find(|(known, _)| known == name).map(|(_, value)| value.as_str())
     }
 }
 
-/// A text as part of a query: everything but letters, digits and `-._~` as `%XX`.
+/// Percent-encodes a text for a query: everything but letters, digits and `-._~`.
 #[must_use]
 pub fn encoded(text: &str) -> String {
     let mut encoded = String::new();
@@ -275,40 +274,41 @@ pub fn encoded(text: &str) -> String {
     encoded
 }
 
-/// What a page knows of the browser when it opens.
+/// Context of a page when it opens.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PageContext {
-    /// Where it was opened.
+    /// The page's address.
     pub address: Address,
-    /// What pages of this origin have kept in this browser, by name.
+    /// Records that pages of this origin have stored in this browser, by name.
     pub kept: Vec<(String, String)>,
-    /// Why this browser keeps nothing, if so.
+    /// Why this browser stores nothing, if so.
     pub not_kept: Option<NotKept>,
-    /// The user's languages, such as `en-GB`, the preferred one first.
+    /// The user's languages, such as `en-GB`, in order of preference.
     pub languages: Vec<String>,
-    /// Whether there is only a finger to point with, as on a telephone or tablet. Whether there
-    /// is a keyboard, a browser does not tell.
+    /// Whether a finger is the only pointer, as on a phone or tablet. Browsers do not tell whether
+    /// there is a keyboard.
     pub touch_only: bool,
-    /// Whether the user wants little motion.
+    /// Whether the user prefers reduced motion.
     pub reduced_motion: bool,
     /// Width, height and pixel ratio of screen and window.
     pub screen: Vec<(&'static str, f64)>,
     /// Zero of the page's clock, ms since 1970.
     pub time_origin_ms: f64,
-    /// A name that nobody guesses and no other visit has; nothing if the browser draws none.
+    /// A random name, unguessable and unique to this visit; `None` if the browser provides no
+    /// random numbers.
     pub random_name: Option<String>,
 }
 
-/// What is to be done, in order.
+/// Commands, executed in order.
 pub type Commands<M> = Vec<Command<M>>;
 
 /// The message that an outcome becomes.
 pub type Then<T, M> = Box<dyn FnOnce(T) -> M>;
 
-/// What a page asks for.
+/// A command of a page to the browser.
 ///
-/// Requests, timers and solves have names. One that is started under the name of one that is
-/// under way takes its place: the outcome of the former never arrives.
+/// Requests, timers and solves have names. Starting one under a name in use cancels the earlier
+/// one, whose outcome then never arrives.
 pub enum Command<M> {
     /// Send a request.
     Send(Request<M>),
@@ -316,25 +316,25 @@ pub enum Command<M> {
     Wake {
         /// Name of the timer.
         timer: &'static str,
-        /// How long, ms.
+        /// Delay, ms.
         after_ms: f64,
         /// The message.
         message: M,
     },
-    /// Solve a game beside the page.
+    /// Solve a game in a worker.
     Solve {
         /// Name of the solve.
         name: &'static str,
-        /// What is to be found.
+        /// The task.
         task: Task,
         /// The message of each report; the last report is a solution or a failure.
         then: Rc<dyn Fn(Solving) -> M>,
     },
-    /// Tell an evaluator something. It is a function, so that programs without evaluators hold no code for
-    /// what it returns: every participant downloads one.
+    /// Send a message to an evaluator. It is a function, so that programs without evaluators
+    /// contain no code for its result: every participant downloads one.
     Evaluate(Box<dyn FnOnce() -> Evaluate<M>>),
-    /// Send a message at once, and whenever the server says that something has changed. The server is
-    /// not asked while the page is hidden, and again at once when it is shown.
+    /// Send a message now, and whenever the server reports a change. The connection is closed while
+    /// the page is hidden; when it is shown again, the message is sent at once.
     Follow {
         /// Its name, as of a request.
         name: &'static str,
@@ -343,38 +343,38 @@ pub enum Command<M> {
         /// The message.
         then: Rc<dyn Fn() -> M>,
     },
-    /// Give up the request, timer, solve, evaluator or following of this name.
+    /// Cancel the request, timer, solve, evaluator or following of this name.
     Cancel(&'static str),
-    /// Give up everything that is under way.
+    /// Cancel everything in progress.
     CancelAll,
-    /// Keep a text in this browser. What it has reported as kept is still there after a crash.
-    /// Texts of one name are kept in the order of these commands.
+    /// Store a text in this browser. Once reported as stored, it survives a crash. Texts of one
+    /// name are stored in the order of these commands.
     Keep {
         /// Its name.
         name: String,
         /// The text.
         text: String,
-        /// The message once it is kept, or once that has failed.
+        /// The message once it is stored or that has failed.
         then: Then<Result<(), NotKept>, M>,
     },
-    /// Forget what is kept under a name.
+    /// Delete the text of this name.
     Forget(String),
-    /// Have alone what goes by this name. Every other tab of this browser that has it hears
-    /// [`Event::TakenOver`]: of two tabs, the later one has it.
+    /// Claim a name for this tab only. Every other tab of this browser with the same claim loses it
+    /// and receives [`Event::TakenOver`].
     TakeOver(String),
-    /// The page is in this language from now on.
+    /// Set the page's language.
     Language(String),
-    /// Ask users who leave the page whether they want to, or no longer.
+    /// Turn on or off the confirmation for users who leave the page.
     GuardLeaving(bool),
-    /// Fill the screen, or no longer. The browser does so only when a key or button was pressed.
+    /// Enter or leave full screen. The browser allows it only when a key or button was pressed.
     Fullscreen(bool),
-    /// Offer something for download. It is a function for the same reason as with [`Self::Evaluate`].
+    /// Offer something for download. It is a function for the same reason as in [`Self::Evaluate`].
     Offer(Box<dyn FnOnce() -> Offer<M>>),
     /// Replace the address without loading it.
     ReplaceAddress(String),
-    /// Show another address of this page as if a link to it had been pressed.
+    /// Show another address of this page as if a link to it had been followed.
     Visit(String),
-    /// Leave for another address.
+    /// Navigate to another address.
     Leave(String),
 }
 
@@ -389,7 +389,7 @@ pub enum Offer<M> {
         /// Its content.
         content: Vec<u8>,
     },
-    /// A film of a canvas, which begins now. It is discarded if its name is cancelled.
+    /// A film of a canvas, recorded from now on. Cancelling its name discards it.
     Film {
         /// Its name, as of a request.
         name: &'static str,
@@ -397,27 +397,27 @@ pub enum Offer<M> {
         canvas: &'static str,
         /// Name of the file.
         file: String,
-        /// The message once it is offered, or the sentence why there is none.
+        /// The message once it is offered, or the reason for the failure.
         then: Rc<dyn Fn(Result<(), String>) -> M>,
     },
-    /// The film of this name, which ends now.
+    /// Ends the recording of this name.
     EndOfFilm(&'static str),
 }
 
-/// Something to tell the evaluator of a name. It is started if there is none, and lives until it is
-/// cancelled.
+/// A message to the evaluator of a name. The evaluator is started if there is none, and runs until
+/// it is cancelled.
 pub struct Evaluate<M> {
     /// Its name.
     pub name: &'static str,
-    /// What it is told.
+    /// The part of the input.
     pub part: Part,
-    /// The content of that.
+    /// Its content.
     pub content: Vec<u8>,
-    /// The message of each of its reports: that of the command which started it.
+    /// The message for each report. Only that of the command that started the evaluator is used.
     pub then: Rc<dyn Fn(Answer) -> M>,
 }
-/// The media type of an [`Offer::File`] whose content is SVG, and which is to be a PNG image, twice as
-/// large as the SVG says.
+/// Media type for an [`Offer::File`] with SVG content that is converted to a PNG image of twice its
+/// nominal size.
 pub const PNG_OF_SVG: &str = "image/png; from svg";
 
 /// A request to the server.
@@ -432,7 +432,7 @@ pub struct Request<M> {
     pub token: Option<String>,
     /// JSON.
     pub body: Option<String>,
-    /// The message that the answer becomes.
+    /// Turns the answer into a message.
     pub then: Then<Answer, M>,
 }
 
@@ -456,7 +456,7 @@ impl<M: 'static> Command<M> {
         Self::Offer(Box::new(move || offer))
     }
 
-    /// The same with the messages of a page that this one is part of.
+    /// Maps its messages to those of a page that contains this one.
     #[must_use]
     pub fn map<N: 'static>(self, lift: impl Fn(M) -> N + Clone + 'static) -> Command<N> {
         match self {
@@ -505,12 +505,12 @@ impl<M: 'static> Command<M> {
     }
 }
 
-/// Why the browser did not keep a text.
+/// Why the browser did not store a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotKept {
     /// There is no room left for this site.
     Full,
-    /// The browser keeps nothing for this site, in a private window for example.
+    /// The browser stores nothing for this site, in a private window for example.
     Denied,
 }
 
@@ -525,19 +525,19 @@ impl NotKept {
     }
 }
 
-/// What came of a request: the body of a 2xx answer, or why there is none.
+/// Outcome of a request: the body of a 2xx response, or a failure.
 pub type Answer = Result<Vec<u8>, Failure>;
 
-/// Why a request brought nothing.
+/// Why a request failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
     /// Status of the refusal; 0 if the server could not be reached.
     pub status: u16,
-    /// The server's word for what is wrong; empty if it gave none.
+    /// The server's error code; empty if it gave none.
     pub code: String,
     /// A sentence for people.
     pub sentence: String,
-    /// Where a participant whose participation has ended goes back to.
+    /// Where to send a participant whose participation has ended.
     pub return_url: Option<String>,
 }
 
@@ -556,7 +556,7 @@ impl Failure {
     }
 }
 
-/// The answer that a response of the server is.
+/// Interprets a response of the server.
 ///
 /// # Errors
 /// [`Failure`] if the server refused.
@@ -575,10 +575,10 @@ pub fn answer(status: u16, body: Vec<u8>) -> Answer {
     })
 }
 
-/// The value that the body of an answer holds.
+/// Parses the body of an answer.
 ///
 /// # Errors
-/// [`Failure`] if the server was not reached, refused, or sent what this page cannot read.
+/// [`Failure`] if the server was not reached, refused, or sent something this page cannot read.
 pub fn read<T: serde::de::DeserializeOwned>(answer: Answer) -> Result<T, Failure> {
     crate::json::read(&answer?).ok_or_else(|| Failure {
         status: 200,
@@ -588,10 +588,10 @@ pub fn read<T: serde::de::DeserializeOwned>(answer: Answer) -> Result<T, Failure
     })
 }
 
-/// What a solver beside the page reports.
+/// A report of a solver beside the page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Solving {
-    /// This share is done, 0 … 1.
+    /// Progress, 0 … 1.
     Done(f64),
     /// The bytes of the value function.
     Solved(Vec<u8>),
@@ -599,7 +599,7 @@ pub enum Solving {
     Failed(String),
 }
 
-/// A message with a capital letter and a full stop: the server's have neither.
+/// Capitalizes a message and adds a full stop: the server's messages have neither.
 fn sentence(mut message: String) -> String {
     if let Some(first) = message.get_mut(..1) {
         first.make_ascii_uppercase();

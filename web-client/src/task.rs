@@ -1,4 +1,4 @@
-//! What a solver beside the page is asked for, and how it finds it.
+//! Task of a solver beside the page, and its solution.
 
 use serde::{Deserialize, Serialize};
 use sidestep::reachability::{
@@ -11,29 +11,30 @@ use std::ops::ControlFlow;
 pub struct Task {
     /// The game.
     pub game: PursuitGame,
-    /// None for the best one.
+    /// `None` for the best method.
     #[serde(default)]
     pub method: Option<Method>,
-    /// Seconds; none for the converged value, since JSON has no infinity.
+    /// Seconds; `None` for the converged value, since JSON has no infinity.
     #[serde(default)]
     pub horizon_s: Option<f64>,
-    /// Of the grid; none for that of studies.
+    /// Accuracy of the grid; `None` for that of studies.
     #[serde(default)]
     pub accuracy: Option<Accuracy>,
-    /// Whether the NumPy archive is wanted that `sidestep solve` writes, instead of what servers keep.
+    /// Whether to return the NumPy archive that `sidestep solve` writes, instead of the server's
+    /// format.
     #[serde(default)]
     pub as_archive: bool,
 }
 
 impl From<PursuitGame> for Task {
-    /// As servers solve it for their studies.
+    /// Solves as servers do for their studies.
     fn from(game: PursuitGame) -> Self {
         Self { game, method: None, horizon_s: None, accuracy: None, as_archive: false }
     }
 }
 
 impl Task {
-    /// Finds the function; its bytes, as servers or archives have them.
+    /// Solves the game. Returns the bytes in the server's format or as an archive.
     ///
     /// # Errors
     /// [`SolveError`] for a task that cannot be solved as stated, or if `progress` cancels it.
@@ -75,7 +76,7 @@ mod tests {
             let game = parameters.game(Evader::Human);
             let theirs = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
             assert_eq!(solved(game.into()).unwrap(), theirs.encode());
-            // The task is written and read as JSON, with what is usual left out.
+            // The task makes a JSON round trip, with defaults left out.
             let text = format!(r#"{{"game":{}}}"#, serde_json::to_string(&game).unwrap());
             assert_eq!(serde_json::from_str::<Task>(&text).unwrap(), game.into());
         }

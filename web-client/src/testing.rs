@@ -1,4 +1,4 @@
-//! A page in a browser of a few lines, whose server answers when the test says so.
+//! A page in a minimal fake browser, whose server answers when the test says so.
 
 use crate::evaluation::Evaluation;
 use crate::runtime::{
@@ -11,65 +11,65 @@ use sidestep::picture::Picture;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-/// What a solver reports becomes this message.
+/// Turns a report of a solver into a message.
 pub(crate) type Report<M> = Rc<dyn Fn(Solving) -> M>;
 
-/// What an evaluator reports becomes this message.
+/// Turns a report of an evaluator into a message.
 pub(crate) type Evaluated<M> = Rc<dyn Fn(Answer) -> M>;
 
-/// A change on the server becomes this message.
+/// Turns a change on the server into a message.
 pub(crate) type Changed<M> = Rc<dyn Fn() -> M>;
 
-/// What became of a text that is to be kept becomes this message.
+/// Turns the outcome of storing a text into a message.
 pub(crate) type Kept<M> = Then<Result<(), NotKept>, M>;
 
-/// What became of a film becomes this message.
+/// Turns the outcome of a film into a message.
 pub(crate) type Filmed<M> = Rc<dyn Fn(Result<(), String>) -> M>;
 
-/// A page, and what it has asked of the browser.
+/// A page, and its requests to the browser.
 pub(crate) struct Session<P: Page> {
     pub(crate) page: P,
     /// Time of the next message, on the page's clock.
     pub(crate) now_ms: f64,
-    /// What the browser keeps.
+    /// Texts stored in the browser.
     pub(crate) kept: BTreeMap<String, String>,
-    /// Why it keeps nothing more, if it does not.
+    /// Why it refuses to store more, if so.
     pub(crate) refuses: Option<NotKept>,
-    /// Requests without an answer yet.
+    /// Requests without an answer so far.
     pub(crate) asked: Vec<Request<P::Msg>>,
     /// Timers that are set: name, duration in ms, message.
     pub(crate) timers: Vec<(&'static str, f64, P::Msg)>,
-    /// What solvers work on, under the name of the solve.
+    /// Tasks of the solvers, by name of the solve.
     pub(crate) solving: Vec<(&'static str, Task, Report<P::Msg>)>,
-    /// Evaluators and what their reports become, under their names.
+    /// Evaluators and their message functions, by name.
     pub(crate) evaluators: BTreeMap<&'static str, (Evaluation, Evaluated<P::Msg>)>,
-    /// What is told of changes, under the name of the following.
+    /// Message functions for changes, by name of the following.
     pub(crate) following: Vec<(&'static str, Changed<P::Msg>)>,
     /// Addresses that were shown without leaving the document.
     pub(crate) visited: Vec<String>,
-    /// Where the page left for.
+    /// The address that the page left for.
     pub(crate) left: Option<String>,
-    /// What this tab has alone.
+    /// Claims of this tab.
     pub(crate) claims: Vec<String>,
-    /// Whether users who leave are asked whether they want to.
+    /// Whether users who leave are asked for confirmation.
     pub(crate) guarded: bool,
-    /// Whether the page fills the screen, as far as it asked to.
+    /// Whether the page has requested full screen.
     pub(crate) fullscreen: bool,
-    /// Whether the browser takes its time to keep texts: those of `keeping`.
+    /// Whether the browser delays storing texts; they are in `keeping`.
     pub(crate) keeps_slowly: bool,
-    /// Texts that the browser has still to keep: name, text and the message after it.
+    /// Texts still to be stored: name, text and message.
     pub(crate) keeping: Vec<(String, String, Kept<P::Msg>)>,
     picture: Picture,
-    /// Names and contents of the files that were offered; those of canvases are empty.
+    /// Names and contents of the files offered; those of canvases are empty.
     pub(crate) files: Vec<(String, Vec<u8>)>,
-    /// Films that were begun, under their names: name of the file, and what becomes of the end.
+    /// Films being recorded, by name: name of the file, and the message function.
     pub(crate) films: Vec<(&'static str, String, Filmed<P::Msg>)>,
-    /// Names of films that were ended.
+    /// Names of films that have ended.
     pub(crate) films_ended: Vec<&'static str>,
 }
 
 impl<P: Page> Session<P> {
-    /// A page that has just opened, in a browser that has `kept` this before.
+    /// A page that has just opened, in a browser with `kept` stored.
     pub(crate) fn new(
         (page, commands): (P, Commands<P::Msg>),
         kept: BTreeMap<String, String>,
@@ -157,7 +157,7 @@ impl<P: Page> Session<P> {
         }
     }
 
-    /// The browser has kept, or refused, everything that it was given.
+    /// Stores, or refuses, all pending texts.
     pub(crate) fn keep(&mut self) {
         for (name, text, then) in std::mem::take(&mut self.keeping) {
             let kept = self.refuses.map_or(Ok(()), Err);
@@ -176,7 +176,7 @@ impl<P: Page> Session<P> {
         self.evaluators.retain(|name, _| !named(name));
     }
 
-    /// The evaluator of this name works to the end of what it was told, and reports at the end alone.
+    /// Runs the evaluator of this name to the end, with only the last report.
     pub(crate) fn evaluate(&mut self, name: &str) {
         let (evaluation, then) = self.evaluators.get_mut(name).expect("an evaluator");
         while evaluation.work(&mut |_| {}) {}
@@ -191,13 +191,13 @@ impl<P: Page> Session<P> {
         self.apply(commands);
     }
 
-    /// The same at this time.
+    /// Sets the time.
     pub(crate) fn at(&mut self, now_ms: f64) -> &mut Self {
         self.now_ms = now_ms;
         self
     }
 
-    /// A frame is shown, or the time of something has come.
+    /// Shows a frame, or wakes the page at its due time.
     pub(crate) fn frame(&mut self) {
         if let Some(message) = self.page.tick(self.now_ms) {
             self.tell(message);
@@ -207,7 +207,7 @@ impl<P: Page> Session<P> {
         }
     }
 
-    /// What there is to see, if there is a canvas.
+    /// The picture to show, if there is a canvas.
     pub(crate) fn picture(&self) -> Option<Picture> {
         let mut picture = Picture::default();
         self.page.draw(self.now_ms, &mut picture).then_some(picture)
@@ -218,7 +218,7 @@ impl<P: Page> Session<P> {
         self.tell(message);
     }
 
-    /// The request of this name, taken off the list.
+    /// Removes and returns the request of this name.
     pub(crate) fn take(&mut self, name: &str) -> Request<P::Msg> {
         let at = self.asked.iter().position(|request| request.name == name);
         let names: Vec<_> = self.asked.iter().map(|request| request.name).collect();
@@ -244,7 +244,7 @@ impl<P: Page> Session<P> {
         self.reply(name, Err(Failure::unreachable()));
     }
 
-    /// The time of a timer has come.
+    /// Fires a timer.
     pub(crate) fn wake(&mut self, timer: &str) {
         let at = self.timers.iter().position(|(name, ..)| *name == timer).expect("a timer");
         let (.., message) = self.timers.remove(at);
@@ -261,7 +261,7 @@ impl<P: Page> Session<P> {
         self.tell(message);
     }
 
-    /// The server says that something has changed.
+    /// The server reports a change.
     pub(crate) fn changed(&mut self) {
         let messages: Vec<_> = self.following.iter().map(|(_, then)| then()).collect();
         for message in messages {
@@ -275,7 +275,7 @@ impl<P: Page> Session<P> {
         self.tell(message.unwrap_or_else(|| panic!("no {test_id} in: {}", view.words())));
     }
 
-    /// All text that is shown.
+    /// All visible text.
     pub(crate) fn text(&self) -> String {
         self.page.view().words()
     }

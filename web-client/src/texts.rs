@@ -5,7 +5,7 @@ mod intl;
 use self::intl::{plural, written};
 use sidestep::api::Texts;
 
-/// What fills a place in a sentence.
+/// A value for a placeholder in a sentence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fill<'a> {
     /// A number, in the language's digits.
@@ -38,21 +38,22 @@ impl<'a> From<&'a String> for Fill<'a> {
     }
 }
 
-/// Reading sentences.
+/// Access to sentences.
 ///
-/// A sentence has places such as `{scenes}` to fill. One that depends on a number has a key for
-/// each form of the plural that the language has, such as `ready.left.one` and `ready.left.other`
-/// (the [categories of Unicode](https://cldr.unicode.org/index/cldr-spec/plural-rules)).
+/// A sentence has placeholders such as `{scenes}`. One that depends on a number has a key for each
+/// plural form of the language, such as `ready.left.one` and `ready.left.other` (the [categories of
+/// Unicode](https://cldr.unicode.org/index/cldr-spec/plural-rules)).
 pub trait Sentences {
-    /// The sentence of a key, with its places filled; the key if there is no such sentence.
+    /// The sentence of a key, with its placeholders filled; the key itself if there is no such
+    /// sentence.
     #[must_use]
     fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String;
 
-    /// This sentence with its places filled.
+    /// Fills the placeholders of a sentence.
     #[must_use]
     fn fill(&self, sentence: &str, fills: &[(&str, Fill<'_>)]) -> String;
 
-    /// The sentence of a key in the plural form that goes with `count`, which fills `{n}`.
+    /// The sentence of a key in the plural form for `count`, which fills `{n}`.
     #[must_use]
     fn count(&self, key: &str, count: usize, fills: &[(&str, Fill<'_>)]) -> String;
 

@@ -1,5 +1,5 @@
-//! What a page shows, as plain data: a tree of elements whose controls carry the page's
-//! messages. [`browser`](crate::browser) brings the document to it with the fewest changes.
+//! The view of a page, as plain data: a tree of elements whose controls carry the page's messages.
+//! [`browser`](crate::browser) updates the document to it with the fewest changes.
 
 use crate::form::{FieldValue, Form, Pointing};
 use sidestep::chart::Element;
@@ -9,11 +9,12 @@ use std::rc::Rc;
 /// The attribute that holds an element's content where that is HTML; see [`Node::html`].
 pub const HTML: &str = "innerHTML";
 
-/// The attribute of an element that hears pointers; its value says whether it hears the wheel too.
+/// The attribute of an element that listens to pointers; its value says whether it listens to the
+/// wheel too.
 pub const POINTS: &str = "data-points";
 
-/// An element. `M` is the page's message type. It is a pointer, because a page is built by passing
-/// elements on: so each step of that takes less code, and so less download.
+/// An element. `M` is the page's message type. It is a pointer, because building a page moves
+/// elements: moving a pointer takes less code, and so less download.
 #[derive(Clone)]
 pub struct Node<M>(Box<Inside<M>>);
 
@@ -31,35 +32,35 @@ impl<M> DerefMut for Node<M> {
     }
 }
 
-/// What makes an element.
+/// Content of an element.
 #[derive(Clone)]
 pub struct Inside<M> {
     /// Name of the element.
     pub tag: &'static str,
     /// Attributes by name.
     pub attributes: Vec<(&'static str, String)>,
-    /// What it holds, in order.
+    /// Its children, in order.
     pub children: Vec<Child<M>>,
-    /// What the page is told when the element is used.
+    /// The message when the element is used.
     pub handler: Option<Handler<M>>,
-    /// Tells it from its siblings; see [`Node::key`].
+    /// Identifies it among its siblings; see [`Node::key`].
     key: Option<String>,
     /// See [`Node::focus`].
     pub takes_focus: bool,
 }
 
-/// What an element holds.
+/// A child of an element.
 #[derive(Clone)]
 pub enum Child<M> {
     /// Another element.
     Node(Node<M>),
     /// Text.
     Text(String),
-    /// A moment, ms since 1970, shown as local date and time.
+    /// A time, ms since 1970, shown as local date and time.
     Moment(i64),
 }
 
-/// Which message the page is sent when an element is used.
+/// The message of an element when it is used.
 #[derive(Clone)]
 pub enum Handler<M> {
     /// The element was pressed.
@@ -84,7 +85,7 @@ pub fn el<M>(tag: &'static str) -> Node<M> {
 }
 
 impl<M> Node<M> {
-    /// With an attribute, instead of one of the same name.
+    /// Sets an attribute, replacing one of the same name.
     #[must_use]
     pub fn attr(self, name: &'static str, value: impl ToString) -> Self {
         self.with(name, value.to_string())
@@ -97,43 +98,43 @@ impl<M> Node<M> {
         self
     }
 
-    /// With attributes.
+    /// Sets attributes.
     #[must_use]
     #[inline(never)]
     pub fn attrs(self, attributes: &[(&'static str, &str)]) -> Self {
         attributes.iter().fold(self, |node, (name, value)| node.attr(name, *value))
     }
 
-    /// With an attribute, if the condition holds.
+    /// Sets an attribute if the condition holds.
     #[must_use]
     pub fn attr_if(self, condition: bool, name: &'static str, value: &str) -> Self {
         if condition { self.attr(name, value) } else { self }
     }
 
-    /// With style classes.
+    /// Sets style classes.
     #[must_use]
     #[inline(never)]
     pub fn class(self, names: &str) -> Self {
         self.attr("class", names)
     }
 
-    /// With the name under which tests find it.
+    /// Sets the name under which tests find it.
     #[must_use]
     #[inline(never)]
     pub fn test_id(self, name: &str) -> Self {
         self.attr("data-testid", name)
     }
 
-    /// With a key that no sibling has. An element keeps its place in the document, with its
-    /// focus, scrolling and input, wherever its key moves among the siblings; an element with
-    /// another key is made anew.
+    /// Sets a key, unique among its siblings. An element keeps its object in the document, with its
+    /// focus, scroll position and input, wherever its key moves among the siblings; an element with
+    /// a new key is created.
     #[must_use]
     pub fn key(mut self, key: impl ToString) -> Self {
         self.key = Some(key.to_string());
         self
     }
 
-    /// Takes the keyboard focus when it appears. A heading can, so that screen readers begin
+    /// Takes the keyboard focus when it appears. Used for headings, so that screen readers start
     /// there on a new page.
     #[must_use]
     pub fn focus(mut self) -> Self {
@@ -155,8 +156,8 @@ impl<M> Node<M> {
         self
     }
 
-    /// Sends a message with whatever a pointer does here, but for its wheel. The page's
-    /// [`points`](crate::runtime::Page::points) must say so.
+    /// Sends a message for each pointer action here, except the wheel. The page's
+    /// [`points`](crate::runtime::Page::points) must return true.
     #[must_use]
     pub fn on_point(self, message: impl Fn(Pointing) -> M + 'static) -> Self {
         let message = move |value| match value {
@@ -166,7 +167,7 @@ impl<M> Node<M> {
         self.attr(POINTS, "").on_input(message)
     }
 
-    /// The same with the wheel, which then does not scroll the page.
+    /// The same including the wheel, which then does not scroll the page.
     #[must_use]
     pub fn on_point_and_wheel(self, message: impl Fn(Pointing) -> M + 'static) -> Self {
         self.on_point(message).attr(POINTS, "wheel")
@@ -179,7 +180,7 @@ impl<M> Node<M> {
         self
     }
 
-    /// With text.
+    /// Adds text.
     #[must_use]
     pub fn text(self, text: impl Into<String>) -> Self {
         self.holding(Child::Text(text.into()))
@@ -191,26 +192,26 @@ impl<M> Node<M> {
         self
     }
 
-    /// With a local date and time, of ms since 1970.
+    /// Adds a local date and time, from ms since 1970.
     #[must_use]
     pub fn moment(self, ms: i64) -> Self {
         self.holding(Child::Moment(ms))
     }
 
-    /// With content that is HTML, and nothing else: the researchers' own words, in which the server has
-    /// left no element that could run a program, or a drawing of ours, whose words are escaped.
+    /// Sets HTML as its only content: the researchers' texts, from which the server has removed all
+    /// elements that could run code, or one of our drawings, whose text is escaped.
     #[must_use]
     pub fn html(self, html: impl Into<String>) -> Self {
         self.attr(HTML, html.into())
     }
 
-    /// With an element inside.
+    /// Adds a child element.
     #[must_use]
     pub fn child(self, node: Self) -> Self {
         self.holding(Child::Node(node))
     }
 
-    /// With elements inside.
+    /// Adds child elements.
     #[must_use]
     #[inline(never)]
     pub fn children(mut self, nodes: impl IntoIterator<Item = Self>) -> Self {
@@ -218,8 +219,7 @@ impl<M> Node<M> {
         self
     }
 
-    /// What tells it from its siblings besides its place: its key, else the name under which
-    /// tests find it.
+    /// Its identity among siblings: its key, or else the name under which tests find it.
     #[must_use]
     pub fn identity(&self) -> Option<&str> {
         self.key.as_deref().or_else(|| self.attribute("data-testid"))
@@ -231,7 +231,7 @@ impl<M> Node<M> {
         self.attributes.iter().find(|(known, _)| *known == name).map(|(_, value)| value.as_str())
     }
 
-    /// The same with the messages of a page that this one is part of.
+    /// Maps its messages to those of a page that contains this one.
     #[must_use]
     pub fn map<N: 'static>(self, lift: &Rc<dyn Fn(M) -> N>) -> Node<N>
     where
@@ -259,7 +259,7 @@ impl<M> Node<M> {
     }
 }
 
-/// Reading a view, as tests do.
+/// Access to a view for tests.
 impl<M: Clone> Node<M> {
     /// All text in it.
     #[must_use]
@@ -330,8 +330,8 @@ impl<M: Clone> Node<M> {
     }
 }
 
-/// The innermost handler that `hears` on the way from `children` along `path` (places among
-/// siblings), and how many steps of the path lead to it.
+/// The innermost handler that satisfies `hears` on the way from `children` along `path` (indices
+/// among siblings), and how many steps of the path lead to it.
 #[must_use]
 pub fn handler_along<'a, M>(
     children: &'a [Child<M>],
@@ -356,7 +356,7 @@ pub fn subscripted<M>(tag: &'static str, letter: &str, below: &str) -> Node<M> {
     el(tag).text(letter).child(el("sub").text(below))
 }
 
-/// Words in which `V_HR` stands for V with HR below, and `F_1` for F with 1 below.
+/// Text in which `V_HR` stands for V with subscript HR, and `F_1` for F with subscript 1.
 pub fn with_subscripts<M>(tag: &'static str, words: &str) -> Node<M> {
     let mut parts = words.split('_');
     let mut node = el(tag).text(parts.next().unwrap_or_default());
@@ -369,7 +369,7 @@ pub fn with_subscripts<M>(tag: &'static str, words: &str) -> Node<M> {
     node
 }
 
-/// A drawing of the library as elements of a page.
+/// Converts a drawing of the library to elements of a page.
 #[must_use]
 pub fn drawn<M>(element: Element) -> Node<M> {
     let mut node = el(element.name).children(element.children.into_iter().map(drawn));
@@ -377,8 +377,8 @@ pub fn drawn<M>(element: Element) -> Node<M> {
     if element.text.is_empty() { node } else { node.text(element.text) }
 }
 
-/// The same as one piece of markup, which costs less than its elements where a page is shown often and
-/// the drawing seldom changes.
+/// The same as one piece of markup, which is cheaper than elements where a page is updated often
+/// and the drawing rarely changes.
 #[must_use]
 pub fn still<M>(element: &Element) -> Node<M> {
     let mut node = el(element.name);

@@ -1,5 +1,5 @@
-//! A frame of a scene takes no memory, and neither do the steps in it. It counts what the whole process allocates,
-//! so it runs without the test harness and its threads.
+//! A frame of a scene, and the steps in it, allocate no memory. The test counts allocations of the
+//! whole process, so it runs without the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 use peak_alloc::PeakAlloc;
@@ -15,7 +15,7 @@ static MEMORY: PeakAlloc = PeakAlloc;
 /// Time between two frames, ms.
 const FRAME_MS: f64 = 1000.0 / 60.0;
 
-/// A page, its clock and what was painted last.
+/// A page, its clock and its last picture.
 struct Screen {
     page: Participant,
     now_ms: f64,
@@ -24,7 +24,7 @@ struct Screen {
 
 impl Screen {
     fn tell(&mut self, message: Msg) {
-        // What the page asks for is answered by the messages that follow.
+        // The messages that follow stand in for the browser's answers.
         drop(self.page.update(message, self.now_ms));
     }
 
@@ -34,7 +34,7 @@ impl Screen {
         self.tell(message);
     }
 
-    /// Shows a frame; whether more has changed than the picture.
+    /// Shows a frame. Returns whether more than the picture has changed.
     fn frame(&mut self) -> bool {
         self.now_ms += FRAME_MS;
         let message = self.page.tick(self.now_ms);
@@ -95,7 +95,7 @@ fn begun() -> Screen {
 
 fn main() {
     let mut screen = begun();
-    // Some frames of the scene: what is needed once is there.
+    // Shows some frames first, so that one-time allocations are done.
     while screen.step() < 2 {
         screen.frame();
         assert!(screen.now_ms < 20_000.0, "the scene does not start");

@@ -1,4 +1,4 @@
-"""What `sidestep export` and `sidestep solve` wrote, as data frames, trajectories and arrays.
+"""Reads files of `sidestep export` and `sidestep solve` as data frames, trajectories and arrays.
 
 Tables are read with pandas or polars, figures of value functions with NumPy alone.
 """
@@ -36,10 +36,9 @@ def table(folder: str | PathLike[str], name: str, library: str = "pandas") -> An
     Parameters
     ----------
     folder : path
-        What `sidestep export --format csv`, `parquet` or `psych-ds` wrote, or an unpacked archive of the laboratory.
+        Output of `sidestep export --format csv`, `parquet` or `psych-ds`, or an unpacked archive of the laboratory.
     name : str
-        `participants`, `trials`, `steps` or `key_events`; the data dictionary beside the tables says what their
-        columns mean.
+        `participants`, `trials`, `steps` or `key_events`; the data dictionary beside the tables explains their columns.
     library : {"pandas", "polars"}
 
     Returns
@@ -49,10 +48,9 @@ def table(folder: str | PathLike[str], name: str, library: str = "pandas") -> An
     Raises
     ------
     TypeError
-        If the name is no text.
+        If the name is not a string.
     ValueError
-        If the export is not complete, has other content than its manifest says, or no such table, or if its file
-        cannot be read.
+        If the export is incomplete, does not match its manifest or has no such table, or if the file cannot be read.
     """
     if library not in ("pandas", "polars"):
         raise ValueError(f"library: expected pandas or polars, found {library}")
@@ -64,9 +62,10 @@ def table(folder: str | PathLike[str], name: str, library: str = "pandas") -> An
     except (ImportError, MemoryError):
         raise
     except Exception as error:
-        # Each library has exceptions of its own for a damaged file, and none of them names it.
+        # The libraries raise different exceptions for a damaged file, and none names the file.
         kind = "Parquet" if path.suffix == ".parquet" else "CSV"
-        raise ValueError(f"{path.name}: expected a table as {kind}, found what {library} refuses: {error}") from error
+        found = f"content that {library} refuses: {error}"
+        raise ValueError(f"{path.name}: expected a table as {kind}, found {found}") from error
 
 
 def _read(path: Path, library: str) -> Any:
@@ -81,12 +80,12 @@ def _read(path: Path, library: str) -> Any:
 
     if path.suffix == ".parquet":
         return polars.read_parquet(path)
-    # All rows decide what a column is, because the first ones may have no value.
+    # Infer column types from all rows, because the first ones may have no value.
     return polars.read_csv(path, infer_schema_length=None)
 
 
 def _file(folder: Path, name: str) -> Path:
-    """The file of a table, whatever the format, if it is what the manifest says."""
+    """The file of a table, in any format, if it matches the manifest."""
     manifest = folder / "manifest.json"
     if not manifest.is_file():
         raise ValueError(f"folder: expected a complete export with a manifest.json, found {folder}")
@@ -95,10 +94,10 @@ def _file(folder: Path, name: str) -> Path:
             file["name"]: file["sha256"] for file in json.loads(manifest.read_text(encoding="utf-8"))["files"]
         }
         if not all(isinstance(file, str) for file in listed):
-            raise TypeError("a name that is no text")
+            raise TypeError("a name that is not a string")
     except (KeyError, RecursionError, TypeError, ValueError) as error:
         expected = "a manifest.json that lists files with their sha256"
-        raise ValueError(f"folder: expected {expected}, found another in {folder}: {error!r}") from error
+        raise ValueError(f"folder: expected {expected}, found an invalid one in {folder}: {error!r}") from error
     keyword = f"_description-{name.replace('_', '')}_data.csv"
     for file, expected in listed.items():
         if file in (f"{name}.csv", f"{name}.parquet") or file.endswith(keyword):
@@ -121,9 +120,9 @@ class Drive(NamedTuple):
     participant : int
         The participant's number.
     trial : int
-        The trial's number, which no other trial of the participant has.
+        The trial's number, unique among the participant's trials.
     trajectory : Trajectory
-        What was driven.
+        The drive.
     """
 
     participant: int
@@ -197,20 +196,20 @@ class Nodes(NamedTuple):
 
 
 def nodes(path: str | PathLike[str]) -> Nodes:
-    """What `sidestep solve --out function.npz` wrote.
+    """Reads an archive of `sidestep solve --out function.npz`.
 
     Raises
     ------
     ValueError
-        If the file is no such archive.
+        If the file is not such an archive.
     """
     refused = f"path: expected an archive of `sidestep solve`, found {path}"
-    # Of a path, not of a number, which would be an open file of somebody else.
+    # `Path` refuses a number, which would be an open file of other code.
     with Path(path).open("rb") as file:
         try:
             value, axes, meta = _arrays(file)
         except Exception as error:
-            # Whatever NumPy, zipfile or zlib make of a damaged file.
+            # NumPy, zipfile and zlib raise various exceptions for a damaged file.
             raise ValueError(f"{refused}: {error!r}") from error
     if any(axis.ndim != 1 for axis in axes) or value.shape != tuple(len(axis) for axis in axes):
         shapes = f"value of shape {value.shape} on axes of shapes {', '.join(str(axis.shape) for axis in axes)}"
@@ -219,7 +218,7 @@ def nodes(path: str | PathLike[str]) -> Nodes:
 
 
 def _arrays(file: BinaryIO) -> Nodes:
-    """What an archive says, whatever the shapes."""
+    """Content of an archive, without checks of the shapes."""
     archive = np.load(file, allow_pickle=False)
     if not isinstance(archive, np.lib.npyio.NpzFile):
         raise ValueError("one array, not an archive")
@@ -227,5 +226,5 @@ def _arrays(file: BinaryIO) -> Nodes:
         axes = (archive["axis0"], archive["axis1"], archive["axis2"])
         meta = json.loads(bytes(archive["meta"]))
         if not isinstance(meta, dict):
-            raise ValueError("meta that is no object")
+            raise ValueError("meta that is not an object")
         return Nodes(archive["value"], axes, meta)

@@ -1,4 +1,4 @@
-"""Predictors from scikit-learn, and to it. Nothing of scikit-learn is imported before it is needed."""
+"""Conversion of predictors from and to scikit-learn, which is imported only when needed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def from_sklearn(
     experiment: int = 1,
     actions: Sequence[float] | None = None,
 ) -> Predictor:
-    """A predictor that gives what a fitted estimator of scikit-learn gives.
+    """A predictor with the same results as a fitted estimator of scikit-learn.
 
     Parameters
     ----------
@@ -29,30 +29,30 @@ def from_sklearn(
         `probability=True`, or for two classes by a `CalibratedClassifierCV` with `method="sigmoid"` and
         `ensemble=False` around it. For other estimators, see `ActionModel`.
     features : list of str
-        The names of its columns, as in `FEATURES`, in their order. An estimator that was fitted on a data frame knows
-        them too; these must be the same.
+        The names of its columns in order, as in `FEATURES`. If the estimator was fitted on a data frame, they must be
+        the columns of that frame.
     experiment : {1, 2}
-        What the classes mean: 1 the direction of a turn (−1 right, 0 straight, 1 left), 2 whether the human avoids.
+        Meaning of the classes: 1 the direction of a turn (−1 right, 0 straight, 1 left), 2 whether the human avoids.
     actions : list of float, optional
-        The turn rate of each class, rad/s, rising, if classes are not turns.
+        The turn rate of each class, rad/s, increasing, if classes are not turns.
 
     Returns
     -------
     Predictor
-        With the probabilities of `predict_proba`, but for rounding. Those of a support vector machine with
-        `probability=True` differ: the libsvm in scikit-learn finds them by an iteration that ends when its equations
-        miss by 0.005 divided by the number of classes; here they are solved. With two classes, where they are the
-        sigmoid itself, that is a difference of less than 0.005. They keep at least 10⁻⁷ from 0 and 1, and `predict`
+        With the probabilities of `predict_proba`, up to rounding, with these exceptions. Support vector machine with
+        `probability=True`: libsvm in scikit-learn stops its iteration at a residual of 0.005 divided by the number of
+        classes; here the equations are solved exactly. With two classes, where the probabilities are the sigmoid
+        itself, the difference is less than 0.005. The probabilities are at least 10⁻⁷ away from 0 and 1, and `predict`
         counts the votes of the pairs, as `SVC.predict` does. `CalibratedClassifierCV.predict` takes the likeliest
-        class instead, which is the other one in about 1 % of rows: where the sigmoid's 0.5 is not at a decision of 0.
-        Those of a decision tree are (m + 1)/(Σ m + K) for leaves with m training rows of each of K classes, which is
-        never 0; scikit-learn has m/Σ m. Trees of scikit-learn round features to float32 before they compare them with
-        a threshold, which this does not.
+        class instead, which differs in about 1 % of rows: where the sigmoid's 0.5 is not at a decision value of 0.
+        Decision tree: (m + 1)/(Σ m + K) for leaves with m training rows of each of K classes, which is never 0;
+        scikit-learn has m/Σ m. Trees of scikit-learn round features to float32 before comparing them with a
+        threshold; this predictor does not.
 
     Raises
     ------
     TypeError
-        If the features are no list of names, or `experiment` is no whole number.
+        If the features are not a list of names, or `experiment` is not an integer.
     ValueError
         If the estimator is not fitted, is of another kind, or does not fit the features.
     """
@@ -84,7 +84,7 @@ def from_sklearn(
     if not hasattr(model, "classes_") or (scaler is not None and not hasattr(scaler, "scale_")):
         raise ValueError("estimator: expected a fitted one, found one that was not fitted")
     if scaler is not None and describe not in (_logistic, _svm):
-        raise ValueError(f"estimator: expected a {kind} on features as they are, found one after a StandardScaler")
+        raise ValueError(f"estimator: expected a {kind} on raw features, found one after a StandardScaler")
     if callable(getattr(model, "kernel", None)):
         raise ValueError(f"estimator: expected the kernel linear or rbf, found {model.kernel!r}")
     if model.n_features_in_ != len(features):
@@ -108,7 +108,7 @@ def from_sklearn(
 
 def _names(features: Any) -> list[str]:
     """The names of features as a list."""
-    # The letters of a text are no names, and a set has no order.
+    # The characters of a string are not names, and a set has no order.
     if isinstance(features, (str, set, frozenset)) or not hasattr(features, "__iter__"):
         raise TypeError(f"features: expected a list of names, found {type(features).__name__}")
     names = list(features)
@@ -119,7 +119,7 @@ def _names(features: Any) -> list[str]:
 
 
 def _experiment(number: Any) -> int:
-    """What the classes mean, 1 or 2, whatever type of whole number it was."""
+    """The experiment, 1 or 2, from any integer type."""
     if isinstance(number, bool) or not isinstance(number, (int, np.integer)):
         raise TypeError(f"experiment: expected 1 or 2, found {number!r}")
     if number not in (1, 2):
@@ -128,7 +128,7 @@ def _experiment(number: Any) -> int:
 
 
 def _rates(actions: Any, classes: list[int]) -> list[float] | None:
-    """The turn rate of each class, rad/s, as the library accepts them."""
+    """The turn rate of each class, rad/s, validated by the library."""
     even = np.full(len(classes), 1 / len(classes))
     return Predictor.constant(classes, even, actions=actions).actions
 
@@ -142,7 +142,7 @@ def _same_names(part: Any, features: Sequence[str]) -> None:
 
 
 def _parts(estimator: Any) -> tuple[Any, Any]:
-    """The scaler, if there is one, and the model."""
+    """The scaler, if any, and the model."""
     if type(estimator).__name__ != "Pipeline":
         return None, estimator
     steps = [step for _, step in estimator.steps if step not in (None, "passthrough")]
@@ -155,22 +155,22 @@ def _parts(estimator: Any) -> tuple[Any, Any]:
 
 
 def _whole(label: Any) -> int:
-    """A class as a whole number."""
+    """A class as an integer."""
     if isinstance(label, (str, bytes)) or int(label) != label:
         raise ValueError(f"estimator: expected whole numbers as classes, found {label!r}")
     return int(label)
 
 
 def _standardised(scaler: Any, width: int) -> dict[str, Any]:
-    """What a scaler takes off each feature and divides it by."""
-    # Without `with_mean` it still knows a mean, which it does not take off.
+    """The offset and the scale of each feature."""
+    # Without `with_mean` the scaler still has a mean, but does not subtract it.
     mean = scaler.mean_ if scaler is not None and scaler.with_mean else np.zeros(width)
     scale = scaler.scale_ if scaler is not None and scaler.with_std else np.ones(width)
     return {"mean": mean.tolist(), "scale": scale.tolist()}
 
 
 def _calibrated(model: Any) -> tuple[Any, list[list[float]]]:
-    """The estimator within, and the sigmoid of its only pair of classes."""
+    """The inner estimator, and the sigmoid of its only pair of classes."""
     if not hasattr(model, "calibrated_classifiers_"):
         raise ValueError("estimator: expected a fitted one, found one that was not fitted")
     if len(model.calibrated_classifiers_) != 1:
@@ -179,12 +179,12 @@ def _calibrated(model: Any) -> tuple[Any, list[list[float]]]:
     if model.method != "sigmoid":
         raise ValueError(f"estimator: expected a CalibratedClassifierCV with method sigmoid, found {model.method}")
     if len(model.classes_) != 2:
-        # It calibrates each class against all others, which is no probability for each pair.
+        # It calibrates each class against all others, which gives no probability for each pair.
         found = f"{len(model.classes_)} in a CalibratedClassifierCV; SVC(probability=True) may have more"
         raise ValueError(f"estimator: expected two classes, found {found}")
     within = model.calibrated_classifiers_[0]
     (sigmoid,) = within.calibrators
-    # Its decision values speak for the second class, the pair's for the first.
+    # Its decision values are positive for the second class, those of a pair for the first.
     return within.estimator, [[float(sigmoid.a_), -float(sigmoid.b_)]]
 
 
@@ -198,13 +198,13 @@ def _svm(model: Any, scaler: Any, sigmoids: list[list[float]] | None = None) -> 
     vectors = model.support_vectors_
     if not isinstance(vectors, np.ndarray):
         raise ValueError(f"estimator: expected one fitted on an array, found {type(vectors).__name__}")
-    # scikit-learn turns the only pair of two classes around.
+    # With two classes, scikit-learn reverses the only pair.
     sign = -1.0 if len(model.classes_) == 2 else 1.0
     ends = np.cumsum([0, *model.n_support_])
     pairs = [(a, b) for a in range(len(ends) - 1) for b in range(a + 1, len(ends) - 1)]
     dual = np.zeros((len(pairs), len(vectors)))
     for row, (a, b) in zip(dual, pairs, strict=True):
-        # A vector has a coefficient for each other class, in their order.
+        # A vector has a coefficient for each other class, in order.
         for own, other in ((a, b - 1), (b, a)):
             part = slice(ends[own], ends[own + 1])
             row[part] = sign * model.dual_coef_[other, part]
@@ -231,7 +231,7 @@ def _logistic(model: Any, scaler: Any) -> dict[str, Any]:
         # After `sparsify`.
         coefficients = coefficients.toarray()
     if len(intercepts) == 1 and len(model.classes_) == 2:
-        # scikit-learn has one row then, the log-odds of the second class.
+        # scikit-learn then has one row, the log-odds of the second class.
         coefficients = np.vstack([np.zeros_like(coefficients), coefficients])
         intercepts = np.append(0.0, intercepts)
     return {
@@ -259,7 +259,7 @@ def _tree(model: Any, _scaler: Any) -> dict[str, Any]:
         raise ValueError(f"estimator: expected a tree with one output, found one with {model.n_outputs_}")
     counts = tree.value[:, 0, :] * tree.weighted_n_node_samples[:, None]
     whole = np.rint(counts)
-    # Whole weights, too, leave whole counts, but not as many as there were rows.
+    # Integer weights also give integer counts, but their sum is not the number of rows.
     weighted = model.class_weight is not None or np.any(tree.n_node_samples != tree.weighted_n_node_samples)
     if weighted or np.abs(counts - whole).max() > 1e-6:
         raise ValueError("estimator: expected a tree fitted without weights or constraints, found other shares in its leaves")
@@ -269,7 +269,7 @@ def _tree(model: Any, _scaler: Any) -> dict[str, Any]:
 def _boosted(model: Any, _scaler: Any) -> dict[str, Any]:
     if model.loss != "log_loss":
         raise ValueError(f"estimator: expected the loss log_loss, found {model.loss}")
-    # The scores before any tree do not depend on the features, unless an estimator was given for them.
+    # The initial scores do not depend on the features, unless `init` is an estimator.
     if model.init_ != "zero" and type(model.init_).__name__ != "DummyClassifier":
         raise ValueError(f"estimator: expected no init, found {model.init_!r}")
     intercepts = np.asarray(model._raw_predict_init(np.zeros((1, model.n_features_in_), dtype=np.float32)))[0]
@@ -307,11 +307,11 @@ class SidestepClassifier:
         self.feature_names_in_ = np.array(predictor.features, dtype=object)
 
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> SidestepClassifier:
-        """Nothing: it is fitted."""
+        """Does nothing: the predictor is already fitted."""
         return self
 
     def predict(self, X: ArrayLike) -> NDArray[np.int64]:
-        """The class of each row, shape (n,), of features as they are, shape (n, features)."""
+        """The class of each row, shape (n,), of raw features, shape (n, features)."""
         return self.predictor.predict(X)
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:
@@ -319,7 +319,7 @@ class SidestepClassifier:
         return self.predictor.proba(X)
 
     def score(self, X: ArrayLike, y: ArrayLike) -> float:
-        """The share of rows whose class is right."""
+        """The share of rows whose class is predicted right."""
         return float(np.mean(self.predict(X) == np.asarray(y)))
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:

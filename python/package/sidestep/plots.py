@@ -1,6 +1,6 @@
 """The paper's figures with matplotlib: scenes, level sets and predicted regions.
 
-Each function adds to axes, which it makes equal in x and y, or makes a whole figure. World frame, m.
+Each function draws on axes, which it gives equal scales in x and y, or makes a whole figure. World frame, m.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ ROBOT = "#e0453a"
 REGIONS = ("#e2504a", "#e6bd3c", "#46a063", "#4477d3", "#9367cf")
 """Regions from the innermost outwards, as in the paper."""
 SAFE_REGIONS = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
-"""The same for all eyes: they differ in lightness alone too."""
+"""The same for colour-blind readers: the colours differ in lightness."""
 
-# Among coloured regions both vehicles are dark.
+# On coloured regions both vehicles are dark.
 _DARK, _GREY = "#1b1f27", "#737985"
-# For legends: an arrowhead in the middle of its place.
+# For legends: a centred arrowhead.
 _ARROWHEAD = ((1.0, 0.0), (-1.0, 0.72), (-0.56, 0.0), (-1.0, -0.72), (1.0, 0.0))
 
 
@@ -59,7 +59,7 @@ def scene(
     trail : array of float64, shape (n, 2, 3), optional
         Joint states up to now.
     colours : (str, str)
-        Of the human and of the robot.
+        Colours of the human and of the robot.
     """
     from matplotlib.patches import Circle
     from matplotlib.patheffects import withStroke
@@ -83,7 +83,7 @@ def scene(
             x, y, marker=_arrowhead(psi), ms=36, mfc=colour, mec="none", ls="none", zorder=4,
             path_effects=[withStroke(linewidth=1.2, foreground="white")],
         )
-        # In a legend it points to the right, whatever the heading.
+        # In the legend it points to the right, whatever the heading.
         axes.plot([], [], marker=_ARROWHEAD, ms=14, mfc=colour, mec="none", ls="none", label=name)
     _metres(axes)
 
@@ -109,7 +109,7 @@ def level_set(
     level : float
         m.
     colour, label : str
-        Of the outline.
+        Colour and label of the outline.
     """
     x, y, psi = _poses("evader", evader, (3,))
     other = _poses("pursuer", pursuer, (3,))
@@ -131,9 +131,9 @@ def regions(
     axes : matplotlib.axes.Axes
     prediction : Shfrs
     colours : list of str
-        From the innermost outwards; `SAFE_REGIONS` for all eyes. They repeat for more sets.
+        From the innermost outwards; `SAFE_REGIONS` for colour-blind readers. They repeat for more sets.
     legend : bool
-        Whether to say ε and the area of each set.
+        Whether to add a legend with ε and the area of each set.
     """
     from matplotlib.patches import Polygon
     from matplotlib.transforms import ScaledTranslation
@@ -145,7 +145,7 @@ def regions(
         drawn.append(axes.add_patch(Polygon(tube, color=colours[j % len(colours)], lw=0, label=label)))
     axes.autoscale_view()
     if legend and sets:
-        # Below, so that it hides nothing, and as far as the axis's label needs.
+        # Below the axis label, so that it hides nothing.
         axes.legend(
             handles=drawn[::-1], fontsize="small", frameon=False, loc="upper center", bbox_to_anchor=(0.5, 0),
             bbox_transform=axes.transAxes + ScaledTranslation(0, -34 / 72, axes.figure.dpi_scale_trans),
@@ -172,7 +172,7 @@ def figure1(
     parameters : SceneParameters, optional
         The paper's by default.
     safety : SafetyLevels, optional
-        Those of `parameters` by default, which takes long if the vehicles differ.
+        Those of `parameters` by default, which are slow to compute if the vehicles differ.
     """
     import matplotlib.pyplot as plt
 
@@ -202,7 +202,7 @@ def figure1(
     poses = states[[0, step]].reshape(-1, 3)
     tails = poses[:, :2] - 1.2 * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     low, high = _alike(panels, np.vstack([*outlines, poses[:, :2], tails, *zones]))
-    # As high as three panels of this shape beside each other are, with titles and the legend.
+    # The height of three panels of this shape side by side, with titles and the legend.
     wide, high_m = high - low
     figure.set_size_inches(11, min(11 / 3.15 * high_m / wide, 7) + 1.25)
     named: dict[str, Artist] = {}
@@ -224,7 +224,7 @@ def figure3(
     parameters: SceneParameters | None = None,
     colours: Sequence[str] = REGIONS,
 ) -> Figure:
-    """The paper's Figure 3: predictions for the same moment, side by side.
+    """The paper's Figure 3: predictions for the same instant, side by side.
 
     All panels show the same part of the plane, that of the sets; where the robot is outside, an arrow points to it.
 
@@ -232,7 +232,7 @@ def figure3(
     ----------
     predictions : list of Shfrs
     states : array of float64, shape (2, 3)
-        The poses (x, y, ψ) of the human and of the robot at that moment.
+        The poses (x, y, ψ) of the human and of the robot at that instant.
     titles : list of str
         One for each prediction.
     parameters : SceneParameters, optional
@@ -257,20 +257,20 @@ def figure3(
     distance = float(np.hypot(*away))
     outside = ((robot[:2] < points.min(axis=0)) | (robot[:2] > points.max(axis=0))).any() and distance > 0
     if outside:
-        # Beyond the sets there is room for an arrow.
+        # Make room for an arrow beyond the sets.
         ahead = away / distance
-        # Not on the human's own arrow.
+        # Keep it off the human's arrowhead.
         reach = max(float(((points - human[:2]) @ ahead).max()), 0.15 * extent)
         beyond = human[:2] + ahead * (reach + 0.2 * extent)
         points = np.vstack([points, beyond])
     heading, right = np.array([[np.cos(human[2]), np.sin(human[2])], [np.sin(human[2]), -np.cos(human[2])]])
     side = "left" if right[0] > 0.3 else "right" if right[0] < -0.3 else "center"
-    # Room for the word, which is no wider than 42 points: a panel is at least 150 points wide.
+    # Make room for the word, which is at most 42 points wide; a panel is at least 150 points wide.
     begins = {"left": 0, "right": -42, "center": -21}[side]
     word = 11 * right - 14 * heading + np.array([[begins, -6], [begins + 42, 6]])
     points = np.vstack([points, human[:2] - 0.15 * extent * heading, human[:2] + word * extent / 150])
     low, high = _alike(panels[0], points)
-    # As high as a panel of this shape is, with titles and the legend.
+    # The height of a panel of this shape, with titles and the legend.
     wide, high_m = high - low
     legend = 0.18 * max(len(prediction) for prediction in predictions)
     figure.set_size_inches(size[0], min(2.9 * high_m / wide, 7) + 1.6 + legend)
@@ -284,7 +284,7 @@ def figure3(
                 "", beyond, beyond - 0.14 * extent * ahead,
                 arrowprops={"arrowstyle": "-|>", "color": _GREY, "lw": 1.4, "shrinkA": 0, "shrinkB": 0},
             )
-            # Below the title, where nothing else is.
+            # In the empty space below the title.
             axes.set_title(axes.get_title(), pad=20)
             axes.annotate(
                 f"robot, {distance:.1f} m away", (0.5, 1), (0, 4), xycoords="axes fraction",
@@ -294,7 +294,7 @@ def figure3(
 
 
 def _arrowhead(psi: float) -> MarkerStyle:
-    """A marker whose tip is at the position and shows this heading, rad."""
+    """A marker with its tip at the position that points along this heading, rad."""
     from matplotlib.markers import MarkerStyle
     from matplotlib.path import Path
     from matplotlib.transforms import Affine2D
@@ -304,7 +304,7 @@ def _arrowhead(psi: float) -> MarkerStyle:
 
 
 def _alike(panels: Sequence[Axes], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shows the same part of the plane in all panels: that around these points, with a margin."""
+    """Shows the same part of the plane in all panels: around these points, with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.06 * float((high - low).max())
     low, high = low - margin, high + margin

@@ -1,10 +1,10 @@
-//! Games from f and G against the same games by hand.
+//! Games from f and G against the same games written by hand.
 
 use super::*;
 use sidestep::reachability::{ControlAffine, DubinsCar, Players, PursuitGame, RelativeDubins};
 use sidestep::vehicle::VehicleModel;
 
-/// Solves both on the same grid; they may differ by rounding.
+/// Solves both on the same grid; they may differ only by rounding.
 fn compare<const D: usize>(
     axes: [Axis; D],
     by_hand: &impl Game<D>,
@@ -22,7 +22,8 @@ fn compare<const D: usize>(
             let found = solved::<f64, D, _>(&affine, &settings);
             assert_eq!(found.steps, expected.steps);
             let worst = gap(&expected, &found);
-            // What single precision costs depends on the march; a game by hand tells how much it is.
+            // The error of single precision depends on the march; a game written by hand measures
+            // it.
             let hand_single = gap(&expected, &solved::<f32, D, _>(&hand, &settings));
             let single = gap(&expected, &solved::<f32, D, _>(&affine, &settings));
             let name = scheme.name();
@@ -30,7 +31,7 @@ fn compare<const D: usize>(
                 "{D}-D {direction:?} {name}: {worst:.1e}, f32 {single:.2e}, by hand {hand_single:.2e}"
             );
             assert!(worst < 1e-12, "{worst}");
-            // Other roundings of the same size: neither adds up to twice as much as the other.
+            // Other roundings of the same size: neither accumulates to twice the other.
             assert!(single < 2.0 * hand_single, "{single} {hand_single}");
         }
     }
@@ -144,7 +145,7 @@ fn bad_games_are_refused() {
     let one = Grid { axes: [Axis::bounded(0.0, 1.0, 1)] };
     assert_eq!(ControlAffine::new(one, |_| [0.0]).unwrap_err().field, "grid.axes[0].nodes");
 
-    // Another grid, whose nodes are elsewhere or farther out.
+    // Another grid, with nodes elsewhere or beyond.
     for other in [Axis::bounded(-1.0, 1.0, 6), Axis::bounded(-1.5, 1.5, 7)] {
         let (game, target) = (still(), |[x, _]: [f64; 2]| x);
         let problem = problem(&game, [other, axes[1]], &target, (Kind::Set, BACKWARD), 1.0);

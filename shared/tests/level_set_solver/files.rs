@@ -38,7 +38,7 @@ fn other_bytes_are_refused_by_name() {
         }
         refused(&bytes)
     };
-    // The checksums are of the bytes as they were.
+    // The checksums are of the original bytes.
     let damaged = |name: &str| format!("{name}: expected bytes with the checksum");
     assert!(changed(b"npz/1", b"npz/2").starts_with(&damaged("meta")));
     assert!(
@@ -49,7 +49,7 @@ fn other_bytes_are_refused_by_name() {
     assert!(refused(&longer).contains("bytes after its end"));
 }
 
-/// Every bit of an array's numbers and header counts.
+/// Every bit of an array's numbers and header matters.
 #[test]
 fn damaged_arrays_are_refused() {
     let whole = march::<f32>(1);
@@ -58,17 +58,18 @@ fn damaged_arrays_are_refused() {
     for at in 0..bytes.len() {
         let mut damaged = bytes.clone();
         damaged[at] ^= 0x40;
-        // What is left says when the archive was written, and the like.
+        // The remaining bytes are metadata, such as the time of the archive.
         if let Ok(solution) = Solution::<f32, 2>::from_npz(&damaged) {
             assert_eq!(solution, whole, "byte {at}");
             changed += 1;
         }
     }
-    // For each of the seven arrays ZIP has two records, of 76 bytes without names, which say so.
+    // For each of the seven arrays, ZIP has two records with such metadata, of 76 bytes without
+    // names.
     assert!(changed <= 7 * 76, "{changed} of {}", bytes.len());
 }
 
-/// No damage makes it panic.
+/// No damage causes a panic.
 #[test]
 fn damaged_bytes_do_no_harm() {
     let bytes = march::<f32>(0).npz().unwrap();

@@ -1,4 +1,4 @@
-//! The first time that suffices, and the inputs then.
+//! The first sufficient time, and the inputs then.
 
 use super::*;
 use sidestep::reachability::{DubinsCar, Players};
@@ -27,7 +27,7 @@ fn the_time_to_reach_a_target_is_known() {
     assert!(complaint.contains("several stored instants"), "{complaint}");
 }
 
-/// A car that needs 3.5 to 5 s arrives, though 12 s were solved for.
+/// A car that needs 3.5 to 5 s arrives, although the horizon is 12 s.
 #[test]
 fn inputs_at_the_first_time_arrive() {
     let car = DubinsCar { speed_mps: 1.0, turn_rate_radps: (-1.0, 1.0) };

@@ -1,9 +1,9 @@
-//! Games that exist only to be tested.
+//! Games that exist only for tests.
 
 use super::*;
 
-/// Speeds that turn from place to place, a minimising and a maximising player, and
-/// a Hamiltonian that is neither convex nor concave; for the twin.
+/// Speeds that vary in direction from place to place, a minimising and a maximising player, and a
+/// Hamiltonian that is neither convex nor concave; for the twin.
 pub(crate) struct Twisted;
 
 impl<const D: usize> Game<D> for Twisted {
@@ -81,7 +81,7 @@ impl Game<4> for TwoMasses {
     }
 }
 
-/// A game whose author made a mistake.
+/// A game with a bug.
 #[derive(Debug)]
 pub(crate) struct Broken {
     pub(crate) bound: f64,

@@ -1,8 +1,8 @@
-//! The Cartesian level-set solver against a plain twin of itself, against closed
-//! forms in one to four dimensions, against the exact value of the pursuit game,
-//! and against input that it must refuse.
+//! The Cartesian level-set solver against a plain reimplementation (twin), against closed forms in
+//! one to four dimensions, against the exact value of the pursuit game, and against input that it
+//! must refuse.
 //!
-//! Each test prints what it measured (`cargo test --release -- --nocapture`).
+//! Each test prints its measurements (`cargo test --release -- --nocapture`).
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
 mod twin;
@@ -52,7 +52,7 @@ fn solved<T: Real, const D: usize, G: Game<D>>(
     solve(problem, settings, &mut |_| ControlFlow::Continue(())).expect("a solution")
 }
 
-/// The target of `region` within `seconds`, with no obstacle.
+/// The target `region` within `seconds`, without an obstacle.
 fn problem<'a, const D: usize, G: Game<D>>(
     game: &'a G,
     axes: [Axis; D],
@@ -86,7 +86,7 @@ struct Errors {
     max: f64,
 }
 
-/// Errors of the nodes of `region` against `exact`.
+/// Errors at the nodes of `region` against `exact`.
 fn errors<T: Real, const D: usize>(
     name: &str,
     solution: &Solution<T, D>,

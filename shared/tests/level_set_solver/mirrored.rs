@@ -1,4 +1,4 @@
-//! Problems that are their own mirror images are solved on half of the nodes.
+//! Problems with mirror symmetry are solved on half of the nodes.
 
 use super::*;
 use sidestep::reachability::{PursuitGame, RelativeDubins};
@@ -10,7 +10,7 @@ const GAME: PursuitGame = PursuitGame {
     radius_m: 2.5,
 };
 
-/// The same game, of which the solver does not know that left and right are alike.
+/// The same game, with its left-right symmetry hidden from the solver.
 struct Whole(RelativeDubins);
 
 impl Game<3> for Whole {
@@ -30,7 +30,7 @@ fn grid([x, y, psi]: [usize; 3], first: f64) -> Grid<3> {
     Grid { axes: [x, y, Axis::periodic(first, first + TAU, psi)] }
 }
 
-/// V by halves and as a whole, at the end and at two instants before it.
+/// V by halves and on the whole grid, at the end and at two instants before it.
 fn both(grid: Grid<3>, scheme: Scheme, region: Region<'_, 3>, forward: bool) -> [Vec<f64>; 2] {
     let settings = Settings::new(scheme).with_threads(2).with_slices(2);
     let direction = if forward { Direction::Forward } else { Direction::Backward };
@@ -52,7 +52,8 @@ fn both(grid: Grid<3>, scheme: Scheme, region: Region<'_, 3>, forward: bool) -> 
 
 #[test]
 fn half_of_the_nodes_give_all_values() {
-    // With the plain target, two stencils of ENO2 are equally smooth in the middle, and rounding decides.
+    // With the plain target, two ENO2 stencils are equally smooth in the middle, so rounding
+    // decides.
     let target = |[x, y, psi]: [f64; 3]| {
         let (sin, cos) = sin_cos(psi);
         hypot(x, y) - 2.5 + 0.2 * y * sin + 0.3 * cos
@@ -78,7 +79,7 @@ fn half_of_the_nodes_give_all_values() {
                 (i * ny + ny - 1 - j) * n + (n - k) % n + position / grid.len() * grid.len()
             };
             let bits = |at: usize| half[at].to_bits();
-            // The middle row of an odd number is computed as a whole.
+            // The middle row of an odd number of rows is computed in full.
             let row = |at: usize| grid.index(at % grid.len())[1];
             let mut at = (0..half.len()).filter(|at| 2 * row(*at) + 1 != nodes[1]);
             assert!(at.all(|at| bits(at) == bits(image(at))));
@@ -86,7 +87,8 @@ fn half_of_the_nodes_give_all_values() {
     }
 }
 
-/// A target on one side, or one that moves, is not its own mirror image: the bits are those of the whole.
+/// A target on one side, or one that moves, is not symmetric: the result is bit for bit that of the
+/// whole grid.
 #[test]
 fn problems_without_the_symmetry_are_solved_as_a_whole() {
     let aside = |[x, y, _]: [f64; 3]| hypot(x, y - 1e-6) - 2.5;

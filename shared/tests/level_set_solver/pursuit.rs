@@ -3,7 +3,7 @@
 use super::measure::{Accuracy, HORIZON_S, MITCHELL, air3d_grid, solve_over};
 use super::*;
 
-/// Mitchell, Bayen and Tomlin 2005 (air3D), as peers solve it.
+/// Mitchell, Bayen and Tomlin 2005 (air3D), with settings as in other packages.
 #[test]
 fn the_pursuit_game_has_its_volume_and_its_zero_level() {
     let exact = MITCHELL.exact().expect("identical vehicles");
@@ -17,7 +17,7 @@ fn the_pursuit_game_has_its_volume_and_its_zero_level() {
         );
         (volume_percent, mean_dx)
     };
-    // What the measures make of the exact values of the same nodes.
+    // The same measures of the exact values at the same nodes.
     let nodes = (0..grid.len()).map(|at| exact.value(grid.node(grid.index(at))) as f32);
     let (volume, level) = report("exact", &nodes.collect::<Vec<_>>());
     assert!(volume.abs() <= 0.05 && level <= 0.01, "{volume} {level}");

@@ -32,11 +32,12 @@ fn tube<T: Real>(
     solved(&problem, &Settings::new(scheme).with_threads(2).with_slices(2))
 }
 
-/// How much larger, in cells, an obstacle may look whose edge is a jump of V.
+/// How much larger, in cells, an obstacle may seem if its edge is a jump of V.
 const CELLS: f64 = 3.0;
 
-/// Whatever height stands for an obstacle, the tube is between those of the obstacle as a distance and of one that is
-/// larger by some cells: a jump of V is as wide as that. An obstacle that is larger only takes from the tube.
+/// Whatever height represents an obstacle, the tube is between that of the obstacle as a distance
+/// and that of one larger by some cells, the width of a jump of V. A larger obstacle only shrinks
+/// the tube.
 fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
     let grid = Grid { axes: axes() };
     let cell = grid.axes[0].spacing();
@@ -59,7 +60,7 @@ fn check_heights<T: Real>(scheme: Scheme, epsilon: f64) {
         }
         let share = wrong as f64 / grid.len() as f64;
         eprintln!("{} {epsilon:.0e} 1e{exponent}: {share:.4} {outside} outside", scheme.name());
-        // A low wall is no worse than its height.
+        // The error of a low wall is at most its height.
         if height >= 1.0 {
             assert!(outside == 0, "{scheme:?} {height}: {outside}");
             assert!(share < 0.025, "{scheme:?} {height}: {share}");
@@ -75,7 +76,7 @@ fn an_obstacle_may_have_any_height() {
     }
 }
 
-/// A plane, a wall in it, and a target that is 0.5 deep.
+/// A plane with a wall, and a target that is 0.5 deep.
 fn shallow(kind: Kind, avoid: Option<&(dyn Fn([f64; 2]) -> f64 + Sync)>) -> Option<[f64; 2]> {
     let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 41)];
     let game = Drift { drift: [0.0; 2], speed: [1.0; 2] };
@@ -111,7 +112,8 @@ fn an_obstacle_that_leaves_little_of_v_is_told() {
     }
 }
 
-/// Where no passage is between walls, V far from them is as good as beside a distance.
+/// Where there is no passage between walls, V far from them is as accurate as beside a distance
+/// function.
 #[test]
 fn one_low_wall_turns_few_signs() {
     let axes =
@@ -136,8 +138,9 @@ fn one_low_wall_turns_few_signs() {
     }
 }
 
-/// max(l, g) ≤ M where max(l, min(g, M)) ≤ M, and |l| ≤ M: a wall that is higher than any magnitude of the target gives
-/// the V of one of that magnitude, to the bit, and its own height where it stands. It may move, and so may the target.
+/// max(l, g) ≤ M where max(l, min(g, M)) ≤ M, and |l| ≤ M: a wall higher than any magnitude of the
+/// target gives bit for bit the V of one of that magnitude, and its own height where it is. It may
+/// move, and so may the target.
 #[test]
 fn a_wall_above_the_target_is_as_good_as_any_other() {
     let side = |nodes| Axis::bounded(-3.0, 3.0, nodes);
@@ -162,7 +165,7 @@ fn a_wall_above_the_target_is_as_good_as_any_other() {
     });
     for (kind, moves) in cases {
         for scheme in SCHEMES {
-            // The largest magnitude is 2.5 of a target that stands still.
+            // The largest magnitude of a static target is 2.5.
             let low = march(if moves[0] { 4.0 } else { 2.5 }, scheme, kind, moves);
             for height in [10.0, 1e3, 1e6, 1e9, 1e30] {
                 let high = march(height, scheme, kind, moves);
@@ -181,8 +184,9 @@ fn a_wall_above_the_target_is_as_good_as_any_other() {
     }
 }
 
-/// An obstacle only raises V: beside walls, around them and in passages between them, whatever is not reached without
-/// them is not reached. Passages of one node and more, along either axis, and discs.
+/// An obstacle only raises V: beside walls, around them and in passages between them, states that
+/// are unreachable without them stay unreachable. Passages of one node and more along either axis,
+/// and discs.
 #[test]
 fn no_wall_opens_a_way() {
     let axes = [Axis::bounded(-3.0, 3.0, 61), Axis::bounded(-2.0, 2.0, 41)];
@@ -229,10 +233,10 @@ fn no_wall_opens_a_way() {
     }
 }
 
-/// A target {l ≤ 0} with the least value of l over a rectangle of given half sides about a place.
+/// A target {l ≤ 0} as the minimum of l over a rectangle of given half sides about a point.
 type Least = fn([f64; 2], [f64; 2]) -> f64;
 
-/// How far the interval of half width `half` about `x` is from `centre`.
+/// Distance of the interval of half width `half` about `x` from `centre`.
 fn gap(x: f64, half: f64, centre: f64) -> f64 {
     ((x - centre).abs() - half).max(0.0)
 }
@@ -241,7 +245,8 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Slopes of 1, a slope that grows, that differs by axis, and that is low at the target and high elsewhere.
+/// Slopes of 1; slopes that increase, that differ by axis, and that are low at the target and high
+/// elsewhere.
 const TARGETS: [Least; 6] = [
     |[x, _], [a, _]| gap(x, a, 0.0) - 0.5,
     |[x, y], [a, b]| hypot(gap(x, a, 0.0), gap(y, b, 0.0)) - 0.5,
@@ -251,11 +256,11 @@ const TARGETS: [Least; 6] = [
     |[x, y], [a, b]| 0.1 * square(square(gap(x, a, 0.0)) + square(gap(y, b, 0.0))) - 0.05,
 ];
 
-/// How many fields of walls are tried.
+/// Number of fields of walls.
 const FIELDS: usize = 72;
 
-/// Cells of a field of walls about its middle, in cells of the grid: corridors of one to four nodes along both axes and
-/// aslant, closed rooms, discs and scattered blocks.
+/// Cells of a field of walls about its centre, in cells of the grid: corridors of one to four nodes
+/// along both axes and diagonally, closed rooms, discs and scattered blocks.
 struct Walls {
     shape: usize,
     free: f64,
@@ -294,8 +299,9 @@ impl Walls {
     }
 }
 
-/// The same for low walls beside targets of any slope, which differ from place to place; walls may move. ẋ = c + u with
-/// |u_d| ≤ s_d comes within T to the rectangles about x + cτ that grow by sτ, whose least l bounds V from below.
+/// The same for low walls beside targets of any slope, varying from place to place; walls may move.
+/// Within T, ẋ = c + u with |u_d| ≤ s_d reaches the rectangles about x + cτ that grow by sτ, whose
+/// minimum of l bounds V from below.
 #[test]
 fn no_wall_opens_a_way_beside_a_steep_target() {
     let mut rng = SeededRng::new(11);
@@ -331,7 +337,8 @@ fn no_wall_opens_a_way_beside_a_steep_target() {
                 instants.map(|k| at(x, 0.01 * f64::from(k) * seconds)).fold(f64::INFINITY, f64::min)
             })
             .collect();
-        // A front is known to half a cell: so much of the steepest difference at the node.
+        // A front is accurate to half a cell, which corresponds to this share of the steepest
+        // difference at the node.
         let close_to = |at: usize| {
             let index = grid.index(at);
             let mut most = 0.0_f64;

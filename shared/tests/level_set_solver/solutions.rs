@@ -5,7 +5,7 @@ use sidestep::reachability::cartesian::Snapshot;
 use sidestep::reachability::{DubinsCar, Inputs, Players, PursuitGame, RelativeDubins};
 use sidestep::vehicle::VehicleModel;
 
-/// Nothing moves, so V is the target, on every node exactly.
+/// Nothing moves, so V is exactly the target at every node.
 fn sampled<const D: usize>(
     axes: [Axis; D],
     function: &(dyn Fn([f64; D]) -> f64 + Sync),
@@ -27,7 +27,7 @@ fn smooth_axes(half: usize) -> [Axis; 3] {
     ]
 }
 
-/// Mean errors of value and gradient at random states, those in the outermost cells left out.
+/// Mean errors of value and gradient at random states outside the outermost cells.
 fn interpolation_errors(half: usize) -> [f64; 2] {
     let solution = sampled(smooth_axes(half), &smooth);
     let mut rng = SeededRng::new(3);
@@ -75,7 +75,7 @@ fn it_is_exact_at_nodes_and_its_gradient_is_its_own() {
         for d in 0..3 {
             let axis = solution.grid.axes[d];
             let place = (state[d] - axis.low) / axis.spacing();
-            // Not across a face.
+            // Avoid differences across a face.
             if (place - place.round()).abs() < 1e-3 {
                 continue;
             }
@@ -104,7 +104,8 @@ fn at_a_kink_it_stays_between_the_nodes() {
     }
 }
 
-/// Between two walls V is what its nodes say, however high the walls and wherever they are on the grid.
+/// Between two walls V stays between the values at its nodes, however high the walls and wherever
+/// they are on the grid.
 #[test]
 fn between_two_walls_it_stays_between_the_nodes() {
     for (height, free) in [(3.0, 1.5), (100.0, 1.5), (1e5, -0.4), (1e9, 1e-3)] {
@@ -128,7 +129,8 @@ fn drifting() -> (Drift<1>, [Axis; 1]) {
     (Drift { drift: [1.5], speed: [0.4] }, [Axis::periodic(0.0, TAU, 100)])
 }
 
-/// A stored instant is the end of a shorter march, bit for bit; between two it is linear.
+/// The values at a stored instant are bit for bit those of a shorter march; between two instants
+/// they are linear.
 #[test]
 fn slices_are_shorter_marches() {
     let (game, axes) = drifting();
@@ -145,7 +147,7 @@ fn slices_are_shorter_marches() {
     let bits = |values: Vec<f64>| values.into_iter().map(f64::to_bits).collect::<Vec<_>>();
     for part in 1..=4_u32 {
         let tau = 0.25 * f64::from(part);
-        // As many steps for each quarter.
+        // The same number of steps for each quarter.
         let shorter = bits(march(tau, part as usize).values);
         assert_eq!(bits(whole.at_march_time(tau).unwrap().values()), shorter, "τ = {tau}");
         assert_eq!(bits(whole.at_time(1.0 - tau).unwrap().values()), shorter, "t = 1 − {tau}");
@@ -180,7 +182,7 @@ fn regions_go_by_either_time() {
             solved::<f64, 1, _>(&problem, &settings(Scheme::Eno2)).values
         };
         let pairs = with(Region::OfMarchTime(&by_march));
-        // 1 − (1 − τ) is not quite τ.
+        // 1 − (1 − τ) is not exactly τ.
         for (a, b) in pairs.iter().zip(with(Region::OfTime(&by_clock))) {
             assert!((a - b).abs() < 1e-13, "{direction:?} {a} {b}");
         }
@@ -223,7 +225,7 @@ fn the_games_know_their_optimal_inputs() {
     check_players(&RelativeDubins(game), (&[[-0.8, 0.8]], &[[-0.5, 0.5]]));
 }
 
-/// A mass that is driven by the solution's inputs arrives when its value says so, by the clock.
+/// A mass driven by the solution's inputs arrives when its value predicts, by the clock.
 #[test]
 fn its_inputs_steer_to_the_target() {
     let game = DoubleIntegrator { acceleration_mps2: 1.0 };

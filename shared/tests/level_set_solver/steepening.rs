@@ -1,5 +1,5 @@
-//! A smooth problem that steepens to a kink: V_τ = −(∂V/∂x)²/2 from cos x, on a circle.
-//! The example `validate` measures with it too.
+//! A smooth problem that steepens to a kink: V_τ = −(∂V/∂x)²/2 from cos x, on a circle. Also
+//! measured by the example `validate`.
 
 use sidestep::math::{cos, sin};
 use sidestep::reachability::{Game, Real, TERMS};
@@ -23,11 +23,11 @@ impl Game<1> for Steepening {
     }
 }
 
-/// How long it is solved, s: half the time until a kink forms.
+/// Horizon, s: half the time until a kink forms.
 pub(crate) const SECONDS: f64 = 0.5;
 
-/// V at [`SECONDS`]. Slopes stay the same along characteristics: with p = −sin x₀,
-/// x = x₀ + pτ and V = cos x₀ + p²τ/2.
+/// V at [`SECONDS`]. Slopes are constant along characteristics: with p = −sin x₀, x = x₀ + pτ and V
+/// = cos x₀ + p²τ/2.
 pub(crate) fn exact(x: f64) -> f64 {
     // x₀ − τ sin x₀ = x by bisection: its derivative is positive for τ < 1.
     let (mut low, mut high) = (x - 1.0, x + 1.0);

@@ -1,28 +1,28 @@
-//! The solver against a plain twin of itself.
+//! The solver against a plain reimplementation (twin).
 
 use super::*;
 use core::cell::{Cell, RefCell};
 
-/// The same method as the solver's, written down from the books: one node after
-/// the other, in f64, with the printed formulas (Osher and Fedkiw 2003, sections
-/// 3.2–3.5 and 5.3; Shu and Osher 1988).
+/// The solver's method written straight from the textbooks: one node after another, in f64, with
+/// the printed formulas (Osher and Fedkiw 2003, sections 3.2–3.5 and 5.3; Shu and Osher 1988).
 pub(crate) struct Twin<'a, const D: usize, G> {
     pub(crate) problem: &'a Problem<'a, D, G>,
     /// Negative inside.
     pub(crate) avoid: Option<Region<'a, D>>,
     pub(crate) scheme: Scheme,
-    /// The least and the largest value of the target so far.
+    /// The minimum and the maximum of the target so far.
     pub(crate) seen: Cell<[f64; 2]>,
     /// The target's steepest slope.
     pub(crate) slope: Cell<f64>,
     /// Whether the obstacle has had jumps.
     pub(crate) jumps: Cell<bool>,
-    /// How near those are that the slope hides: 8 where they are, and one less for each cell. Empty if there are none.
+    /// Nearness of each node to jumps whose height the slope hides: 8 at the jump, and one less per
+    /// cell. Empty if there are none.
     pub(crate) near: RefCell<Vec<f64>>,
 }
 
 impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
-    /// Value at `index`, moved by `offset` nodes along `axis`, ghosts included.
+    /// Value at `index`, shifted by `offset` nodes along `axis`, including ghosts.
     fn at(&self, value: &[f64], mut index: [usize; D], axis: usize, offset: isize) -> f64 {
         let grid = &self.problem.grid;
         let Axis { nodes, boundary, .. } = grid.axes[axis];
@@ -44,13 +44,14 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         };
         let (mut slope, next) = ((end - before).abs(), before - deeper);
         if self.jumps.get() && end < 0.0 {
-            // The lesser of the two at the edge.
+            // The smaller of the two at the edge.
             slope = if (end > before) == (before > deeper) { slope.min(next.abs()) } else { 0.0 };
         }
         end + distance as f64 * slope * if end < 0.0 { -1.0 } else { 1.0 }
     }
 
-    /// Whether the face between the nodes `before` and `before` + 1 beyond `index` is of first order: where V jumps.
+    /// Whether the face between the nodes `before` and `before` + 1 beyond `index` is first order,
+    /// because V jumps there.
     fn is_plain(&self, value: &[f64], index: [usize; D], axis: usize, before: isize) -> bool {
         let v: [f64; 6] =
             core::array::from_fn(|k| self.at(value, index, axis, before + k as isize - 2));
@@ -81,8 +82,9 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         4.0 * self.slope.get() * self.problem.grid.axes[axis].spacing()
     }
 
-    /// Looks where the obstacle at `time`, within the target's values, goes through a quarter of its range between two
-    /// neighbours, and through four times as much as beside them; and which of these jumps are at passages.
+    /// Finds jumps: where the obstacle at `time`, clamped to the target's values, changes between
+    /// two neighbours by more than a quarter of its range, and by four times as much as beside
+    /// them; and which of these jumps are at passages.
     fn look(&self, time: f64) {
         let (grid, Some(avoid)) = (&self.problem.grid, &self.avoid) else { return };
         if self.problem.kind == Kind::Tube {
@@ -105,7 +107,8 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
                     let is_steep = beside.iter().all(|beside| rise(k).abs() > 4.0 * beside);
                     rise(k).abs() > 0.25 * range && is_steep
                 };
-                // Whether there is another wall, or the end, at most six nodes from the foot of this one.
+                // Whether there is another wall, or the end, within six nodes of the foot of this
+                // one.
                 let is_passage = |k: isize| {
                     (1..=6).any(|nodes| {
                         let other = if rise(k) > 0.0 { k - nodes } else { k + nodes };
@@ -155,7 +158,7 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
     fn slopes(&self, value: &[f64], index: [usize; D], axis: usize) -> [f64; 2] {
         let h = self.problem.grid.axes[axis].spacing();
         let v = |i: isize| self.at(value, index, axis, i);
-        // Divided differences as the book counts them, with the node itself at 0.
+        // Divided differences in the book's numbering, with the node itself at 0.
         let d1 = |left: isize| (v(left + 1) - v(left)) / h;
         let d2 = |middle: isize| (d1(middle) - d1(middle - 1)) / (2.0 * h);
         let d3 = |left: isize| (d2(left + 1) - d2(left)) / (3.0 * h);
@@ -241,7 +244,7 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         (0..grid.len()).map(at).collect()
     }
 
-    /// keep · old + (1 − keep) · new, within the target and the obstacle at `time`.
+    /// keep · old + (1 − keep) · new, clamped to the target and the obstacle at `time`.
     fn mixed(&self, keep: f64, old: &[f64], new: &[f64], time: f64) -> Vec<f64> {
         let mut value: Vec<f64> =
             old.iter().zip(new).map(|(old, new)| keep * old + (1.0 - keep) * new).collect();
@@ -260,7 +263,7 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
         value
     }
 
-    /// keep · old + (1 − keep) · source moved by `dt`, within target and obstacle at `time`.
+    /// keep · old + (1 − keep) · source moved by `dt`, clamped to target and obstacle at `time`.
     fn stage(&self, keep: f64, old: &[f64], source: &[f64], dt: f64, time: f64) -> Vec<f64> {
         self.look(time);
         self.mixed(keep, old, &self.moved(source, dt), time)
@@ -280,7 +283,7 @@ impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
     }
 }
 
-/// The position `k` nodes beyond another one along an axis, if there is one.
+/// The position `k` nodes away along an axis, if it is on the grid.
 fn neighbour<const D: usize>(grid: &Grid<D>, position: usize, d: usize, k: isize) -> Option<usize> {
     let (mut index, axis) = (grid.index(position), grid.axes[d]);
     let (moved, nodes) = (index[d] as isize + k, axis.nodes as isize);
@@ -289,7 +292,7 @@ fn neighbour<const D: usize>(grid: &Grid<D>, position: usize, d: usize, k: isize
     Some(index.iter().zip(grid.axes).fold(0, |n, (i, axis)| n * axis.nodes + i))
 }
 
-/// V by the twin, with steps of the share `cfl` of the largest stable one.
+/// V by the twin, with the share `cfl` of the largest stable step.
 pub(crate) fn by_twin<'a, const D: usize, G: Game<D>>(
     problem: &'a Problem<'a, D, G>,
     avoid: Option<Region<'a, D>>,
@@ -337,7 +340,7 @@ pub(crate) fn by_twin<'a, const D: usize, G: Game<D>>(
 pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
     let still_target = |x| bumpy(x, 0.0);
     let still_ball = |x| ball(x, 0.0);
-    // Low, lest it is above the target somewhere.
+    // Low, so that it is nowhere above the target.
     let wall = |x| if ball(x, 0.0) < 0.0 { -0.3 } else { 0.3 };
     let target = Region::Static(&still_target);
     let cases = [
@@ -396,7 +399,7 @@ pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
 
 #[test]
 fn the_twin_agrees_in_one_dimension() {
-    // More cells than a block of the solver's, and fewer.
+    // More cells than one of the solver's blocks, and fewer.
     compare_with_twin([Axis::periodic(0.0, TAU, 601)], 0.1);
     compare_with_twin([Axis::bounded(-2.1, 2.4, 57)], 0.5);
     compare_with_twin([Axis::bounded(-2.1, 2.4, 57).with_boundary(Boundary::Constant)], 0.5);

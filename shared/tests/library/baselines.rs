@@ -61,7 +61,7 @@ fn compare(seed: u64, points: usize) -> Pareto {
     pareto(&mut families, &sample.calibration, &sample.test, &settings).expect("a comparison")
 }
 
-/// One comparison, done once.
+/// One comparison, computed once.
 fn compared() -> &'static Pareto {
     static COMPARED: OnceLock<Pareto> = OnceLock::new();
     COMPARED.get_or_init(|| compare(1, 60))
@@ -73,7 +73,8 @@ fn rows(family: &str) -> Vec<&'static ParetoRow> {
     rows
 }
 
-/// The area of everything is 16/3 m² (reference/shfrs: closed form), and it holds all.
+/// The area of everything is 16/3 m² (reference/shfrs: closed form), and every trajectory is
+/// inside.
 #[test]
 fn the_worst_case_holds_everything() {
     for row in rows("worst case") {
@@ -82,8 +83,8 @@ fn the_worst_case_holds_everything() {
     }
 }
 
-/// Conformal levels cover what was asked on average: over the splits of twelve seeds, the mean
-/// coverage of a family falls short of the target by no more than three standard errors.
+/// Conformal levels reach the target coverage on average: over the splits of twelve seeds, the mean
+/// coverage of a family is below the target by at most three standard errors.
 #[test]
 fn calibrated_levels_cover_what_was_asked() {
     let splits: Vec<Pareto> = (0..12).map(|seed| compare(seed, 2)).collect();
@@ -103,7 +104,7 @@ fn calibrated_levels_cover_what_was_asked() {
     }
 }
 
-/// Every family is nested: more coverage needs a higher level and no less area.
+/// Every family is nested: more coverage needs a higher level and no smaller area.
 #[test]
 fn areas_and_levels_grow_with_the_target() {
     let found = compared();
@@ -117,7 +118,7 @@ fn areas_and_levels_grow_with_the_target() {
     }
 }
 
-/// Sets that are nested have areas that grow, also where turns without straight on follow each
+/// Nested sets have increasing areas, also where steps that exclude straight driving follow each
 /// other with a bound that is nearly 0 but not 0: hard for the front.
 #[test]
 fn areas_grow_with_the_level() {
@@ -141,8 +142,8 @@ fn areas_grow_with_the_level() {
     }
 }
 
-/// What a score means: at that level the window is inside, so all windows of the largest
-/// score's level are.
+/// By definition of a score, the window is inside at that level, so all windows are inside at the
+/// level of the largest score.
 #[test]
 fn the_last_level_of_a_curve_holds_all() {
     for curve in &compared().curves {

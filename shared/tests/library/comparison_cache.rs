@@ -1,5 +1,5 @@
-//! What of a comparison is kept is not computed again, what changed is, what is broken off
-//! stops, and who cannot be compared is left out.
+//! Cached parts of a comparison are not computed again, changed parts are, cancelling stops it, and
+//! people who cannot be compared are left out.
 
 // Helpers outside `#[test]` functions are tests too.
 #![allow(clippy::unwrap_used)]
@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Keeps everything, and counts what it was given since it was last asked.
+/// Caches everything, and counts the entries added since the last query.
 #[derive(Default)]
 struct Counting {
     kept: Mutex<HashMap<String, Vec<Cell>>>,
@@ -82,13 +82,13 @@ fn only_what_changed_is_computed_again() {
     let cache = Counting::default();
     let mut settings = Settings::new().unwrap();
     let first = study.run(&settings, &cache, &go_on).unwrap();
-    // For each person four families on nine sets, three models beyond the paper, and two that the other
-    // person trains on three sets.
+    // For each person four families on nine sets, three models beyond the paper, and two on three
+    // sets trained on the other person.
     assert_eq!(cache.computed(), 2 * (4 * 9 + 3 + 2 * 3));
     assert_eq!(study.run(&settings, &cache, &go_on).unwrap(), first);
     assert_eq!(cache.computed(), 0);
 
-    // Without what the paper does not have, nothing is new.
+    // Without the parts beyond the paper, nothing is new.
     settings.paper_only = true;
     let papers = study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 0);
@@ -101,26 +101,27 @@ fn only_what_changed_is_computed_again() {
     study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * (9 + 3));
 
-    // Another set: that alone, in each family.
+    // Another set: only that set, in each family.
     let features = FeatureSet::of(&["distance", "robot_ahead", "robot_left"]).unwrap();
     settings.sets.push(NamedSet { name: "place".into(), features });
     let further = study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * 4);
     assert_eq!(further.comparison.cells.len(), 2 * 2 * 5 * 10);
 
-    // Leakage beside: the other split of one set.
+    // Also leakage: the other split of one set.
     settings.leakage = true;
     study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 2 * 4);
 
-    // One label of one person: their models, and those in which either person trains the other's.
+    // One label of one person changed: their models, and those in which one person trains the
+    // other's.
     let mut other = Study::new();
     let label = &mut other.people[1].data.labels[0];
     *label = if *label == TurnInput::Left { TurnInput::Right } else { TurnInput::Left };
     other.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 4 * 10 + 3 + 4 + 2 * 2 * 3);
 
-    // All that was before is still known.
+    // All earlier results are still cached.
     assert_eq!(study.run(&Settings::new().unwrap(), &cache, &go_on).unwrap(), first);
     assert_eq!(cache.computed(), 0);
 }
@@ -129,7 +130,7 @@ fn only_what_changed_is_computed_again() {
 fn who_cannot_be_fitted_is_left_out_and_the_others_are_compared() {
     let mut study = Study::new();
     let settings = Settings::new().unwrap();
-    // The second person always turns, the first has a feature that is no number.
+    // The second person always turns, the first has a feature that is not a number.
     let mut third = study.people[1].clone();
     third.name = "2".to_owned();
     study.people.push(third);
@@ -163,11 +164,11 @@ fn what_is_broken_off_computes_no_more_than_had_begun() {
         if progress.done >= 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     assert_eq!(study.run(&settings, &cache, &enough), Err(AnalysisError::Stopped));
-    // Each thread may have been at one more.
+    // Each thread may have finished one more.
     let computed = cache.computed();
     let threads = std::thread::available_parallelism().unwrap().get();
     assert!((5..5 + threads).contains(&computed), "{computed}");
-    // And what was computed is taken up.
+    // The computed part is reused.
     study.run(&settings, &cache, &go_on).unwrap();
     assert_eq!(cache.computed(), 90 - computed);
 }

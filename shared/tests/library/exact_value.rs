@@ -1,6 +1,5 @@
-//! What the closed form of the game of two identical vehicles promises: it solves
-//! the game's equation, its derivatives are right, and both players get what it
-//! says when the game is played.
+//! Properties of the closed form of the game of two identical vehicles: it solves the game's
+//! equation, its derivatives are right, and both players achieve its value in play.
 
 use proptest::prelude::*;
 use sidestep::math::{PI, SeededRng, TAU, hypot, sin_cos};
@@ -30,8 +29,8 @@ fn random_state(game: &ExactValue, span: f64, rng: &mut SeededRng) -> [f64; 3] {
 
 // ---- the equation -----------------------------------------------------------
 
-/// The switching functions (∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ, ∂V/∂ψ) that the evader's
-/// and the pursuer's turn rate multiply in dV/dt, and the part of neither.
+/// The switching functions (∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ, ∂V/∂ψ), which multiply the evader's and the
+/// pursuer's turn rate in dV/dt, and the remaining part.
 fn switching(game: &ExactValue, [x, y, psi]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> [f64; 3] {
     let (sin, cos) = sin_cos(psi);
     [p1 * y - p2 * x - p3, p3, game.speed_mps() * (p1 * (cos - 1.0) + p2 * sin)]
@@ -68,7 +67,7 @@ fn the_turns_are_the_best_against_the_gradient() {
         let [evader, pursuer, _] = switching(&game, state, found.gradient);
         assert_eq!(found.evader_turn.abs(), rate);
         assert!(found.evader_turn * evader >= rate * evader.abs() - 1e-12, "{state:?} {found:?}");
-        // Straight is accepted within 10⁻⁴ rad of the surface where it is the best.
+        // Straight is accepted within 10⁻⁴ rad of the surface where it is optimal.
         let lost = found.pursuer_turn * pursuer + rate * pursuer.abs();
         assert!(lost <= rate * rho * 5.001e-9, "{lost} at {state:?} {found:?}");
         assert!([-rate, 0.0, rate].contains(&found.pursuer_turn));
@@ -148,11 +147,11 @@ fn an_opening_range_is_its_own_value() {
     assert_eq!(found.value, 7.0);
     assert!((found.gradient[0] + 0.6).abs() < 1e-15 && (found.gradient[1] - 0.8).abs() < 1e-15);
     assert_eq!((found.gradient[2], found.on_kink), (0.0, false));
-    // The evader turns from what is on its left, the pursuer towards the evader.
+    // The evader turns away from the pursuer on its left, the pursuer towards the evader.
     assert_eq!((found.evader_turn, found.pursuer_turn), (-0.5, 0.5));
-    // Facing the evader, at the same heading: straight on.
+    // Facing the evader, at the same heading: straight.
     assert_eq!(game.analyze([-6.0, 0.0, 0.0]).pursuer_turn, 0.0);
-    // In the same place there is no direction.
+    // At the same position there is no direction.
     let found = game.analyze([0.0, 0.0, 1.0]);
     assert_eq!((found.value, found.gradient), (-3.0, [0.0; 3]));
 }
@@ -200,21 +199,21 @@ fn zero_on_the_barriers_of_the_reference() {
 
 // ---- play -------------------------------------------------------------------
 
-/// How far a vehicle can turn between two decisions, rad. A pursuer that decides first
-/// on the kink may answer the wrong side for one step, which costs it up to
-/// 2·|∂V/∂ψ| times this: with |∂V/∂ψ| ≤ ρ there, less than the 10⁻³ ρ allowed.
+/// Turn of a vehicle between two decisions, rad. On the kink, a pursuer that decides first may
+/// choose the wrong side for one step, which costs it up to 2·|∂V/∂ψ| times this: with |∂V/∂ψ| ≤ ρ
+/// there, less than the 10⁻³ ρ allowed.
 const TURN_OF_A_STEP: f64 = 4e-4;
 
-/// The most, in turning radii, by which the outcome of a play may be worse than V.
+/// How much worse than V the outcome of a play may be, in turning radii.
 const SLACK: f64 = 1e-3;
 
 /// Plays against each habit.
 const PLAYS: usize = 120;
 
-/// How long a play lasts, in turns of a half circle; optimal play ends within one.
+/// Duration of a play, in half-circle turns; optimal play ends within one.
 const HALF_CIRCLES: f64 = 1.5;
 
-/// Who is driven.
+/// The driven vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
     Evader,
@@ -224,7 +223,7 @@ enum Role {
 /// A way of driving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Habit {
-    /// As the analysis says.
+    /// Optimal by the analysis.
     Optimal,
     /// The opposite of that.
     Mirrored,
@@ -234,14 +233,14 @@ enum Habit {
     BangBang,
     /// Any rate, changed at random.
     Restless,
-    /// The pursuer towards the evader, the evader away from the pursuer.
+    /// The pursuer turns towards the evader, the evader away from the pursuer.
     PointBlank,
-    /// The pursuer towards where the evader will be a quarter of a turn later, the evader
+    /// The pursuer turns towards where the evader will be a quarter of a turn later, the evader
     /// away from there.
     Lead,
-    /// The turn, held for a while, with the best value after it, knowing the other's turn.
+    /// The turn, held for a while, that leads to the best value, knowing the other's turn.
     Greedy,
-    /// Optimal, but decided a while ago.
+    /// Optimal, but with a delay.
     Late,
     /// One constant bound, then another from a random time on.
     OneSwitch,
@@ -263,13 +262,13 @@ const HABITS: [Habit; 13] = [
     Habit::OneSwitch,
 ];
 
-/// A driver with what it remembers.
+/// A driver with its state.
 struct Driver {
     role: Role,
     habit: Habit,
-    /// The present share of the largest rate, for those who keep it for a while.
+    /// The current share of the largest rate, for habits that hold it for a while.
     share: f64,
-    /// When to think again, rad of turning.
+    /// Time of the next decision, rad of turning.
     next: f64,
 }
 
@@ -292,7 +291,7 @@ impl Driver {
         if x > 0.0 && y.abs() < TURN_OF_A_STEP * x { 0.0 } else { y.signum() }
     }
 
-    /// The turn rate now; `other` is the other's if it is known.
+    /// The turn rate now; `other` is the other's, if known.
     fn decide(
         &mut self,
         game: &ExactValue,
@@ -371,8 +370,8 @@ fn nearest_of_segment([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
     hypot(ax + share * ux, ay + share * uy)
 }
 
-/// The smallest range, m, less R when the game is played from `state`. The driver under
-/// test decides first, and the other may know what it decided.
+/// The smallest range, m, minus R when the game is played from `state`. The driver under test
+/// decides first, and the other may know its decision.
 fn play(
     game: &ExactValue,
     state: [f64; 3],
@@ -403,7 +402,7 @@ fn play(
     nearest - game.radius_m()
 }
 
-/// A state on the kink, at the end of a bisection in y, if a random one has it nearby.
+/// A state on the kink, by bisection in y, if there is one near this state.
 fn kink(game: &ExactValue, [x, y, psi]: [f64; 3]) -> [f64; 3] {
     let mut ends = [-2.0, 2.0].map(|by| y + by * turning_radius_m(game));
     let turns_right = |y: f64| game.analyze([x, y, psi]).evader_turn < 0.0;
@@ -418,20 +417,20 @@ fn kink(game: &ExactValue, [x, y, psi]: [f64; 3]) -> [f64; 3] {
     [x, ends[0], psi]
 }
 
-/// Where plays begin: anywhere, and on the surfaces where the optimal turns jump.
+/// Start of a play: anywhere, and on the surfaces where the optimal turns jump.
 fn start(game: &ExactValue, index: usize, rng: &mut SeededRng) -> [f64; 3] {
     let [x, y, psi] = random_state(game, 4.0, rng);
     match index % 8 {
         0 => [x.abs(), 0.0, PI], // head-on
         1 => kink(game, [x.abs(), 0.3 * y, psi]),
         2 => [x, y, 0.0],               // parallel
-        3 => [x, 1e-3 * y, 1e-3 * psi], // in a line
+        3 => [x, 1e-3 * y, 1e-3 * psi], // in line
         _ => [x, y, psi],
     }
 }
 
-/// Lets `tested` play optimally against every habit of the other. Its loss, the
-/// outcome's distance from V to its disadvantage, must be within the slack.
+/// Lets `tested` play optimally against every habit of the other. Its loss, by which the outcome
+/// differs from V to its disadvantage, must be within the slack.
 fn check_play(tested: Role, seed: u64, loss: impl Fn(f64) -> f64) {
     for habit in HABITS {
         let mut rng = SeededRng::new(seed);
@@ -510,8 +509,8 @@ fn a_bad_batch_names_the_row() {
 
 #[test]
 fn the_same_bits_everywhere() {
-    // FNV-1a over the bits. The constant was found natively on x86-64 and in
-    // WebAssembly; a change of the formula may change it, a change of machine must not.
+    // FNV-1a over the bits. The constant was computed natively on x86-64 and in WebAssembly; a
+    // change of the formula may change it, another machine must not.
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     let mut rng = SeededRng::new(32);
     for _ in 0..10_000 {
@@ -531,7 +530,7 @@ fn any_state() -> impl Strategy<Value = [f64; 3]> {
     (-25.0..25.0f64, -25.0..25.0f64, -10.0..10.0f64).prop_map(|(x, y, psi)| [x, y, psi])
 }
 
-/// A heading at or next to one where a formula changes, x and y on or next to an axis.
+/// A heading at or near one where a formula changes, x and y on or near an axis.
 fn special_state() -> impl Strategy<Value = [f64; 3]> {
     let near = |places: [f64; 5]| {
         (prop::sample::select(places.to_vec()), prop::sample::select(vec![0.0, 1e-12, -1e-9, 1e-4]))
@@ -580,8 +579,8 @@ proptest! {
         prop_assert!(game.value(s) <= paper().value(s));
     }
 
-    /// |∂V/∂(x, y)| = 1 and |∂V/∂ψ| ≤ 2ρ: in particular V has no jump anywhere,
-    /// neither between its branches nor where the heading wraps.
+    /// |∂V/∂(x, y)| = 1 and |∂V/∂ψ| ≤ 2ρ: in particular V has no jump anywhere, neither between its
+    /// branches nor where the heading wraps.
     #[test]
     fn changes_no_faster_than_its_gradient(
         s in state(),

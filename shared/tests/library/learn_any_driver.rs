@@ -1,5 +1,5 @@
-//! Every model can be fitted to whoever drives: at random, by rules that features tell apart
-//! perfectly, hardly ever turning, in few tasks.
+//! Every model can be fitted to any driver: random ones, ones with rules that features separate
+//! perfectly, ones that rarely turn, and ones with few tasks.
 
 // Helpers outside `#[test]` functions are tests too.
 #![allow(clippy::unwrap_used)]
@@ -19,20 +19,20 @@ use std::ops::ControlFlow;
 
 #[derive(Clone, Copy, Debug)]
 enum Driver {
-    /// Holds a key at random, for up to six steps.
+    /// Holds a random key for up to six steps.
     Random,
-    /// Straight on while the robot is far, then away from the side it is on.
+    /// Straight while the robot is far away, then away from its side.
     Rule,
     /// One step in fifty.
     Rare,
-    /// Away from the robot's side while it is ahead, with a random input now and then.
+    /// Away from the robot's side while it is ahead, with an occasional random input.
     Mixed,
 }
 
 impl Driver {
     const ALL: [Self; 4] = [Self::Random, Self::Rule, Self::Rare, Self::Mixed];
 
-    /// An input, and for how many steps it is held.
+    /// An input, and the number of steps it is held.
     fn input(self, state: &JointState, rng: &mut SeededRng) -> (TurnInput, usize) {
         let [ahead, left, _] = state.robot_seen_by_human();
         let away = if left > 0.0 { TurnInput::Right } else { TurnInput::Left };
@@ -111,7 +111,7 @@ fn every_model_is_fitted_whoever_drives() {
     fitted(0..3, &models, &[papers, body, all]);
 }
 
-/// With each of these seeds linear SVMs whose steps are always corrected in full go in circles.
+/// With each of these seeds, linear SVMs with full correction of every step cycle.
 #[test]
 fn every_linear_svm_is_fitted_whoever_drives() {
     let mut sets = NamedSet::papers().unwrap();

@@ -1,4 +1,4 @@
-//! Boosted trees against their definition and against themselves.
+//! Boosted trees against their definition and for self-consistency.
 
 use crate::learning::{WIDTH, classes, person};
 use proptest::prelude::*;
@@ -31,7 +31,7 @@ fn the_deviance_falls_round_after_round() {
         for round in 1..=100 {
             assert!(loss(round) < loss(round - 1), "round {round}");
         }
-        // Before any round, the entropy of the classes, but for Laplace's rule.
+        // Before any round, the entropy of the classes, up to Laplace's rule.
         let n = rows.labels.len() as f64;
         let entropy: f64 = rows
             .samples(experiment)
@@ -81,7 +81,7 @@ fn the_first_round_is_the_best_stump() {
     let tree = &file.trees[0];
     assert_eq!(tree.questions.feature[0] as usize, best.1);
     let threshold = tree.questions.threshold[0];
-    // The definition tries halves; between two values that occur, any will do.
+    // The definition tries midpoints; between two occurring values, any threshold is equivalent.
     let side = |t: f64| -> Vec<bool> { (0..30).map(|i| values[2 * i + best.1] <= t).collect() };
     assert_eq!(side(threshold), side(best.2));
     for (found, expected) in tree.value[1..].iter().zip(best.3) {
@@ -121,10 +121,10 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
         let (model, chosen) = fit_by_folds(&samples, &folds, &[2, 3], &settings).unwrap();
         assert_eq!(model.rounds(), chosen.rounds);
         assert!(chosen.rounds > 0 && chosen.rounds < settings.rounds);
-        // Patience ends the search early, not elsewhere.
+        // Patience only ends the search early.
         let patient = settings.with_patience(60).with_rounds(150);
         assert_eq!(fit_by_folds(&samples, &folds, &[2, 3], &patient).unwrap().1, chosen);
-        // The chosen rounds by hand, with one fold after another left out.
+        // The chosen rounds computed directly, leaving out one fold after another.
         let settings = settings.with_depth(chosen.depth).with_rounds(chosen.rounds);
         let mut loss = 0.0;
         for fold in 0..5 {
@@ -146,7 +146,7 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
         }
         let loss = loss / folds.len() as f64;
         assert!((loss - chosen.log_loss).abs() < 1e-12, "{loss} {}", chosen.log_loss);
-        // It says something of trials to come.
+        // It generalizes to later trials.
         let model = model.unscaled(&scale);
         let prior = model.truncated(0);
         let loss = |model| log_loss(model, &test.values, &test.labels, classes(experiment));

@@ -1,4 +1,4 @@
-//! Logistic regression against scikit-learn and against itself.
+//! Logistic regression against scikit-learn, and for self-consistency.
 
 use crate::learning::apart::{self, furthest};
 use crate::learning::{PEOPLE, WIDTH, classes, person};
@@ -16,8 +16,8 @@ fn numbers(model: &Logistic) -> Vec<f64> {
     weights.into_iter().chain(model.intercepts().to_vec()).collect()
 }
 
-/// The models' own reference stops where its solver (L-BFGS) cannot see the loss fall any
-/// more: up to 7·10⁻⁶ short in a weight. scikit-learn's Newton solver goes to the end.
+/// The models' reference stops where its solver (L-BFGS) cannot detect a decrease of the loss any
+/// more: up to 7·10⁻⁶ short in a weight. scikit-learn's Newton solver converges fully.
 const SOLVER_STOPS_SHORT: f64 = 7e-6;
 
 fn agrees_with_scikit_learn(experiment: usize) {
@@ -40,7 +40,7 @@ fn whether_agrees_with_scikit_learn() {
 }
 
 /// Another library's solver, L-BFGS to a gradient of 10⁻⁹ (or as far as its line search gets), on
-/// the same rows. Its penalty is 1/C, as ours without one on intercepts.
+/// the same rows. Its penalty is 1/C, like ours without a penalty on intercepts.
 #[test]
 fn linfa_finds_the_same_models() {
     let mut apart = 0.0_f64;
@@ -97,7 +97,7 @@ fn a_path_ends_where_fits_on_their_own_do() {
             let apart = furthest(&numbers(model), &alone);
             assert!(apart < 1e-9, "C = {c}: {apart:e} apart");
         }
-        // Backwards, and with repetitions and jumps.
+        // In reverse order, and with repetitions and jumps.
         let order = [1e2, 1e2, 1e-3, 1.0];
         for (&c, model) in order.iter().zip(fit_path(&samples, &order, settings).unwrap()) {
             let alone = numbers(&fit(&samples, c, settings).unwrap());
@@ -131,7 +131,7 @@ fn separable_duplicated_and_constant_data_converge() {
     assert!(model.coefficients()[1][0] < -1.0);
     assert_eq!(model.coefficients()[0], [0.0, 0.0]);
 
-    // A column of zeros, as a constant one is after standardising, gets no weight.
+    // A column of zeros, as from standardising a constant one, gets no weight.
     let values = [[1.0, 0.0], [0.5, 0.0], [-1.0, 0.0], [0.2, 0.0]].concat();
     let samples = Samples::new(2, &values, &[0, 1, 2, 1], 3).unwrap();
     for model in fit_path(&samples, &[1.0, 1e6, 1e-6], LogisticSettings::default()).unwrap() {

@@ -1,4 +1,4 @@
-//! Rank tests of the comparison, with their ties, against scipy; and why cells of the comparison
+//! Rank tests of the comparison, with their ties, against SciPy; and why cells of the comparison
 //! differ from scikit-learn's.
 
 use crate::learning::why::{Choice, Right, why};
@@ -12,7 +12,8 @@ fn p_values_are_those_of_scipys_permutations() {
     assert!(apart.wilcoxon < 1e-12, "{:e}", apart.wilcoxon);
 }
 
-/// A choice of C with what we get right, and the fewest and most that scikit-learn does.
+/// A choice of C with our number of correct rows, and the smallest and largest numbers of
+/// scikit-learn.
 fn choice(c: f64, ours: [usize; 2], least: [usize; 2], most: [usize; 2]) -> Choice {
     let right = |[cv, test]: [usize; 2]| Right { cv, test };
     Choice {

@@ -10,7 +10,7 @@ use sidestep::math::{SeededRng, ln};
 use sidestep::predict::scale::Scale;
 use sidestep::predict::svm::{Kernel, Sigmoid, Svm, pair_count, pairs};
 
-/// Sigmoids where probabilities do not matter.
+/// Sigmoids for tests that do not use probabilities.
 fn plain(classes: usize) -> Vec<Sigmoid> {
     vec![Sigmoid { a: -1.0, b: 0.0 }; pair_count(classes)]
 }
@@ -26,7 +26,7 @@ fn scikit_learns_svms_are_found_again() {
     }
 }
 
-/// scikit-learn's probabilities are one class against the rest, ours pairs of classes, coupled;
+/// scikit-learn's probabilities are one class against the rest, ours are coupled pairs of classes;
 /// for two classes they are the same. Compared by log loss on test rows.
 #[test]
 fn probabilities_do_as_well_as_scikit_learns() {
@@ -110,7 +110,7 @@ fn libsvm_finds_the_same_svms() {
                 };
                 row.iter().enumerate().map(value).collect()
             };
-            // libsvm's pairs are in the order in which labels first occur, which is ours.
+            // libsvm orders pairs by the first occurrence of labels, which is our order.
             let problem = SvmProblem {
                 labels: labels.iter().map(|&label| label as f64).collect(),
                 instances: values.chunks(width).map(nodes).collect(),
@@ -128,8 +128,8 @@ fn libsvm_finds_the_same_svms() {
                 eps: 1e-9,
                 ..SvmParameter::default()
             };
-            // libsvm keeps its kernel matrix in single precision: of each row at most C times
-            // that.
+            // libsvm stores its kernel matrix in single precision: the error is at most C times
+            // that per row.
             let rounding = f64::from(f32::EPSILON) * c * labels.len() as f64;
             let model = libsvm_rs::train::svm_train(&problem, &parameter);
             let (others, _) = random_rows(100 + seed, 50, width, classes);
@@ -276,7 +276,7 @@ fn poor_data() {
 
 #[test]
 fn a_class_that_a_fold_lacks() {
-    // Class 2 occurs in fold 0 only: SVMs of the others do not know it.
+    // Class 2 occurs in fold 0 only: SVMs trained on the others do not know it.
     let values: Vec<f64> = (0..12).map(f64::from).collect();
     let labels = [0, 1, 2, 2, 0, 1, 0, 1, 0, 1, 0, 1];
     let folds = [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2];

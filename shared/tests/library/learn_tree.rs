@@ -1,4 +1,4 @@
-//! Decision trees against scikit-learn, against brute force and against themselves.
+//! Decision trees against scikit-learn, against brute force and for self-consistency.
 
 use crate::learning::{PEOPLE, apart, person};
 use proptest::prelude::*;
@@ -7,8 +7,8 @@ use sidestep::learn::tree::{TreeSettings, grow, grow_each};
 use sidestep::math::SeededRng;
 use sidestep::predict::tree::{Tree, TreeFile};
 
-/// The reference's trees were compared with five others of random tie-breaks; more find more.
-/// Rows on which none of a thousand trees disagrees must be equal here too.
+/// The reference's trees were compared with five others with random tie-breaks; more of them find
+/// more ties. Rows on which a thousand trees agree must be equal here too.
 fn agrees_with_scikit_learn(experiment: usize) {
     let apart = apart::trees(experiment);
     assert_eq!(apart.rows, 500 * PEOPLE);
@@ -27,7 +27,7 @@ fn whether_agrees_with_scikit_learn() {
     agrees_with_scikit_learn(2);
 }
 
-/// CART from its definition: every split is tried and impurities are compared as fractions.
+/// CART from its definition: tries every split and compares impurities as fractions.
 fn plain(
     rows: &[(Vec<f32>, usize)],
     classes: usize,
@@ -82,7 +82,7 @@ fn in_preorder(tree: &Tree) -> Vec<(usize, f64, Vec<u32>)> {
     (0..tree.nodes()).map(|i| (feature(i), q.threshold[i], counts[i].clone())).collect()
 }
 
-/// Rows of few distinct values, so that there are many ties, or of many.
+/// Rows with few distinct values, so that there are many ties, or with many.
 fn rows() -> impl Strategy<Value = (usize, Vec<f64>, Vec<usize>)> {
     (1..4usize, 1..25usize, prop_oneof![Just(3), Just(1000)]).prop_flat_map(|(width, n, levels)| {
         let values = prop::collection::vec((0..levels).prop_map(f64::from), width * n);
@@ -162,7 +162,7 @@ fn little_to_learn_from_gives_little_trees() {
     let mut p = [0.0; 2];
     one.probabilities_into(&[0.0], &mut p);
     assert_eq!(p, [1.0 / 5.0, 4.0 / 5.0]);
-    // Constant features, and values that single precision cannot tell apart.
+    // Constant features, and values that are equal in single precision.
     assert_eq!(tree(2, &[1.0, 5.0, 1.0, 5.0], &[0, 1]).nodes(), 1);
     assert_eq!(tree(1, &[1.0, 1.0 + 1e-9], &[0, 1]).nodes(), 1);
     assert_eq!(tree(1, &[0.0, -0.0], &[0, 1]).nodes(), 1);
@@ -170,7 +170,7 @@ fn little_to_learn_from_gives_little_trees() {
     let two = tree(1, &[1.0, 2.0, 1.0, 2.0, 1.0, 2.0, 1.0, 2.0], &[0, 1, 0, 1, 0, 1, 0, 1]);
     assert_eq!(two.nodes(), 3);
     assert_eq!((two.class(&[1.5]), two.class(&[1.6])), (0, 1));
-    // Two features that say something only together.
+    // Two features that are informative only together.
     let xor = tree(2, &[0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0], &[0, 1, 1, 0]);
     assert_eq!((xor.leaves(), xor.class(&[1.0, 0.0]), xor.class(&[1.0, 1.0])), (4, 1, 0));
 }

@@ -1,5 +1,6 @@
-//! Tests of the library from outside, in one program: each program more would link the library once more.
-//! What counts the memory of its process, or takes long, is a program of its own beside this folder.
+//! Tests of the library's public interface, in one program, because each further program would link
+//! the library again. Tests that count memory, or take long, are separate programs beside this
+//! folder.
 
 mod algorithm1;
 mod baselines;

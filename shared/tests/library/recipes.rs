@@ -1,4 +1,4 @@
-//! The recipes of CONTRIBUTING.md, each followed in a few lines.
+//! The recipes of CONTRIBUTING.md, each in a few lines.
 
 use core::ops::ControlFlow;
 use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout, input_bounds};
@@ -33,7 +33,7 @@ fn a_feature_is_one_entry() {
     };
     let safety = safety();
     assert!((bearing.value(&[now()], &safety) - sidestep::math::atan2(4.0, 3.0)).abs() < 1e-15);
-    // Whatever is in the table can be named in a set, in a predictor.json and in a dataset.
+    // Every feature in the table can be used in a set, in a predictor.json and in a dataset.
     for feature in FEATURES {
         let set = FeatureSet::of(&[feature.name]).expect("a feature of the table");
         let mut row = [f64::NAN];
@@ -51,7 +51,7 @@ fn a_feature_is_one_entry() {
     }
 }
 
-/// A predictor of one's own, for Algorithm 1: who turns away from a robot on the left.
+/// A custom predictor for Algorithm 1: a human who turns away from a robot on the left.
 #[test]
 fn a_predictor_is_two_methods() {
     struct Avoider;
@@ -92,8 +92,8 @@ fn every_kind_of_model_is_described() {
     }
 }
 
-/// A game of one's own: two runners on a line, state x = the lead of the evader in m. The evader
-/// has 1 m/s, the pursuer 2 m/s: ẋ = a − b.
+/// A custom game: two runners on a line, state x = the lead of the evader in m. The evader has 1
+/// m/s, the pursuer 2 m/s: ẋ = a − b.
 #[test]
 fn a_game_is_three_methods() {
     struct Chase;
@@ -108,7 +108,7 @@ fn a_game_is_three_methods() {
             [T::from_f64(3.0)]
         }
     }
-    // V is the least distance less 0.5 m within 1 s: the lead shrinks by 1 m.
+    // V is the minimum distance minus 0.5 m within 1 s: the lead shrinks by 1 m.
     let grid = Grid { axes: [Axis::bounded(-4.0, 4.0, 161)] };
     let near = |[x]: [f64; 1]| x.abs() - 0.5;
     let problem = Problem::reach(&Chase, grid, &near, 1.0);

@@ -11,7 +11,7 @@ use sidestep::vehicle::TurnInput;
 /// The seed of `tests/data/trials.csv`.
 const SEED: u64 = 20_180_918;
 
-/// A number with the nine significant digits of the file.
+/// Rounds a number to the nine significant digits of the file.
 fn printed(number: f64) -> f64 {
     format!("{number:.8e}").parse().unwrap()
 }
@@ -38,7 +38,7 @@ fn every_row_of_the_reference() {
     assert!(rows.next().is_none());
 }
 
-/// What the keys asked for at a time.
+/// The input that the keys ask for at a time.
 fn keys_at(drive: &SyntheticDrive, t_ms: f64) -> TurnInput {
     let before = drive.key_changes.iter().take_while(|change| change.at_ms <= t_ms);
     before.last().map_or(TurnInput::Straight, |change| change.input)
@@ -91,9 +91,8 @@ fn studies_of_other_vehicles_and_clocks() {
     }
 }
 
-/// Nothing but the clock differs: the same scenes, and much the same behaviour. The reference
-/// says that 58 to 72 % of its steps are without a key and that 15.5 % of its trials end in the
-/// danger zone.
+/// Only the clock differs: the same scenes, and similar behaviour. According to the reference, 58
+/// to 72 % of its steps are without a key and 15.5 % of its trials end in the danger zone.
 #[test]
 fn the_clock_changes_little() {
     let parameters = SceneParameters::default();
@@ -128,7 +127,7 @@ fn a_seed_names_its_people() {
     assert!((person.weights.iter().sum::<f64>() - 1.0).abs() < 1e-15);
 }
 
-/// The robot turns up where it must: a vehicle on top of the other has no bearing.
+/// The robot must turn up: a vehicle on top of the other has no bearing.
 #[test]
 fn nothing_becomes_infinite() {
     let parameters = SceneParameters::default();

@@ -18,8 +18,8 @@ use sidestep::shfrs::window_sets::Prediction;
 use sidestep::vehicle::Pose;
 use std::sync::OnceLock;
 
-/// A predictor (logistic regression on B_hrd) of the first 20 drives of each person, and the
-/// other 30 of each: 240 trajectories that it has not seen.
+/// A predictor (logistic regression on B_hrd) trained on the first 20 drives of each person, and
+/// the other 30 of each: 240 unseen trajectories.
 struct Data {
     parameters: SceneParameters,
     safety: SafetyLevels,
@@ -75,7 +75,7 @@ fn every_guarantee_is_kept_on_trajectories_that_nothing_was_chosen_by() {
             // One test of 72 trajectories: its interval must not exclude p.
             assert!(found.coverage.high >= p, "{found:?}");
             assert!((0.0..=1.0).contains(&found.epsilon));
-            // Less than the worst case.
+            // Smaller than the worst case.
             assert!(found.mean_area_m2 > 0.0 && found.mean_area_m2 < 16.0 / 3.0, "{found:?}");
             assert!(found.statement.contains("72 trajectories"));
         }
@@ -92,7 +92,8 @@ fn tuning_does_not_depend_on_the_number_of_threads() {
     assert_eq!(on(1), on(3));
 }
 
-/// Over several draws of the windows: of 72 tasks, one with an unexpected key more or less moves ε by half its range.
+/// Over several draws of the windows: of 72 tasks, one with an unexpected key more or less moves ε
+/// by half its range.
 #[test]
 fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     let areas = |p: f64, choice: ActionChoice| -> Vec<f64> {
@@ -116,8 +117,8 @@ fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
     }
 }
 
-/// What was tuned goes online: the same sets, and plans that are called safe are touched no more often than the
-/// guarantee allows.
+/// Tuned settings give the same sets online, and plans reported as clear are touched at most as
+/// often as the guarantee allows.
 #[test]
 fn what_was_tuned_predicts_online() {
     const STEP: usize = 12;
@@ -153,8 +154,8 @@ fn what_was_tuned_predicts_online() {
         let sets = online.predict().unwrap().to_vec();
         let expected = prediction.bounds(&states[..=STEP], &same).unwrap();
         assert_eq!(sets[0], expected.sets[0]);
-        // A robot that waits beside where the human will be: whoever stays inside the set touches no plan that is clear of it,
-        // however the plan was chosen.
+        // A robot that waits beside the human's future position: a human who stays inside the set
+        // touches no plan that is clear of it, however the plan was chosen.
         let ahead = states[STEP + found.steps].human;
         let (sin, cos) = sin_cos(ahead.psi);
         for aside in [0.3, 0.6, 1.0, 1.5] {

@@ -29,8 +29,8 @@ fn footprint(number: usize) -> Footprint {
     }
 }
 
-/// Random drives, looked at 20 times in each step, against every bound; and how far apart the bounds
-/// from below and from above are.
+/// Random drives, sampled 20 times in each step, against every bound; and the gap between lower and
+/// upper bounds.
 #[test]
 fn no_drive_comes_nearer() {
     const PARTS: usize = 20;
@@ -53,7 +53,7 @@ fn no_drive_comes_nearer() {
                 for (i, pose) in drive.iter().enumerate() {
                     let seconds = step_s * i as f64 / PARTS as f64;
                     let apart = footprint.distance_m(plan.pose_at(seconds), pose.position());
-                    // The end of a step is the beginning of the next one.
+                    // The end of a step is the start of the next one.
                     for step in [i / PARTS, i.div_ceil(PARTS).saturating_sub(1)] {
                         let Some(clearance) = found.by_step(0).get(step) else { continue };
                         let beyond = apart - clearance.at_least_m;
@@ -77,7 +77,7 @@ fn no_drive_comes_nearer() {
              clearances within {accuracy_m} m",
             nearest,
         );
-        // Where sets are wide, the limit of the work ends some searches.
+        // Where sets are wide, the work limit ends some searches.
         let least = if class.rate_radps <= 0.5 { near } else { near / 2 };
         assert!(exact >= least && near > 20, "{class:?}: {exact} of {near}");
     }
@@ -103,7 +103,7 @@ fn holds(clearance: Clearance, expected_m: f64, accuracy_m: f64) {
     );
 }
 
-/// Human and robot drive straight on. Where they are closest lies within a step.
+/// Human and robot drive straight; the closest point is within a step.
 #[test]
 fn straight_drives_have_their_closed_form() {
     let mut rng = SeededRng::new(7);
@@ -128,8 +128,8 @@ fn straight_drives_have_their_closed_form() {
     }
 }
 
-/// A human who can always drive straight gets as far ahead as the speed allows; sideways to the right,
-/// as far as the arc at the lowest rate.
+/// A human who may always drive straight gets as far ahead as the speed allows, and to the right as
+/// far as the arc at the lowest rate.
 #[test]
 fn a_robot_that_stands_ahead_or_aside() {
     let set = || bounds(&[-0.5; 10], &[0.5; 10]);
@@ -139,15 +139,16 @@ fn a_robot_that_stands_ahead_or_aside() {
     for step in 0..10 {
         let t = 0.2 * (step + 1) as f64;
         holds(ahead[step], 7.0 - 2.0 * t - 0.5, 1e-3);
-        // From far away the front is the end of the path that turns right throughout, or beside it.
+        // From far away the closest point of the front is the end of the path that turns right
+        // throughout, or beside it.
         let end = dubins::arc(Pose::new(0.0, 0.0, 0.0), 2.0, -0.5, t);
         let arc_m = hypot(3.0 - end.x, -60.0 - end.y) - 0.5;
         assert!(aside[step].at_least_m <= arc_m + 1e-9 && arc_m < aside[step].at_most_m + 0.05);
     }
 }
 
-/// Behind the human, sets are not convex: the rear is reached by drives that switch once between the
-/// bounds. A robot crosses there.
+/// Behind the human, sets are not convex: the rear is reached by drives that switch once between
+/// the bounds. A robot crosses there.
 #[test]
 fn a_robot_behind_is_seen_as_the_switching_drives_come_near() {
     const ACCURACY_M: f64 = 0.005;
@@ -178,7 +179,7 @@ fn a_robot_behind_is_seen_as_the_switching_drives_come_near() {
     }
 }
 
-/// Larger sets come nearer, and each set has the clearance that it has alone.
+/// Larger sets come nearer, and each set has the same clearance as alone.
 #[test]
 fn clearances_fall_from_set_to_set() {
     let mut rng = SeededRng::new(11);
@@ -216,7 +217,7 @@ fn clearances_fall_from_set_to_set() {
     }
 }
 
-/// Less work gives smaller bounds, never larger ones than drives allow.
+/// A lower work limit gives smaller bounds, never larger than drives allow.
 #[test]
 fn little_work_is_careful() {
     let mut rng = SeededRng::new(13);

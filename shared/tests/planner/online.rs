@@ -1,4 +1,4 @@
-//! The online predictor, and what its calibration says about collisions.
+//! The online predictor, and the collision bounds of its calibration.
 
 use sidestep::bounds::{
     ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
@@ -29,7 +29,7 @@ fn safety(parameters: &SceneParameters) -> SafetyLevels {
     SafetyLevels::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
 }
 
-/// A model of the distance and of what the human did in the five steps before.
+/// A model of the distance and the human's inputs in the last five steps.
 fn predictor() -> Predictor {
     let features = FeatureSet::of(&["distance", "turned_5", "turned_1"]).unwrap();
     let rows = [vec![-0.1, 3.0, 1.0], vec![0.3, 0.0, -0.5], vec![-0.1, -3.0, -1.0]];
@@ -60,7 +60,7 @@ fn drive() -> Vec<JointState> {
     states
 }
 
-/// A bounded history gives the bounds of the whole one.
+/// A bounded history gives the same bounds as the whole one.
 #[test]
 fn it_predicts_what_the_whole_history_does() {
     let parameters = SceneParameters::default();
@@ -110,7 +110,7 @@ fn a_jump_begins_a_new_history() {
     assert_eq!(online.predict().unwrap_err().field, "history");
 }
 
-/// Sets are of a human who drives as the vehicle does.
+/// Sets are for a human who drives like the vehicle.
 #[test]
 fn a_human_at_another_speed_is_noticed() {
     let (mut online, states) = (online(), drive());
@@ -136,8 +136,8 @@ fn a_human_at_another_speed_is_noticed() {
     assert_eq!((online.check_human(), online.departure()), (Ok(()), None));
 }
 
-/// Somebody stands where the robot drives. In step 8 the robot is over them, at a distance of 3 − 8 · 0.4 = −0.2 m along its
-/// way; sets of a human at 2 m/s are 2 m away by then.
+/// A human stands in the robot's way. In step 8 the robot is over them, at a distance of 3 − 8 ·
+/// 0.4 = −0.2 m along its way; sets of a human at 2 m/s are 2 m away by then.
 #[test]
 fn nobody_who_stands_still_is_driven_over() {
     let parameters = SceneParameters::default();
@@ -166,7 +166,7 @@ fn nobody_who_stands_still_is_driven_over() {
     assert_eq!((found.largest_clear(0.0), found.of(0).at_most_m), (None, f64::NEG_INFINITY));
     let why = Departure::Speed { measured_mps: 0.0, vehicle_mps: 2.0 };
     assert_eq!((found.unproved(), online.departure()), (Some(why), Some(why)));
-    // A bound on the probability of a collision says nothing either.
+    // Nor is there a bound on the probability of a collision.
     let scores = Scores::new(vec![0.0; 100]).unwrap();
     let tolerance = Tolerance::default();
     let bounds =
@@ -177,18 +177,18 @@ fn nobody_who_stands_still_is_driven_over() {
     let other = Plan::driven(robot, &[(2.0, 0.0); STEPS], 0.1, super::FREE).unwrap();
     assert_eq!(online.clear(&other, &footprint).unwrap_err().field, "plan.step_s");
 
-    // Whoever wants the sets of the vehicle all the same says so, and gets those numbers.
+    // With `assume_vehicle`, the caller gets those numbers nevertheless.
     assumed.predict().unwrap();
     let found = assumed.clear(&plan, &footprint).unwrap();
     assert!(found.unproved().is_none() && found.by_step(1)[8].at_least_m > 1.9);
     assert!(assumed.departure().is_none() && assumed.check_human().is_err());
 
-    // Whoever walks on like the vehicle is predicted again.
+    // A human who continues like the vehicle is predicted again.
     let walks = JointState { human: Pose::new(0.4, 0.0, 0.0), robot };
     assert_eq!(online.push(walks), Ok(Continuity::Continues));
     online.predict().unwrap();
     assert!(online.clear(&plan, &footprint).unwrap().unproved().is_none());
-    // A jump forgets the history and proves nothing either.
+    // A jump discards the history and proves nothing either.
     let away = JointState { human: Pose::new(4.0, 0.0, 0.0), robot };
     assert_eq!(online.push(away), Ok(Continuity::Restarted));
     online.predict().unwrap();
@@ -215,7 +215,7 @@ fn models_that_cannot_be_used_online_are_refused() {
 
 const STEPS: usize = 10;
 
-/// The same probabilities always.
+/// Constant probabilities.
 struct Always;
 
 impl ActionModel for Always {
@@ -228,7 +228,7 @@ impl ActionModel for Always {
     }
 }
 
-/// A human who mostly drives straight on and may turn for a while, at any rate.
+/// A human who mostly drives straight and may turn for a while, at any rate.
 fn behave(rng: &mut SeededRng) -> Trajectory {
     let robot = Pose::new(40.0, 0.0, 0.0);
     let (from, turn) =
@@ -244,8 +244,8 @@ fn behave(rng: &mut SeededRng) -> Trajectory {
     Trajectory::new(states, rates).unwrap()
 }
 
-/// Robots that choose plans without knowing the future are touched no more often than the bound says:
-/// for every α, a touch where the bound is at most α has at most the probability α, but for the
+/// Robots that choose plans without knowing the future are touched at most as often as the bound
+/// says: for every α, a touch where the bound is at most α has at most probability α, except for
 /// calibrations that fail.
 #[test]
 fn touches_are_as_rare_as_the_bound_says() {
@@ -306,7 +306,7 @@ fn touches_are_as_rare_as_the_bound_says() {
         );
         assert!(said > 0.02, "{alpha}: is anything promised?");
     }
-    // Leaving F_1 leads to touches: a bound that promised much less would be found out.
+    // Leaving F_1 leads to touches: so a bound that was much too low would be detected.
     assert!(touched[4] > 0.02, "{touched:?}");
 }
 
@@ -319,12 +319,12 @@ fn bounds_say_what_they_assume_and_refuse_bad_input() {
         CoverageBounds::of_scores(&scores, epsilon, delta, &parameters, tolerance, 10)
     };
     let bounds = of(&[0.505, 0.945], 0.05).unwrap();
-    // 51 and 95 of 100 inside; P(Bin(100, p) ≥ 51) and P(Bin(100, p) ≥ 95), summed, are 0.025 here.
+    // 51 and 95 of 100 inside; P(Bin(100, p) ≥ 51) and P(Bin(100, p) ≥ 95) sum to 0.025 here.
     for (found, inside) in bounds.outside().iter().zip([0.408_036_329_155, 0.887_165_088_895]) {
         assert!((found - (1.0 - inside)).abs() < 1e-9, "{found}");
     }
     assert!(bounds.statement().contains("confidence 0.95") && bounds.margin_m() < 0.02);
-    // A set that admits everything takes no share of δ.
+    // A set that admits everything uses no share of δ.
     let (alone, beside) = (of(&[0.505], 0.05).unwrap(), of(&[0.505, 1.0], 0.05).unwrap());
     assert_eq!(beside.outside(), [alone.outside()[0], 0.0]);
     assert_eq!(of(&[], 0.05).unwrap_err().field, "epsilon");

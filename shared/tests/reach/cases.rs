@@ -1,5 +1,5 @@
-//! The twelve reference cases of reachable sets (`tests/data/README.md`), and how far our sets are
-//! from them. A test bounds these numbers; `cargo xtask validate shfrs` prints them.
+//! The twelve reference cases of reachable sets (`tests/data/README.md`), and the deviations of our
+//! sets from them. A test bounds these numbers; `cargo xtask validate shfrs` prints them.
 
 use serde::{Deserialize, Serialize};
 use sidestep::bounds::InputBounds;
@@ -7,37 +7,37 @@ use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
-/// One case: worst errors over its steps and its tube.
+/// One case: maximum errors over its steps and its tube.
 #[derive(Debug, Serialize)]
 pub(crate) struct Case {
     pub(crate) id: usize,
     bounds: String,
     steps: usize,
-    /// Error of an area over its tolerance, which depends on the area.
+    /// Error of an area relative to its tolerance, which depends on the area.
     pub(crate) area: f64,
-    /// The same of our tube against its closed form, where straight is always admitted.
+    /// The same for our tube against its closed form, where straight is always admitted.
     pub(crate) closed_form_area: f64,
-    /// Error of a side of a bounding box, m, and what the reference allows.
+    /// Error of a side of a bounding box, m, and its tolerance in the reference.
     pub(crate) box_m: f64,
     pub(crate) box_allowed_m: f64,
-    /// Distance of a point of the reference's boundary from ours, m, and what is allowed.
+    /// Distance of a point of the reference's boundary from ours, m, and its tolerance.
     pub(crate) boundary_m: f64,
     pub(crate) boundary_allowed_m: f64,
-    /// How far such a point lies inside our set, m.
+    /// How far such a point is inside our set, m.
     pub(crate) inside_m: f64,
     /// Error of the signed distance of a queried position from the boundary, m.
     pub(crate) margin_m: f64,
-    /// How far a queried position that can be reached lies outside our tube, m.
+    /// How far a reachable queried position is outside our tube, m.
     pub(crate) outside_tube_m: f64,
     /// Queried positions and full states.
     pub(crate) planar: Queries,
     pub(crate) full: Queries,
-    /// In the case whose reference rear is drawn with coarse chords: how far points of its boundary
-    /// lie outside the true set, m. `boundary_m` then compares our set with the same chords.
+    /// In the case with coarse chords in the reference's rear: how far points of its boundary are
+    /// outside the true set, m. `boundary_m` then compares our set with the same chords.
     pub(crate) coarse_rear_m: Option<f64>,
 }
 
-/// Queries that the reference decides, and those that we decide differently.
+/// Number of queries that the reference decides, and of those that we decide differently.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Queries {
     pub(crate) decided: usize,
@@ -108,9 +108,9 @@ const STEP_S: f64 = 0.2;
 const BOX_M: f64 = 1e-3;
 const QUERY: Tolerance = Tolerance { position_m: 1e-3, heading_rad: 1e-3 };
 
-/// The case whose reference rear joins the ends of paths that switch from the highest to the lowest
-/// rate at thirds of a step by straight chords. These lie behind the true rear by more than the
-/// file's tolerance; nothing reachable lies there (random inputs in `properties.rs`).
+/// The case whose reference rear connects the ends of paths that switch from the highest to the
+/// lowest rate at thirds of a step by straight chords. These are behind the true rear by more than
+/// the file's tolerance; nothing reachable is there (random inputs in `properties.rs`).
 const COARSE_REAR: usize = 4;
 
 impl Reference {
@@ -123,7 +123,7 @@ impl Reference {
         }
     }
 
-    /// Our polygon, with its rear drawn as the reference's.
+    /// Our polygon, with its rear drawn like the reference's.
     fn with_coarse_rear(&self, polygon: &[[f64; 2]], step: usize) -> Vec<[f64; 2]> {
         // The end of the path with the highest rates for the first `thirds` thirds of a step, then
         // with the lowest.

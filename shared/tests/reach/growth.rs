@@ -1,4 +1,4 @@
-//! Polygons that surely contain a set, sets from uncertain starts, and Minkowski sums.
+//! Conservative polygons, sets from uncertain starts, and Minkowski sums.
 
 use super::{SPEED_MPS, STEP_S, origin, random_drive, random_pose, set};
 use sidestep::math::{PI, SeededRng, TAU, hypot};
@@ -44,7 +44,7 @@ fn starts(pose: Pose, rng: &mut SeededRng) -> StartSet {
     StartSet::new(pose, position, heading).expect("a start")
 }
 
-/// 10⁵ drives, and not a hair outside.
+/// 10⁵ drives, none outside at all.
 #[test]
 fn no_drive_leaves_a_conservative_polygon() {
     const PARTS: usize = 5;
@@ -78,8 +78,8 @@ fn no_drive_leaves_a_conservative_polygon() {
     }
 }
 
-/// Conservative polygons are at most 3 % larger, where the set has 0.1 m² or more. At sharp corners they can stick out by
-/// a few times the accuracy.
+/// Conservative polygons are at most 3 % larger, for sets of 0.1 m² or more. At sharp corners they
+/// can stick out by a few times the accuracy.
 #[test]
 fn a_conservative_polygon_exceeds_little() {
     let mut rng = SeededRng::new(42);
@@ -103,7 +103,8 @@ fn a_conservative_polygon_exceeds_little() {
             for &vertex in &surely {
                 let margin = -signed_distance(&exact, vertex);
                 farthest = farthest.max(-margin);
-                // The fine one lies to either side of the boundary, and sticks out at sharp corners.
+                // The fine one deviates from the boundary on either side, and sticks out at sharp
+                // corners.
                 assert!(margin <= 10.0 * fine.accuracy_m(), "{margin}");
             }
         }
@@ -113,8 +114,8 @@ fn a_conservative_polygon_exceeds_little() {
     assert!(farthest <= 10.0 * settings().accuracy_m(), "{farthest}");
 }
 
-/// Every boundary point is reached by some input whose rate jumps between bounds and
-/// straight ahead: enumerated with 6 sub-steps a step over three steps.
+/// Every boundary point is reached by some input that switches between the bounds and straight
+/// ahead: enumerated with 6 sub-steps per step over three steps.
 #[test]
 fn enumerated_inputs_reach_every_boundary_point() {
     const PARTS: usize = 6;
@@ -128,7 +129,7 @@ fn enumerated_inputs_reach_every_boundary_point() {
         let (lo, hi): (Vec<f64>, Vec<f64>) = case.into_iter().unzip();
         let set = set(origin(), &lo, &hi);
         let mut ends = vec![];
-        // At most two jumps, among the two bounds and the admissible rate nearest to 0.
+        // At most two switches, between the two bounds and the admissible rate nearest to 0.
         let parts = 3 * PARTS;
         for (first, second) in (0..=parts).flat_map(|i| (i..=parts).map(move |j| (i, j))) {
             for code in 0..27 {
@@ -180,7 +181,7 @@ fn an_uncertain_start_gives_the_union_of_its_starts() {
 
 #[test]
 fn a_turned_path_sweeps_a_sector() {
-    // No choice: an arc of a circle round the start, ±0.4 rad.
+    // No choice: an arc of a circle around the start, ±0.4 rad.
     let start = StartSet::new(origin(), PositionUncertainty::None, 0.4);
     let set = set(start.expect("a start"), &[0.0; 5], &[0.0; 5]);
     let fine = PolygonSettings::new(1e-5, 1).expect("settings");
@@ -198,7 +199,7 @@ fn sums_with_a_disc() {
         signed_area(&minkowski_disc(polygon, radius, 1e-3).expect("a sum"))
     };
     let disc = PI * 9.0;
-    // 10⁻³ m round about the perimeter.
+    // 10⁻³ m all along the perimeter.
     let excess =
         |found: f64, exact: f64| found >= exact && found - exact < 1e-3 * (8.0 + 3.0 * TAU);
     assert!(excess(area(&square, 3.0), 4.0 + 8.0 * 3.0 + disc));

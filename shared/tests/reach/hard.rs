@@ -1,6 +1,6 @@
-//! Sets of bounds that are made to be hard: steps without a choice, bounds that just fail to
-//! admit straight driving or just admit it, up to 50 steps. Drives made to get far out, by
-//! means other than the library's, stay inside.
+//! Sets for deliberately hard bounds: steps without a choice, bounds that just exclude or just
+//! admit straight driving, up to 50 steps. Drives constructed to get far out, by means other than
+//! the library's, stay inside.
 
 use super::{SPEED_MPS, STEP_S, origin, set};
 use sidestep::math::{SeededRng, cos};
@@ -10,7 +10,7 @@ use sidestep::vehicle::dubins;
 
 const ACCURACY_M: f64 = 1e-3;
 
-/// Parts of a step in which rates change.
+/// Number of parts of a step in which rates change.
 const PARTS: usize = 8;
 const PART_S: f64 = STEP_S / PARTS as f64;
 
@@ -25,7 +25,7 @@ impl Bounds {
         Self { lo, hi }
     }
 
-    /// From a few kinds of bounds, each held for some steps or drawn anew in each.
+    /// Bounds of a few kinds, each held for some steps or redrawn in each.
     pub(super) fn hard(rng: &mut SeededRng, steps: usize) -> Self {
         let one = |rng: &mut SeededRng| {
             let (a, b) = (rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5));
@@ -50,7 +50,7 @@ impl Bounds {
         self.lo.len() * PARTS
     }
 
-    /// Rates of each part to positions after each.
+    /// Integrates the rate of each part to the position after each.
     fn drive(&self, mut rate: impl FnMut(usize, f64, (f64, f64)) -> f64) -> Vec<[f64; 2]> {
         let (mut pose, mut heading) = (origin(), 0.0);
         let parts = 0..self.parts();
@@ -64,7 +64,7 @@ impl Bounds {
         drive.collect()
     }
 
-    /// After each part, the heading from which one can still get farthest along 0, by
+    /// After each part, the heading from which the vehicle can still get farthest along 0, by
     /// dynamic programming over headings.
     fn ridge(&self) -> Vec<f64> {
         const COUNT: usize = 801;
@@ -127,7 +127,7 @@ fn exact() -> PolygonSettings {
     PolygonSettings::new(ACCURACY_M, 4).unwrap()
 }
 
-/// Drives toward many directions as far as they get.
+/// Drives as far as possible in many directions.
 fn check_front(bounds: &Bounds) {
     let drawn = [exact(), exact().conservative()].map(|settings| Drawn::new(bounds, settings));
     let ridge = bounds.ridge();
@@ -144,7 +144,7 @@ fn check_front(bounds: &Bounds) {
 
 #[test]
 fn extremals_that_part_faster_than_digits_tell_leave_no_gap_in_the_front() {
-    // Once a chord cut off 2.8 m of this front.
+    // A chord once cut off 2.8 m of this front.
     let (no_choice, nearly_straight) =
         ((0.156_562_969_026_367_57, 0.156_562_969_026_367_57), (-0.5, -2.009_223_919_059_104e-4));
     let steps = "NNNNcNccc NNNNNN ccccccccccc NN c NNNN cccc NNNNNNNNNNNNN";
@@ -169,7 +169,7 @@ fn turning_more_than_half_a_circle_the_tube_is_closed_on_its_inner_side() {
     }
 }
 
-/// All drives with up to two jumps between the bounds.
+/// All drives with up to two switches between the bounds.
 fn check_rear(bounds: &Bounds, settings: PolygonSettings) {
     let drawn = Drawn::new(bounds, settings);
     let parts = bounds.parts();
@@ -197,7 +197,7 @@ fn check_rear(bounds: &Bounds, settings: PolygonSettings) {
 #[test]
 fn paths_that_jump_twice_where_bounds_are_narrow_do_not_stay_farther_back() {
     let settings = PolygonSettings::new(1e-4, 4).unwrap();
-    // Straight driving is always admissible, and yet one jump stays 2.4 mm short.
+    // Straight driving is always admissible, and yet one switch stays 2.4 mm short.
     check_rear(
         &Bounds::new([
             (0.0, 0.496),

@@ -1,4 +1,4 @@
-//! The convex polygons that take little work, and the limit on work.
+//! The cheap convex polygons, and the work limit.
 
 use super::{any_drive, random_pose};
 use sidestep::bounds::InputBounds;
@@ -9,10 +9,10 @@ use sidestep::reach::{
 };
 use sidestep::vehicle::{Pose, dubins};
 
-/// Directions in which a hull touches what it surrounds.
+/// Directions in which a hull touches the set.
 const DIRECTIONS: usize = 128;
 
-/// By how much hulls are grown, m, for an accuracy of 1 mm, and a nanosecond of travel per second.
+/// By how much hulls are grown, m, for an accuracy of 1 mm, plus a nanosecond of travel per second.
 const GROWN_M: f64 = 1.1e-5;
 
 fn settings() -> PolygonSettings {
@@ -78,8 +78,9 @@ impl Case {
         range.1 - range.0 < 0.5 * PI
     }
 
-    /// How far in direction `phi`, rad in the world frame, from the start's middle, at the end and at any instant: the
-    /// integral of the largest admissible speed in that direction, by many small steps.
+    /// Extent in direction `phi`, rad in the world frame, from the start's centre, at the end and
+    /// at any instant: the integral of the largest admissible speed in that direction, by many
+    /// small steps.
     fn support(&self, phi: f64) -> (f64, f64) {
         const PARTS: usize = 400;
         let part_s = self.step_s / PARTS as f64;
@@ -90,7 +91,7 @@ impl Case {
         for &(lo, hi) in &self.bounds {
             for _ in 0..PARTS {
                 let (from, to) = (low + 0.5 * lo * part_s, high + 0.5 * hi * part_s);
-                // A whole number of turns lies between them, or the nearer end is the best.
+                // If an integer number of turns is between them; otherwise the nearer end is best.
                 let turns = (to / TAU).floor() * TAU;
                 let best = if turns >= from { 1.0 } else { sin_cos(from).1.max(sin_cos(to).1) };
                 along += best * self.speed_mps * part_s;
@@ -110,7 +111,7 @@ impl Case {
     }
 }
 
-/// How far a polygon gets in a direction, from a position.
+/// Extent of a polygon in a direction, from a position.
 fn farthest(polygon: &[[f64; 2]], [x, y]: [f64; 2], phi: f64) -> f64 {
     let (sin, cos) = sin_cos(phi);
     let along = polygon.iter().map(|p| (p[0] - x) * cos + (p[1] - y) * sin);
@@ -140,12 +141,12 @@ fn a_hull_gets_as_far_as_the_best_headings_do() {
         }
     }
     println!("{:.6} mm at most", 1e3 * largest);
-    // The quadrature's own error at 400 parts a step, and the little by which hulls are grown.
+    // The quadrature's own error at 400 parts per step, and the growth of hulls.
     assert!(largest < 1e-4, "{largest}");
 }
 
-/// Where straight driving is always admissible and bounds are symmetric, a drive that turns toward a direction and then goes
-/// straight gets as far as the hull, in every direction.
+/// Where straight driving is always admissible and bounds are symmetric, a drive that turns toward
+/// a direction and then goes straight gets as far as the hull, in every direction.
 #[test]
 fn a_drive_touches_the_hull_in_every_direction() {
     let mut rng = SeededRng::new(62);
@@ -182,7 +183,8 @@ fn a_drive_touches_the_hull_in_every_direction() {
     }
 }
 
-/// The vertices of polygons that consist of extremals are reached; so no bounds that just forbid driving straight.
+/// The vertices of polygons of extremals are reachable; this excludes bounds that just exclude
+/// driving straight.
 #[test]
 fn a_hull_contains_what_follows_the_boundary() {
     let mut rng = SeededRng::new(63);
@@ -211,8 +213,9 @@ fn a_hull_contains_what_follows_the_boundary() {
                 };
                 let (around, (outline, fine)) = (draw(hull).1, draw(settings()));
                 let Outline::Refined { margin_m } = outline else { continue };
-                // What has no width is drawn a five-hundredth of the accuracy wide. Other polygons than those of extremals
-                // stick out where they are sharp, and the more the more coarsely they are drawn.
+                // A set without width is drawn a five-hundredth of the accuracy wide. Polygons
+                // other than those of extremals stick out at sharp corners, more so if drawn more
+                // coarsely.
                 let beyond = match margin_m {
                     _ if case.turns_little() => GROWN_M,
                     0.0 => 5e-3,
@@ -255,8 +258,9 @@ fn hulls_from_uncertain_starts_contain_every_drive() {
     }
 }
 
-/// Which kind a polygon is depends on the work that it takes: no limit is met at the paper's rates, any is met at 0,
-/// and at half a turn in each of 100 steps the default one is. A hull is convex and counter-clockwise.
+/// The kind of a polygon depends on its cost: the paper's rates meet no limit, a limit of 0 is
+/// always met, and half a turn in each of 100 steps meets the default one. A hull is convex and
+/// counter-clockwise.
 #[test]
 fn the_limit_on_work_decides_between_the_kinds() {
     let mut rng = SeededRng::new(65);
@@ -289,7 +293,7 @@ fn the_limit_on_work_decides_between_the_kinds() {
         let (outline, hull) = kind(&set, settings, tube);
         assert_eq!(outline, Outline::ConvexHull);
         assert_convex(&hull);
-        // A disc, nearly: turn about within a second, then go straight.
+        // Nearly a disc: turn around within a second, then go straight.
         let area = signed_area(&hull);
         assert!((PI * 198.0 * 198.0..PI * 200.0 * 200.0).contains(&area), "{area}");
     }

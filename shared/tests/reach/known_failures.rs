@@ -1,5 +1,5 @@
-//! Reachable states that polygons and membership missed. A test of a defect that is known asserts that
-//! it is still there.
+//! Reachable states that polygons and membership once missed. A test of a known defect asserts that
+//! it still exists.
 
 use super::{origin, random_drive, set};
 use sidestep::bounds::InputBounds;
@@ -8,7 +8,8 @@ use sidestep::reach::polygon::{signed_area, signed_distance};
 use sidestep::reach::{Outline, PolygonSettings, ReachableSet, Tolerance, Workspace};
 use sidestep::vehicle::{Pose, dubins};
 
-/// A drive with `inputs` within the bounds, one or several of the same length a step, at a speed, m/s, and step, s.
+/// A drive with `inputs` within the bounds, one or several of equal length per step, at a speed,
+/// m/s, and step, s.
 struct Case {
     speed_mps: f64,
     step_s: f64,
@@ -77,7 +78,7 @@ const SEVEN: Case = Case {
     inputs: &[-0.52, 2.8, 2.65, 1.95, -2.75, -2.05, 2.67],
 };
 
-/// At up to 1.5 rad a step these drives were once outside, by up to 390 mm.
+/// At up to 1.5 rad per step these drives were once outside, by up to 390 mm.
 #[test]
 fn conservative_polygons_contain_drives_at_large_turns_per_step() {
     for case in [THREE, SIX, NINE] {
@@ -87,7 +88,8 @@ fn conservative_polygons_contain_drives_at_large_turns_per_step() {
     }
 }
 
-/// How far outside a drive may be, and the most that it is, m: after the last step, and at any instant of the tube.
+/// How far outside a drive may be, and is at most, m: after the last step, and at any instant of
+/// the tube.
 fn misses(case: &Case, settings: PolygonSettings) -> [(f64, f64); 2] {
     let (set, parts) = (case.set(), case.inputs.len() / case.lo.len());
     let (mut workspace, mut polygon) = (Workspace::default(), Vec::new());
@@ -109,8 +111,8 @@ fn misses(case: &Case, settings: PolygonSettings) -> [(f64, f64); 2] {
     })
 }
 
-/// Drives that polygons which are not conservative missed at large turns a step, by 0.45 m, 33 mm, 46 mm and 40 mm; the first and the
-/// last change their rates within steps.
+/// Drives that non-conservative polygons missed at large turns per step, by 0.45 m, 33 mm, 46 mm
+/// and 40 mm; the first and the last change their rates within steps.
 #[test]
 fn no_polygon_misses_a_drive_at_large_turns_per_step() {
     let within = Case {
@@ -151,7 +153,8 @@ fn no_polygon_misses_a_drive_at_large_turns_per_step() {
     }
 }
 
-/// A long stretch under some bounds, then one under others: what tubes of extremals had of the set was cut off by up to 6.80 m.
+/// A long stretch under some bounds, then one under others: tubes of extremals were cut off by up
+/// to 6.80 m.
 #[test]
 fn a_tube_contains_its_own_steps_under_bounds_of_two_parts() {
     let parts = |parts: [(f64, usize); 2]| parts.map(|(rate, steps)| vec![rate; steps]).concat();
@@ -171,7 +174,7 @@ fn a_tube_contains_its_own_steps_under_bounds_of_two_parts() {
                 let Outline::Refined { margin_m } = outline else { panic!("step {step}") };
                 let outside = polygon.iter().map(|vertex| signed_distance(&tube, *vertex));
                 let most = outside.fold(f64::NEG_INFINITY, f64::max);
-                // Both are within the accuracy, or the step is around its set.
+                // Both are within the accuracy, or the step's polygon contains its set.
                 let allowed = if margin_m > 0.0 { 16.0 * accuracy_m } else { 2.0 * accuracy_m };
                 assert!(most <= allowed, "{most} m, step {step} of {lo:?} {hi:?}");
             }
@@ -188,7 +191,7 @@ fn a_tube_contains_its_own_steps_under_bounds_of_two_parts() {
     }
 }
 
-/// The curves of membership miss states that these drives reach: they once counted as outside.
+/// The membership curves miss states that these drives reach: they once counted as outside.
 #[test]
 fn membership_misses_no_state_at_large_turns_per_step() {
     let [five, seven] = [FIVE, SEVEN].map(|case| {
@@ -200,9 +203,10 @@ fn membership_misses_no_state_at_large_turns_per_step() {
     assert!(five < -1.0 && seven < -5.0, "mended? {five} {seven}");
 }
 
-/// At the paper's rates a polygon of 0.1 mm accuracy once passed inside two drives, by 0.147 mm and 0.194 mm: their rate
-/// switches twice, and such paths bound the set only for a short range of end headings. The first is drive 7 of the property
-/// test, with the random seed that found these bounds.
+/// At the paper's rates a polygon of 0.1 mm accuracy once excluded two drives, by 0.147 mm and
+/// 0.194 mm: their rate switches twice, and such paths bound the set only for a short range of end
+/// headings. The first is drive 7 of the property test, with the random seed that found these
+/// bounds.
 #[test]
 fn a_polygon_misses_no_drive_that_switches_twice() {
     const PARTS: usize = 8;
@@ -224,8 +228,9 @@ fn a_polygon_misses_no_drive_that_switches_twice() {
     }
 }
 
-/// Bounds that forbid driving straight by less than 10⁻⁴ rad/s once counted as allowing it whatever the time: this set, of
-/// headings from 0.09 to 0.3 rad, had positions 4.5 m away from it.
+/// Bounds that exclude driving straight by less than 10⁻⁴ rad/s once counted as allowing it,
+/// regardless of the time: this set, with headings from 0.09 to 0.3 rad, had positions 4.5 m
+/// outside.
 #[test]
 fn long_steps_that_forbid_driving_straight_do() {
     let of = |lo: f64, hi: f64, steps, speed_mps, step_s| {
@@ -267,7 +272,7 @@ fn a_polygon_of_high_accuracy_misses_no_fast_drive() {
         let set = ReachableSet::new(origin(), &bounds, speed_mps, 0.2).unwrap();
         let settings = PolygonSettings::new(accuracy_m, 2).unwrap();
         let polygon = set.step_polygon(6, settings);
-        // The lowest rates, but in the middle half of the fifth step.
+        // The lowest rates, except in the middle half of the fifth step.
         let end = lo.iter().enumerate().fold(origin(), |pose, (step, &low)| {
             let middle = if step == 4 { 0.7907283161693446 } else { low };
             [(low, 0.05), (middle, 0.1), (low, 0.05)]
@@ -279,7 +284,7 @@ fn a_polygon_of_high_accuracy_misses_no_fast_drive() {
     }
 }
 
-/// Polygons that were drawn coarsely were once larger than the convex hull, by up to 18 %.
+/// Coarse polygons were once larger than the convex hull, by up to 18 %.
 #[test]
 fn no_coarse_polygon_is_larger_than_the_convex_hull() {
     let bounds = InputBounds::new(vec![-1.5; 40], vec![1.5; 40], (-1.5, 1.5)).unwrap();

@@ -1,5 +1,5 @@
-//! Reachable sets against drives, against enumerated inputs, against a reference and against
-//! themselves. Tests print what they measured (`cargo test --release -- --nocapture`).
+//! Reachable sets against drives, against enumerated inputs, against a reference and for
+//! self-consistency. Tests print their measurements (`cargo test --release -- --nocapture`).
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 #![allow(clippy::print_stdout, reason = "the measured errors are worth reading")]
 
@@ -40,7 +40,7 @@ fn origin() -> Pose {
     Pose::new(0.0, 0.0, 0.0)
 }
 
-/// The poses after each of `parts` parts of each step, under inputs that hold one bound, or any
+/// The poses after each of `parts` parts of each step, under inputs that are a bound or any
 /// admissible rate, and change at random.
 fn random_drive(
     start: Pose,
@@ -66,7 +66,7 @@ fn random_drive(
     poses
 }
 
-/// Where between the bounds the rate is in each of some parts: mostly at one of them.
+/// The rate in each part as a position between the bounds: mostly at one of them.
 fn any_drive(parts: usize, rng: &mut SeededRng) -> Vec<f64> {
     let (mut share, restless) = (rng.unit().round(), rng.uniform(0.0, 0.5));
     let next = |_| {
@@ -78,7 +78,7 @@ fn any_drive(parts: usize, rng: &mut SeededRng) -> Vec<f64> {
     (0..parts).map(next).collect()
 }
 
-/// A pose of an uncertain start. With `corners`, they and rims are as likely as all the rest.
+/// A random pose of an uncertain start. With `corners`, corners and rims are as likely as the rest.
 fn random_pose(start: &StartSet, corners: bool, rng: &mut SeededRng) -> Pose {
     let mut signed = || {
         let any = rng.uniform(-1.0, 1.0);

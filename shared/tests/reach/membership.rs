@@ -6,7 +6,7 @@ use sidestep::math::{PI, SeededRng, hypot, sin_cos};
 use sidestep::reach::{Membership, PositionUncertainty, ReachableSet, StartSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
-/// Bounds of one of the kinds that matter.
+/// Random bounds of one of the relevant kinds.
 fn random_bounds(steps: usize, kind: usize, rng: &mut SeededRng) -> (Vec<f64>, Vec<f64>) {
     let steady = rng.below(2) == 0;
     let mut last = (0.0, 0.0);
@@ -44,8 +44,8 @@ fn random_start(rng: &mut SeededRng) -> Pose {
     Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.1, 3.1))
 }
 
-/// How far outside, m, a reachable state may be found: (kind of bounds, in up to 10
-/// steps, beyond). Kinds 1 to 3 are exact; 0 is but for steps without both turns.
+/// How far outside, m, a reachable state may seem: (kind of bounds, in up to 10 steps, beyond).
+/// Kinds 1 to 3 are exact; 0 is except for steps without both turns.
 const MISSED_M: [(f64, f64); 5] =
     [(3e-4, 3e-3), (1e-6, 1e-6), (1e-6, 1e-6), (1e-6, 1e-6), (1e-3, 5e-3)];
 
@@ -127,7 +127,7 @@ fn what_no_enumerated_input_comes_near_is_outside() {
     }
 }
 
-/// States about the set: some inside, some not.
+/// States around the set: some inside, some not.
 fn probes(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<Pose> {
     (0..40)
         .map(|_| {
@@ -143,7 +143,7 @@ fn probes(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<Pose>
 fn wider_bounds_contain_more_and_the_set_moves_and_mirrors() {
     let mut rng = SeededRng::new(13);
     let tolerance = Tolerance::default();
-    // What a state may be off by, so that the numerical slivers do not decide.
+    // Tolerance of a state, so that numerical slivers do not decide.
     let slack = Tolerance { position_m: 6e-3, heading_rad: 2e-3 };
     for round in 0..60 {
         let steps = [1, 2, 5, 10, 15, 20][round % 6];
@@ -197,10 +197,10 @@ fn a_trajectory_is_inside_as_long_as_its_inputs_are() {
     let mut inputs = [0.5; 10];
     assert!(set.contains_trajectory(&states(&inputs), Some(&inputs), none));
     assert!(set.contains_trajectory(&states(&inputs), None, Tolerance::default()));
-    // Too far right first: the states tell, and the first is outside at once.
+    // First too far right: the states show it, and the first is outside at once.
     inputs[0] = -0.5;
     assert!(!set.contains_trajectory(&states(&inputs), Some(&inputs), Tolerance::default()));
-    // Too far right in the end, after a left turn within a step: reached otherwise.
+    // In the end too far right, after a left turn within a step: reachable otherwise.
     inputs = [0.2; 10];
     inputs[9] = -0.12;
     assert!(set.contains_trajectory(&states(&inputs), Some(&inputs), Tolerance::default()));
@@ -231,7 +231,7 @@ fn without_a_choice_and_without_a_step() {
     }
 }
 
-/// No more than rounding.
+/// Only rounding.
 const NONE: Tolerance = Tolerance { position_m: 0.0, heading_rad: 1e-9 };
 
 fn uncertain(position: PositionUncertainty, heading_rad: f64) -> StartSet {
@@ -261,7 +261,7 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
                 let steps = states.len();
                 let tolerance = Tolerance { position_m: 0.002, heading_rad: 1e-9 };
                 assert!(all.contains_state(steps, end, tolerance), "{start:?} {lo:?} {hi:?}");
-                // Inside means that some start has it inside, as its own set says.
+                // Inside means inside the set of some start.
                 let aside = Pose::new(
                     end.x + rng.uniform(-0.8, 0.8),
                     end.y + rng.uniform(-0.8, 0.8),
@@ -278,7 +278,7 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
                 let inside = decided == Membership::Inside;
                 open += usize::from(decided == Membership::Open);
                 assert!(inside || !found, "{start:?} {aside:?}");
-                // Few starts may lead there: those found at random come near at least.
+                // Few starts may lead there: random ones get at least near it.
                 let near = Tolerance { position_m: 0.08, heading_rad: 0.04 };
                 assert!(!inside || found || any(near), "{start:?} {aside:?}");
                 outside += usize::from(!inside);
@@ -289,8 +289,9 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
     }
 }
 
-/// 96 steps at up to half a turn each: together the states take as much work as one may, and none of a drive is missed. A state that
-/// is out of reach, or turned too far at the paper's rates, is found.
+/// 96 steps at up to half a turn each: the work limit holds for all states together, and no state
+/// of a drive is missed. A state that is out of reach, or turned too far at the paper's rates, is
+/// found.
 #[test]
 fn the_states_of_a_drive_are_decided_together() {
     let mut rng = SeededRng::new(19);
@@ -325,8 +326,8 @@ fn the_states_of_a_drive_are_decided_together() {
     }
 }
 
-/// After tens of steps of up to half a turn each some margins take too much work, and are not numbers. The headings of all others
-/// are admissible.
+/// After tens of steps of up to half a turn each, some margins are too expensive, and are NaN. The
+/// headings of all others are admissible.
 #[test]
 fn margins_are_not_numbers_where_they_take_too_much_work() {
     let class = &CLASSES[5];
@@ -347,7 +348,7 @@ fn margins_are_not_numbers_where_they_take_too_much_work() {
     assert!((1..60).contains(&unknown), "{unknown}");
 }
 
-/// Half a turn to either side are all headings: a larger tolerance asks for nothing more.
+/// Half a turn to either side covers all headings: a larger tolerance changes nothing.
 #[test]
 fn a_tolerance_of_any_heading_is_half_a_turn() {
     let (lo, hi) = ([-0.5; 5], [0.5; 5]);

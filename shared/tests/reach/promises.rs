@@ -1,6 +1,7 @@
-//! Promises against drives that try to break them, at turns of up to half a turn a step and over up to 100 steps:
-//! conservative polygons and convex hulls contain every drive, others miss none by more than their accuracy, and membership
-//! has every state that a drive leads to. Drives change their rates also within steps.
+//! Promises against drives that try to break them, at up to half a turn per step and over up to 100
+//! steps: conservative polygons and convex hulls contain every drive, others miss none by more than
+//! their accuracy, and membership includes every state of a drive. Drives also change their rates
+//! within steps.
 
 use super::classes::{CLASSES, Class};
 use super::region::Region;
@@ -12,11 +13,11 @@ use sidestep::vehicle::{Pose, dubins};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Parts of a step in which a drive has one turn rate.
+/// Number of parts of a step in which a drive has one turn rate.
 const PARTS: usize = 4;
 
-/// Drives of each set, half of them random, half changes to the one that got farthest out; and how many of them end in
-/// states that membership is asked about.
+/// Number of drives per set, half of them random, half variations of the one that got farthest out;
+/// and how many of their end states are tested for membership.
 #[derive(Clone, Copy)]
 struct Effort {
     drives: usize,
@@ -67,8 +68,8 @@ impl Subject {
         })
     }
 
-    /// How far inside the polygons of the last step, and from part `from` on of the tube, a drive stays, m, and where it
-    /// ends; of a margin above `least`, any number above it.
+    /// How far a drive stays inside the polygons of the last step, and of the tube from part `from`
+    /// on, m, and where it ends; for a margin above `least`, any number above it.
     fn margin(&self, shares: &[f64], from: usize, mut least: f64) -> (f64, Pose) {
         let mut end = origin();
         for (part, pose) in self.poses(shares).enumerate() {
@@ -85,10 +86,11 @@ impl Subject {
         (least, end)
     }
 
-    /// The least margin that was found, by which shares of the bounds, and whether a state was missed.
+    /// The smallest margin found, the shares of the bounds that gave it, and whether a state was
+    /// missed.
     fn search(&self, effort: Effort, rng: &mut SeededRng) -> (f64, Vec<f64>, bool) {
         let parts = PARTS * self.lo.len();
-        // The start is at the edge of each tube: later positions are looked at without it.
+        // The start is on the edge of each tube: later positions are checked without it.
         let from = rng.below(parts);
         let (mut least, mut best, mut open) = (f64::INFINITY, vec![0.0; parts], None);
         for i in 0..effort.drives {
@@ -109,7 +111,7 @@ impl Subject {
                 open = (found == Membership::Open).then_some(end);
             }
         }
-        // Proofs are sought for one state that the curves miss, in one of four sets.
+        // In one of four sets, proofs are sought for one state that the curves miss.
         let missed = open.filter(|_| rng.below(4) == 0).is_some_and(|state| {
             !self.set.contains_state(self.lo.len(), state, Tolerance::default())
         });
@@ -117,7 +119,7 @@ impl Subject {
     }
 }
 
-/// What was found in some sets.
+/// Results for some sets.
 #[derive(Clone, Copy, Default)]
 struct Found {
     sets: usize,
@@ -125,7 +127,7 @@ struct Found {
     missed: usize,
 }
 
-/// Searches for drives that break a promise, on two threads; `sets` bounds of each class.
+/// Searches for drives that break a promise, on two threads, with `sets` bounds of each class.
 fn search(
     sets: [usize; 6],
     effort: Effort,
@@ -178,8 +180,9 @@ fn no_drive_that_tries_breaks_a_promise() {
     search([30, 20, 20, 10, 10, 3], effort, 78, Class::grazing);
 }
 
-/// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with `SETS=1000` for a shorter one,
-/// `CLASS=4` for a part of it, and `GRAZING=1` for bounds that often just forbid driving straight.
+/// `cargo test --release -p sidestep --test reach -- --ignored --nocapture full_size`, with
+/// `SETS=1000` for a shorter run, `CLASS=4` for one class, and `GRAZING=1` for bounds that often
+/// just exclude driving straight.
 #[test]
 #[ignore = "a search of its own, of about an hour"]
 fn a_search_of_full_size() {

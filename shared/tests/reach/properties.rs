@@ -1,4 +1,4 @@
-//! What must hold of every reachable set.
+//! Properties of every reachable set.
 
 use super::{RATE_RADPS, SPEED_MPS, STEP_S, origin, random_drive, set};
 use proptest::prelude::*;
@@ -11,7 +11,7 @@ use sidestep::vehicle::{Pose, dubins};
 /// Sub-steps of a step in random inputs.
 const PARTS: usize = 8;
 
-/// How far, m, a position may be found outside: the accuracy asked for.
+/// How far outside, m, a position may be: the requested accuracy.
 fn accuracy() -> f64 {
     PolygonSettings::default().accuracy_m()
 }
@@ -21,7 +21,7 @@ fn positions(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<[f
     random_drive(start, lo, hi, PARTS, rng).iter().map(Pose::position).collect()
 }
 
-/// Bounds of each of `steps` steps, both signs, sometimes without width.
+/// Bounds for each of `steps` steps, of both signs, sometimes without width.
 fn any_bounds(steps: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
     let one =
         (-RATE_RADPS..RATE_RADPS, -RATE_RADPS..RATE_RADPS, 0..8).prop_map(
@@ -35,7 +35,7 @@ fn any_bounds(steps: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
     prop::collection::vec(one, steps).prop_map(|bounds| bounds.into_iter().unzip())
 }
 
-/// Bounds that stay the same for stretches of steps, as Algorithm 1 gives them.
+/// Bounds that are constant over stretches of steps, as Algorithm 1 gives them.
 fn steady_bounds(steps: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
     (any_bounds(4), prop::collection::vec(0..4_usize, steps)).prop_map(|((lo, hi), mut choice)| {
         choice.sort_unstable();
@@ -91,7 +91,7 @@ proptest! {
             prop_assert!(!polygon.is_empty());
             prop_assert!(polygon.iter().flatten().all(|c| c.is_finite()));
             prop_assert!(polygon.len() == 1 || polygon.first() != polygon.last());
-            // Thinner than the accuracy, a set may come out crossing itself.
+            // If it is thinner than the accuracy, a set's polygon may cross itself.
             let [x0, y0, x1, y1] = bounding_box(&polygon).expect("a polygon");
             let slack = accuracy() * hypot(x1 - x0, y1 - y0);
             prop_assert!(signed_area(&polygon) >= -slack);
@@ -153,8 +153,8 @@ proptest! {
     }
 }
 
-/// Area, m², of the tube if straight is admissible in every step: with t the
-/// time left, the front sweeps (v²/2)·t² per radian.
+/// Area, m², of the tube if straight is admissible in every step: with t the time left, the front
+/// sweeps (v²/2)·t² per radian.
 fn tube_area(lo: &[f64], hi: &[f64]) -> f64 {
     let cube = |seconds: f64| seconds * seconds * seconds;
     let left = |step: usize| (lo.len() - step) as f64 * STEP_S;
@@ -203,8 +203,8 @@ fn without_a_choice_the_set_is_a_path() {
     assert!(signed_distance(&tube, [5.0, 5.0]) > 1e-3);
 }
 
-/// A bound close to zero: a long piece of the front belongs to extremals that hardly
-/// differ at their end, and where they jump must be known to all digits.
+/// A bound close to zero: a long piece of the front belongs to extremals that hardly differ at
+/// their end, and their switching times must be accurate to all digits.
 #[test]
 fn a_tube_with_a_bound_close_to_zero() {
     let (mut lo, mut hi) = ([0.0; 25], [0.0; 25]);
@@ -229,7 +229,7 @@ fn one_step_and_none() {
     assert_eq!(one.step_polygon(0, PolygonSettings::default()), [[0.0, 0.0]]);
     let polygon = one.step_polygon(1, PolygonSettings::default());
     let area = signed_area(&polygon);
-    // Case 0 of the reference, to its sampling error.
+    // Case 0 of the reference, up to its sampling error.
     assert!((area - 4.04e-6).abs() < 1e-7, "{area}");
 }
 

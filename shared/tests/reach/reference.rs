@@ -2,7 +2,7 @@
 
 use super::cases;
 
-/// How far a point of the coarse rear may lie outside the true set, m.
+/// How far outside the true set a point of the coarse rear may be, m.
 const COARSE_CHORD_M: f64 = 1.4e-3;
 
 #[test]

@@ -1,4 +1,4 @@
-//! Distances from a polygon of thousands of edges, for millions of positions.
+//! Fast distances from a polygon with thousands of edges, for millions of positions.
 
 use core::cell::RefCell;
 use sidestep::math::hypot;
@@ -6,8 +6,8 @@ use sidestep::reach::polygon::{bounding_box, signed_distance};
 
 type Edge = [[f64; 2]; 2];
 
-/// A polygon with a grid that makes [`signed_distance`] fast, without changing a bit: the edges that can wind around a
-/// position depend on its row, and those that can be nearest on its cell.
+/// A polygon with a grid that accelerates [`signed_distance`] with bit-identical results: the edges
+/// that can wind around a position depend on its row, and those that can be nearest on its cell.
 pub(crate) struct Region {
     polygon: Vec<[f64; 2]>,
     /// How far outside a position may be, m.
@@ -20,13 +20,13 @@ pub(crate) struct Region {
 }
 
 struct Cell {
-    /// Margin of its middle, m.
+    /// Margin of its centre, m.
     margin_m: f64,
-    /// Those of the edges that are nearest to some position in the cell, and others.
+    /// The edges nearest to some position in the cell, and possibly others.
     near: Vec<Edge>,
 }
 
-/// Cells of a region along its longer side.
+/// Number of cells along a region's longer side.
 const CELLS: usize = 48;
 
 impl Region {
@@ -36,7 +36,7 @@ impl Region {
         let mut rows = vec![Vec::new(); CELLS];
         let row = |y: f64| (y - y0) / side_m;
         for [a, b] in edges(&polygon) {
-            // A row more to either side, whatever is rounded.
+            // One extra row on either side, against rounding.
             let first = (row(a[1].min(b[1])) - 1.0).max(0.0) as usize;
             let last = (row(a[1].max(b[1])) + 1.0) as usize;
             rows[first.min(CELLS - 1)..=last.min(CELLS - 1)]
@@ -47,7 +47,8 @@ impl Region {
         Self { polygon, allowed_m, corner, side_m, rows, cells }
     }
 
-    /// How far inside a position is, m, beyond what is allowed; if that is more than `least`, any number above it.
+    /// How far inside a position is, m, beyond the allowance; if that is more than `least`, any
+    /// number above it.
     pub(crate) fn margin(&self, position: [f64; 2], least: f64) -> f64 {
         let place = [0, 1].map(|i| ((position[i] - self.corner[i]) / self.side_m).floor());
         if !place.iter().all(|place| (0.0..CELLS as f64).contains(place)) {
@@ -69,7 +70,8 @@ impl Region {
 
     fn cell(&self, middle: [f64; 2]) -> Cell {
         let signed_m = signed_distance(&self.polygon, middle);
-        // The nearest edge of any position in the cell is at most twice half its diagonal, √½ sides, farther from the middle.
+        // The nearest edge of any position in the cell is at most twice half its diagonal, √½
+        // sides, farther from the centre.
         let within_m = signed_m.abs() + 1.5 * self.side_m;
         let near = edges(&self.polygon).filter(|edge| distance(edge, middle) <= within_m);
         Cell { margin_m: self.allowed_m - signed_m, near: near.collect() }
@@ -81,7 +83,7 @@ fn edges(polygon: &[[f64; 2]]) -> impl Iterator<Item = Edge> + '_ {
     polygon.iter().zip(next).map(|(a, b)| [*a, *b])
 }
 
-/// How an edge counts in the winding number about a position.
+/// Contribution of an edge to the winding number about a position.
 fn winding([[ax, ay], [bx, by]]: &Edge, [x, y]: [f64; 2]) -> i32 {
     let left = (bx - ax) * (y - ay) - (by - ay) * (x - ax);
     i32::from(*ay <= y && y < *by && left > 0.0) - i32::from(*by <= y && y < *ay && left < 0.0)

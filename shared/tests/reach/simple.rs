@@ -1,4 +1,5 @@
-//! Polygons neither cross nor touch themselves, as other libraries demand (brute force over pairs of edges).
+//! Polygons neither cross nor touch themselves, as other libraries require (brute force over pairs
+//! of edges).
 
 use super::hull::CLASSES;
 use sidestep::bounds::InputBounds;
@@ -22,7 +23,7 @@ fn meet(a: Point, b: Point, c: Point, d: Point) -> bool {
         && turn(c, d, a) * turn(c, d, b) <= 0.0
 }
 
-/// What is wrong with a polygon of three vertices or more, if anything is.
+/// The flaw of a polygon of three vertices or more, if any.
 fn flaw(polygon: &[Point]) -> Option<String> {
     let n = polygon.len();
     if n < 3 {
@@ -50,12 +51,13 @@ fn flaws_are_found() {
     assert!(flaw(&[[0., 0.], [2., 0.]]).is_some());
     assert!(flaw(&[[0., 0.], [2., 0.], [4., 0.]]).is_some());
     assert!(flaw(&[[0., 0.], [2., 2.], [2., 0.], [0., 2.]]).is_some());
-    // A vertex on another edge, and a vertex that comes twice.
+    // A vertex on another edge, and a repeated vertex.
     assert!(flaw(&[[0., 0.], [4., 0.], [4., 2.], [2., 0.], [0., 2.]]).is_some());
     assert!(flaw(&[[0., 0.], [1., 1.], [2., 0.], [2., 2.], [1., 1.], [0., 2.]]).is_some());
 }
 
-/// A tube, and steps in the beginning, the middle and the end, each kind from a pose and from an uncertain start.
+/// A tube, and steps at the start, in the middle and at the end, each from a pose and from an
+/// uncertain start.
 fn check(lo: &[f64], hi: &[f64], (speed_mps, step_s): (f64, f64), rng: &mut SeededRng) {
     let bounds = InputBounds::new(lo.to_vec(), hi.to_vec(), (-10.0, 10.0)).unwrap();
     let pose = Pose::new(3.0, -2.0, rng.uniform(-3.0, 3.0));
@@ -74,7 +76,7 @@ fn check(lo: &[f64], hi: &[f64], (speed_mps, step_s): (f64, f64), rng: &mut Seed
     }
 }
 
-/// Bounds without a choice among them, in which tubes begin as lines and sets are single positions.
+/// Includes bounds without a choice, for which tubes begin as lines and sets are single positions.
 #[test]
 fn no_polygon_meets_itself() {
     let mut rng = SeededRng::new(91);
@@ -97,7 +99,7 @@ fn no_polygon_meets_itself() {
     }
 }
 
-/// Steps 1 and 3 of this set crossed themselves.
+/// Steps 1 and 3 of this set once crossed themselves.
 #[test]
 fn a_polygon_that_met_itself_does_not_any_more() {
     let (lo, hi) = ([-2.79, 2.12, -2.85], [1.15, 2.86, -2.0]);

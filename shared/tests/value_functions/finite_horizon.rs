@@ -1,4 +1,4 @@
-//! Games of a finite horizon: against an independent solution, a formula and the closed form.
+//! Games with a finite horizon: against an independent solution, a formula and the closed form.
 
 use super::{errors_near_zero, game, mitchell, paper, quantile, rows, solved, states, unequal};
 use sidestep::math::{SeededRng, TAU, hypot, sin_cos};
@@ -10,7 +10,7 @@ fn unequal_pair_agrees_with_an_independent_solution() {
     let options = Options::default().with_horizon(6.0).with_grid(grid);
     let ours = solved(unequal(), &options);
     assert_eq!(ours.method, Method::Cartesian);
-    // The estimates, from two grids, say little on the kinks themselves.
+    // The error estimates, from two grids, are unreliable on the kinks themselves.
     let (count, within, worst) = compared(&ours);
     assert!(count == 2000 && within >= 0.99, "{count} {within}");
     assert!(worst <= 0.08, "{worst}");
@@ -20,14 +20,14 @@ fn unequal_pair_agrees_with_an_independent_solution() {
 fn a_polar_grid_of_a_finite_horizon_agrees_with_an_independent_solution() {
     let ours = solved(unequal(), &Options::default().with_horizon(6.0));
     assert_eq!((ours.method, ours.converged), (Method::Polar, None));
-    // On kinks the reference's estimates are too small: docs/validation/reachability.md.
+    // On kinks the reference's estimates are too small: see docs/validation/reachability.md.
     let (count, within, worst) = compared(&ours);
     assert!(count > 1500 && within >= 0.975, "{count} {within}");
     assert!(worst <= 0.15, "{worst}");
 }
 
-/// How many of the independent solution's states are on the grid, the share of these that are within their
-/// own error estimates, and the largest difference, m.
+/// The number of the independent solution's states on the grid, the share of them within their own
+/// error estimates, and the largest difference, m.
 fn compared(solved: &Solved) -> (usize, f64, f64) {
     let (mut count, mut within, mut worst) = (0, 0_usize, 0.0_f64);
     for row in &rows(include_str!("../data/states_unequal.csv")) {
@@ -44,7 +44,7 @@ fn compared(solved: &Solved) -> (usize, f64, f64) {
     (count, share, worst)
 }
 
-/// Vehicles that do not turn: the smallest distance of two points on straight lines, in time.
+/// Vehicles that do not turn: the minimum distance over time of two points on straight lines.
 #[test]
 fn without_turns_the_nearest_approach_is_a_formula() {
     let game = game([2.0, 1e-5], [3.0, 1e-5], 2.5);
@@ -67,7 +67,7 @@ fn without_turns_the_nearest_approach_is_a_formula() {
     }
 }
 
-/// Long enough, a finite horizon gives the converged value, here of the closed form.
+/// A sufficiently long finite horizon gives the converged value, here of the closed form.
 #[test]
 fn a_long_horizon_gives_the_closed_form() {
     let options = Options::default().with_horizon(TAU).with_range(21.0);
@@ -78,8 +78,8 @@ fn a_long_horizon_gives_the_closed_form() {
     assert!(worst <= 0.08, "{worst}");
 }
 
-/// A finite horizon within which optimal play ends has the closed form's value. The domain just
-/// holds what matters, and a finer grid is better.
+/// A finite horizon that covers optimal play gives the closed form's value. The domain just covers
+/// the relevant states, and a finer grid is better.
 #[test]
 fn a_grid_for_a_finite_horizon_holds_what_matters() {
     let exact = mitchell().exact().unwrap();
@@ -112,8 +112,8 @@ fn a_grid_for_a_finite_horizon_holds_what_matters() {
     assert!(standard.0 < 0.02, "{standard:?}");
 }
 
-/// The volume is that of the interpolated function, on coarse nodes too: sums along one axis had
-/// 0.2 % too much there.
+/// The volume is that of the interpolated function, on coarse nodes too: sums along one axis were
+/// 0.2 % too large there.
 #[test]
 fn the_volume_on_coarse_nodes_is_right() {
     let grid = CartesianGrid::new([51, 40, 50], [-6.0, 20.0, -10.0, 10.0]);

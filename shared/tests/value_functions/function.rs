@@ -7,7 +7,8 @@ use sidestep::reachability::{
     Accuracy, CartesianGrid, CurveSettings, Nodes, Options, Scheme, ValueFunction,
 };
 
-/// −R ≤ V ≤ r − R, also between the nodes of a grid and on kinks, and far away V is the distance of the danger zone.
+/// −R ≤ V ≤ r − R, also between the nodes of a grid and on kinks, and far away V is the distance
+/// from the danger zone.
 #[test]
 fn values_are_from_minus_the_radius_to_the_distance_of_the_danger_zone() {
     let options = Options::default().with_accuracy(Accuracy::Draft);
@@ -84,12 +85,12 @@ fn gradients_are_those_of_the_value() {
                     moved[d] += h;
                     f.value(moved)
                 };
-                // The table is of single precision.
+                // The table has single precision.
                 let slope = (step(2e-3) - step(-2e-3)) / 4e-3;
                 off.push((slope - gradient[d]).abs() / (1.0 + slope.abs()));
             }
         }
-        // The rest crosses a face or a kink within the step.
+        // The rest are across a face or a kink.
         let p95 = quantile(&mut off, 0.95);
         assert!(p95 < 5e-3, "{p95}");
     }
@@ -111,7 +112,7 @@ fn symmetric_and_periodic() {
 
 #[test]
 fn a_bearing_is_continuous_around_the_evader() {
-    // The table's own arc tangent must not leave a step anywhere.
+    // The table's own arctangent must not introduce a step anywhere.
     let f = &paper_polar().function;
     let mut last = None;
     for step in 0..=20_000 {
@@ -142,7 +143,7 @@ fn beyond_the_grid_the_deficit_is_that_of_its_edge() {
         let radial = far.gradient[0] * x / r + far.gradient[1] * y / r;
         assert!((radial - 1.0).abs() < 1e-9);
     }
-    // Cartesian: of the nearest point of the box.
+    // Cartesian: from the nearest point of the box.
     let grid =
         CartesianGrid::new([21, 21, 16], [-10.0, 10.0, -10.0, 10.0]).with_scheme(Scheme::Eno2);
     let options = Options::default().with_horizon(1.0).with_grid(grid);
@@ -182,7 +183,7 @@ fn level_curves_lie_on_the_level_and_close() {
 
 #[test]
 fn a_set_that_leaves_the_grid_closes_along_its_edge() {
-    // Every state is lost to a pursuer that is twice as fast and as nimble.
+    // Every state is lost against a pursuer that is twice as fast and as nimble.
     let options = Options::default().with_range(6.0);
     let solved = solved(game([1.0, 0.5], [2.0, 1.0], 3.0), &options);
     let curves = solved.function.level_curves(0.4, 0.0, CurveSettings::default()).unwrap();
@@ -205,7 +206,7 @@ fn transport_is_small_and_close() {
             .fold(0.0, f64::max);
         eprintln!("{} bytes, largest error {off:.5} m", bytes.len());
         assert!(off <= 2e-3, "{off}");
-        // What is sent is compressed besides.
+        // It is compressed for transport, too.
         assert!(bytes.len() <= 1_500_000, "{}", bytes.len());
     }
 }

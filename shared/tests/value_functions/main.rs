@@ -72,7 +72,7 @@ fn states(seed: u64, count: usize, range_m: f64) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// Errors of a solution near V = 0 of the closed form: (p99, largest, how many).
+/// Errors of a solution near V = 0 of the closed form: (p99, largest, number).
 fn errors_near_zero(solved: &Solved, states: &[[f64; 3]]) -> (f64, f64, usize) {
     let exact = solved.function.game().exact().unwrap();
     let mut errors: Vec<f64> = states

@@ -39,7 +39,7 @@ fn small_and_large_vehicles_are_solved_alike() {
     let draft = Options::default().with_method(Method::Polar).with_accuracy(Accuracy::Draft);
     let life_size = solved(paper(), &draft);
     for scale in [1e-6, 0.1, 64.0, 1e9, f64::from(1 << 30)] {
-        // All lengths times `scale`; times and turn rates as they were.
+        // All lengths times `scale`; times and turn rates unchanged.
         let other = solved(game([2.0 * scale, 0.5], [2.0 * scale, 0.5], 3.0 * scale), &draft);
         assert_eq!(other.converged, Some(true), "{scale}");
         let again = ValueFunction::decode(&other.function.encode()).unwrap();
@@ -50,8 +50,8 @@ fn small_and_large_vehicles_are_solved_alike() {
             found.push((other.function.value(there) / scale - expected).abs());
             sent.push((again.value(there) / scale - expected).abs());
         }
-        // Radii of other binary digits round otherwise and may stop a window of sweeps
-        // sooner or later: the drift that a draft stops at is 1.2 mm.
+        // Radii with other binary digits round differently and may stop a window of sweeps earlier
+        // or later: the drift at which a draft stops is 1.2 mm.
         assert!(quantile(&mut found, 0.99) < 3e-3, "{scale}: {}", quantile(&mut found, 0.99));
         assert!(quantile(&mut found, 1.0) < 0.05, "{scale}: {}", quantile(&mut found, 1.0));
         assert!(quantile(&mut sent, 0.99) < 4e-3, "{scale}: {}", quantile(&mut sent, 0.99));
@@ -105,7 +105,7 @@ fn single_and_double_precision_agree() {
     let double = polar::solve::<f64>(&unequal(), &settings, &mut go).unwrap();
     let differences = single.deficit.iter().zip(&double.deficit);
     let mut differences: Vec<f64> = differences.map(|(a, b)| (f64::from(*a) - b).abs()).collect();
-    // Cells on a kink flicker by centimetres, and not in step.
+    // Cells on a kink flicker by centimetres, out of phase.
     let p99 = quantile(&mut differences, 0.99);
     assert!(p99 < 5e-3, "{p99}");
 }
@@ -119,7 +119,7 @@ fn converged_value_is_below_that_of_any_horizon_and_near_it() {
         assert!(value <= row[3] + row[4] + 0.05, "{value} above {row:?}");
         differences.push((value - row[3]).abs());
     }
-    // Most of the game is over after the 6 s of the reference.
+    // Most of the game is over within the 6 s of the reference.
     assert!(quantile(&mut differences, 0.9) <= 0.012);
 }
 

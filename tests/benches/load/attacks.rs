@@ -1,7 +1,8 @@
-//! What honest people notice of an attack, and of an analysis.
+//! Effect of an attack, and of an analysis, on honest people.
 //!
-//! Attackers come through a proxy, from one address on the internet: programs on this machine are not limited.
-//! They have a thread of their own, so that they delay the server and not the measurement.
+//! Attackers come through a proxy, from one address on the internet: programs on this machine are
+//! not rate-limited. They run on their own thread, so that they delay the server and not the
+//! measurement.
 
 use std::io;
 use std::net::SocketAddr;
@@ -21,22 +22,23 @@ use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 
-/// Uploads of honest people a second, and their connections.
+/// Uploads of honest people per second, and their connections.
 const HONEST_PER_S: f64 = 200.0;
 const HONEST: usize = 16;
 
-/// Requests of attackers a second, and their connections.
+/// Requests of attackers per second, and their connections.
 const REQUESTS_PER_S: u64 = 1_000;
 const ATTACKERS: u64 = 20;
 
-/// What an attacker does.
+/// A kind of attack.
 #[derive(Clone, Copy)]
 enum Attack {
-    /// So many connections that say nothing, or begin a request like this and send a byte a second.
+    /// Holds this number of connections, which send nothing, or start a request like this and send
+    /// one byte per second.
     Hold(u64, &'static str),
-    /// Requests with this head and body.
+    /// Sends requests with this head and body.
     Send(&'static str, &'static str),
-    /// The same, closed before the answer.
+    /// Sends the same and closes the connection before the response.
     Vanish(&'static str, &'static str),
 }
 
@@ -66,7 +68,7 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64, ch
     println!("\nunder attack ({}; {HONEST_PER_S} honest uploads a second)", subject.name);
     let own = Folder::default();
     let (database, _cluster) = subject.database(folder, "attacks.db");
-    // People whom an analysis can compare.
+    // People for an analysis to compare.
     let trials = own.name("trials.csv");
     let people = ["simulate", "--participants", "30", "--seed", "1", "--out", &trials];
     run(&people).await.json();
@@ -95,7 +97,7 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64, ch
         let (stop, count) = (CancellationToken::new(), Arc::new(AtomicU64::new(0)));
         let (stopped, counted) = (stop.clone(), Arc::clone(&count));
         let attackers = std::thread::spawn(move || attackers(address, attack, &stopped, counted));
-        // It is under way.
+        // The analysis is running.
         sleep(Duration::from_secs(1)).await;
         let beside = honest().await;
         stop.cancel();
@@ -120,7 +122,7 @@ pub(crate) async fn measure(subject: &Subject, folder: &Folder, seconds: f64, ch
     said(ANALYSIS, &beside, format!("; afterwards it is {state}"));
 }
 
-/// Attacks until it is stopped, on a thread of its own.
+/// Attacks until stopped, on its own thread.
 fn attackers(
     server: SocketAddr,
     attack: Attack,
@@ -139,7 +141,7 @@ fn attackers(
             let answered = Arc::clone(&answered);
             tasks.spawn(async move {
                 loop {
-                    // Whatever the server does to a connection, the attacker opens another one.
+                    // Whenever the server closes a connection, the attacker opens another one.
                     if attacker(server, attack, &answered).await.is_err() {
                         sleep(Duration::from_millis(50)).await;
                     }

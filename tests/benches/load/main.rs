@@ -1,11 +1,11 @@
 //! A server under load: `cargo xtask bench load`.
 //!
-//! Starts servers on a new database and drives real trials through their HTTP interface: as fast as
-//! they are answered, a class that enrols at once, and people at their own pace. Afterwards every
-//! trial that was acknowledged is compared with the database. In the same run and on the same disk, a
-//! loop that does nothing but insert such trials with SQLite is one baseline, and oTree the other.
+//! Starts servers on a new database and uploads real trials through their HTTP interface: at full
+//! speed, while a class enrols at once, and by people at their own pace. Afterwards every
+//! acknowledged trial is compared with the database. In the same run and on the same disk, a loop
+//! that only inserts such trials with SQLite is one baseline, and oTree the other.
 //!
-//! It uses one thread. `SIDESTEP_BIN` names the build of the server that is measured.
+//! It uses one thread. `SIDESTEP_BIN` is the path of the server to measure.
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
 mod attacks;
@@ -30,43 +30,43 @@ use tokio::task::LocalSet;
 #[derive(Parser)]
 #[command(name = "cargo xtask bench load --")]
 struct Options {
-    /// Shorter: a quarter of the people and seconds.
+    /// Run a quarter of the people and seconds.
     #[arg(long)]
     quick: bool,
-    /// What is measured [default: all but `attacks` and `start`].
+    /// Scenarios to measure [default: all but `attacks` and `start`].
     #[arg(long, value_delimiter = ',', default_values = ["fast", "class", "natural", "otree"])]
     scenarios: Vec<Scenario>,
-    /// On which databases, by their names in the output; all whose name contains one of these.
+    /// Databases to measure: all whose name in the output contains one of these.
     #[arg(long, value_delimiter = ',', default_value = "")]
     databases: Vec<String>,
-    /// Which attacks; all whose name contains one of these.
+    /// Attacks to run: all whose name contains one of these.
     #[arg(long, value_delimiter = ',', default_value = "")]
     attacks: Vec<String>,
-    /// Connections that upload as fast as they are answered.
+    /// Connections that upload at full speed.
     #[arg(long, default_value_t = 64)]
     connections: usize,
-    /// How long, s.
+    /// Duration, s.
     #[arg(long, default_value_t = 10.0)]
     seconds: f64,
-    /// Uploads a second that are due by the clock afterwards, over as many connections.
+    /// Uploads per second by the clock afterwards, over the same number of connections.
     #[arg(long, default_value_t = 2_000.0)]
     rate: f64,
-    /// People at their own pace, each with a trial every 12 s.
+    /// People at their own pace, with a trial every 12 s each.
     #[arg(long, default_value_t = 3_000)]
     people: usize,
-    /// Time in which these join, evenly, s.
+    /// Time in which they join, evenly, s.
     #[arg(long, default_value_t = 12.0)]
     join_s: f64,
     /// How long they take part after the last has joined, s.
     #[arg(long, default_value_t = 40.0)]
     natural_s: f64,
-    /// Trials in the database on which a start is measured.
+    /// Trials in the database for the start of a server.
     #[arg(long, default_value_t = 500_000)]
     trials: usize,
-    /// Of everything that is left to chance.
+    /// Seed of all random choices.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// For other benchmarks.
+    /// Ignored; for other benchmarks.
     #[arg(long, hide = true)]
     discard_baseline: bool,
     #[arg(long, hide = true)]
@@ -75,17 +75,17 @@ struct Options {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Scenario {
-    /// Uploads as fast as they are answered, and by the clock.
+    /// Uploads at full speed, and by the clock.
     Fast,
     /// A class that enrols at once while others upload.
     Class,
-    /// People at their own pace, who reload, repeat, vanish and withdraw.
+    /// People at their own pace, who reload, retry, vanish and withdraw.
     Natural,
     /// oTree, which stores a field of 4 KB from each page.
     Otree,
-    /// Honest uploads while somebody attacks, and while an analysis is computed.
+    /// Honest uploads during an attack, and during an analysis.
     Attacks,
-    /// The start of a server on a large database, which is made on first use.
+    /// The start of a server on a large database, which is created on first use.
     Start,
 }
 
@@ -110,14 +110,14 @@ impl Options {
 /// Connections that enrol.
 const ENROLLING: usize = 16;
 
-/// People who enrol at once, and trials a second that others upload meanwhile.
+/// People who enrol at once, and trials per second that others upload meanwhile.
 const CLASS: usize = 600;
 const BESIDE_PER_S: usize = 40;
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let options = Options::parse().quickly();
-    // On a disk: a folder for temporary files may be in memory.
+    // On a disk: the folder for temporary files may be in memory.
     let folder = Folder::within(env!("CARGO_TARGET_TMPDIR"));
     LocalSet::new().run_until(measure(&options, &folder)).await
 }
@@ -156,7 +156,7 @@ async fn measure(options: &Options, folder: &Folder) -> ExitCode {
     if broken == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// All scenarios on one database; returns the number of promises that were broken.
+/// Runs all scenarios on one database; returns the number of broken promises.
 async fn on(options: &Options, under: Under, peer_per_s: Option<f64>) -> usize {
     if options.has(Scenario::Fast) {
         fast(options, &under, peer_per_s).await;
@@ -181,10 +181,10 @@ async fn on(options: &Options, under: Under, peer_per_s: Option<f64>) -> usize {
     found.broken()
 }
 
-/// As fast as the servers answer, and then by the clock.
+/// At full speed, and then by the clock.
 async fn fast(options: &Options, under: &Under, peer_per_s: Option<f64>) {
     let crowd = &under.crowd;
-    // Enough for all uploads, at a trial each 0.1 ms.
+    // Enough for all uploads, at one trial per 0.1 ms.
     let people = (options.seconds * 10_000.0 / 59.0) as usize;
     let begin_cpu_s = under.usage().cpu_s;
     let (count, seconds) = crowd.enrol(people, ENROLLING, 3.0 * options.seconds).await;

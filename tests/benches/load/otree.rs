@@ -1,4 +1,4 @@
-//! The peer: oTree on SQLite, whose participants submit pages with a field of 4 KB.
+//! The alternative: oTree on SQLite, whose participants submit pages with a field of 4 KB.
 
 use std::cell::Cell;
 use std::fs;
@@ -18,7 +18,7 @@ use tokio::process::{Child, Command};
 use tokio::task::JoinSet;
 use tokio_rustls::rustls::RootCertStore;
 
-/// Its command, where `cargo xtask bench` has installed it.
+/// Variable with its command, which `cargo xtask bench` installs.
 const COMMAND: &str = "SIDESTEP_OTREE";
 
 const SETTINGS: &str = "
@@ -60,11 +60,11 @@ page_sequence = [Store]
 
 const PAGE: &str = "{{ block content }}{{ formfields }}{{ next_button }}{{ endblock }}\n";
 
-/// Pages of a participant. oTree makes all rows of a session when it begins, so that more of them make
-/// its beginning long.
+/// Pages per participant. oTree creates all rows of a session at its start, so more pages slow that
+/// down.
 const ROUNDS: usize = 60;
 
-/// Submissions a second over this number of connections; none if oTree cannot be had.
+/// Submissions per second over this number of connections; `None` if oTree is not available.
 pub(crate) async fn measure(folder: &Folder, connections: usize, seconds: f64) -> Option<f64> {
     let Some(command) = std::env::var_os(COMMAND).map(PathBuf::from) else {
         row("oTree", "not measured", "it could not be installed from PyPI");
@@ -89,7 +89,7 @@ pub(crate) async fn measure(folder: &Folder, connections: usize, seconds: f64) -
     }
 }
 
-/// A running oTree, ended when it is dropped.
+/// A running oTree server; dropping it stops it.
 struct Server {
     address: SocketAddr,
     _child: Child,
@@ -106,7 +106,7 @@ impl Server {
         fs::write(project.join("store/__init__.py"), app)?;
         fs::write(project.join("store/Store.html"), PAGE)?;
         let address = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
-        // It starts itself again, by its name.
+        // It restarts itself by its name.
         let beside = command.parent().map(PathBuf::from);
         let folders = std::env::var_os("PATH").unwrap_or_default();
         let folders = beside.into_iter().chain(std::env::split_paths(&folders));
@@ -153,9 +153,10 @@ impl Server {
         Ok(codes.filter_map(|one| one["code"].as_str().map(str::to_owned)).collect())
     }
 
-    /// Submits pages over so many connections for a while: how many a second, and how long each took.
+    /// Submits pages over this number of connections for a while. Returns submissions per second
+    /// and their latencies.
     async fn submissions(&self, connections: usize, seconds: f64) -> io::Result<(f64, Latencies)> {
-        // Enough for 400 a second.
+        // Enough for 400 per second.
         let participants = (400.0 * seconds / ROUNDS as f64) as usize + connections;
         let mut codes = self.session(participants).await?;
         let form = Rc::new([b"data=", &[b'x'; 4_096][..]].concat());
@@ -171,7 +172,7 @@ impl Server {
             tasks.spawn_local(async move {
                 let mut connection = Connection::open(address, None).await?;
                 for code in own {
-                    // Whoever opens the link begins.
+                    // Opening the link starts the participation.
                     let begun = format!("/InitializeParticipant/{code}");
                     connection.send("GET", &begun, None, b"").await?;
                     for page in 1..=ROUNDS {

@@ -1,4 +1,4 @@
-//! What is measured: servers on a database.
+//! Configurations to measure: servers on a database.
 
 use std::rc::Rc;
 
@@ -11,7 +11,7 @@ pub(crate) struct Subject {
     pub(crate) name: &'static str,
     kind: Kind,
     servers: usize,
-    /// Uploads a second that are wanted.
+    /// Target in uploads per second.
     least_per_s: f64,
 }
 
@@ -21,7 +21,7 @@ enum Kind {
     Postgres,
 }
 
-/// All that are measured.
+/// All configurations.
 pub(crate) const SUBJECTS: &[Subject] = &[
     Subject { name: "sqlite", kind: Kind::Sqlite, servers: 1, least_per_s: 3_000.0 },
     Subject { name: "postgres-1-server", kind: Kind::Postgres, servers: 1, least_per_s: 2_000.0 },
@@ -53,12 +53,12 @@ impl Subject {
         }
     }
 
-    /// Whether one server uses the database alone.
+    /// Whether a single server uses the database.
     pub(crate) fn is_alone(&self) -> bool {
         self.servers == 1
     }
 
-    /// Starts the servers on a new database in a folder; or says why they do not start.
+    /// Starts the servers on a new database in a folder; otherwise returns why they do not start.
     pub(crate) async fn start(&self, folder: &Folder) -> Result<Under, String> {
         let (database, cluster) = self.database(folder, "load.db");
         let folders: Vec<Folder> = (0..self.servers).map(|_| Folder::default()).collect();
@@ -80,7 +80,7 @@ impl Subject {
 }
 
 impl Under {
-    /// What all servers have used.
+    /// Resources used by all servers.
     pub(crate) fn usage(&self) -> Usage {
         let all = self.servers.iter().map(|server| Usage::of(server.id()));
         let none = Usage { cpu_s: 0.0, memory_mb: [0.0; 2] };
@@ -90,7 +90,8 @@ impl Under {
         })
     }
 
-    /// Kills the servers, which owe nothing to their end, and reads what they owe to their clients.
+    /// Kills the servers, which need no clean shutdown, and compares the database with their
+    /// acknowledgements.
     pub(crate) async fn compared(self) -> Comparison {
         for server in self.servers {
             server.kill().await;

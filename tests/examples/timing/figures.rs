@@ -1,8 +1,8 @@
-//! Numbers of a distribution.
+//! Statistics of a distribution.
 
 use serde_json::{Value, json};
 
-/// The value below which a share of `values` lies; `values` must not be empty.
+/// The quantile of `values` at `share`; `values` must not be empty.
 pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

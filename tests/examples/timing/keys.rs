@@ -1,4 +1,4 @@
-//! From a key to the first frame that shows the turn.
+//! Latency from a key to the first frame that shows the turn.
 
 use crate::figures::distribution;
 use crate::scenes::{BEFORE, STUDY, sent};
@@ -13,8 +13,8 @@ use std::time::Duration;
 /// Scenes, with two presses in each.
 const SCENES: usize = 8;
 
-/// Has the page remember when keys went down, and which way the human's arrow pointed in each frame
-/// that painted it: the outline of an arrow has seven corners, its tip the fourth.
+/// Makes the page record when keys went down, and the direction of the human's arrow in each frame
+/// that painted it: the outline of an arrow has seven corners, and the fourth is its tip.
 fn watch() -> String {
     let [r, g, b] = colours::HUMAN.light;
     format!(
@@ -35,7 +35,7 @@ fn watch() -> String {
     )
 }
 
-/// When keys went down and where the arrow pointed, with times on the browser's clock, ms.
+/// Times of key presses and directions of the arrow, on the browser's clock, ms.
 #[derive(Deserialize)]
 struct Seen {
     downs: Vec<f64>,
@@ -71,7 +71,7 @@ pub(crate) async fn measured() -> Value {
         gaps.extend(seen.headings.windows(2).map(|pair| pair[1].0 - pair[0].0));
         let presses = trial.key_events.iter().filter(|event| event.down).map(|event| event.t_ms);
         for (t_ms, stamp) in presses.zip(&seen.downs) {
-            // The trial counts from the scene's start, the browser from the page's.
+            // The trial counts time from the scene's start, the browser from the page's.
             let wait = (t_ms / 200.0).ceil() * 200.0 - t_ms;
             let due = stamp + wait;
             let before = seen.headings.iter().rfind(|(at, _)| *at <= due).expect("a frame").1;
@@ -92,7 +92,7 @@ pub(crate) async fn measured() -> Value {
     })
 }
 
-/// How many decimals a time is given with, up to 4.
+/// Number of decimals of a time, up to 4.
 fn decimals(ms: f64) -> i32 {
     let is_whole = |digits: &i32| {
         let scaled = ms * 10f64.powi(*digits);

@@ -1,17 +1,17 @@
-//! From the link to the first page that can be used, on a slow line.
+//! Time from the link to the first usable page, on a slow connection.
 
 use crate::figures::quantile;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use sidestep_tests::{Browser, Server, Tab};
 
-/// Each with a browser that has never seen the page.
+/// Number of runs, each with a fresh browser.
 const RUNS: usize = 5;
 
 const LATENCY_MS: f64 = 150.0;
 const BITS_PER_S: f64 = 1.6e6;
 
-/// Takes the time when the button that agrees to take part appears.
+/// Records when the consent button appears.
 fn watch() -> String {
     format!(
         "window.usable_ms = null; new MutationObserver(() => {{ \
@@ -24,7 +24,7 @@ fn watch() -> String {
 #[derive(Deserialize)]
 struct Loaded {
     usable_ms: f64,
-    /// What was sent, with headers, bytes.
+    /// Bytes transferred, with headers.
     bytes: f64,
     requests: usize,
 }

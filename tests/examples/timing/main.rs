@@ -1,6 +1,6 @@
-//! Measures the time of the participant's page in a real browser: `cargo xtask validate timing`.
+//! Measures the timing of the participant's page in a real browser: `cargo xtask validate timing`.
 //!
-//! Prints JSON. `SIDESTEP_BIN` names the build of the server whose site is measured.
+//! Prints JSON. `SIDESTEP_BIN` is the path of the server whose site is measured.
 #![allow(clippy::print_stdout, reason = "it answers on standard output")]
 
 mod figures;

@@ -1,9 +1,9 @@
-//! What the page keeps in memory as trials go by.
+//! Memory of the page over the course of trials.
 
 use serde_json::{Value, json};
 use sidestep_tests::{Browser, Server};
 
-/// Has the page count the trials that it sends, and show the memory of its program.
+/// Makes the page count its uploads, and expose the memory of its program.
 const BEFORE: &str = "window.count = 0; \
     const send = window.fetch; window.fetch = (request) => { \
         if (request.method === 'PUT' && request.url.includes('/trials/')) window.count += 1; \
@@ -14,7 +14,7 @@ const BEFORE: &str = "window.count = 0; \
         if (!window.memory) window.memory = program.instance.exports.memory; \
         return program };";
 
-/// After how many trials memory is measured.
+/// Numbers of trials after which memory is measured.
 const AFTER: [usize; 7] = [1, 10, 20, 30, 40, 50, 59];
 
 /// A simulated participant drives the paper's whole protocol.

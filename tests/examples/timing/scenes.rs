@@ -1,4 +1,4 @@
-//! When steps are computed and frames are shown while scenes are driven.
+//! Times at which steps are computed and frames shown during scenes.
 
 use crate::figures::{distribution, quantile};
 use serde_json::{Value, json};
@@ -8,12 +8,12 @@ use sidestep_tests::participant::begin;
 use sidestep_tests::{Browser, Server, Tab};
 use std::time::Duration;
 
-/// What else the computer does.
+/// Load on the computer.
 pub(crate) struct Case {
     pub(crate) name: &'static str,
-    /// Other work in each frame, ms.
+    /// Extra work in each frame, ms.
     work_ms: f64,
-    /// How many times as slowly the page's programs run.
+    /// Slowdown factor of the page's programs.
     slower: f64,
 }
 
@@ -27,7 +27,7 @@ pub(crate) const CASES: [Case; 4] = [
 /// Scenes of each case.
 const SCENES: usize = 8;
 
-/// The course of a trial without what is not measured here.
+/// A short protocol that omits everything not measured here.
 pub(crate) const STUDY: &str = r#"
 slug = "default"
 phases = [{ phase = "task", scenes = 8 }]
@@ -39,7 +39,7 @@ rest_after = 0
 standard = false
 "#;
 
-/// Has the page remember the trials that it sends, and work in each frame while `burden_ms` says so.
+/// Makes the page record its uploads, and do work in each frame for `burden_ms`.
 pub(crate) const BEFORE: &str = "window.burden_ms = 0; window.sent = []; \
     const send = window.fetch; window.fetch = (request) => { \
         if (request.method === 'PUT' && request.url.includes('/trials/')) \
@@ -50,7 +50,7 @@ pub(crate) const BEFORE: &str = "window.burden_ms = 0; window.sent = []; \
         requestAnimationFrame(work) }; \
     requestAnimationFrame(work);";
 
-/// Drives scenes. Nothing asks the page anything while they are driven.
+/// Drives scenes. The page is not queried while they are driven.
 pub(crate) async fn measured(case: &Case) -> Value {
     let server = Server::with_client(STUDY).await;
     let browser = Browser::start().await;
@@ -84,7 +84,7 @@ pub(crate) async fn sent(tab: &Tab) -> Vec<TrialUpload> {
     texts.iter().map(|text| serde_json::from_str(text).expect("a trial")).collect()
 }
 
-/// How many of the stored trials have the flag of a late sample.
+/// Number of stored trials with the flag of a late sample.
 async fn flagged(server: &Server) -> usize {
     let page: TrialPage = server.admin(&routes::admin_trials("default")).await.into(200);
     let mut flagged = 0;
@@ -98,7 +98,7 @@ async fn flagged(server: &Server) -> usize {
 }
 
 fn figures(case: &Case, trials: &[TrialUpload], flagged: usize) -> Value {
-    // The page of the measurements says so.
+    // The document with the measurements states these numbers.
     assert!(trials.len() == SCENES && trials.iter().all(|trial| trial.inputs.len() == 50));
     let late = |trial: &TrialUpload| -> Vec<f64> {
         let due = (0..).map(|step| 200.0 * f64::from(step));

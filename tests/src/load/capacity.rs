@@ -1,20 +1,21 @@
-//! What servers of other sizes would store: a simulation of queues, for machines that are not at hand.
+//! Throughput of servers of other sizes: a simulation of queues, for machines that are not
+//! available.
 //!
-//! Operations arrive at random (Poisson). Each first takes a core of a server; then it waits for a writer. A
-//! writer that is free takes what waits, up to a batch, works for each on a core of the database, waits for the
-//! disk, and answers them all. Times of service are what one machine measured; they are constant here, so the
-//! tails are those of waiting alone.
+//! Operations arrive at random (Poisson). Each first occupies a core of a server, then waits for a
+//! writer. A free writer takes the waiting operations, up to a batch, works for each on a core of
+//! the database, waits for the disk, and answers them all. Service times were measured on one
+//! machine; they are constant here, so the tails are those of waiting alone.
 
 use super::figures::Latencies;
 use sidestep::math::SeededRng;
 use std::time::Duration;
 
-/// What an operation costs.
+/// Cost of an operation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Work {
-    /// On a server, ms of a core.
+    /// CPU time on a server, ms.
     pub server_ms: f64,
-    /// In the database, ms of a core.
+    /// CPU time in the database, ms.
     pub database_ms: f64,
 }
 
@@ -23,32 +24,32 @@ pub struct Work {
 pub struct Site {
     /// Cores of all servers.
     pub server_cores: usize,
-    /// Transactions at a time.
+    /// Concurrent transactions.
     pub writers: usize,
-    /// Most operations of a transaction.
+    /// Largest number of operations per transaction.
     pub batch: usize,
     /// Cores of the database.
     pub database_cores: usize,
-    /// What a transaction costs besides its operations, ms of a core of the database.
+    /// CPU time of a transaction in the database besides its operations, ms.
     pub transaction_ms: f64,
-    /// How long a transaction waits for the disk, ms.
+    /// Wait of a transaction for the disk, ms.
     pub commit_ms: f64,
 }
 
-/// What a simulation has shown.
+/// Result of a simulation.
 #[derive(Debug)]
 pub struct Shown {
-    /// Of all operations, from their arrival to their answer.
+    /// Latencies of all operations, from arrival to answer.
     pub latencies: Latencies,
-    /// Shares of time in which the cores of the servers, the cores of the database and the writers are busy. At
-    /// more than 1, work piles up.
+    /// Utilization of the servers' cores, the database's cores and the writers. Above 1, the queue
+    /// grows.
     pub busy: [f64; 3],
 }
 
-/// The names of what does work.
+/// Names of the kinds of work.
 pub const STAGES: [&str; 2] = ["work of the servers", "work of the database"];
 
-/// Cores, or writers: when each is free, s.
+/// Cores, or writers: the time at which each becomes free, s.
 struct Free(Vec<f64>);
 
 impl Free {
@@ -56,12 +57,12 @@ impl Free {
         Self(vec![0.0; count.max(1)])
     }
 
-    /// When the first is free, s.
+    /// The earliest of these times, s.
     fn at_s(&self) -> f64 {
         self.0.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// Has the first that is free busy until then.
+    /// Occupies the first free one until this time.
     fn hold(&mut self, until_s: f64) {
         if let Some(first) = self.0.iter_mut().min_by(|a, b| a.total_cmp(b)) {
             *first = until_s;
@@ -70,7 +71,7 @@ impl Free {
 }
 
 impl Site {
-    /// Has each kind of operation arrive so many times a second (more than none), for so long.
+    /// Simulates each kind of operation arriving at this rate per second (> 0), for this time.
     #[must_use]
     pub fn simulate(&self, kinds: &[(f64, Work)], seconds: f64, seed: u64) -> Shown {
         let mut rng = SeededRng::new(seed);
@@ -88,7 +89,7 @@ impl Site {
 
         let mut busy_s = [0.0; 3];
         let mut cores = Free::new(self.server_cores);
-        // When each is through the server, s; arrival, s; work in the database, s.
+        // Time when it leaves the server, s; arrival, s; work in the database, s.
         let mut ready: Vec<(f64, f64, f64)> = Vec::with_capacity(arrivals.len());
         for (arrived_s, work) in arrivals {
             let ends_s = arrived_s.max(cores.at_s()) + work.server_ms / 1e3;
@@ -130,7 +131,7 @@ mod tests {
 
     const NOTHING: Work = Work { server_ms: 0.0, database_ms: 0.0 };
 
-    /// A site in which only the servers take time.
+    /// A site where only the servers take time.
     fn servers(server_cores: usize) -> Site {
         Site {
             server_cores,
@@ -152,7 +153,7 @@ mod tests {
         let work = Work { server_ms: 1.0, ..NOTHING };
         for busy in [0.3, 0.6, 0.8] {
             let shown = servers(1).simulate(&[(1e3 * busy, work)], 400.0, 7);
-            // M/D/1: the mean wait is ρ/(2(1 − ρ)) times of service.
+            // M/D/1: the mean wait is ρ/(2(1 − ρ)) service times.
             let expected_ms = 1.0 + busy / (2.0 * (1.0 - busy));
             let found_ms = mean_ms(&shown.latencies);
             assert!((found_ms / expected_ms - 1.0).abs() < 0.03, "{found_ms} for {expected_ms}");
@@ -178,7 +179,7 @@ mod tests {
         let together = Site { batch: 64, ..alone };
         assert!(alone.simulate(&[(per_s, work)], 10.0, 1).busy[2] > 3.0, "it piles up");
         let shown = together.simulate(&[(per_s, work)], 10.0, 1);
-        // Nobody waits for more than the batch that is under way and their own.
+        // No operation waits for more than the current batch and its own.
         assert!(shown.latencies.quantile_ms(1.0) < 2.0 * (2.0 + 64.0 * 0.01));
     }
 

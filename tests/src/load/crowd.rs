@@ -1,4 +1,4 @@
-//! Participants at work: enrolling and uploading, as fast as they are answered or by the clock.
+//! Participants at work: enrolling and uploading, at full speed or by the clock.
 
 use super::figures::Latencies;
 use super::http::Connection;
@@ -15,45 +15,45 @@ use tokio::sync::Notify;
 use tokio::task::JoinSet;
 use tokio::time::{sleep, sleep_until};
 
-/// Everybody who takes part, and how the servers treat them. All run in one thread, on a `LocalSet`.
+/// All participants, and the servers' responses to them. All run in one thread, on a `LocalSet`.
 #[derive(Debug, Default)]
 pub struct Crowd {
-    /// The servers of the study; connections take turns.
+    /// The servers of the study; connections use them in turn.
     servers: RefCell<Vec<SocketAddr>>,
     turn: Cell<usize>,
-    /// Who has trials left to drive.
+    /// People with trials left to drive.
     waiting: RefCell<VecDeque<Person>>,
-    /// Who has not, or has withdrawn.
+    /// People with no trials left, or who have withdrawn.
     done: RefCell<Vec<Person>>,
-    /// Of uploads.
+    /// Latencies of uploads.
     latencies: RefCell<Latencies>,
-    /// Of everything else.
+    /// Latencies of everything else.
     others: RefCell<Latencies>,
     enrolled: Cell<usize>,
     acknowledged: Cell<usize>,
-    /// Wakes whoever waits for a number of acknowledgements.
+    /// Notifies waiters of new acknowledgements.
     progress: Notify,
-    /// Answers 503.
+    /// Number of 503 responses.
     refused: Cell<usize>,
-    /// Answers and ends that nothing explains, in words.
+    /// Unexplained responses and disconnections, in words.
     problems: RefCell<Vec<String>>,
-    /// Whether connections may break off, because a server is going to be killed.
+    /// Whether connections may break, because a server is going to be killed.
     pub mortal: Cell<bool>,
-    /// Nothing is begun after it.
+    /// No new work starts after this time.
     end: Cell<Option<Instant>>,
 }
 
 /// When uploads are due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// As soon as the one before on the connection was answered.
+    /// As soon as the previous one on the connection was acknowledged.
     Fast,
-    /// So many a second, whatever becomes of those before.
+    /// This number per second, whatever happens to earlier ones.
     PerSecond(f64),
 }
 
 impl Crowd {
-    /// A crowd that asks these servers.
+    /// A crowd that uses these servers.
     #[must_use]
     pub fn of(servers: &[&Address]) -> Rc<Self> {
         let crowd = Self::default();
@@ -61,10 +61,10 @@ impl Crowd {
         Rc::new(crowd)
     }
 
-    /// From now on these servers are asked.
+    /// Uses these servers from now on.
     ///
     /// # Panics
-    /// If one has no address of this machine.
+    /// If one has no address on this machine.
     pub fn serve_from(&self, servers: &[&Address]) {
         let address = |server: &&Address| {
             let text = server.origin.trim_start_matches("http://");
@@ -73,7 +73,7 @@ impl Crowd {
         self.servers.replace(servers.iter().map(address).collect());
     }
 
-    /// Lets `count` people enrol, or fewer if time runs out: how many did, and in what time, s.
+    /// Lets `count` people enrol, or fewer if time runs out. Returns their number, and the time, s.
     pub async fn enrol(
         self: &Rc<Self>,
         count: usize,
@@ -97,13 +97,13 @@ impl Crowd {
         (self.enrolled.get() - before, took_s)
     }
 
-    /// Makes all bodies that those who wait will send.
+    /// Prepares all bodies that waiting people will send.
     pub fn prepare(&self) {
         self.waiting.borrow_mut().iter_mut().for_each(Person::prepare);
     }
 
     /// Lets participants upload over this number of connections until time or participants run out.
-    /// Returns the number of acknowledged uploads and the time that they took, s.
+    /// Returns the number of acknowledged uploads and the time, s.
     pub async fn upload(
         self: &Rc<Self>,
         connections: usize,
@@ -111,7 +111,7 @@ impl Crowd {
         pace: Pace,
     ) -> (usize, f64) {
         let before = self.acknowledged.get();
-        // One participant drives one trial after the other.
+        // A participant drives one trial after another.
         let connections = connections.min(self.waiting());
         let (begin, ticket) = (Instant::now(), Rc::new(Cell::new(0)));
         let took_s = self.together(connections, limit_s, |crowd| {
@@ -129,8 +129,8 @@ impl Crowd {
         (self.acknowledged.get() - before, took_s)
     }
 
-    /// Lets `count` people enrol at once, each on a connection of their own, while others
-    /// upload `per_s` trials a second by the clock: how many enrolled, and in what time, s.
+    /// Lets `count` people enrol at once, each on their own connection, while others upload `per_s`
+    /// trials per second by the clock. Returns the number enrolled, and the time, s.
     pub async fn class(self: &Rc<Self>, count: usize, per_s: usize, limit_s: f64) -> (usize, f64) {
         let stop = Rc::new(Cell::new(false));
         let mut beside = JoinSet::new();
@@ -146,7 +146,7 @@ impl Crowd {
                 }
             });
         }
-        // Uploads are under way when the class comes.
+        // Uploads are in progress when the class arrives.
         self.until_acknowledged(self.acknowledged() + per_s).await;
         let before = self.enrolled.get();
         let took_s = self.together(count, limit_s, |crowd| async move {
@@ -160,25 +160,25 @@ impl Crowd {
         (self.enrolled.get() - before, took_s)
     }
 
-    /// How long uploads took since the last call.
+    /// Latencies of uploads since the last call.
     pub fn take_latencies(&self) -> Latencies {
         self.latencies.take()
     }
 
-    /// How long all other requests took since the last call.
+    /// Latencies of all other requests since the last call.
     pub fn take_others(&self) -> Latencies {
         self.others.take()
     }
 
-    /// The numbers of requests that the server put off and that failed since the last call, with
-    /// the message of one failure.
+    /// The numbers of deferred and of failed requests since the last call, with the message of one
+    /// failure.
     pub fn troubles(&self) -> String {
         let problems = self.problems.take();
         let example = problems.first().map(|text| format!(": {text}")).unwrap_or_default();
         format!("{}, {}{example}", self.refused.take(), problems.len())
     }
 
-    /// What nothing explains, in words.
+    /// Unexplained problems, in words.
     #[must_use]
     pub fn problems(&self) -> Vec<String> {
         self.problems.borrow().clone()
@@ -190,13 +190,13 @@ impl Crowd {
         self.waiting.borrow().len()
     }
 
-    /// The number of trials that were acknowledged.
+    /// The number of acknowledged trials.
     #[must_use]
     pub fn acknowledged(&self) -> usize {
         self.acknowledged.get()
     }
 
-    /// Waits until so many trials have been acknowledged, or nobody drives any more.
+    /// Waits until this number of trials has been acknowledged, or no one drives any more.
     pub async fn until_acknowledged(&self, count: usize) {
         while self.acknowledged.get() < count && !self.is_over() {
             self.progress.notified().await;
@@ -214,13 +214,13 @@ impl Crowd {
             let servers = self.servers.borrow();
             servers[turn % servers.len()]
         };
-        // A crowd has many addresses; all of 127.0.0.0/8 are this machine.
+        // A crowd has many addresses; all of 127.0.0.0/8 belong to this machine.
         let [fourth, third, ..] = turn.to_le_bytes();
         Connection::open(server, Some([127, 0, third, fourth.max(1)].into())).await
     }
 
-    /// Runs `count` tasks until they end or, shortly after the limit, stops them. Returns the time
-    /// taken, s.
+    /// Runs `count` tasks until they end or, shortly after the limit, cancels them. Returns the
+    /// time taken, s.
     async fn together<F: Future<Output = io::Result<()>> + 'static>(
         self: &Rc<Self>,
         count: usize,
@@ -247,31 +247,31 @@ impl Crowd {
         self.is_over_at(Instant::now())
     }
 
-    /// Whether it will be over then.
+    /// Whether time is over at this instant.
     pub(super) fn is_over_at(&self, then: Instant) -> bool {
         self.end.get().is_some_and(|end| then >= end)
     }
 
-    /// Nothing is begun after it.
+    /// No new work starts after this time.
     pub(super) fn ends_at(&self, end: Instant) {
         self.end.set(Some(end));
     }
 
-    /// Begins nothing more.
+    /// Starts no new work.
     pub fn stop(&self) {
         self.ends_at(Instant::now());
         self.progress.notify_waiters();
     }
 
-    /// Notes what broke a connection off, unless a server was going to be killed.
+    /// Records why a connection broke, unless a server was going to be killed.
     pub(super) fn broken(&self, error: &io::Error) {
         if !self.mortal.get() || error.kind() == ErrorKind::Other {
             self.problem(error.to_string());
         }
     }
 
-    /// One person enrols, and asks again while the server says that it is busy. False if it
-    /// refused, or time ran out.
+    /// Enrols one person, and retries while the server says that it is busy. False if it refused,
+    /// or time ran out.
     async fn enrol_one(&self, connection: &mut Connection) -> io::Result<bool> {
         let person = self.enrolled_at(connection, Instant::now()).await?;
         let is_in = person.is_some();
@@ -279,7 +279,7 @@ impl Crowd {
         Ok(is_in)
     }
 
-    /// Somebody who enrolled, due at `due`.
+    /// A person who enrolled at `due`.
     pub(super) async fn enrolled_at(
         &self,
         connection: &mut Connection,
@@ -304,7 +304,7 @@ impl Crowd {
         }
     }
 
-    /// Takes one waiting participant after the other and uploads all their trials, each when it is
+    /// Takes one waiting participant after another and uploads all their trials, each when it is
     /// due.
     async fn drive_on(
         &self,
@@ -326,11 +326,11 @@ impl Crowd {
         Ok(())
     }
 
-    /// Uploads a trial each second, the first at `first`. A late answer makes the next upload
-    /// late, which counts as its time too.
+    /// Uploads a trial each second, the first at `first`. A late answer delays the next upload,
+    /// which counts towards its latency.
     async fn drive_by_the_clock(&self, first: Instant, stop: &Cell<bool>) -> io::Result<()> {
         let mut connection = self.connect().await?;
-        // From among those who enrolled last, and have all their trials before them.
+        // One of those who enrolled last, and have all their trials left.
         let Some(mut person) = self.waiting.borrow_mut().pop_back() else {
             return Err(io::Error::other("nobody is left to drive"));
         };
@@ -344,8 +344,8 @@ impl Crowd {
         end
     }
 
-    /// Uploads the participant's next trial until it is acknowledged, and notes the time since it was
-    /// due.
+    /// Uploads the participant's next trial until it is acknowledged, and records the time since it
+    /// was due.
     pub(super) async fn drive_one(
         &self,
         connection: &mut Connection,
@@ -376,7 +376,7 @@ impl Crowd {
         loop {
             let answer = connection.send("PUT", &route, Some(token), body).await?;
             match answer.status {
-                // 200: it was stored before, and the answer was lost.
+                // 200: it was stored before, but the response was lost.
                 200 | 201 => return Ok(()),
                 503 if !self.is_over() => self.put_off(answer.retry_after_s).await,
                 status => {
@@ -387,12 +387,12 @@ impl Crowd {
         }
     }
 
-    /// Notes a request that is neither an enrolment nor an upload.
+    /// Records a request that is neither an enrolment nor an upload.
     pub(super) fn note_other(&self, due: Instant) {
         self.others.borrow_mut().note(due.elapsed());
     }
 
-    /// Who drives next; nobody when it is over, which it is for all when nobody is left.
+    /// The next person to drive; `None` when time is over or no one is left, which ends it for all.
     fn next(&self) -> Option<Person> {
         if self.is_over() {
             return None;
@@ -412,7 +412,7 @@ impl Crowd {
         }
     }
 
-    /// Waits as the server asked to.
+    /// Waits as long as the server asked.
     async fn put_off(&self, retry_after_s: Option<u64>) {
         self.refused.set(self.refused.get() + 1);
         sleep(Duration::from_secs(retry_after_s.unwrap_or(1))).await;

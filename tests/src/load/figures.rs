@@ -1,32 +1,32 @@
-//! Figures, and how they are printed.
+//! Measurements, and how they are printed.
 
 use hdrhistogram::Histogram;
 use std::fmt::{Display, Formatter, Result};
 use std::time::Duration;
 
-/// A line of the table: name, figure, and what is said of it.
+/// Prints a row of the table: name, value, and remark.
 #[allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 pub fn row(name: &str, figure: impl Display, said: impl Display) {
     println!("{name:36} {:>22}   {said}", figure.to_string());
 }
 
-/// A figure against the least that is wanted.
+/// Compares a value with its lower target.
 #[must_use]
 pub fn at_least(figure: f64, target: f64, unit: &str) -> String {
     format!("≥ {target}{unit} {}", if figure >= target { "met" } else { "MISSED" })
 }
 
-/// A figure against the most that is wanted.
+/// Compares a value with its upper target.
 #[must_use]
 pub fn at_most(figure: f64, target: f64, unit: &str) -> String {
     format!("≤ {target}{unit} {}", if figure <= target { "met" } else { "MISSED" })
 }
 
-/// How long requests took, each from when it was due: a server that stalls makes all that was due
-/// meanwhile late, and not only the one request that it held up.
+/// Latencies of requests, each from when it was due: a server that stalls delays all requests that
+/// become due meanwhile, not only the one it is processing.
 #[derive(Debug)]
 pub struct Latencies {
-    /// µs, to three digits.
+    /// µs, to three significant digits.
     answered: Histogram<u64>,
     /// Requests that were refused, which count as never answered.
     refused: u64,
@@ -40,7 +40,7 @@ impl Default for Latencies {
 }
 
 impl Latencies {
-    /// Notes an answer.
+    /// Records an answer.
     ///
     /// # Panics
     /// If the duration has too many digits for an integer.
@@ -49,18 +49,18 @@ impl Latencies {
         self.answered.record(us).expect("a histogram that grows");
     }
 
-    /// Notes a refusal.
+    /// Records a refusal.
     pub fn refuse(&mut self) {
         self.refused += 1;
     }
 
-    /// How many requests there were.
+    /// Number of requests.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.answered.len() + self.refused
     }
 
-    /// The time within which this share was answered, ms; infinite for no requests.
+    /// The latency at this quantile, ms; infinite without requests.
     #[must_use]
     pub fn quantile_ms(&self, share: f64) -> f64 {
         let count = self.count();
@@ -80,24 +80,24 @@ impl Display for Latencies {
     }
 }
 
-/// What a process has used, as Linux counts it; elsewhere nothing is known.
+/// Resources used by a process, from Linux; unknown elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub struct Usage {
     /// CPU time of all its threads, s.
     pub cpu_s: f64,
-    /// In memory now and at most, MB.
+    /// Memory now and at its peak, MB.
     pub memory_mb: [f64; 2],
 }
 
 impl Usage {
-    /// Of a process, by its number.
+    /// Usage of a process, by its id.
     #[must_use]
     pub fn of(process: u32) -> Self {
-        /// Of the clock that processes are shown; Linux has no other.
+        /// Unit of process times; Linux always uses this one.
         const TICKS_PER_S: f64 = 100.0;
         let read = |name| std::fs::read_to_string(format!("/proc/{process}/{name}"));
         let (stat, status) = (read("stat").unwrap_or_default(), read("status").unwrap_or_default());
-        // The name of the program, in brackets, may hold spaces.
+        // The name of the program, in parentheses, may contain spaces.
         let fields = stat.rsplit_once(')').map_or("", |(_, fields)| fields).split_whitespace();
         let ticks: Vec<f64> = fields.skip(11).take(2).flat_map(str::parse).collect();
         let kilobytes = |field: &str| {

@@ -1,4 +1,4 @@
-//! HTTP/1.1 on a connection that is kept, with as little work as possible.
+//! HTTP/1.1 on a persistent connection, with minimal overhead.
 
 use std::io::{Error, ErrorKind, Result, Write};
 
@@ -10,25 +10,25 @@ use tokio::net::{TcpSocket, TcpStream};
 #[derive(Debug)]
 pub struct Connection {
     stream: TcpStream,
-    /// The request that is sent, and the answer to it.
+    /// Buffers for the request and its response.
     request: Vec<u8>,
     answer: Vec<u8>,
 }
 
-/// An answer.
+/// A response.
 #[derive(Debug)]
 pub struct Answer<'a> {
     /// Status.
     pub status: u16,
-    /// When to ask again, s.
+    /// `Retry-After`, s.
     pub retry_after_s: Option<u64>,
-    /// Body; none of an answer in chunks.
+    /// Body; empty for a chunked response.
     pub body: &'a [u8],
 }
 
 impl Connection {
-    /// Connects to a server on this machine from one of the machine's own addresses, 127.0.0.1 if
-    /// `from` is none: a crowd comes from many.
+    /// Connects to a server on this machine from one of the machine's own addresses, by default
+    /// 127.0.0.1: a crowd has many addresses.
     ///
     /// # Errors
     /// If the server does not accept.
@@ -42,7 +42,7 @@ impl Connection {
         Ok(Self { stream, request: Vec::new(), answer: Vec::new() })
     }
 
-    /// Sends a request and closes the connection without waiting for the answer.
+    /// Sends a request and closes the connection without waiting for the response.
     ///
     /// # Errors
     /// If the server has closed it before.
@@ -56,10 +56,10 @@ impl Connection {
         self.write(method, route, token, "application/json", body).await
     }
 
-    /// Sends a request with a JSON body and reads its answer.
+    /// Sends a request with a JSON body and reads the response.
     ///
     /// # Errors
-    /// If the connection breaks off.
+    /// If the connection breaks.
     pub async fn send(
         &mut self,
         method: &str,
@@ -71,10 +71,10 @@ impl Connection {
         self.read().await
     }
 
-    /// Posts a form and reads the answer.
+    /// Posts a form and reads the response.
     ///
     /// # Errors
-    /// If the connection breaks off.
+    /// If the connection breaks.
     pub async fn post_form(&mut self, route: &str, form: &[u8]) -> Result<Answer<'_>> {
         self.write("POST", route, None, "application/x-www-form-urlencoded", form).await?;
         self.read().await
@@ -123,7 +123,7 @@ impl Connection {
     }
 }
 
-/// The end of an answer's head and where its body lies, if all of it is there.
+/// The end of a response's head and the range of its body, once all of it has arrived.
 fn whole(answer: &[u8]) -> Result<Option<(usize, (usize, usize))>> {
     let Some(head) = answer.windows(4).position(|four| four == b"\r\n\r\n") else {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! Killing servers while people upload.
+//! Kills servers while people upload.
 
 use super::Crowd;
 use super::crowd::Pace;
@@ -8,24 +8,24 @@ use sidestep::math::SeededRng;
 use std::rc::Rc;
 use std::time::Instant;
 
-/// Longest time for the uploads between two kills, s.
+/// Timeout for the uploads between two kills, s.
 const PATIENCE_S: f64 = 60.0;
 
-/// How often, and when.
+/// Number and times of kills.
 #[derive(Clone, Copy, Debug)]
 pub struct Kills {
-    /// How often a server is killed.
+    /// Number of kills.
     pub count: u32,
-    /// Most uploads that are acknowledged between a start and the next kill.
+    /// Largest number of acknowledged uploads between a start and the next kill.
     pub most_between: usize,
     /// Connections that upload.
     pub connections: usize,
-    /// Of what is left to chance: the numbers of uploads between, and who is killed.
+    /// Seed of the random choices: the numbers of uploads between kills, and the server killed.
     pub seed: u64,
 }
 
-/// Starts a server in each of the folders, all on one database, and kills one of them (SIGKILL) in the
-/// middle of uploads, again and again; the others go on. Returns how long each start took until the
+/// Starts a server in each of the folders, all on one database, and repeatedly kills one of them
+/// (SIGKILL) during uploads, while the others continue. Returns how long each start took until the
 /// server was ready. At the end all are killed.
 ///
 /// # Panics

@@ -1,4 +1,4 @@
-//! What the server owes a crowd: every trial that it acknowledged, once, bit for bit.
+//! Checks the promises to a crowd: every acknowledged trial is stored once, bit for bit.
 
 use super::person::Person;
 use crate::Database;
@@ -6,25 +6,25 @@ use sidestep::api::TrialUpload;
 use sidestep_server::support::bytes::{pack, pack_inputs, pack_states};
 use std::collections::{HashMap, HashSet};
 
-/// What came of a comparison with the database.
+/// Result of a comparison with the database.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Comparison {
-    /// Trials that were acknowledged, of people whose data were not to be deleted.
+    /// Acknowledged trials of people whose data should not be deleted.
     pub acknowledged: usize,
-    /// Acknowledged, and not there.
+    /// Acknowledged but missing.
     pub lost: usize,
-    /// Acknowledged, and there with another content.
+    /// Acknowledged but stored with another content.
     pub different: usize,
-    /// There a second time.
+    /// Stored twice.
     pub twice: usize,
-    /// There, though their deletion was acknowledged.
+    /// Stored although their deletion was acknowledged.
     pub undeleted: usize,
-    /// There, though no answer said so: the server was killed, or the person gone, before it.
+    /// Stored without an acknowledgement: the server was killed, or the person gone, before it.
     pub unacknowledged: usize,
 }
 
 impl Comparison {
-    /// How many promises were broken.
+    /// Number of broken promises.
     #[must_use]
     pub fn broken(&self) -> usize {
         self.lost + self.different + self.twice + self.undeleted
@@ -58,7 +58,7 @@ pub async fn compare(people: &[Person], database: &Database) -> Comparison {
         if gone.contains(row[1]) {
             found.undeleted += 1;
         }
-        // Nobody else's trial began at the same instant.
+        // No other person's trial began at the same instant.
         let times = seen.entry(row[2].to_owned()).or_default();
         *times += 1;
         found.twice += usize::from(*times == 2);
@@ -74,7 +74,7 @@ pub async fn compare(people: &[Person], database: &Database) -> Comparison {
     found
 }
 
-/// Whether a row holds what was sent.
+/// Whether a row contains what was sent.
 fn is_as_sent(row: &[&str], sent: &TrialUpload) -> bool {
     let json = |value| serde_json::to_string(value).expect("JSON");
     let key_events = serde_json::to_string(&sent.key_events).expect("JSON");

@@ -1,5 +1,5 @@
 //! People at their own pace: each joins, uploads a trial when it is due, and sometimes reloads the
-//! page, sends again, vanishes before the answer, or withdraws.
+//! page, sends a trial again, vanishes before the response, or withdraws.
 
 use super::Crowd;
 use super::http::Connection;
@@ -12,20 +12,20 @@ use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use tokio::time::sleep_until;
 
-/// How people take part.
+/// Behaviour of people.
 #[derive(Clone, Copy, Debug)]
 pub struct Habits {
-    /// From one trial of a person to the next, s.
+    /// Time between two trials of a person, s.
     pub period_s: f64,
-    /// Of 1,000 trials, before how many the person reloads the page.
+    /// Trials per 1,000 before which the person reloads the page.
     pub reloads: usize,
-    /// After how many the person sends the trial again.
+    /// Trials per 1,000 that the person sends a second time.
     pub repeats: usize,
-    /// In how many the person is gone before the answer, and sends the trial again later.
+    /// Trials per 1,000 for which the person vanishes before the response and retries later.
     pub vanishes: usize,
-    /// After how many the person withdraws; half of the time, the data are deleted.
+    /// Trials per 1,000 after which the person withdraws; half of the time, the data are deleted.
     pub withdrawals: usize,
-    /// Of everything that is left to chance.
+    /// Seed of all random choices.
     pub seed: u64,
 }
 
@@ -35,7 +35,7 @@ impl Default for Habits {
     }
 }
 
-/// What a person does with a trial.
+/// A person's action for a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Act {
     Drive,
@@ -64,8 +64,8 @@ impl Habits {
 }
 
 impl Crowd {
-    /// Lets `people` join, evenly over `join_s`, and take part until `end_s` after the beginning.
-    /// Everything is due by the clock: an answer that comes late makes nothing else due later.
+    /// Lets `people` join, evenly over `join_s`, and take part until `end_s` after the start.
+    /// Everything is due by the clock: a late response does not delay anything else.
     pub async fn take_part(
         self: &Rc<Self>,
         people: usize,
@@ -109,7 +109,7 @@ impl Crowd {
             let act = habits.draw(&mut rng);
             end = self.act(&mut connection, &mut person, due, act).await;
             if end.as_ref().is_err_and(|error| error.kind() != ErrorKind::Other) {
-                // The server closes connections that were idle for long, and browsers open others.
+                // The server closes idle connections, and browsers open new ones.
                 connection = self.connect().await?;
                 end = self.act(&mut connection, &mut person, due, act).await;
             }
@@ -148,7 +148,8 @@ impl Crowd {
         self.drive_one(connection, person, due).await
     }
 
-    /// The page asks where its participant is, who has driven what was acknowledged.
+    /// The page requests its participant's progress, and the person has driven what was
+    /// acknowledged.
     async fn reload(
         &self,
         connection: &mut Connection,

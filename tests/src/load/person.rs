@@ -1,4 +1,4 @@
-//! Somebody who takes part, and the trials that they drive.
+//! A participant, and their trials.
 
 use crate::upload;
 use sidestep::api::{Enrolled, TrialUpload};
@@ -7,36 +7,36 @@ use sidestep::vehicle::TurnInput;
 use std::borrow::Cow;
 use std::collections::VecDeque;
 
-/// What a person asked the server to do with their data, and whether it said that this was done.
+/// A withdrawal, and whether the server acknowledged it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Withdrawal {
     /// Whether the data were to be deleted.
     pub delete: bool,
-    /// Whether the server said so.
+    /// Whether the server acknowledged it.
     pub acknowledged: bool,
 }
 
-/// Somebody who takes part.
+/// A participant.
 #[derive(Debug)]
 pub struct Person {
-    /// Who they are to the server.
+    /// Their id.
     pub id: String,
     /// Their token.
     pub token: String,
-    /// Which of all people, from 0: their trials differ from everybody else's.
+    /// Index among all people, from 0: their trials differ from those of all others.
     pub number: usize,
-    /// What is to be driven: trial and scene.
+    /// The plan: trial and scene.
     plan: Vec<(String, Scene)>,
-    /// Bodies of the trials that come next, made beforehand.
+    /// Bodies of the next trials, prepared in advance.
     prepared: VecDeque<Vec<u8>>,
-    /// How many trials the server has acknowledged.
+    /// Number of acknowledged trials.
     acknowledged: usize,
-    /// That they have withdrawn.
+    /// Their withdrawal, if any.
     pub withdrawal: Option<Withdrawal>,
 }
 
 impl Person {
-    /// Who has just enrolled.
+    /// A person who has just enrolled.
     #[must_use]
     pub fn new(enrolled: Enrolled, number: usize) -> Self {
         let driver = crate::Driver { enrolled };
@@ -46,7 +46,7 @@ impl Person {
         Self { id, token, number, plan, prepared, acknowledged: 0, withdrawal: None }
     }
 
-    /// The id of the trial that comes next; none after the last.
+    /// The id of the next trial; `None` after the last.
     #[must_use]
     pub fn next(&self) -> Option<&str> {
         self.plan.get(self.acknowledged).map(|(trial_id, _)| trial_id.as_str())
@@ -59,7 +59,7 @@ impl Person {
         Some((&self.plan[place].0, self.body(place)))
     }
 
-    /// Makes the bodies of all trials that are still to be driven, so that nothing but sending is left.
+    /// Prepares the bodies of all remaining trials, so that only sending is left.
     pub fn prepare(&mut self) {
         let first = self.acknowledged + self.prepared.len();
         for place in first..self.plan.len() {
@@ -68,7 +68,7 @@ impl Person {
         }
     }
 
-    /// The body of the next trial; none after the last.
+    /// The body of the next trial; `None` after the last.
     #[must_use]
     pub fn next_body(&self) -> Option<Cow<'_, [u8]>> {
         self.next()?;
@@ -76,20 +76,20 @@ impl Person {
         Some(self.prepared.front().map_or_else(made, |body| Cow::Borrowed(&body[..])))
     }
 
-    /// Notes that the server has acknowledged the next trial.
+    /// Records that the server has acknowledged the next trial.
     pub fn acknowledge(&mut self) {
         self.prepared.pop_front();
         self.acknowledged += 1;
     }
 
-    /// How many trials the server has acknowledged.
+    /// Number of acknowledged trials.
     #[must_use]
     pub fn count(&self) -> usize {
         self.acknowledged
     }
 
-    /// The same person when fewer trials were acknowledged; and whether the deletion of their data was,
-    /// if they had asked for it.
+    /// The same person with fewer trials acknowledged, and with the deletion of their data
+    /// acknowledged or not, if they had requested it.
     #[must_use]
     pub fn as_of(&self, acknowledged: usize, deletion: Option<bool>) -> Self {
         let withdrawal = deletion.map(|acknowledged| Withdrawal { delete: true, acknowledged });
@@ -98,7 +98,7 @@ impl Person {
         Self { id, token, number: self.number, plan, prepared, acknowledged, withdrawal }
     }
 
-    /// The ids of the trials that the server has acknowledged.
+    /// The ids of the acknowledged trials.
     pub fn acknowledged(&self) -> impl ExactSizeIterator<Item = &str> {
         self.plan[..self.acknowledged].iter().map(|(trial_id, _)| trial_id.as_str())
     }
@@ -107,8 +107,8 @@ impl Person {
         serde_json::to_vec(&self.trial(place)).expect("a trial as JSON")
     }
 
-    /// The trial at a place of the plan. Nobody else's is the same: when it started and when the key
-    /// was pressed say who drove which.
+    /// The trial at an index of the plan. It is unique: its start and the time of the key press
+    /// identify the driver.
     #[must_use]
     pub fn trial(&self, place: usize) -> TrialUpload {
         const STEP_MS: f64 = 200.0;

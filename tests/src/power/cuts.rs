@@ -1,4 +1,4 @@
-//! A server that loses power, at many moments of one recording.
+//! A server that loses power, at many points of one recording.
 
 use super::{Disk, Recording};
 use crate::load::{Comparison, Person, compare};
@@ -9,25 +9,25 @@ use sidestep::api::routes;
 use sidestep::math::SeededRng;
 use sqlx::SqliteConnection;
 
-/// What happens before the power is cut.
+/// A session before the power is cut.
 #[derive(Clone, Copy, Debug)]
 pub struct Session {
-    /// Who take part, one after the other.
+    /// Number of people, one after another.
     pub people: usize,
-    /// After how many trials each of them leaves.
+    /// Number of trials of each.
     pub trials: usize,
-    /// Of what is left to chance: what reaches the disk.
+    /// Seed of the random choices: what reaches the disk.
     pub seed: u64,
 }
 
-/// What a client knows, and since which moment.
+/// A client's knowledge, with the point since when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Known {
     /// A further trial of that person is stored.
     Stored,
-    /// Deletion was asked for.
+    /// Deletion was requested.
     Leaving,
-    /// And done.
+    /// And acknowledged.
     Gone,
 }
 
@@ -41,8 +41,8 @@ pub struct Recorded {
 }
 
 impl Session {
-    /// Lets people enrol and upload, every other one delete their data, and records what reaches the
-    /// disk.
+    /// Lets people enrol and upload, every other one delete their data, and records the writes to
+    /// the disk.
     ///
     /// # Panics
     /// If the server refuses anything.
@@ -81,7 +81,7 @@ impl Session {
 }
 
 impl Recorded {
-    /// The first and the last moment at which there is something to lose.
+    /// The first and the last point with something to lose.
     ///
     /// # Panics
     /// If nothing was stored.
@@ -90,10 +90,10 @@ impl Recorded {
         (self.known.first().expect("a trial").0, self.recording.now())
     }
 
-    /// Cuts the power at a moment and compares what a client knew then with what is found.
+    /// Cuts the power at a point and compares the client's knowledge then with the files.
     ///
     /// # Errors
-    /// If the database is damaged: what SQLite says.
+    /// If the database is damaged: SQLite's message.
     ///
     /// # Panics
     /// If files cannot be written.
@@ -108,13 +108,13 @@ impl Recorded {
         Ok((compare(&self.people_at(moment), &database).await, folder))
     }
 
-    /// A moment by chance.
+    /// A random point.
     pub fn any_moment(&mut self) -> usize {
         let (first, last) = self.moments();
         first + self.rng.below(last - first + 1)
     }
 
-    /// Everybody, as their browsers knew it at a moment.
+    /// All people, as their browsers knew them at a point.
     fn people_at(&self, moment: usize) -> Vec<Person> {
         let known = |number: usize, what: Known| {
             let until = self.known.iter().take_while(|(at, _, _)| *at <= moment);
@@ -129,7 +129,7 @@ impl Recorded {
     }
 }
 
-/// What SQLite says of the database in a folder: `ok`, or what is damaged.
+/// SQLite's integrity check of the database in a folder: `ok`, or the damage.
 async fn damage(folder: &Folder) -> sqlx::Result<String> {
     let asked = async |db: &mut SqliteConnection| {
         let _: i64 = sqlx::query_scalar("SELECT count(*) FROM trial").fetch_one(&mut *db).await?;

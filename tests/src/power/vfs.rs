@@ -1,6 +1,6 @@
-//! A file layer of SQLite that passes everything on to the system's own layer and records it.
+//! A VFS layer for SQLite that forwards everything to the system's VFS and records it.
 //!
-//! The layout of the structures and the rules for each function are those of
+//! The layout of the structures and the contracts of the functions are those of
 //! <https://sqlite.org/c3ref/io_methods.html> and <https://sqlite.org/c3ref/vfs.html>.
 #![allow(unsafe_code, reason = "SQLite calls a file layer through C functions")]
 
@@ -11,26 +11,26 @@ use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// A file as SQLite sees it. The system's own file lies behind it in the same memory.
+/// A file as SQLite sees it. The system's own file follows in the same memory.
 #[repr(C)]
 struct Shim {
     base: ffi::sqlite3_file,
-    /// Where to record: name and acts.
+    /// Where to record: name and operations.
     record: *mut (String, Acts),
 }
 
 static RECORDINGS: Recordings = Mutex::new(Vec::new());
 
-/// The system's own layer.
+/// The system's VFS.
 fn system() -> *mut ffi::sqlite3_vfs {
     static SYSTEM: OnceLock<usize> = OnceLock::new();
     *SYSTEM.get_or_init(register) as *mut ffi::sqlite3_vfs
 }
 
-/// Puts the recording layer in front of the system's, for all databases that are opened from now on.
+/// Registers the recording layer as the default for all databases opened from now on.
 fn register() -> usize {
-    // SAFETY: the layer that SQLite returns lives as long as the process, and so does the one that is
-    // given to it: a copy of the former with other functions.
+    // SAFETY: the VFS that SQLite returns lives as long as the process, and so does the one
+    // registered: a copy of it with other functions.
     unsafe {
         let system = ffi::sqlite3_vfs_find(null_mut());
         assert!(!system.is_null(), "SQLite has no file layer");
@@ -46,7 +46,7 @@ fn register() -> usize {
     }
 }
 
-/// Records what is done to files of a folder that are opened from now on.
+/// Records the operations on files of a folder that are opened from now on.
 pub(super) fn record(folder: &Path, acts: &Acts) {
     let folder = folder.canonicalize().expect("a folder");
     let mut recordings = RECORDINGS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -55,12 +55,12 @@ pub(super) fn record(folder: &Path, acts: &Acts) {
     system();
 }
 
-/// Where what is done to a file is recorded.
+/// The recording for a file, if there is one.
 fn recording_of(path: *const c_char) -> Option<(String, Acts)> {
     if path.is_null() {
         return None;
     }
-    // SAFETY: SQLite gives a text that ends with a zero.
+    // SAFETY: SQLite passes a NUL-terminated string.
     let path = unsafe { CStr::from_ptr(path) };
     let path = PathBuf::from(path.to_str().ok()?);
     let recordings = RECORDINGS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -73,13 +73,13 @@ fn note((name, acts): &(String, Acts), act: Act) {
     acts.lock().unwrap_or_else(PoisonError::into_inner).push((name.clone(), act));
 }
 
-/// The system's file behind a file.
+/// The system's file of a file.
 unsafe fn own(file: *mut ffi::sqlite3_file) -> *mut ffi::sqlite3_file {
-    // SAFETY: `szOsFile` makes SQLite reserve memory for both.
+    // SAFETY: `szOsFile` makes SQLite allocate memory for both.
     unsafe { file.cast::<Shim>().add(1).cast() }
 }
 
-/// Records, if the file is recorded and the system succeeded.
+/// Records an operation, if the file is recorded and the system succeeded.
 unsafe fn noted(file: *mut ffi::sqlite3_file, code: c_int, act: impl FnOnce() -> Act) -> c_int {
     // SAFETY: `open` has set the pointer, and `close` frees it.
     if code == ffi::SQLITE_OK
@@ -98,7 +98,8 @@ unsafe extern "C" fn open(
     out_flags: *mut c_int,
 ) -> c_int {
     let system = system();
-    // SAFETY: SQLite gives memory of `szOsFile` bytes, and calls nothing of a file without methods.
+    // SAFETY: SQLite provides memory of `szOsFile` bytes, and calls no function of a file without
+    // methods.
     unsafe {
         let shim = file.cast::<Shim>();
         (*shim).base.pMethods = std::ptr::null();
@@ -122,7 +123,7 @@ unsafe extern "C" fn delete(
     sync_folder: c_int,
 ) -> c_int {
     let system = system();
-    // SAFETY: the system's own layer with its own arguments.
+    // SAFETY: the system's VFS with its own arguments.
     let code = unsafe { (*system).xDelete.expect("xDelete")(system, name, sync_folder) };
     if code == ffi::SQLITE_OK
         && let Some(record) = recording_of(name)
@@ -132,7 +133,7 @@ unsafe extern "C" fn delete(
     code
 }
 
-/// A function that only passes on what it is given.
+/// Defines functions that only forward their arguments.
 macro_rules! passed_on {
     ($name:ident = $method:ident($($argument:ident: $kind:ty),*) -> $answer:ty) => {
         unsafe extern "C" fn $name(file: *mut ffi::sqlite3_file, $($argument: $kind),*) -> $answer {
@@ -165,7 +166,7 @@ passed_on!(fetch = xFetch(offset: i64, count: c_int, found: *mut *mut c_void) ->
 passed_on!(unfetch = xUnfetch(offset: i64, page: *mut c_void) -> c_int);
 
 unsafe extern "C" fn close(file: *mut ffi::sqlite3_file) -> c_int {
-    // SAFETY: SQLite closes a file once; `open` has made the record.
+    // SAFETY: SQLite closes a file once; `open` has allocated the record.
     unsafe {
         let record = std::mem::replace(&mut (*file.cast::<Shim>()).record, null_mut());
         if !record.is_null() {
@@ -181,7 +182,7 @@ unsafe extern "C" fn write(
     count: c_int,
     offset: i64,
 ) -> c_int {
-    // SAFETY: SQLite gives `count` bytes.
+    // SAFETY: SQLite provides `count` bytes.
     unsafe {
         let code = own_write(file, bytes, count, offset);
         noted(file, code, || Act::Wrote {
@@ -192,7 +193,7 @@ unsafe extern "C" fn write(
 }
 
 unsafe extern "C" fn truncate(file: *mut ffi::sqlite3_file, length: i64) -> c_int {
-    // SAFETY: as for what is passed on.
+    // SAFETY: as for the forwarded functions.
     unsafe {
         let code = own_truncate(file, length);
         noted(file, code, || Act::Cut { length: length as usize })
@@ -200,10 +201,10 @@ unsafe extern "C" fn truncate(file: *mut ffi::sqlite3_file, length: i64) -> c_in
 }
 
 unsafe extern "C" fn sync(file: *mut ffi::sqlite3_file, flags: c_int) -> c_int {
-    // SAFETY: as for what is passed on.
+    // SAFETY: as for the forwarded functions.
     unsafe {
         let record = (*file.cast::<Shim>()).record.as_ref();
-        // What another thread writes while the system syncs is not promised.
+        // A write of another thread during the sync is not covered.
         let covered =
             record.map_or(0, |(_, acts)| acts.lock().unwrap_or_else(PoisonError::into_inner).len());
         let code = own_sync(file, flags);

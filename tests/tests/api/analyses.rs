@@ -1,4 +1,5 @@
-//! Analyses as jobs of the server: asked for, watched, cancelled, kept, withdrawn.
+//! Analyses as jobs of the server: requested, watched, cancelled, stored, deleted after a
+//! withdrawal.
 
 use crate::analyze::contents;
 use reqwest::Method;
@@ -17,7 +18,7 @@ const TASKS: usize = 8;
 /// A study of eight tasks.
 const STUDY: &str = r#"phases = [{ phase = "task", scenes = 8 }]"#;
 
-/// Someone who holds keys for half a second or so, and lets them go.
+/// Someone who holds keys for about half a second at a time.
 async fn drive(server: &Server, who: u64) -> Driver {
     drive_with(&SceneParameters::default(), server, who).await
 }
@@ -42,7 +43,7 @@ pub(crate) async fn show(server: &Server, id: &str) -> AnalysisDetail {
     server.admin(&routes::admin_analysis(id)).await.into(200)
 }
 
-/// The analysis, once it is as wanted.
+/// Waits until the analysis satisfies a condition.
 async fn until(
     server: &Server,
     id: &str,
@@ -70,7 +71,7 @@ async fn file(server: &Server, id: &str, name: &str) -> reqwest::Response {
     request.bearer_auth(&server.key).send().await.unwrap()
 }
 
-/// So many rows of a table, read behind the server's back.
+/// The number of rows of a table, read directly from the database.
 async fn count(server: &Server, table: &str) -> i64 {
     let query = format!("SELECT count(*) FROM {table}");
     behind(&server.database()).row(&query, |row| row.get(0)).await.unwrap()
@@ -104,7 +105,7 @@ async fn a_study_is_analysed_as_by_the_command() {
     assert!(result.flagged.is_empty());
     assert_eq!(detail.summary.progress, None);
 
-    // File by file what the command writes, of the database and of the export.
+    // The command writes the same files, from the database and from the export.
     let folder = TempDir::new().unwrap();
     let trials = folder.path().join("trials.csv");
     std::fs::write(&trials, server.export("default").await).unwrap();
@@ -125,7 +126,7 @@ async fn a_study_is_analysed_as_by_the_command() {
         }
     }
 
-    // Reports may be looked at, and do nothing else; the rest is for saving.
+    // Reports may be viewed, without any permissions; other files are downloads.
     let report = file(&server, &asked.id, "report.html").await;
     let policy = report.headers()["content-security-policy"].to_str().unwrap().to_owned();
     assert!(policy.contains("default-src 'none'") && !policy.contains("script"), "{policy}");
@@ -143,7 +144,7 @@ async fn a_study_is_analysed_as_by_the_command() {
         assert_eq!(file(&server, &asked.id, name).await.status(), 404, "{name}");
     }
 
-    // A second one with the same data finds every cell there, and the same again.
+    // A second one with the same data finds every cell in the cache, with the same result.
     let cells = count(&server, "analysis_cell").await;
     assert!(cells > 0);
     let again = ask(&server, json!({ "leakage": true })).await;
@@ -152,7 +153,7 @@ async fn a_study_is_analysed_as_by_the_command() {
     assert_eq!(second.files, detail.files);
     assert_eq!(count(&server, "analysis_cell").await, cells);
 
-    // Another set and another grid: only what is new is computed, and told beside the rest.
+    // Another set and another grid: only new models are computed, and reported beside the rest.
     let slopes = json!({ "slopes": ["v_h", "dv_h_ahead", "dv_h_left"] });
     let wider = ask(&server, json!({ "sets": slopes, "grids": { "tree_leaf": [7] } })).await;
     let wider = done(&server, &wider.id).await.summary;
@@ -183,7 +184,7 @@ async fn a_study_is_analysed_as_by_the_command() {
     let earlier = [second.summary.clone(), detail.summary.clone()].map(brief);
     assert_eq!((page.analyses, page.next_before), (earlier.to_vec(), None));
 
-    // It outlives the server, and goes when it is deleted.
+    // It survives a restart of the server, and can be deleted.
     let server = server.restarted().await;
     assert_eq!(show(&server, &asked.id).await, detail);
     let request = server.request(Method::DELETE, &routes::admin_analysis(&asked.id));
@@ -203,7 +204,7 @@ async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
     }
     let first = ask(&server, json!({})).await;
     until(&server, &first.id, |now| now.progress.is_some_and(|p| p.done >= 10)).await;
-    // Behind it: asked for twice in the same words, one waits.
+    // Two more requests with the same settings: one is queued.
     let second = ask(&server, json!({ "leakage": true })).await;
     assert_eq!((second.state, second.progress), (AnalysisState::Queued, None));
     let route = routes::admin_analyses("default");
@@ -212,14 +213,14 @@ async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
     assert_eq!(same.id, second.id);
     let third = ask(&server, json!({ "synthetic": true })).await;
 
-    // The server ends and starts again: the first goes on with what it had.
+    // The server is restarted: the first one continues with its finished cells.
     let kept = count(&server, "analysis_cell").await;
     assert!(kept >= 10, "{kept}");
     let server = server.restarted().await;
     assert!(count(&server, "analysis_cell").await >= kept);
     until(&server, &first.id, |now| now.state == AnalysisState::Running).await;
 
-    // One that waits and one that is being made are cancelled alike, also twice.
+    // A queued analysis and a running one can both be cancelled, also twice.
     for id in [&second.id, &first.id] {
         for _ in 0..2 {
             let now: AnalysisSummary =
@@ -227,7 +228,7 @@ async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
             assert_eq!((now.state, now.ended_at_ms.is_some()), (AnalysisState::Cancelled, true));
         }
     }
-    // The next one's turn has come, with the cells that the first one left.
+    // The next one runs, with the cells that the first one left.
     let detail = done(&server, &third.id).await;
     let told = detail.summary.result.unwrap().synthetic.unwrap();
     assert!(told.contains("experimenter"), "{told}");
@@ -246,13 +247,13 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
     let during = ask(&server, json!({ "leakage": true })).await;
     until(&server, &during.id, |now| now.state != AnalysisState::Queued).await;
 
-    // Who drove nothing takes nothing with them.
+    // A withdrawal of someone without trials deletes nothing.
     let passing = Driver::enrol(&server).await;
     let cells = count(&server, "analysis_cell").await;
     assert_eq!(passing.withdraw(&server, "delete").await.status, 200);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
     assert!(count(&server, "analysis_cell").await >= cells);
-    // Who leaves and lets their data be used changes nothing.
+    // A withdrawal that leaves the data changes nothing.
     assert_eq!(stays.withdraw(&server, "keep").await.status, 200);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
     assert_eq!(leaves.withdraw(&server, "delete").await.status, 200);
@@ -260,7 +261,7 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
     assert_eq!((gone.summary.state, gone.summary.result), (AnalysisState::Withdrawn, None));
     assert_eq!(gone.files, []);
     assert_eq!(file(&server, &before.id, "predictions.csv").await.status(), 404);
-    // What was being made at that moment is made anew without them, or was made and is gone.
+    // The one running at that time was restarted without them, or finished and was deleted.
     let found = until(&server, &during.id, |now| now.state.is_over()).await;
     match found.summary.state {
         AnalysisState::Done => assert_eq!(found.summary.result.unwrap().participants, 1),
@@ -279,7 +280,7 @@ async fn people_who_cannot_be_compared_are_named() {
     assert_eq!(failed.state, AnalysisState::Failed);
     assert!(failed.message.unwrap().contains("nobody"));
 
-    // One drove under another radius; one has too few tasks, and one never turned.
+    // One drove with another radius; one has too few tasks, and one never turned.
     drive(&server, 1).await;
     let changed = format!("{STUDY}\n[parameters]\ndanger_radius_m = 2.5\n");
     let server = server.restarted_with_study(&changed).await;
@@ -291,7 +292,7 @@ async fn people_who_cannot_be_compared_are_named() {
         assert_eq!(straight.send(&server, &id, &trial).await.status, 201);
     }
     assert_eq!(straight.scenes().len(), TASKS);
-    // One drove somewhere else than was planned in one trial: compared, and said.
+    // One trial was not driven in the planned scene: compared, and reported.
     let elsewhere = Driver::enrol(&server).await;
     for (i, (id, mut scene)) in elsewhere.scenes().into_iter().enumerate() {
         scene.human.x += if i == 3 { 1.0 } else { 0.0 };
@@ -341,7 +342,7 @@ async fn bad_requests_are_explained() {
         let deleted = Answer::of(request.bearer_auth(&server.key)).await;
         deleted.problem(404, "not_found", None);
     }
-    // Nobody else sees anything.
+    // No one else sees anything.
     for (method, route) in [
         (Method::GET, route.clone()),
         (Method::POST, route),
@@ -355,7 +356,7 @@ async fn bad_requests_are_explained() {
     }
 }
 
-/// A human who is faster than the robot: V_RH is a chase, whose solve gives up.
+/// A human who is faster than the robot: V_RH is a chase, whose solve does not converge.
 #[tokio::test]
 async fn a_level_that_did_not_converge_is_said_everywhere() {
     let robot = "robot = { speed_mps = 1.5, turn_rate_radps = 0.8 }";
@@ -373,7 +374,7 @@ async fn a_level_that_did_not_converge_is_said_everywhere() {
     assert!(safety.v_rh.last_change_m.unwrap() > 1e-4, "{safety:?}");
     let report = file(&server, &asked.id, "report.html").await.text().await.unwrap();
 
-    // The command says it, of the same study.
+    // The command reports it for the same study.
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("out");
     let args = ["analyze", "--database", &server.database(), "--out", out.to_str().unwrap()];
@@ -387,7 +388,7 @@ async fn a_level_that_did_not_converge_is_said_everywhere() {
     let printed: SafetyQuality = serde_json::from_value(printed["safety"].take()).unwrap();
     assert_eq!(printed.v_rh.last_change_m, safety.v_rh.last_change_m);
     for evader in Evader::ALL {
-        // The server keeps values in whole millimetres.
+        // The server stores values rounded to millimetres.
         let [kept, own] = [&safety, &printed].map(|of| of.level(evader).spread_m);
         assert!((kept - own).abs() < 1e-3, "{kept} {own}");
     }

@@ -1,4 +1,4 @@
-//! Analyses in processes of their own: how they end, and what the server does then.
+//! Analyses in separate processes: how they end, and how the server reacts.
 
 use crate::analyses::{ask, post};
 use reqwest::Method;
@@ -47,7 +47,7 @@ async fn asked_for(server: &Process) -> AnalysisSummary {
     asked(server, Method::POST, &routes::admin_analyses("default")).await.into(201)
 }
 
-/// The analysis, once it is as wanted.
+/// Waits until the analysis satisfies a condition.
 async fn until(
     server: &Process,
     id: &str,
@@ -65,7 +65,7 @@ async fn until(
     }
 }
 
-/// The analysis under way, with its process.
+/// The running analysis, with its process.
 async fn under_way(server: &Process) -> (String, u32) {
     let id = asked_for(server).await.id;
     until(server, &id, |now| now.progress.is_some_and(|progress| progress.done >= 3)).await;
@@ -74,7 +74,7 @@ async fn under_way(server: &Process) -> (String, u32) {
     (id, children[0])
 }
 
-/// The child processes of a process, as Linux tells.
+/// The child processes of a process, according to Linux.
 fn children(process: u32) -> Vec<u32> {
     let tasks = std::fs::read_dir(format!("/proc/{process}/task")).expect("its threads");
     let of_thread = |thread: std::io::Result<std::fs::DirEntry>| {
@@ -85,7 +85,7 @@ fn children(process: u32) -> Vec<u32> {
     all.iter().flat_map(|list| list.split_whitespace()).map(|id| id.parse().unwrap()).collect()
 }
 
-/// Waits until a process is gone, or is nothing but an entry that its parent has yet to read.
+/// Waits until a process has exited or is a zombie.
 async fn gone(process: u32) -> Duration {
     let begun = Instant::now();
     let lives = || {
@@ -116,17 +116,17 @@ async fn a_process_that_is_killed_fails_its_analysis_alone() {
     for words in ["killed", "short of memory", "fewer sets", "paper_only"] {
         assert!(message.contains(words), "{message}");
     }
-    // One that breaks off by itself.
+    // One that crashes.
     let (id, process) = under_way(&server).await;
     signal("-ABRT", process);
     let failed = until(&server, &id, |now| now.state.is_over()).await;
     assert_eq!(failed.state, AnalysisState::Failed);
     assert!(failed.message.unwrap().contains("crashed"));
-    // The server collects, and makes the next analysis.
+    // The server reaps it, and runs the next analysis.
     let someone = Driver::enrol(&server).await;
     someone.drive(&server, 1).await;
     let (_, process) = under_way(&server).await;
-    // It does not outlive the server, however that ends.
+    // It does not outlive the server, however the server ends.
     server.kill().await;
     eprintln!("gone {:?} after the server was killed", gone(process).await);
 }
@@ -136,7 +136,8 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     let folder = Folder::default();
     let server = with_people(&folder).await;
     let (id, process) = under_way(&server).await;
-    // Whoever is idle waits for everybody else, the server and the database above all.
+    // Its priority is lowest: it yields to everything else, above all to the server and the
+    // database.
     let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
     let fields: Vec<&str> = stat.rsplit_once(')').unwrap().1.split_whitespace().collect();
     assert_eq!(fields[16], "19", "its priority: {stat}");
@@ -163,8 +164,8 @@ async fn a_cancelled_analysis_stops_within_a_second() {
         eprintln!("stopped {took:?} after it was cancelled");
         took
     };
-    // Once again as much, and up to three times: on a machine that is busy, whoever is idle is also late
-    // to end.
+    // Measure up to three times more: on a busy machine, a low-priority process is also slow to
+    // exit.
     let mut took = vec![cancel(&id, process).await];
     while took.len() < 3 && took.iter().all(|&took| took >= Duration::from_secs(2)) {
         let (id, process) = under_way(&server).await;
@@ -172,7 +173,8 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     }
     assert!(took.iter().any(|&took| took < Duration::from_secs(2)), "{took:?}");
 
-    // A server that is asked to stop does not wait for an analysis, which goes on at the next start.
+    // A server that is asked to stop does not wait for an analysis, which continues at the next
+    // start.
     let (_, process) = under_way(&server).await;
     let server_id = server.id();
     signal("-TERM", server_id);
@@ -182,7 +184,7 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     gone(process).await;
 }
 
-/// What a system does that shuts down: it asks every process to end.
+/// As on system shutdown: every process is asked to exit.
 #[tokio::test]
 async fn a_process_that_is_asked_to_end_with_the_server_goes_on_at_the_next_start() {
     let folder = Folder::default();
@@ -196,7 +198,7 @@ async fn a_process_that_is_asked_to_end_with_the_server_goes_on_at_the_next_star
     let server = Process::start(&folder).await;
     let request = server.request(Method::GET, &routes::admin_analysis(&id)).bearer_auth(key);
     let now: AnalysisDetail = Answer::of(request).await.into(200);
-    // The server may have begun it again by now.
+    // The server may have restarted it by now.
     assert!(!now.summary.state.is_over() && now.summary.message.is_none(), "{now:?}");
 }
 
@@ -204,7 +206,7 @@ fn child(memory_mib: u64) -> Children {
     Children { program: Some(binary().to_owned()), memory_mib, threads: 1, nice: 0 }
 }
 
-/// Sends an analysis of `people` who drove `tasks` tasks each, and returns all that is said.
+/// Sends an analysis of `people` who drove `tasks` tasks each, and returns all messages.
 async fn analysed(memory_mib: u64, people: u64, tasks: u64) -> Result<Vec<FromChild>, Ended> {
     let mut child = child(memory_mib).start().unwrap();
     let scene = SceneParameters::default();
@@ -255,7 +257,7 @@ async fn what_would_cost_too_much_is_refused_with_figures() {
     })
     .await;
     let route = routes::admin_analyses("default");
-    // Nobody drove yet.
+    // No trials yet.
     ask(&server, json!({})).await;
     let driver = Driver::enrol(&server).await;
     driver.drive_restlessly(&server, &SceneParameters::default(), 1).await;
@@ -281,7 +283,7 @@ async fn the_analysis_of_a_killed_server_is_taken_over() {
     second.announcement.clone_from(&first.announcement);
     first.kill().await;
     gone(process).await;
-    // The lease of the dead runs out, after a minute.
+    // The lease of the dead server expires after a minute.
     let attempts = async || database.number("SELECT attempts FROM analysis").await;
     let begun = Instant::now();
     while attempts().await == 1 {

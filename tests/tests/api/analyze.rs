@@ -1,4 +1,4 @@
-//! analyze: the whole comparison, against scikit-learn's of the same data.
+//! analyze: the whole comparison, against scikit-learn's on the same data.
 
 use serde_json::{Value, json};
 use sidestep_tests::folder::{Row, data, number, rows as table};
@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::SystemTime;
 use tempfile::TempDir;
 
-/// Runs the command and gives its exit code, stdout and stderr.
+/// Runs the command and returns its exit code, stdout and stderr.
 pub(crate) async fn analyze(args: &[&str], out: &Path) -> (Option<i32>, String, String) {
     let all = [&["analyze"], args, &["--out", out.to_str().unwrap()]].concat();
     let said = run(&all).await;
@@ -24,8 +24,8 @@ fn key(row: &Row) -> [String; 4] {
     ["model", "experiment", "features", "participant"].map(|column| row[column].clone())
 }
 
-/// The reference chose among hyper-parameters that came out equal in cross-validation by its own
-/// solvers' last digits, so that some cells differ; at least 85 % must not.
+/// Where hyper-parameters were tied in cross-validation, the reference chose by the last digits of
+/// its own solvers, so some cells differ; at least 85 % must agree.
 #[tokio::test]
 async fn the_comparison_is_that_of_scikit_learn() {
     let folder = TempDir::new().unwrap();
@@ -62,7 +62,7 @@ async fn the_comparison_is_that_of_scikit_learn() {
     generalisation_is_that_of_scikit_learn(&out);
 }
 
-/// Logistic regression with fewer training tasks, and trained by the other participants.
+/// Logistic regression with fewer training tasks, and trained on the other participants.
 fn generalisation_is_that_of_scikit_learn(out: &Path) {
     let theirs = table(data("sklearn_generalisation.csv"));
     assert_eq!(theirs.len(), 2 * 2 * 4 * 8);
@@ -82,7 +82,7 @@ fn generalisation_is_that_of_scikit_learn(out: &Path) {
             assert!(apart.abs() < 1e-3, "{row:?}: {ours:?}");
             continue;
         }
-        // The means over participants are in the file: each point once.
+        // The file also has the means over participants, each point once.
         if row["participant"] != "0" {
             continue;
         }
@@ -119,7 +119,7 @@ pub(crate) fn written(folder: &TempDir, name: &str, header: &str, rows: &[String
     path.to_str().unwrap().to_owned()
 }
 
-/// Every file below a folder but the cache, by name, with its bytes.
+/// Every file below a folder except the cache, by name, with its bytes.
 pub(crate) fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -136,7 +136,7 @@ pub(crate) fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     found
 }
 
-/// By the middle digits of a hash: an order that has nothing to do with the first one.
+/// Sorts by the middle digits of a hash: an order unrelated to the original.
 fn shuffled(rows: &[String]) -> Vec<String> {
     let mut rows = rows.to_vec();
     rows.sort_by_key(|row| {
@@ -173,7 +173,7 @@ async fn neither_order_nor_threads_nor_the_cache_change_a_byte() {
             assert!(before == now, "{name}: {} differs", now.0);
         }
     }
-    // Rows of one trial on both sides let a model know the answers.
+    // Rows of one trial on both sides of the split leak the answers.
     let leaks = table(folder.path().join("a").join("leakage.csv"));
     let rbf = leaks.iter().find(|row| row["model"] == "svm" && row["experiment"] == "1").unwrap();
     assert!(number(rbf, "leaking_percent") > number(rbf, "grouped_percent") + 5.0, "{rbf:?}");
@@ -188,7 +188,7 @@ async fn analysed(folder: &TempDir, out: &Path) -> String {
     trials
 }
 
-/// Ctrl-C leaves a former result, or no result; what was fitted until then is kept.
+/// Ctrl-C leaves the previous result, or none; models fitted so far stay in the cache.
 #[cfg(unix)]
 #[tokio::test]
 async fn an_analysis_that_is_interrupted_changes_nothing() {
@@ -210,7 +210,7 @@ async fn an_analysis_that_is_interrupted_changes_nothing() {
         fs::read_dir(out).unwrap().map(|entry| entry.unwrap().file_name()).collect()
     };
     assert_eq!(names(&none), [".cache"], "and no temporary folder");
-    // What was there is still good for a run of what it was.
+    // The previous result is still valid for the same input.
     let (code, _, said) = analyze(&["--trials", &small], &former).await;
     assert_eq!(code, Some(0), "{said}");
     assert!(contents(&former) == before);
@@ -235,7 +235,7 @@ async fn only_what_changed_is_fitted_again() {
     assert_eq!((code, kept(&out)), (Some(0), first.clone()));
     assert!(contents(&out) == before);
 
-    // Another input in the last step of person 3: everything of theirs is fitted again.
+    // Another input in the last step of person 3: all their models are fitted again.
     let (header, mut rows) = some_trials(&["0", "3"], 6);
     let last = rows.pop().unwrap();
     let (start, omega) = last.rsplit_once(',').unwrap();
@@ -246,11 +246,11 @@ async fn only_what_changed_is_fitted_again() {
     assert_eq!(code, Some(0), "{said}");
     let second = kept(&out);
     let same = second.iter().filter(|(name, time)| first.get(*name) == Some(time)).count();
-    // So are the models of either person that the other one trains: two kinds on three sets.
+    // So are the models of either person that are trained on the other: two kinds on three sets.
     let shared = 2 * 2 * 3;
     assert_eq!((second.len(), 2 * same + shared), (first.len(), first.len()));
 
-    // A file of the cache that was broken off is not believed, nor one that somebody changed.
+    // A truncated or modified cache file is not used.
     for (i, name) in second.keys().take(6).enumerate() {
         let path = out.join(".cache").join(name);
         let text = fs::read_to_string(&path).unwrap();
@@ -263,7 +263,7 @@ async fn only_what_changed_is_fitted_again() {
     assert!(contents(&out) == before);
 }
 
-/// The features of `sidestep features` are those that analyze computes, to the last bit.
+/// Features from `sidestep features` equal those that analyze computes, to the last bit.
 #[tokio::test]
 async fn features_of_a_file_change_nothing() {
     let folder = TempDir::new().unwrap();
@@ -278,7 +278,7 @@ async fn features_of_a_file_change_nothing() {
     assert!(contents(&computed) == contents(&read));
 }
 
-/// The tables of a folder, without what tells where the trials are from.
+/// The tables of a folder, without the origin of the trials.
 fn tables(out: &Path) -> Vec<(String, Vec<u8>)> {
     let mut all = contents(out);
     all.retain(|(name, _)| name.ends_with(".csv") || name.starts_with("models/"));
@@ -350,7 +350,7 @@ async fn of_both(
     assert!(written[0].len() > 100 && written[0] == written[1], "{command}");
 }
 
-/// Computed participants are told apart from people, whose trials get no banner.
+/// Synthetic participants are distinguished from people, whose trials get no banner.
 #[tokio::test]
 async fn synthetic_data_are_recognised() {
     let folder = TempDir::new().unwrap();
@@ -369,11 +369,11 @@ async fn synthetic_data_are_recognised() {
     let (header, rows) = some_trials(&["0"], 6);
     let reference = written(&folder, "reference.csv", &header, &rows);
     assert!(banner("reference", &reference, &[]).await);
-    // What the data say of themselves stays when somebody says it, too.
+    // The label in the data stays when the flag is given too.
     assert!(banner("both", &reference, &["--synthetic"]).await);
     let both = fs::read_to_string(folder.path().join("both/report.html")).unwrap();
     assert!(both.contains("of seed 20180918; the experimenter says so, too"));
-    // By another name and a little to the side nobody knows them, unless it is said.
+    // Renamed and slightly shifted trials are not recognised without the flag.
     let moved: Vec<String> = rows
         .iter()
         .map(|row| {

@@ -1,5 +1,4 @@
-//! analyze: what is wrong with one person leaves out that person, and what is wrong with a file
-//! refuses it.
+//! analyze: an error in one person's data excludes that person, and an error in a file refuses it.
 
 use crate::analyze::{analyze, some_trials, written};
 use serde_json::{Value, json};
@@ -49,7 +48,7 @@ async fn who_has_a_wrong_row_is_named_and_all_others_are_compared() {
         ),
         (|own| own[20] = changed(&own[20], 1, "-1"), 322, "trial: expected a whole number"),
         (|own| own[20] = changed(&own[20], 3, "9"), 322, "t: expected 4 (steps of 0.2 s)"),
-        // The first of several.
+        // The first of several errors.
         (
             |own| {
                 own[70] = changed(&own[70], 4, "x");
@@ -101,7 +100,7 @@ async fn who_cannot_be_learned_from_is_named_and_left_out() {
     assert_eq!(code, Some(0), "{said}");
     let expected = [
         "participant 1: 4 tasks, at least 5 are needed (their rows begin in line 302)",
-        "participant 2: one kind of input only in the training tasks (straight) (their rows begin \
+        "participant 2: only one kind of input in the training tasks (straight) (their rows begin \
          in line 502)",
         "participant 3: 0 tasks, at least 5 are needed (their rows begin in line 802)",
     ];
@@ -141,7 +140,7 @@ async fn one_person_under_several_names_is_told() {
     );
 }
 
-/// Two of the first tasks again as the last ones, which test.
+/// Two of the first tasks copied to the end, where they are test tasks.
 #[tokio::test]
 async fn trials_copied_within_one_person_are_told() {
     let folder = TempDir::new().unwrap();
@@ -211,7 +210,7 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
         .await;
     let open = changed(&rows[400], 4, "\"1");
     refused(with(402, &open), "line 402: row: expected 11 fields, as in the header").await;
-    // Lines are counted as an editor does: CR LF and empty lines too.
+    // Lines are counted as in an editor: with CR LF and empty lines too.
     let other_ends = String::from_utf8(with(402, start)).unwrap().replace('\n', "\r\n");
     refused(other_ends.into(), "line 402: row: expected 11 fields, as in the header").await;
     let spaced = String::from_utf8(with(402, start)).unwrap().replacen('\n', "\n\n\n", 1);
@@ -226,7 +225,7 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     let practice: Vec<String> = rows.iter().map(|row| format!("{row},practice")).collect();
     let practice = text(&format!("{header},phase"), &practice);
     refused(practice.into(), "expected at least one task, found none").await;
-    // Everybody's are wrong.
+    // Everyone's data are wrong.
     let other: Vec<String> = rows.iter().map(|row| changed(row, 10, "7")).collect();
     let words = "line 2: omega: expected -0.5, 0 or 0.5, found 7; --evader-turn-rate sets the \
                  human's turn rate; 1 more have faults too";
@@ -241,7 +240,8 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     assert!(said.contains("cannot write"), "{said}");
 }
 
-/// As other programs write them: a mark of the bytes' order, line ends, quotes, order of columns.
+/// As other programs write them: with a byte-order mark, other line ends, quotes, another order of
+/// columns.
 #[tokio::test]
 async fn other_writers_files_are_read() {
     let folder = TempDir::new().unwrap();
@@ -303,7 +303,7 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
         assert_eq!(printed["participants"], 1);
     }
 
-    // Of nobody's trials; no table.
+    // No trials; not a table.
     let (code, _, said) =
         analyze(&["--trials", &trials, "--features", &data("features.csv")], &out).await;
     assert_eq!(code, Some(0), "the reference's go with its trials: {said}");
@@ -351,8 +351,8 @@ async fn headings_in_degrees_are_refused() {
     }
 }
 
-/// One impossible step excludes its participant from analyses, and other commands refuse the file. Inputs with
-/// the other sign are nobody's fault alone: no command takes the file.
+/// One impossible step excludes its participant from analyses, and other commands refuse the file.
+/// Inputs with the opposite sign concern everyone: no command accepts the file.
 #[tokio::test]
 async fn states_that_no_inputs_explain_are_refused() {
     let folder = TempDir::new().unwrap();
@@ -390,7 +390,7 @@ async fn states_that_no_inputs_explain_are_refused() {
     assert!(said.contains("trials.csv: omega: expected") && said.contains("the opposite of omega"));
 }
 
-/// Safety levels of other vehicles than those that were driven would look like results.
+/// Safety levels of other vehicles than the driven ones would look like results.
 #[tokio::test]
 async fn trials_of_other_vehicles_are_not_taken_for_these() {
     let folder = TempDir::new().unwrap();
@@ -409,7 +409,7 @@ async fn trials_of_other_vehicles_are_not_taken_for_these() {
         let output = sidestep(&[&args[..], &[features.to_str().unwrap()]].concat()).await;
         assert_eq!((output.status.code(), features.exists()), (Some(2), false));
     }
-    // Trials of another length and clock are, once it is said.
+    // Trials with another length and step are accepted with the right flags.
     let short: Vec<String> = (rows.iter())
         .filter(|row| row.split(',').nth(2).unwrap().parse::<u64>().unwrap() < 40)
         .cloned()

@@ -1,4 +1,4 @@
-//! The thirty-two cases that every release withstands, as `docs/decisions/0027-attacks-and-limits.md` lists them:
+//! The thirty-two cases that every release withstands (`docs/decisions/0027-attacks-and-limits.md` says why):
 //! no answer of 500 or more except where the database is in trouble, nothing written by what is refused, and
 //! a server that goes on.
 //!
@@ -17,12 +17,12 @@ mod trials;
 use sidestep_tests::Server;
 use sidestep_tests::server::SHORT_STUDY;
 
-/// The server of every case.
+/// The server for each case.
 async fn server() -> Server {
     Server::with_study(SHORT_STUDY).await
 }
 
-/// Makes a test of each case, which also checks that the server still serves afterwards.
+/// Creates a test for each case, which also checks that the server still works afterwards.
 macro_rules! cases {
     ($($file:ident: $($case:ident)+;)+) => {
         $($(
@@ -76,7 +76,7 @@ cases! {
         case_31_bare_line_feeds_and_other_hosts;
 }
 
-/// Somebody takes part, and every trial is stored once.
+/// Someone takes part, and every trial is stored once.
 async fn still_serves(server: &Server) {
     let driver = sidestep_tests::Driver::enrol(server).await;
     driver.drive(server, 1).await;

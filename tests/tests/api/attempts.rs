@@ -1,4 +1,4 @@
-//! Interrupted trials: flags, further attempts, what the server stores and exports.
+//! Interrupted trials: flags, further attempts, storage and exports.
 
 use serde_json::{Value, json};
 use sidestep::api::{PlannedScene, Progress, TrialStored, TrialUpload, routes};
@@ -15,7 +15,7 @@ fn interrupted(scene: &sidestep::scene::Scene) -> TrialUpload {
     trial
 }
 
-/// The scene that comes next.
+/// The next scene.
 async fn next(server: &Server, driver: &Driver) -> Option<(Phase, PlannedScene)> {
     let me: Progress = driver.me(server).await.into(200);
     let id = me.next?;
@@ -28,7 +28,7 @@ async fn an_interrupted_task_is_driven_again_once_at_the_end() {
     let server = Server::with_study(STUDY).await;
     let driver = Driver::enrol(&server).await;
     let scenes = driver.scenes();
-    // Practice is not driven again, and every attempt at the first task is interrupted.
+    // Practice is not repeated, and every attempt at the first task is interrupted.
     for (i, trial) in [interrupted(&scenes[0].1), interrupted(&scenes[1].1)].iter().enumerate() {
         let stored: TrialStored = driver.send(&server, &scenes[i].0, trial).await.into(201);
         assert_eq!(stored.next.as_ref(), Some(&scenes[i + 1].0));

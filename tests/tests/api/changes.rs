@@ -1,4 +1,4 @@
-//! What the laboratory shows of studies as they run: their counts, and word of each change.
+//! Studies in the laboratory as they run: their counts, and an event for each change.
 
 use crate::people::{come, drive};
 use reqwest::{Method, Response};
@@ -19,10 +19,10 @@ async fn follow(server: &Server) -> Response {
     events
 }
 
-/// Longer than an event takes on a machine that is busy.
+/// Longer than an event takes on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Two and a half pauses of the server, in which it would have told of a change.
+/// Two and a half pauses of the server, within which it would have sent an event.
 const SILENCE: Duration = Duration::from_millis(2_500);
 
 /// The number of the next event.
@@ -30,7 +30,7 @@ async fn next(events: &mut Response) -> u64 {
     next_within(events, PATIENCE).await.expect("an event")
 }
 
-/// The number of the next event; none if there is none in that time.
+/// The number of the next event; `None` if there is none in that time.
 async fn next_within(events: &mut Response, time: Duration) -> Option<u64> {
     let chunk = tokio::time::timeout(time, events.chunk()).await.ok()?.unwrap()?;
     let text = std::str::from_utf8(&chunk).unwrap();
@@ -48,13 +48,13 @@ async fn an_open_page_hears_of_changes_and_only_of_changes() {
     let joined = next(&mut events).await;
     assert!(joined > at_once);
     driver.drive(&server, 3).await;
-    // Several at once are one event, or two if the first is told already.
+    // Several changes at once are one event, or two if the first was already sent.
     assert!(next(&mut events).await > joined);
     while next_within(&mut events, SILENCE).await.is_some() {}
-    // A look whether the database takes writes changes nothing.
+    // A readiness check changes nothing.
     assert_eq!(server.request(Method::GET, "/readyz").send().await.unwrap().status(), 200);
     assert_eq!(next_within(&mut events, SILENCE).await, None);
-    // A server that stops does not wait for those who listen.
+    // A server that stops does not wait for event listeners.
     let begin = Instant::now();
     let stopped = tokio::join!(server.stop(), async {
         while events.chunk().await.is_ok_and(|it| it.is_some()) {}
@@ -82,7 +82,7 @@ async fn a_study_is_counted_without_its_pilots() {
     let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
     pilot.drive(&server, 1).await;
     assert_eq!(counts(&study().await), [0, 0, 0, 0, 0, 1]);
-    // One who steers as people do and finishes, one who never steers, one who has left.
+    // One who steers like a person and finishes, one who never steers, one who has left.
     let finishes = come(&server, "finishes").await;
     finishes.drive(&server, 5).await;
     finishes.complete(&server).await.into::<serde_json::Value>(200);
@@ -109,7 +109,7 @@ async fn a_revoked_key_hears_nothing_more() {
     let key = routes::admin_key(&guest.key.id.to_string());
     let revoke = server.request(Method::DELETE, &key).bearer_auth(&server.key);
     assert_eq!(Answer::of(revoke).await.status, 204);
-    // The answer ends by itself, not by the pause of the test.
+    // The response ends by itself, not by the timeout of the test.
     let ended = async { while events.chunk().await.unwrap().is_some() {} };
     tokio::time::timeout(PATIENCE, ended).await.expect("the answer goes on");
 }

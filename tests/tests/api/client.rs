@@ -1,4 +1,4 @@
-//! The client with types, against a server.
+//! The typed client, against a server.
 
 use sidestep::api::{Access, ComprehensionResult, Draft, Enrolment, NewKey, Stage};
 use sidestep::comparison::Request;

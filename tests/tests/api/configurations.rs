@@ -1,4 +1,4 @@
-//! Studies that are set up in the laboratory.
+//! Setting up studies in the laboratory.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -41,7 +41,7 @@ async fn a_draft_is_checked_by_line_and_shown() {
     {
         assert_eq!(check(&server, text, None).await.complaint.unwrap().line, Some(line), "{text}");
     }
-    // Texts that are missing in a language are no fault.
+    // Missing texts in a language are not an error.
     let half =
         "slug = \"new\"\nlanguages = [\"en\", \"de\"]\n[consent]\ntext = { en = \"Hello.\" }\n";
     let half = check(&server, half, None).await;
@@ -86,7 +86,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
     let shown = check(&server, &present.toml, None).await;
     assert_eq!(shown.languages[0], "en");
     let config = shown.config.unwrap();
-    // A form in which nothing was entered says the same.
+    // A form without changes gives the same study.
     let same = send_form(&config).await;
     assert_eq!((same.toml.as_deref(), same.complaint), (Some(present.toml.as_str()), None));
     assert!(same.changes.is_empty() && same.picture.is_some());
@@ -102,7 +102,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
     let read = check(&server, &written.toml.unwrap(), Some(&present.hash)).await;
     assert_eq!((read.complaint, read.config), (None, Some(entered)));
 
-    // Whatever is entered, the complaint is about the field, and the form stays.
+    // Whatever the input, the complaint is about the field, and the form stays.
     for (path, value, in_text) in [
         ("/phases/0/scenes", json!(0), true),
         ("/phases/0/scenes", json!(null), false),
@@ -124,7 +124,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
         assert_eq!((complaint.line.is_some(), checked.toml.is_some()), (in_text, in_text));
         assert!(checked.config.is_some(), "{path}");
     }
-    // A field without a number, or with a number of another kind, is told its range at once.
+    // For a field without a number, or with an invalid one, the complaint states the range at once.
     for (path, value, expected) in [
         ("/phases/0/scenes", json!(null), "a whole number from 1 to 1000, found nothing"),
         ("/phases/0/scenes", json!(2.5), "a whole number from 1 to 1000, found 2.5"),
@@ -135,7 +135,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
         let said = send_form(&entered).await.complaint.unwrap().message;
         assert!(said.ends_with(expected) && said.contains(" to "), "{said}");
     }
-    // Without a base it is a new study, which needs a name of its own.
+    // Without a base it is a new study, which needs an unused slug.
     let taken = check(&server, &present.toml, None).await.complaint.unwrap();
     assert_eq!(taken.field.as_deref(), Some("slug"));
     assert!(taken.message.contains("a name that no study has"), "{taken:?}");
@@ -144,7 +144,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
     entered["recruitment"]["quota"] = json!(u64::MAX);
     let complaint = send_form(&entered).await.complaint.unwrap();
     assert!(!complaint.message.is_empty() && !complaint.message.contains('\n'), "{complaint:?}");
-    // A text that is a study but not a valid one has a form, and another text has none.
+    // A text that parses as a study but is invalid has a form; other text has none.
     let invalid = check(&server, "slug = \"a\"\n[trials]\ncountdown_s = 99\n", None).await;
     assert_eq!(invalid.config.unwrap()["trials"]["countdown_s"], 99);
     for text in ["slug = ", "slug = \"a\"\ncolour = 1", "slug = \"a\"\n[trials]\nend_s = nan"] {
@@ -167,13 +167,13 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
     let why = make(&server, "slug = \"third\"\nphases = 3").await;
     assert!(why.problem(422, "invalid", Some("toml")).starts_with("line 2: phases: expected"));
     assert_eq!((made.versions.len(), made.versions[0].number), (1, 1));
-    // People take part at once.
+    // People can take part at once.
     let body = json!({ "consent": true });
     let first =
         Driver { enrolled: Driver::ask_in(&server, "second", body.clone()).await.into(201) };
     assert_eq!(first.scenes().len(), 2);
 
-    // A change is for those who come later; whoever has begun keeps what they began.
+    // A change applies to later participants; those who have begun keep their configuration.
     let longer = made.toml.replace("scenes = 2", "scenes = 3");
     let changed: Configuration = change(&server, "second", &longer, &made.hash).await.into(200);
     assert_eq!(changed.participants, 1);
@@ -187,7 +187,7 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
         Driver { enrolled: Driver::ask_in(&server, "second", body.clone()).await.into(201) };
     assert_eq!((first.scenes().len(), later.scenes().len()), (2, 3));
     first.drive(&server, 2).await;
-    // Two who edit at once: the second is told, and nothing is lost.
+    // Two concurrent edits: the second is refused, and nothing is lost.
     let other = made.toml.replace("Second", "Other");
     change(&server, "second", &other, &made.hash).await.problem(409, "changed", None);
     let renamed = longer.replace("slug = \"second\"", "slug = \"third\"");
@@ -214,7 +214,7 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
         [("study_changed", "status"), ("study_changed", "phases[0].scenes"), ("study_made", "")]
     );
 
-    // The file of the first study is given again; both studies are as the laboratory left them.
+    // The file of the first study is passed again; both studies stay as the laboratory left them.
     let route = routes::admin_status("default");
     let closed = json!({ "status": "closed" });
     let closed = send(&server, Method::PUT, &route, &server.key, &closed).await;

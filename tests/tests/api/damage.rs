@@ -1,4 +1,4 @@
-//! Damaged files: what `check` says of them, and what `salvage` saves.
+//! Damaged files: the reports of `check`, and the results of `salvage`.
 
 use sha2::{Digest, Sha256};
 use sidestep_tests::behind::new_postgres_database;
@@ -10,7 +10,8 @@ use std::path::Path;
 
 const PAGE: usize = 4096;
 
-/// A file with trials of people and of an import: the former are longer than a page. Most pages are trials.
+/// A file with trials of people and of an import: those of people are longer than a page. Most pages
+/// contain trials.
 async fn collected(folder: &Folder) -> String {
     let server = Server::on_a_file(SHORT_STUDY).await;
     for _ in 0..4 {
@@ -27,7 +28,7 @@ async fn collected(folder: &Folder) -> String {
     file
 }
 
-/// All trials of a file, each with a hash of all that is stored of it.
+/// All trials of a file, each with a hash of all its stored data.
 async fn trials(file: &str) -> BTreeMap<String, String> {
     let db = behind(&format!("sqlite:{file}"));
     let query = "SELECT trial_id, content_version || hex(content_hash) || received_at_ms || \
@@ -39,27 +40,27 @@ async fn trials(file: &str) -> BTreeMap<String, String> {
     db.rows(query, row).await.unwrap().into_iter().collect()
 }
 
-/// The page of a file in which these bytes are.
+/// The page of a file that contains these bytes.
 fn page_of(file: &str, bytes: &[u8]) -> usize {
     let content = std::fs::read(file).unwrap();
     content.windows(bytes.len()).position(|window| window == bytes).unwrap() / PAGE
 }
 
-/// The first page of the tree of a table or index.
+/// The root page of a table or index.
 async fn root_of(file: &str, name: &str) -> usize {
     let query = format!("SELECT rootpage FROM sqlite_schema WHERE name = '{name}'");
     let root: i64 = behind(&format!("sqlite:{file}")).row(&query, |row| row.get(0)).await.unwrap();
     usize::try_from(root).unwrap() - 1
 }
 
-/// A part of what is stored of one trial.
+/// One column of one stored trial.
 async fn stored(file: &str, part: &str, of: &str) -> (String, Vec<u8>) {
     let query = format!("SELECT trial_id, {part} FROM trial WHERE {of} LIMIT 1");
     let db = behind(&format!("sqlite:{file}"));
     db.row(&query, |row| Ok((row.get(0)?, row.get(1)?))).await.unwrap()
 }
 
-/// A copy of a file with a page of other bytes.
+/// A copy of a file with the bytes of one page replaced.
 fn with_page(file: &str, name: &str, page: usize, byte: impl Fn(usize) -> u8) -> String {
     let mut content = std::fs::read(file).unwrap();
     for (at, place) in content[page * PAGE..][..PAGE].iter_mut().enumerate() {
@@ -74,8 +75,8 @@ fn noise(at: usize) -> u8 {
     Sha256::digest(at.to_le_bytes())[0]
 }
 
-/// Salvages a file and checks what is promised: every trial is saved as it was, or named; the new database is sound
-/// and the file as before. Returns what was said, and the trials that were lost.
+/// Salvages a file and checks the promises: every trial is saved unchanged or named; the new
+/// database is sound and the file unchanged. Returns the output, and the lost trials.
 async fn salvaged(file: &str, before: &BTreeMap<String, String>) -> (Said, BTreeSet<String>) {
     let folder = Folder::default();
     let content = std::fs::read(file).unwrap();
@@ -108,7 +109,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     let (_, none) = salvaged(&file, &before).await;
     assert!(none.is_empty(), "nothing is lost of a sound file");
 
-    // A leaf of the table, and bytes of an upload that are on a page of their own.
+    // A leaf of the table, and bytes of an upload on an overflow page.
     let (imported, hash) = stored(&file, "content_hash", "content_version = 2").await;
     let leaf = page_of(&file, &hash);
     let (uploaded, states) = stored(&file, "substr(states, 1201, 64)", "content_version = 3").await;
@@ -126,7 +127,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
             assert_eq!(said.err.lines().count(), lost.len() + 1, "{}", said.err);
         }
     }
-    // One byte of a trial: it can be read, and is not what was stored.
+    // One byte of a trial changed: it can be read, but differs from what was stored.
     let content = std::fs::read(&file).unwrap();
     let at = content.windows(states.len()).position(|window| window == states).unwrap() % PAGE;
     let flipped = with_page(&file, "flipped.db", rest, |place| {
@@ -136,14 +137,14 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     assert!(lost.len() == 1 && lost.contains(&uploaded), "{lost:?}");
     assert!(said.err.contains("not sound: the content is not that of its hash"), "{}", said.err);
 
-    // Into a database of the other kind, too; what was counted of the trial is counted again.
+    // Also into a database of the other kind; counts of the trial are recomputed.
     let other = new_postgres_database().await.unwrap_or_else(|| folder.database("other.db"));
     let salvage = ["salvage", "--from", &flipped, "--database", &other];
     assert_eq!(run(&salvage).await.code, Some(1));
     let sound = run(&["check", "--database", &other]).await.json();
     assert_eq!(sound["trials"], before.len() - 1);
 
-    // Without an index, the rows are found by their table, and nothing is lost.
+    // Without an index, rows are found through their table, and nothing is lost.
     for index in
         ["sqlite_autoindex_trial_1", "sqlite_autoindex_scene_2", "sqlite_autoindex_participant_1"]
     {
@@ -151,8 +152,8 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(said.code == Some(0) && lost.is_empty(), "{index}: {}", said.err);
     }
-    // Without the first page of a tree, or of the file, all rows are still there, and what says which database it is of which
-    // version can be made anew.
+    // Without the root page of a table, or the first page of the file, all rows are still there,
+    // and the identity and version of the database can be restored.
     let mut pages = vec![0];
     for table in ["trial", "scene", "mark", "_sqlx_migrations"] {
         pages.push(root_of(&file, table).await);
@@ -164,7 +165,7 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
             assert!(lost.is_empty(), "page {page}: {}", said.err);
         }
     }
-    // What every database of this version says of its tables can be said again.
+    // The schema, which is the same in every database of this version, can be restored.
     let words = b"CREATE INDEX trial_of_study";
     let place = content.windows(words.len()).position(|window| window == words).unwrap();
     let damaged = with_page(&file, "words.db", place / PAGE, |at| {
@@ -172,18 +173,18 @@ async fn a_damaged_page_costs_what_is_on_it_and_no_more() {
     });
     let (said, lost) = salvaged(&damaged, &before).await;
     assert!(said.code == Some(0) && lost.is_empty(), "{}", said.err);
-    // The last version of a study says the same as its row.
+    // The last version of a study is identical to its row.
     let damaged = with_page(&file, "study.db", root_of(&file, "study").await, |_| 0);
     let (said, lost) = salvaged(&damaged, &before).await;
     assert!(lost.is_empty() && said.err.contains("study imported: "), "{}", said.err);
-    // Without the participants, there is nobody whose trials they are, and without the parameters of a study nothing
-    // can be replayed; all are named.
+    // Without participants, trials have no owner, and without the parameters of a study they cannot
+    // be replayed; all are named.
     for table in ["participant", "study_config"] {
         let damaged = with_page(&file, "people.db", root_of(&file, table).await, |_| 0);
         let (said, lost) = salvaged(&damaged, &before).await;
         assert!(lost.len() == before.len() && names_all(&said, &lost), "{table}");
     }
-    // A file that was cut off.
+    // A truncated file.
     let short = folder.file("short.db", &content[..content.len() * 9 / 10 / PAGE * PAGE - 7]);
     let (said, lost) = salvaged(&short, &before).await;
     assert!(said.code == Some(1) && lost.len() < before.len() / 2, "{}: {}", lost.len(), said.err);
@@ -212,18 +213,18 @@ async fn a_check_goes_on_after_damage_and_says_what_to_do() {
         line.starts_with("trial, ") && line.contains(&format!("page {page}"))
     };
     assert!(report["damage"].as_array().unwrap().iter().any(place), "{report}");
-    // Other commands say how to go on.
+    // Other commands tell the user what to do.
     let out = folder.name("backup.db");
     let backup = run(&["backup", "--database", &database, "--out", &out]).await;
     backup.refused(1, &["damaged", "sidestep check", "sidestep restore", "sidestep salvage"]);
-    // An export has all that can be read.
+    // An export has everything that can be read.
     let out = folder.name("export");
     let export = ["export", "--database", &database, "--study", "imported", "--out", &out];
     let export = run(&export).await;
     assert!(export.code == Some(1) && export.err.contains(&trial), "{}", export.err);
 }
 
-/// A byte of the id by which a trial and its scene are joined, in the rows and indices that have it.
+/// A byte of the id that joins a trial and its scene, in the rows and indexes that contain it.
 #[tokio::test]
 async fn a_trial_that_damage_hides_is_counted() {
     let folder = Folder::default();
@@ -275,7 +276,7 @@ async fn what_cannot_be_salvaged_is_refused() {
         let said = run(&["salvage", "--from", from, "--database", &to]).await;
         said.refused(2, &["--from", "cannot read", words]);
     }
-    // What a server has not written back yet is in the log.
+    // Pages that a server has not checkpointed yet are in the log.
     let server = Server::on_a_file(SHORT_STUDY).await;
     Driver::enrol(&server).await.drive(&server, 3).await;
     let file = server.path("sidestep.db").display().to_string();

@@ -1,4 +1,4 @@
-//! Databases that this version did not make, and identities that last.
+//! Databases of other versions, and persistent identities.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -20,7 +20,7 @@ fn facts() -> Value {
     serde_json::from_slice(&std::fs::read(old("facts.json")).unwrap()).unwrap()
 }
 
-/// A participant of the old database as their browser knows them, and what else is known.
+/// A participant of the old database as their browser knows them, and further facts.
 fn known(name: &str) -> (Driver, Value) {
     let facts = facts()["participants"][name].clone();
     let enrolled = Enrolled {
@@ -59,7 +59,7 @@ async fn a_postgresql_database_of_the_version_before_goes_on() {
     goes_on_with_all(Server::on(url, Some(SHORT_STUDY)).await).await;
 }
 
-/// Opens the old database, which had what its README says, and goes on with it.
+/// Opens the old database, checks its content against its README, and continues with it.
 async fn goes_on_with_all(server: Server) {
     // Earlier versions did not number the configurations of a study.
     for slug in ["first", "second", "default"] {
@@ -74,7 +74,7 @@ async fn goes_on_with_all(server: Server) {
     let old_facts = facts();
     let (incomplete, known_of_them) = known("incomplete");
 
-    // The same upload again is still the same, and another one is another one.
+    // The same upload again is accepted as identical, and a different one is refused.
     let me: Progress = incomplete.me(&server).await.into(200);
     assert_eq!(json!(me.stored), known_of_them["stored"]);
     let route = routes::my_trial(&me.stored[1]);
@@ -86,7 +86,7 @@ async fn goes_on_with_all(server: Server) {
     send(&upload).await.problem(409, "different_content", None);
     assert_eq!(server.export("first").await, exported);
 
-    // Participants go on and return; new ones enrol.
+    // Participants continue and return; new ones enrol.
     goes_on(&server, &incomplete, &SceneParameters::default()).await;
     let mut faster = SceneParameters::default();
     for vehicle in [&mut faster.human, &mut faster.robot] {
@@ -110,7 +110,7 @@ async fn goes_on_with_all(server: Server) {
         known(gone).0.me(&server).await.problem(410, "withdrawn", None);
     }
 
-    // The laboratory finds what was there.
+    // The laboratory finds the old data.
     let page: TrialPage = server.admin(&routes::admin_trials("first")).await.into(200);
     assert_eq!(page.trials.len() * 50, server.export("first").await.lines().count() - 1);
     let id = old_facts["analysis"]["id"].as_str().unwrap();
@@ -125,7 +125,7 @@ async fn goes_on_with_all(server: Server) {
     }
     assert_eq!(detail.files.len(), 13);
 
-    // Every row is what it was, in the database as it is now.
+    // Every row is unchanged in the migrated database.
     let report = run(&["check", "--database", &server.database()]).await.json();
     assert_eq!(report["wrong"], json!([]));
     assert_eq!((&report["damage"], &report["trials"]), (&json!([]), &json!(21)));
@@ -212,7 +212,7 @@ async fn numbers_are_never_used_twice() {
     assert_eq!(highest("trial").await, before + 1);
 }
 
-/// What is refused stays as it was to the last byte; the line says why.
+/// A refused database stays unchanged to the last byte; the line gives the reason.
 async fn is_refused(change: &str, words: &[&str]) {
     let folder = Folder::default();
     let file = folder.path("sidestep.db");
@@ -238,7 +238,7 @@ async fn what_cannot_be_used_stays_as_it_was() {
     let other = "UPDATE _sqlx_migrations SET checksum = x'00' WHERE version = 2";
     is_refused(other, &["migration 2", "another build"]).await;
     is_refused("DROP TABLE _sqlx_migrations", &["another program"]).await;
-    // The fourth migration fails half way: its first statements are undone.
+    // The fourth migration fails half-way: its first statements are rolled back.
     let in_the_way = "CREATE TABLE new_analysis (x)";
     is_refused(in_the_way, &["migration 4 failed", "nothing was changed"]).await;
 }
@@ -266,7 +266,7 @@ async fn reading_changes_no_file_of_an_older_version() {
         let about = file.unwrap().metadata().unwrap();
         assert_eq!(std::os::unix::fs::PermissionsExt::mode(&about.permissions()) & 0o777, 0o600);
     }
-    // What a command that was killed has left behind is deleted by the next one.
+    // Files left by a killed command are deleted by the next one.
     let left_behind = folder.path(".sidestep-copy-killed");
     std::fs::create_dir(&left_behind).unwrap();
     std::fs::write(left_behind.join("copy.db"), b"external ids").unwrap();
@@ -274,7 +274,7 @@ async fn reading_changes_no_file_of_an_older_version() {
     let left = std::fs::read_dir(folder.root()).unwrap().map(|it| it.unwrap().file_name());
     let is_left = |name: &str| name.starts_with('.') || name.starts_with("sidestep.db-");
     assert!(left.into_iter().all(|name| !is_left(&name.to_string_lossy())));
-    // A program of that version serves it: nobody migrates it under its hands.
+    // A program of that version is serving it: it must not be migrated meanwhile.
     let served = std::fs::File::open(&file).unwrap();
     served.lock().unwrap();
     let site = folder.name("site");
@@ -291,7 +291,7 @@ async fn reading_changes_no_file_of_an_older_version() {
     assert!(std::fs::read(&file).unwrap() != before, "it is migrated");
 }
 
-/// One line that says what to do, and exit code 1.
+/// One line with instructions, and exit code 1.
 #[tokio::test]
 #[ignore = "needs PostgreSQL"]
 async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
@@ -322,7 +322,7 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
     admin.execute(&asks("4")).await.unwrap();
     Server::on(url.clone(), Some(SHORT_STUDY)).await.stop().await;
 
-    // Somebody who may only read.
+    // A user who may only read.
     let reader = format!("reader_{name}");
     let grants = format!(
         "CREATE ROLE {reader} LOGIN; GRANT USAGE ON SCHEMA public TO {reader}; \
@@ -345,7 +345,7 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
     admin.execute(&format!("REVOKE INSERT ON trial FROM {reader}")).await.unwrap();
     let told = server.get("/readyz").await;
     assert!(told.problem(503, "not_ready", None).contains("must not write to trial"));
-    // What is hidden is not taken for a new database.
+    // A database with hidden content is not mistaken for a new one.
     for (hide, show) in [
         ("ALTER TABLE trial RENAME TO hidden", "ALTER TABLE hidden RENAME TO trial"),
         ("REVOKE USAGE ON SCHEMA public FROM PUBLIC", "GRANT USAGE ON SCHEMA public TO PUBLIC"),
@@ -362,7 +362,7 @@ async fn a_postgresql_database_that_cannot_be_used_says_what_to_do() {
     }
     server.stop().await;
 
-    // Reading migrates nothing.
+    // Reading does not migrate.
     let old = new().await;
     let dump = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-postgres/schema-2.sql");
     behind(&old).execute(&std::fs::read_to_string(dump).unwrap()).await.unwrap();
@@ -384,13 +384,13 @@ async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
         assert_eq!(again.participant_id, enrolled[0].participant_id);
         assert_eq!(again.plan, enrolled[0].plan);
     }
-    // Each token is good, whichever answer arrived.
+    // Each token is valid, whichever response arrived.
     let driver = Driver { enrolled: enrolled[7].clone() };
     let (trial_id, scene) = driver.scenes()[0].clone();
     assert_eq!(driver.send(&server, &trial_id, &driven(&scene)).await.status, 201);
     let other = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000002" });
     assert_eq!(Driver::ask(&server, other).await.status, 201);
-    // The same request for other people is not the same request.
+    // The same request id for another person is another request.
     for (person, status) in [("alice", 201), ("bob", 201), ("alice", 200)] {
         let mut body = body.clone();
         body["external_id"] = person.into();

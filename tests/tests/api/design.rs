@@ -1,4 +1,4 @@
-//! design: the scenes of a study before anybody is invited, and what it refuses.
+//! design: the scenes of a study before anyone is invited, and invalid input.
 
 use sidestep_tests::folder::{Row, number, rows};
 use sidestep_tests::process::Said;
@@ -66,7 +66,7 @@ async fn every_stratum_and_every_scene_is_listed() {
             let value = number(scene, value);
             assert!(low - 1e-9 <= value && value <= high + 1e-9, "{scene:?}");
         }
-        // Sampled 0.01 s apart, the closest approach is the miss distance.
+        // Sampled every 0.01 s, the closest approach is the miss distance.
         let closest = number(scene, "closest_m");
         assert!(closest <= 3.0 && closest >= number(scene, "miss_m").abs() - 1e-9, "{scene:?}");
         if scene["phase"] == "task" {
@@ -79,7 +79,7 @@ async fn every_stratum_and_every_scene_is_listed() {
     let svg = std::fs::read_to_string(out.join("design.svg")).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("10 participants"));
 
-    // The same study has the same scenes; another seed has others.
+    // The same study has the same scenes; another seed gives others.
     design(&study, &folder.name("again"), &["--participants", "2"]).await.json();
     assert_eq!(rows(folder.path("again/scenes.csv")), scenes[..26]);
     let study = folder.file("other.toml", format!("seed = 1\n{text}"));

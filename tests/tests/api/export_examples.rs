@@ -5,12 +5,12 @@ use sidestep_tests::{Driver, Folder, Server, run};
 use std::path::Path;
 use tokio::process::Command;
 
-/// What the example says of a folder: stdout if it ends well, else stderr.
+/// Output of the example for a folder: stdout on success, otherwise stderr.
 async fn load(folder: &str, package: &str) -> Result<String, String> {
     let python = std::env::var_os("SIDESTEP_READERS");
     let python = python.expect("SIDESTEP_READERS: run the tests with `cargo xtask test`");
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/load_export.py");
-    // Warnings are mistakes of the example.
+    // Warnings are errors in the example.
     let mut command = Command::new(python);
     command.arg("-Werror").arg(example).args([folder, package]);
     let said = command.output().await.unwrap();
@@ -35,11 +35,11 @@ async fn pandas_polars_and_pyarrow_read_what_was_driven() {
             summaries.push(said.unwrap_or_else(|why| panic!("{package}, {format}: {why}")));
         }
     }
-    // Five trials are warm-up, practice and three tasks.
+    // Five trials: familiarisation, practice and three tasks.
     assert!(summaries[0].starts_with("2 participants, 4 tasks, 400 steps\n"), "{}", summaries[0]);
     assert!(summaries.iter().all(|said| said == &summaries[0]), "{summaries:#?}");
 
-    // What is not whole is refused.
+    // An incomplete export is refused.
     let out = folder.name("csv");
     let steps = folder.text("csv/steps.csv");
     std::fs::write(folder.path("csv/steps.csv"), &steps[..steps.len() / 2]).unwrap();

@@ -34,7 +34,7 @@ async fn export(server: &Server, format: &str, out: &str, more: &[&str]) {
     run(&[&args[..], more].concat()).await.json();
 }
 
-/// All files below a folder by their paths with slashes.
+/// All files below a folder by path, with slashes.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut folders = vec![folder.to_owned()];
@@ -56,7 +56,7 @@ fn json(file: &[u8]) -> Value {
     serde_json::from_slice(file).unwrap()
 }
 
-/// The names of the variables that metadata of Psych-DS list.
+/// The names of the variables in Psych-DS metadata.
 fn variables(metadata: &Value) -> Vec<String> {
     let variables = metadata["variableMeasured"].as_array().unwrap();
     variables
@@ -69,7 +69,7 @@ fn variables(metadata: &Value) -> Vec<String> {
         .collect()
 }
 
-/// The rules of the standard's validator, as far as they can concern an export.
+/// The rules of the standard's validator that can apply to an export.
 #[tokio::test]
 async fn psych_ds_is_what_its_validator_wants() {
     let server = study().await;
@@ -90,7 +90,7 @@ async fn psych_ds_is_what_its_validator_wants() {
     ] {
         let name = format!("data/study-default_description-{keyword}_data");
         let file = &found[&format!("{name}.csv")];
-        // The same table as in every other format.
+        // The table is the same in every other format.
         assert_eq!(file, &tables[&format!("{table}.csv")]);
         let mut reader = csv::Reader::from_reader(&file[..]);
         let header: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
@@ -102,7 +102,7 @@ async fn psych_ds_is_what_its_validator_wants() {
     let listed = variables(&description);
     assert_eq!(listed.len(), columns.len(), "each once");
     assert_eq!(listed.into_iter().collect::<BTreeSet<_>>(), columns);
-    // The value of a keyword in a file's name is letters and digits.
+    // The value of a keyword in a file name consists of letters and digits.
     for path in found.keys().filter(|path| path.ends_with("_data.csv")) {
         let name = path.strip_prefix("data/").unwrap().strip_suffix("_data.csv").unwrap();
         for keyword in name.split('_') {
@@ -163,7 +163,7 @@ async fn sqlite_has_the_same_rows() {
                         let printed: f64 = record[place].parse().unwrap();
                         assert_eq!(printed.to_bits(), number.to_bits());
                     }
-                    // Only in CSV a formula has an apostrophe before it.
+                    // Only in CSV a formula gets a leading apostrophe.
                     Cell::Text(text) => {
                         assert_eq!(
                             record[place].strip_prefix('\'').unwrap_or(&record[place]),
@@ -188,13 +188,13 @@ async fn sqlite_has_the_same_rows() {
     );
     let dictionary = json(folder.text("csv/dictionary.json").as_bytes());
     assert_eq!(dictionary[0]["missing"], "an empty field");
-    // Twice is the same file.
+    // Two exports are identical.
     let first = std::fs::read(folder.path("sqlite/study.sqlite")).unwrap();
     export(&server, "sqlite", &folder.name("again"), &[]).await;
     assert_eq!(std::fs::read(folder.path("again/study.sqlite")).unwrap(), first);
 }
 
-/// Whether and what the server answers to a request for an archive.
+/// Status and content of the server's response to a request for an archive.
 struct Answer {
     status: u16,
     headers: reqwest::header::HeaderMap,
@@ -218,7 +218,7 @@ async fn archive(server: &Server, query: &str, headers: &[(&str, &str)]) -> Answ
     Answer { status, headers, body: response.bytes().await.unwrap().to_vec() }
 }
 
-/// The files of an archive, in their order.
+/// The files of an archive, in order.
 fn unpacked(archive: &[u8]) -> Vec<(String, Vec<u8>)> {
     let mut archive = zip::ZipArchive::new(Cursor::new(archive)).unwrap();
     let count = archive.len();
@@ -261,7 +261,7 @@ async fn an_archive_has_the_files_of_the_command() {
             assert_eq!(found.into_iter().collect::<BTreeMap<_, _>>(), expected, "{out}");
         }
     }
-    // Without a format, the steps as one file, as ever.
+    // Without a format, the steps as one file, as in earlier versions.
     assert_eq!(server.export("default").await, folder.text("csv0/steps.csv"));
 }
 
@@ -273,7 +273,7 @@ async fn a_download_that_broke_off_goes_on() {
         let whole = archive(&server, &query, &[]).await;
         let (tag, length) = (whole.header("etag").to_owned(), whole.body.len());
         assert!(tag.starts_with('"') && whole.header("accept-ranges") == "bytes");
-        // What came of it is recognised: it is no archive.
+        // A partial download is recognised: it is not a valid archive.
         for part in [length - 1, length / 2] {
             assert!(zip::ZipArchive::new(Cursor::new(&whole.body[..part])).is_err());
         }
@@ -292,13 +292,13 @@ async fn a_download_that_broke_off_goes_on() {
         let known = archive(&server, &query, &[("if-none-match", &tag)]).await;
         assert_eq!((known.status, known.body.len()), (304, 0));
     }
-    // The length is measured where nobody had the whole.
+    // The length is computed even if no client has downloaded the whole archive.
     let query = "format=csv&phase=practice";
     let end = archive(&server, query, &[("range", "bytes=-22")]).await;
     let whole = archive(&server, query, &[]).await;
     assert_eq!((end.status, &*end.body), (206, &whole.body[whole.body.len() - 22..]));
 
-    // Other data are another archive.
+    // Other data give another archive.
     let tag = whole.header("etag").to_owned();
     Driver::enrol(&server).await;
     let other = archive(&server, query, &[("range", "bytes=5-"), ("if-range", &tag)]).await;
@@ -324,7 +324,7 @@ async fn wrong_filters_are_named() {
         let said = json(&answer.body);
         assert_eq!((answer.status, &said["field"]), (422, &json!(field)), "{query}: {said}");
     }
-    // A study without data is an archive of empty tables.
+    // A study without data gives an archive of empty tables.
     for format in FORMATS {
         let answer = archive(&server, &format!("format={format}"), &[]).await;
         let (_, manifest) = unpacked(&answer.body).pop().unwrap();
@@ -332,7 +332,7 @@ async fn wrong_filters_are_named() {
     }
 }
 
-/// A folder has one export: files of two would look like one.
+/// A folder holds one export: files of two would look like one.
 #[tokio::test]
 async fn another_export_in_the_same_folder_is_replaced_or_left_alone() {
     let server = study().await;
@@ -357,7 +357,7 @@ async fn another_export_in_the_same_folder_is_replaced_or_left_alone() {
 async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let server = study().await;
     let db = behind(&server.database());
-    // One sign of the record of one trial, and a word in another that nobody knows.
+    // One character of one trial's record, and in another trial an unknown word.
     let of = async |number: i64, ordinal: i64| {
         let query = format!(
             "SELECT scene.trial_id FROM scene JOIN participant ON participant.id = participant_id \
@@ -410,7 +410,7 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let [row] = damaged[..] else { panic!("{damaged:?}") };
     assert!(row["trial_id"] == changed && row["damage"].contains("hash"), "{row:?}");
     assert!(trials.len() == 6 && trials.iter().all(|row| row["trial_id"] != unreadable));
-    // Its number is given to no other.
+    // Its number is not given to another trial.
     let numbers = trials.iter().filter(|row| row["participant"] == "1").map(|row| &*row["trial"]);
     assert_eq!(numbers.collect::<Vec<_>>(), ["0", "1", "2", "4"]);
     let steps = folder::rows(folder.path("csv/steps.csv"));
@@ -424,7 +424,7 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
         folder::rows(folder.path("unflagged/trials.csv")).iter().all(|row| row["damaged"] == "0")
     );
 
-    // Steps as one file have nothing beside them that could name what is left out: they break off.
+    // Steps as one file have no room to name missing trials: the download aborts.
     let route = routes::exports("default");
     let all = server.request(reqwest::Method::GET, &route).bearer_auth(&server.key);
     let all = async { all.send().await?.bytes().await };

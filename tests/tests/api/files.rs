@@ -106,21 +106,21 @@ async fn an_export_imported_elsewhere_is_the_same_again() {
     assert_eq!(flags[249], ["replay_mismatch;late_sample;imported;interrupted"]);
     let report = run(&["check", "--database", &database]).await.json();
     assert_eq!(report["wrong"], json!([]));
-    // `check` counts as `import` does.
+    // `check` counts like `import`.
     assert_eq!((&report["trials"], &report["flagged"]), (&5.into(), &1.into()));
 
-    // Twice is once.
+    // Importing twice changes nothing.
     let twice = import(&database, "copy", &path).await;
     assert!(twice.err.contains("skipped"), "{}", twice.err);
     assert_eq!(twice.json()["skipped"], 1);
     assert_eq!(export(&database, "copy", &folder).await, again);
-    // And where the trials came from, they are known by their ids.
+    // In the database they came from, trials are recognised by their ids.
     let home = import(&server.database(), "default", &path).await;
     home.refused(2, &["line 2: trial_id"]);
     assert_eq!(server.export("default").await, file);
 }
 
-/// The steps of simulated people with ids of trials, as an export has them.
+/// The steps of simulated people with trial ids, as in an export.
 async fn exported(folder: &Folder, people: &str, tasks: &str) -> String {
     let (file, database) = (folder.name("simulated.csv"), folder.database("simulated.db"));
     let simulate = ["simulate", "--seed", "3", "--keys", "clock", "--out", &file];
@@ -178,14 +178,14 @@ async fn an_export_says_what_it_has() {
     let ends = columns(&trials, &["trial_id", "flags", "end_hx", "steps"]);
     let end = format!("{:?}", late.states[50].human.x);
     assert_eq!(ends[4], [&*last, "late_sample;interrupted", &*end, "50"]);
-    // A configuration is there byte for byte.
+    // Configurations are exported byte for byte.
     let configurations = folder.text("csv/configurations.json");
     let configuration = configurations.lines().nth(1).unwrap();
     let (hash, study) = configuration.split_once(", \"study\": ").unwrap();
     let hash = &hash[r#"{"configuration": ""#.len()..][..64];
     assert_eq!(hash, hex::encode(Sha256::digest(study.strip_suffix('}').unwrap())));
 
-    // A part of it: trials keep their numbers.
+    // A partial export: trials keep their numbers.
     let part = export("csv", &["--phase", "task", "--quality", "unflagged"]).await;
     let rows = |said: &Value, file: usize| said["files"][file]["rows"].as_u64().unwrap();
     assert_eq!([0, 1, 2, 3].map(|file| rows(&part, file)), [100, 2, 4, 1]);
@@ -203,7 +203,7 @@ async fn a_file_that_was_cut_off_is_refused() {
     let folder = Folder::default();
     let whole = exported(&folder, "2", "3").await;
     let (database, path) = (folder.database("copy.db"), folder.path("out/steps.csv"));
-    // The manifest beside it knows what is missing.
+    // The manifest beside it reveals what is missing.
     for end in
         [whole.len() - 1, whole.len() / 2, whole.lines().take(151).map(|l| l.len() + 1).sum()]
     {
@@ -211,7 +211,7 @@ async fn a_file_that_was_cut_off_is_refused() {
         let said = import(&database, "default", &path.display().to_string()).await;
         said.refused(2, &["steps.csv: SHA-256: expected", "as manifest.json beside it says"]);
     }
-    // Elsewhere, whoever is not whole is missed.
+    // Without a manifest, incomplete trials and participants are noticed.
     let step = whole.len() / 300;
     for end in (1..20).map(|cut| whole.len() - cut * step - cut) {
         let file = folder.file("cut.csv", &whole[..end]);
@@ -240,12 +240,13 @@ async fn rows_in_any_order_are_the_same_trials() {
         done,
         json!({ "participants": 3, "trials": 12, "flagged": 0, "skipped": 0, "excluded": 0 })
     );
-    // Whoever was imported in order is the same.
+    // An import in order gives the same result.
     let ordered = folder.file("ordered.csv", &whole);
     assert_eq!(import(&database, "default", &ordered).await.json()["skipped"], 3);
 }
 
-/// An export has the exclusions in its table of participants; no other file beside the steps is asked.
+/// An export has the exclusions in its table of participants; no other file beside the steps is
+/// read.
 #[tokio::test]
 async fn whom_an_export_excludes_stays_excluded() {
     let folder = Folder::default();
@@ -259,7 +260,7 @@ async fn whom_an_export_excludes_stays_excluded() {
     run(&args).await.json();
     let again = std::fs::read_to_string(folder.path("again/participants.csv")).unwrap();
     assert_eq!(columns(&again, &["exclusion_reason"]), [[""], ["fell asleep"], [""]]);
-    // Whoever is there already is not touched.
+    // Existing participants are not changed.
     let twice = import(&database, "default", &steps).await.json();
     assert_eq!((&twice["skipped"], &twice["excluded"]), (&json!(3), &json!(0)));
 }
@@ -290,7 +291,8 @@ async fn an_import_that_fails_after_a_part_takes_it_back() {
     let last = folder.file("last.csv", format!("{header}\n{}", &whole[begin..]));
     let database = folder.database("copy.db");
     import(&database, "one", &last).await.json();
-    // Six people are stored before it is known that the trials of the last are in another study.
+    // Six people are stored before the import finds that the trials of the last are in another
+    // study.
     let all = folder.file("all.csv", format!("{header}\n{rows}"));
     import(&database, "two", &all).await.refused(2, &["all.csv: line 15002: trial_id"]);
     let two = ["export", "--database", &database, "--study", "two", "--out", "none"];
@@ -343,7 +345,7 @@ async fn files_that_are_none_name_their_line() {
         let said = import(&database, "default", &written(&folder, &header, &rows)).await;
         said.refused(2, &["given.csv", complaint]);
     }
-    // The last trial is bad: the first one is not kept either.
+    // The last trial is invalid: the first one is not stored either.
     let mut rows = straight();
     let mut second = straight();
     second.iter_mut().for_each(|row| row[1] = "1".to_owned());

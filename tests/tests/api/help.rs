@@ -1,4 +1,4 @@
-//! What `--help` says can be typed.
+//! The output of `--help` is valid input.
 
 use sidestep_tests::run;
 
@@ -11,7 +11,8 @@ async fn commands() -> Vec<String> {
     names.filter(|name| *name != "help").map(str::to_owned).collect()
 }
 
-/// Every default, typed as the help prints it, is taken: the command complains only of the flag after it.
+/// Every default is accepted as the help prints it: the command complains only about the flag after
+/// it.
 #[tokio::test]
 async fn every_default_can_be_typed_as_it_is_printed() {
     let mut tried = 0;

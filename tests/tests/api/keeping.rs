@@ -1,4 +1,4 @@
-//! Backups and checks that a server makes by itself.
+//! Automatic backups and checks of a server.
 
 use reqwest::Method;
 use sidestep::api::{DataCheck, DataCheckState, routes};
@@ -7,7 +7,7 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Driver, Server, behind, run};
 use std::time::{Duration, Instant};
 
-/// Checks again and again, after a second.
+/// Checks repeatedly, starting after a second.
 fn often(args: &mut ServeArgs) {
     args.keeping.first = Duration::from_millis(100);
     args.keeping.check_every = 1.0 / 3600.0;
@@ -37,7 +37,7 @@ async fn stored_data_are_checked_while_the_server_runs() {
     behind(&server.database()).execute(wrong).await.unwrap();
     let check = until(&server, |it| it.fault_count == 1).await;
     assert!(check.faults[0].contains("closest range"), "{check:?}");
-    // The laboratory and the operator hear of it, and nobody is kept from driving.
+    // The laboratory and the operator are notified, and participants can still drive.
     let ready = server.get("/readyz").await;
     assert_eq!(ready.status, 200);
     let text = async |route: &str| {
@@ -53,7 +53,7 @@ async fn stored_data_are_checked_while_the_server_runs() {
 async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
     let folder = tempfile::tempdir().unwrap();
     let backups = folder.path().to_owned();
-    // Its age is what the file system says: now.
+    // Its age is its modification time: now.
     let another = backups.join("sidestep-20200101T000000Z-00000000.db");
     std::fs::write(&another, "that of another database").unwrap();
     let server = Server::with_study_and(SHORT_STUDY, often).await;
@@ -72,7 +72,7 @@ async fn a_backup_is_written_now_and_then_and_the_oldest_are_deleted() {
     let metrics = server.request(Method::GET, "/metrics").send().await.unwrap();
     let metrics = metrics.text().await.unwrap();
     assert!(metrics.contains("\nsidestep_backup_timestamp_seconds "), "{metrics}");
-    // What is in the folder is known at the start, before there is another one.
+    // The backups in the folder are known at the start, before there is a new one.
     let server = server.stop().await.start_with(None, change).await;
     let known = until(&server, |it| it.backup.is_some()).await.backup.unwrap();
     assert!(known.name >= second.name, "{known:?}");

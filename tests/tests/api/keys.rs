@@ -22,7 +22,7 @@ async fn get(server: &Server, key: &str, route: &str) -> Answer {
     ask(server, key, Method::GET, route, Value::Null).await
 }
 
-/// What the trail says, oldest first.
+/// The audit trail, oldest first.
 async fn trail(server: &Server) -> Vec<(String, Action, Option<String>)> {
     let page: AuditPage = get(server, &server.key, routes::AUDIT).await.into(200);
     page.entries.into_iter().rev().map(|entry| (entry.who, entry.action, entry.subject)).collect()
@@ -32,7 +32,7 @@ async fn trail(server: &Server) -> Vec<(String, Action, Option<String>)> {
 async fn a_key_may_do_what_its_right_says() {
     let server = Server::with_study(SHORT_STUDY).await;
     let analyses = routes::admin_analyses("default");
-    // What needs which right, and the answer to a key that has it.
+    // The access that each route needs, and the status with it.
     let table = [
         (Access::Read, Method::GET, routes::ADMIN_STUDIES.to_owned(), Value::Null, 200),
         (Access::Read, Method::GET, routes::admin_trials("default"), Value::Null, 200),
@@ -105,7 +105,7 @@ async fn a_key_that_only_reads_sees_no_external_id_and_no_code() {
     }
 }
 
-/// Requests that are under way when their key is revoked change nothing afterwards.
+/// Requests in progress when their key is revoked change nothing afterwards.
 #[tokio::test]
 async fn nothing_outruns_a_revocation() {
     let server = Server::with_study(SHORT_STUDY).await;

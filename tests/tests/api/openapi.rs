@@ -16,7 +16,7 @@ impl Document {
         Self(server.get(routes::OPENAPI).await.into(200))
     }
 
-    /// Methods with their paths, as the document has them.
+    /// Methods and paths in the document.
     fn operations(&self) -> Vec<(Method, String, &Value)> {
         let paths = self.0["paths"].as_object().unwrap();
         let methods = paths.iter().flat_map(|(path, methods)| {
@@ -26,7 +26,7 @@ impl Document {
         methods.collect()
     }
 
-    /// The schema of an answer, without which nothing else may be in it.
+    /// A validator for the schema of a response that allows no other fields.
     pub(crate) fn validator(&self, method: &Method, path: &str, status: u16) -> Option<Validator> {
         let operation = &self.0["paths"][path][method.as_str().to_lowercase()];
         let answer = &operation["responses"][status.to_string()];
@@ -38,13 +38,13 @@ impl Document {
                 schema["unevaluatedProperties"] = false.into();
             }
         }
-        // The codes of a problem stand beside its schema, of which they are one field.
+        // The codes of a problem are listed beside its schema, of which they are one field.
         let whole = json!({ "allOf": [body], "components": components });
         body.is_object().then(|| jsonschema::draft202012::new(&whole).unwrap())
     }
 }
 
-/// Checks answers as they come, and keeps which it has seen.
+/// Checks responses, and records which ones it has seen.
 struct Checked<'a> {
     server: &'a Server,
     document: Document,
@@ -52,7 +52,7 @@ struct Checked<'a> {
 }
 
 impl Checked<'_> {
-    /// Sends a request to the route with this path in the document, and checks the answer.
+    /// Sends a request to the route with this path in the document, and checks the response.
     async fn send(
         &mut self,
         method: Method,
@@ -76,7 +76,7 @@ impl Checked<'_> {
         answer
     }
 
-    /// A request of an experimenter; `filled` are the parameters of the path.
+    /// A request of an experimenter; `filled` are the path parameters.
     async fn admin(
         &mut self,
         method: Method,
@@ -114,7 +114,7 @@ async fn the_document_has_the_routes_of_the_server_and_no_others() {
     for (method, path, _) in document.operations() {
         methods.entry(path).or_default().insert(method.to_string());
     }
-    // What the server says that each path has.
+    // The methods that the server reports for each path.
     for (path, documented) in &methods {
         let route = path.replace("{id}", "1").replace(['{', '}'], "");
         let request = server.request(Method::TRACE, &route);
@@ -200,7 +200,7 @@ async fn real_answers_are_as_the_document_says() {
     let mut it = Checked { server: &server, document, seen: BTreeSet::new() };
     let own = routes::ME;
 
-    // A participation, with what goes wrong on its way.
+    // A participation, with the errors that can happen.
     let study = "/api/v1/studies/{slug}";
     it.admin(GET, study, &[("slug", "default")], None).await;
     it.admin(GET, study, &[("slug", "none")], None).await.problem(404, "not_found", None);
@@ -320,7 +320,7 @@ async fn real_answers_are_as_the_document_says() {
     let asked = asked.into::<AnalysisSummary>(201).id;
     let analysis = [("id", asked.as_str())];
     let path = "/api/v1/admin/analyses/{id}";
-    // At once: a small study's analysis soon ends by itself.
+    // At once: the analysis of a small study is fast.
     it.admin(POST, &format!("{path}/cancel"), &analysis, None).await;
     it.admin(GET, path, &analysis, None).await;
     let models = format!("{path}/predictors");
@@ -335,7 +335,7 @@ async fn real_answers_are_as_the_document_says() {
     it.send(GET, own, own, me).await.problem(410, "withdrawn", None);
     it.admin(DELETE, person, &id, None).await;
 
-    // Every operation with a JSON body had a success, but for two that need a long computation.
+    // Every operation with a JSON body has succeeded, except two that need a long computation.
     let excused = ["/api/v1/value-functions/{id}", "/api/v1/admin/analyses/{id}/files/{name}"];
     for (method, path, operation) in it.document.operations() {
         let statuses = operation["responses"].as_object().unwrap();

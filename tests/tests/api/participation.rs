@@ -47,7 +47,7 @@ async fn the_same_again_is_welcome_and_something_else_is_not() {
     assert_eq!(driver.send(&server, &trial_id, &trial).await.status, 201);
     assert_eq!(driver.send(&server, &trial_id, &trial).await.status, 200);
 
-    // The same content in another dress: fields the other way round, more spaces.
+    // The same content in another form: fields in reverse order, more spaces.
     let fields = serde_json::to_value(&trial).unwrap();
     let fields: Vec<String> = fields
         .as_object()
@@ -112,7 +112,7 @@ async fn a_known_external_id_resumes_and_both_tokens_work() {
     assert_eq!(again.participant_id, first.enrolled.participant_id);
     assert_eq!(again.plan, first.enrolled.plan);
     assert_ne!(again.token, first.enrolled.token);
-    // The second trial waits in the first machine's outbox, the third is driven on the second.
+    // The second trial is still in the first computer's outbox, the third is driven on the second.
     let again = Driver { enrolled: again };
     let scenes = first.scenes();
     let send = async |driver: &Driver, i: usize| {
@@ -162,7 +162,7 @@ async fn withdrawal_keeps_or_deletes() {
     }
     assert_eq!(server.export("default").await.lines().count(), 1);
     driver.me(&server).await.problem(410, "withdrawn", None);
-    // Who was forgotten is someone new, under the next number.
+    // After deletion, the same person is a new participant, with the next number.
     let anew: Enrolled = Driver::ask(&server, body).await.into(201);
     let anew = Driver { enrolled: anew };
     anew.drive(&server, 1).await;
@@ -174,7 +174,7 @@ async fn withdrawal_keeps_or_deletes() {
     let bytes = std::fs::read(server.path("sidestep.db")).unwrap();
     let wal = std::fs::read(server.path("sidestep.db-wal")).unwrap();
     let count = |bytes: &[u8]| bytes.windows(6).filter(|w| w == b"leaver").count();
-    // Once in the table and once in its index, for the new enrolment only.
+    // Once in the table and once in its index, only for the new enrolment.
     assert!(count(&bytes) <= 2, "deleted names are overwritten");
     assert!(count(&bytes) + count(&wal) >= 1);
 }
@@ -206,7 +206,7 @@ async fn an_edited_study_is_for_people_to_come() {
     let me: Progress = before.me(&server).await.into(200);
     assert_eq!(me.plan, before.enrolled.plan);
     assert_eq!(me.plan.phases[0].phase, Phase::Familiarisation);
-    // Each trial is looked at with the parameters that it was driven under.
+    // Each trial is shown with the parameters under which it was driven.
     before.drive(&server, 1).await;
     let detail = server.admin(&routes::admin_trial(&before.scenes()[0].0)).await;
     assert_eq!(detail.body["parameters"]["danger_radius_m"], 3.0);

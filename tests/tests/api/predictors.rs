@@ -30,7 +30,7 @@ const CONSTANT: &str = r#"{"format":"sidestep-predictor/1","kind":"constant","fe
 /// Rows of the comparison for each participant: five kinds of model, two experiments, nine sets.
 const MODELS: u64 = 5 * 2 * 9;
 
-/// An analysis that is quickly done: one setting in each grid.
+/// A fast analysis: one setting in each grid.
 fn quick() -> serde_json::Value {
     let grids = json!({
         "rbf_c": [1.0], "rbf_gamma": [0.1], "linear_c": [1.0], "tree_depth": [3], "tree_leaf": [5],
@@ -45,7 +45,7 @@ async fn drive(server: &Server, who: u64) -> Driver {
     driver
 }
 
-/// The trials of somebody's tasks, in order.
+/// The trials of a participant's tasks, in order.
 fn tasks(driver: &Driver) -> Vec<String> {
     let scenes = driver.enrolled.plan.scenes();
     scenes
@@ -58,7 +58,7 @@ async fn list(server: &Server, id: &str, query: &str) -> PredictorPage {
     server.admin(&format!("{}?{query}", routes::analysis_predictors(id))).await.into(200)
 }
 
-/// The answer to a replay of a trial that asks for this model.
+/// The response for this model in a replay of a trial.
 async fn model(server: &Server, trial: &str, id: &str, file: &str) -> Answer {
     let route = routes::admin_predictor(trial);
     server.admin(&format!("{route}?analysis={id}&file={file}")).await
@@ -69,7 +69,7 @@ async fn count(server: &Server, table: &str) -> i64 {
     behind(&server.database()).row(&query, |row| row.get(0)).await.unwrap()
 }
 
-/// The number of models that the database holds: by their rows, by their kinds and by participant.
+/// The number of models in the database: by rows, by kinds and by participant.
 async fn models_counted(server: &Server) -> [i64; 3] {
     let sum = async |table: &str| -> i64 {
         let query = format!("SELECT CAST(coalesce(sum(models), 0) AS BIGINT) FROM {table}");
@@ -86,7 +86,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
     let id = ask(&server, quick()).await.id;
     done(&server, &id).await;
 
-    // Page by page, participant by participant, everything once.
+    // Page by page and participant by participant, every model once.
     let all = list(&server, &id, "limit=500").await;
     assert_eq!((all.total, all.predictors.len() as u64), (2 * MODELS, 2 * MODELS));
     let halves =
@@ -103,7 +103,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         assert_eq!(it.newest_task, newest[it.participant as usize - 1]);
     }
 
-    // The numbers are those of cells.csv, and the file is there.
+    // The numbers equal those of cells.csv, and the file exists.
     let cells = server.admin_text(&routes::analysis_file(&id, "cells.csv")).await;
     for it in &all.predictors {
         let head = format!("{},{},{},{},", it.model, it.experiment, it.features, it.participant);
@@ -112,7 +112,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         assert_eq!(numbers, [it.cv_accuracy, it.test_accuracy], "{head}");
     }
 
-    // Filtered.
+    // With filters.
     let query = "participant=2&model=lr&experiment=1&features=hd";
     let found = list(&server, &id, query).await;
     assert_eq!((found.total, &found.choices), (1, choices));
@@ -124,7 +124,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         assert_eq!(list(&server, &id, query).await.total, total, "{query}");
     }
 
-    // The same split as trained it.
+    // The split used in training.
     let used = async |trial: &str, file: &str| {
         let found: TrainedPredictor = model(&server, trial, &id, file).await.into(200);
         (found.trials, found.source.unwrap().trial)
@@ -138,7 +138,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
     assert_eq!(used(practice, &lr.file).await.1, TrialUse::Unused);
     assert_eq!(used(&tasks(&first)[0], &lr.file).await.1, TrialUse::OtherParticipant);
 
-    // It is the model of the file, with what the list says of it.
+    // It is the model of the file, with the facts in the list.
     let trial = tasks(&second).swap_remove(0);
     for model_file in ["models/svm_rbf-1-hrd_body-2.json", "models/dt-1-hrd-2.json", &lr.file] {
         let found: TrainedPredictor = model(&server, &trial, &id, model_file).await.into(200);
@@ -148,7 +148,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         let text = server.admin_text(&routes::analysis_file(&id, model_file)).await;
         assert_eq!(found.predictor, serde_json::from_str::<PredictorFile>(&text).unwrap());
     }
-    // As the document of the interface says.
+    // As in the OpenAPI document.
     let document = Document::of(&server).await;
     for (path, route) in [
         ("/api/v1/admin/analyses/{id}/predictors", routes::analysis_predictors(&id)),
@@ -176,7 +176,7 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
     assert_eq!(found.source.unwrap().trial, TrialUse::OtherStudy);
 }
 
-/// Two pages, one behind the other.
+/// Concatenates two pages.
 trait Pages {
     fn concat_predictors(&self) -> Vec<PredictorSummary>;
 }
@@ -192,7 +192,7 @@ async fn bad_questions_about_models_are_explained() {
     let server = Server::with_study(STUDY).await;
     let driver = drive(&server, 1).await;
     let asked = ask(&server, quick()).await.id;
-    // Of one that is not done, there is nothing to list.
+    // An unfinished analysis has no list.
     let cancelled = ask(&server, json!({})).await.id;
     let request = server.request(Method::POST, &routes::cancel_analysis(&cancelled));
     assert_eq!(Answer::of(request.bearer_auth(&server.key)).await.status, 200);
@@ -224,13 +224,13 @@ async fn bad_questions_about_models_are_explained() {
         (format!("analysis={asked}"), "file"),
         (format!("file={file}"), "analysis"),
         (format!("analysis={asked}&model={file}"), "model"),
-        // It says whether somebody turns, not to which side.
+        // It predicts whether a person turns, not the direction.
         (format!("analysis={asked}&file=models/lr-2-hrd-1.json"), "file"),
     ] {
         let answer = server.admin(&format!("{route}?{query}")).await;
         answer.problem(422, "invalid", Some(field));
     }
-    // What is not there, and files that are no models.
+    // Missing files, and files that are not models.
     for (id, name) in [
         ("none", file),
         (&asked, "models/lr-1-hrd-9.json"),
@@ -244,7 +244,7 @@ async fn bad_questions_about_models_are_explained() {
     let answer = model(&server, "none", &asked, file).await;
     assert!(answer.problem(404, "not_found", None).contains("trial"));
 
-    // A key that may only read is enough; nothing is too little.
+    // A read-only key is enough; without a key nothing is accessible.
     let new = json!({ "name": "reader", "access": "read" });
     let request = server.request(Method::POST, routes::ADMIN_KEYS).bearer_auth(&server.key);
     let made: sidestep::api::KeyMade = Answer::of(request.json(&new)).await.into(201);
@@ -283,14 +283,15 @@ async fn models_go_with_their_participant_and_their_analysis() {
     assert_eq!((page.total, page.predictors, page.choices.participants), (0, vec![], vec![]));
     model(&server, &trial, &before, file).await.problem(404, "not_found", None);
     assert_eq!(models_counted(&server).await, [0; 3]);
-    // What is left are the trials of whoever stays.
+    // Only the trials of the remaining participant are left.
     assert_eq!(count(&server, "analysis_trial").await, 8);
     let after = ask(&server, quick()).await.id;
     done(&server, &after).await;
     assert_eq!(list(&server, &after, "").await.choices.participants, [1]);
 }
 
-/// The command draws what the page draws: the same view of the same trial, predicted by the same model.
+/// The command draws what the page draws: the same view of the same trial, predicted by the same
+/// model.
 #[tokio::test]
 async fn plot_draws_the_picture_of_a_replay() {
     let server = Server::with_study(STUDY).await;
@@ -323,7 +324,7 @@ async fn plot_draws_the_picture_of_a_replay() {
         run(&[&args[..], &["--view", query, "--out", &out]].concat()).await.json();
         assert!(std::fs::read_to_string(&out).unwrap() == expected, "{query}");
     }
-    // What else predicts, and two of them side by side.
+    // Other predictors, and two side by side.
     let database = server.database();
     let args = ["plot", "--kind", "replay", "--database", &database, "--trial", &trial_id];
     let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
@@ -359,7 +360,7 @@ async fn plot_draws_the_picture_of_a_replay() {
         run(&[&args[..], &["--view", query, "--out", &out]].concat()).await.json();
         assert!(std::fs::read_to_string(&out).unwrap() == expected.svg(), "{query}");
     }
-    // Sets that are learned from the trials before this one, as the page gets them.
+    // Sets learned from the trials before this one, as the page gets them.
     let mut learned = Vec::new();
     for family in [EmpiricalFamily::Empirical, EmpiricalFamily::Gaussian] {
         let route = format!("{}?family={}", routes::admin_sets(&trial_id), family.name());
@@ -404,7 +405,7 @@ async fn plot_draws_the_picture_of_a_replay() {
     wrong.problem(422, "invalid", Some("features"));
     let both = format!("{route}?analysis=a&file=b&features=hrd");
     server.admin(&both).await.problem(422, "invalid", Some("features"));
-    // The same from the exported file, but for the heading.
+    // The same from the exported file, except for the heading.
     let steps = folder.file("steps.csv", server.export("default").await);
     let number = trial.summary.index + 1;
     let args = ["plot", "--kind", "replay", "--trials", &steps, "--participant", "1", "--trial"];
@@ -429,7 +430,7 @@ async fn plot_draws_the_picture_of_a_replay() {
     let view = ["--database", &database, "--trial", &trial_id, "--view", "beside=a0%2Fgone.json"];
     refused(&view, "--view: there is no such model").await;
     let model = folder.file("model.json", CONSTANT);
-    // Nothing was driven before the first trial.
+    // No trial was driven before the first one.
     let view = [&args[3..], &["0", "--view", "predictor=empirical"]].concat();
     refused(&view, "earlier trials: expected at least one of 10 steps or more").await;
     let view = [&args[3..], &["8", "--predictor", &model, "--view", "predictor=constant"]].concat();

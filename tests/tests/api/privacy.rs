@@ -1,5 +1,5 @@
-//! Files that have data of participants: nobody else can read them, from the moment they are there, and none is left
-//! behind.
+//! Files with participants' data: no one else can read them, from their creation on, and no
+//! temporary file is left behind.
 #![cfg(target_os = "linux")]
 
 use reqwest::Method;
@@ -19,7 +19,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::process::Command;
 
-/// Looks at each file and folder below a folder as soon as it is there, until the file `end` is.
+/// Inspects each file and folder below a folder as soon as it appears, until the file `end` does.
 struct Watch {
     root: PathBuf,
     looking: JoinHandle<BTreeMap<PathBuf, u32>>,
@@ -34,7 +34,7 @@ impl Watch {
         Self { root: root.to_owned(), looking: std::thread::spawn(|| seen.look()) }
     }
 
-    /// What was seen, with the loosest permissions that it had.
+    /// All files seen, with the loosest permissions that they had.
     fn end(self) -> BTreeMap<PathBuf, u32> {
         fs::write(self.root.join("end"), "").unwrap();
         self.looking.join().unwrap()
@@ -50,10 +50,10 @@ struct Seen {
 impl Seen {
     fn watch(&mut self, folder: &Path) {
         let flags = WatchFlags::CREATE | WatchFlags::MOVED_TO | WatchFlags::ATTRIB;
-        // It may be gone again.
+        // It may have been deleted already.
         let Ok(watch) = add_watch(&self.notify, folder, flags) else { return };
         self.folders.insert(watch, folder.to_owned());
-        // What came before the watch did.
+        // Entries created before the watch.
         for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
             self.see(entry.path());
         }
@@ -86,7 +86,7 @@ impl Seen {
     }
 }
 
-/// How a command begins whose files everybody could read if it did not care.
+/// Start of a command whose files would be world-readable by default.
 fn careless(temporary: &Path, last: &str) -> String {
     format!("umask 000; export TMPDIR='{}'; exec \"$@\" {last}", temporary.display())
 }
@@ -170,12 +170,13 @@ async fn files_are_private_from_the_moment_they_are_there() {
         ];
         carelessly(&temporary, &export).await;
     }
-    // The copy of an older file goes to the system's folder if nothing can be written beside it.
+    // The copy of an older file goes to the system's temporary folder if its own folder is not
+    // writable.
     server.kill().await;
     let seen = watch.end();
     let loose: Vec<_> = seen.iter().filter(|(_, mode)| *mode & 0o077 != 0).collect();
     assert!(loose.is_empty(), "{loose:#?}");
-    // It has looked at what it was to look at.
+    // Check that the watch has seen the expected files.
     let saw = |part: &str| seen.keys().any(|path| path.to_string_lossy().contains(part));
     for part in [
         "study.db-wal",
@@ -199,7 +200,7 @@ async fn files_are_private_from_the_moment_they_are_there() {
     }
 }
 
-/// Names of what is not finished, in these folders.
+/// Names of temporary files in these folders.
 fn unfinished(folders: &[&Path]) -> Vec<String> {
     let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).into_iter().flatten());
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());

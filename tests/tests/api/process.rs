@@ -1,4 +1,4 @@
-//! The command as a process: exit codes, and death without notice.
+//! The command as a process: exit codes and sudden kills.
 
 use sidestep_tests::{Folder, Process, run};
 
@@ -99,7 +99,7 @@ async fn imported(folder: &Folder) -> (String, String) {
     (trials, db)
 }
 
-/// Bad input is 2; what cannot be done with good input is 1.
+/// Bad input gives 2; a failure with valid input gives 1.
 #[tokio::test]
 async fn exit_codes_tell_bad_input_from_failures() {
     let folder = Folder::default();
@@ -166,7 +166,7 @@ async fn exit_codes_tell_bad_input_from_failures() {
     assert_eq!(folder.names(), ["file", "garbage.db", "study.db", "trials.csv"]);
 }
 
-/// `| head` ends a command without a word; a failure is one all the same.
+/// `| head` ends a command silently; failures are still reported.
 #[tokio::test]
 async fn nobody_need_read_what_a_command_says() {
     let folder = Folder::default();
@@ -221,7 +221,7 @@ async fn a_file_that_must_not_be_read_is_told_so() {
     let forbidden = std::os::unix::fs::PermissionsExt::from_mode(0o000);
     std::fs::set_permissions(&file, forbidden).unwrap();
     if std::fs::File::open(&file).is_ok() {
-        // Root may read everything.
+        // Root can read everything.
         return;
     }
     let said = run(&["check", "--database", &format!("sqlite:{file}")]).await;

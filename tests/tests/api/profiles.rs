@@ -28,7 +28,7 @@ async fn people(server: &Server, query: &str) -> ParticipantPage {
     server.admin(&format!("{}?{query}", routes::admin_participants("default"))).await.into(200)
 }
 
-/// What the audit trail says about people, the oldest first.
+/// The audit trail about people, oldest first.
 async fn audit(server: &Server) -> Vec<(String, Option<String>)> {
     let page: AuditPage = server.admin(routes::AUDIT).await.into(200);
     let entries = page.entries.into_iter().rev();
@@ -59,7 +59,7 @@ async fn a_participant_is_shown_whole() {
     let letters = trial.inputs.iter().map(|input| ['L', 'S', 'R'][(1 - input.sign()) as usize]);
     assert_eq!(picture.inputs, letters.collect::<String>());
 
-    // A test run can be looked at and replayed too.
+    // A test run can be viewed and replayed too.
     let pilot = json!({ "consent": true, "pilot": true });
     let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
     pilot.drive(&server, 1).await;
@@ -68,7 +68,7 @@ async fn a_participant_is_shown_whole() {
     let replay = routes::admin_trial(&tried.trials[0].summary.trial_id);
     server.admin(&replay).await.into::<TrialDetail>(200);
 
-    // Who may only look sees nothing of the person.
+    // A user with read access sees no personal data.
     let new = json!({ "name": "looks", "access": "read" });
     let key: KeyMade = send(&server, Method::POST, routes::ADMIN_KEYS, new).await.into(201);
     let look = server.request(Method::GET, &routes::admin_participant(id(&driver)));
@@ -127,7 +127,7 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     let before = done(&server, &ask(&server, json!({})).await.id).await;
     assert_eq!(before.summary.result.as_ref().unwrap().participants, 3);
     assert!(!before.summary.stale);
-    // A test run is no data.
+    // A test run is not part of the data.
     let pilot = json!({ "consent": true, "pilot": true });
     let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
     pilot.drive(&server, 1).await;
@@ -148,7 +148,7 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     assert!(list.participants[0].excluded);
     assert!(show(&server, &before.summary.id).await.summary.stale, "its data have changed");
 
-    // Analyses leave them out and say so; exports have them, with the reason.
+    // Analyses exclude them and say so; exports contain them, with the reason.
     let without = done(&server, &ask(&server, json!({})).await.id).await;
     let result = without.summary.result.unwrap();
     assert_eq!(result.participants, 2);
@@ -161,7 +161,7 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     let at = header.split(',').position(|name| name == "exclusion_reason").unwrap();
     let reasons: Vec<_> = rows.lines().map(|row| row.split(',').nth(at).unwrap()).collect();
     assert_eq!(reasons, ["", "", "held the phone"]);
-    // Commands leave them out too, from the database and from an export, and say so.
+    // Commands also exclude them, from the database and from an export, and say so.
     let (folder, database) = (Folder::default(), server.database());
     let export = folder.name("export");
     let said = run(&["export", "--database", &database, "--format", "csv", "--out", &export]).await;
@@ -225,7 +225,7 @@ async fn the_drives_of_a_participant_are_their_tasks_to_the_bit() {
     let sent = driver.drive(&server, 5).await;
     let found: Drives = server.admin(&route).await.into(200);
     assert_eq!((found.study.as_str(), found.number, found.pilot), ("default", 1, false));
-    // One of five scenes is the familiarisation, and one the practice.
+    // Of five scenes, one is familiarisation and one practice.
     let words: Vec<&str> = found.tasks.iter().map(|task| task.words.as_str()).collect();
     assert_eq!(words, ["task 1", "task 2", "task 3"]);
     for (task, (trial_id, _)) in found.tasks.iter().zip(&sent[2..]) {
@@ -236,15 +236,15 @@ async fn the_drives_of_a_participant_are_their_tasks_to_the_bit() {
         let ids = [&found.value_function_hr, &found.value_function_rh];
         assert_eq!(ids, [&trial.value_function_hr, &trial.value_function_rh]);
     }
-    // The model of a task was trained on the trials before it, which it names.
+    // The model of a task was trained on the trials before it, and names them.
     let predictor = routes::admin_predictor(&sent[3].0);
     let predictor: TrainedPredictor = server.admin(&predictor).await.into(200);
     let before: Vec<&String> = sent[..3].iter().map(|(id, _)| id).collect();
     assert_eq!(predictor.trained_on.iter().collect::<Vec<_>>(), before);
-    // Without a key there is nothing; of somebody unknown, neither.
+    // Without a key nothing is accessible, nor for an unknown participant.
     assert_eq!(server.get(&route).await.status, 401);
     assert_eq!(server.admin(&routes::admin_drives("nobody")).await.status, 404);
-    // What was deleted is gone.
+    // Deleted data are gone.
     let participant = routes::admin_participant(id(&driver));
     let deleted = server.request(Method::DELETE, &participant).bearer_auth(&server.key);
     assert_eq!(Answer::of(deleted).await.status, 204);

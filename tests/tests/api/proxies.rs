@@ -1,4 +1,4 @@
-//! Two servers behind nginx and HAProxy, by the files of `docs/deploy`.
+//! Two servers behind NGINX and HAProxy, with the files of `docs/deploy`.
 
 use futures_util::StreamExt;
 use futures_util::future::join_all;
@@ -11,10 +11,10 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Folder, Process, driven};
 use std::time::Duration;
 
-/// People who drive at the same time.
+/// Number of people who drive at the same time.
 const PEOPLE: usize = 6;
 
-/// How often a request is repeated whose connection was closed without an answer.
+/// Retries of a request whose connection was closed without a response.
 const ASKED_AGAIN: usize = 3;
 
 async fn behind(kind: Kind) {
@@ -30,7 +30,7 @@ async fn behind(kind: Kind) {
 
     what_the_proxy_says(&front, &key).await;
 
-    // A server that is killed while people drive is noticed by nobody.
+    // People who drive do not notice that a server is killed.
     let people = join_all((0..PEOPLE).map(|_| Driver::enrol(&front.address))).await;
     let drives = join_all(people.iter().map(async |person| {
         for (id, scene) in person.scenes() {
@@ -49,9 +49,10 @@ async fn behind(kind: Kind) {
     let stored = database.number("SELECT count(*) FROM trial").await;
     assert_eq!(stored, 5 * PEOPLE as i64);
 
-    // Without any server, the page hears what it understands, and when to ask again.
-    // HAProxy may still hold connections that the server has just closed: then it closes the client's
-    // connection without an answer, and the client asks again, as browsers do (RFC 9112, 9.3.1).
+    // Without any server, the page gets a response that it understands, with the time to retry.
+    // HAProxy may still have connections that the server has just closed: then it closes the
+    // client's connection without a response, and the client retries, as browsers do (RFC 9112,
+    // 9.3.1).
     second.kill().await;
     let ask = || front.address.request(Method::GET, "/s/default").send();
     let mut away = ask().await;
@@ -69,7 +70,7 @@ async fn behind(kind: Kind) {
     );
     assert_eq!(away.json::<serde_json::Value>().await.unwrap()["code"], "away");
 
-    // The log tells what was asked, and not who asked.
+    // The log has the requests, but not who sent them.
     let log = front.log();
     for word in ["/api/v1/participants/me/trials", "/api/v1/studies/", "PUT", " 201 "] {
         assert!(log.contains(word), "{word} in\n{log}");
@@ -80,7 +81,7 @@ async fn behind(kind: Kind) {
     }
 }
 
-/// What only a proxy can get wrong: names, schemes, ways around it, streams.
+/// Errors that only a proxy can make: names, schemes, ways around it, streams.
 async fn what_the_proxy_says(front: &Front, key: &str) {
     let to = |method, route: &str| front.address.request(method, route);
     let redirected = front.plain.request(Method::GET, "/s/default?x=1").send().await.unwrap();
@@ -96,7 +97,7 @@ async fn what_the_proxy_says(front: &Front, key: &str) {
     assert!(signed_in.headers()["set-cookie"].to_str().unwrap().contains("; Secure"));
     assert!(signed_in.headers().contains_key("strict-transport-security"));
     assert!(signed_in.headers().contains_key("x-request-id"));
-    // Nobody becomes a program on this machine by saying so.
+    // Forged headers do not make a client local.
     for (name, value) in [("x-forwarded-for", "127.0.0.1"), ("forwarded", "for=127.0.0.1")] {
         let guesses = (0..30).map(async |i| {
             let guess = json!({ "key": format!("a guess with number {i}") });
@@ -113,7 +114,7 @@ async fn what_the_proxy_says(front: &Front, key: &str) {
     let changes = to(Method::GET, routes::CHANGES).bearer_auth(key).send().await.unwrap();
     assert_eq!(changes.status(), 200);
     let mut changes = changes.bytes_stream();
-    // A proxy that collected the answer would let nothing through in this time.
+    // A proxy that buffers the response would forward nothing in this time.
     let first = tokio::time::timeout(Duration::from_secs(60), changes.next());
     assert!(first.await.expect("an event while the stream is open").unwrap().is_ok());
 }

@@ -1,4 +1,4 @@
-//! Who can take part: quotas, closed studies, one participation for each person, pilots, return links.
+//! Access to a study: quotas, closed studies, one participation per person, pilots, return links.
 
 use futures_util::future::join_all;
 use reqwest::Method;
@@ -12,7 +12,7 @@ use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Folder, Server, behind, run};
 use std::collections::HashSet;
 
-/// Two tasks, and what comes after the header of a study file.
+/// Two tasks, and more fields of a study file.
 fn study(more: &str) -> String {
     format!("phases = [{{ phase = \"task\", scenes = 2 }}]\n{more}")
 }
@@ -30,7 +30,7 @@ async fn admission(server: &Server) -> Admission {
     info.admission
 }
 
-/// Moves the last sign of everybody into the past.
+/// Moves everyone's last activity into the past.
 async fn all_away_for_hours(server: &Server) {
     let db = behind(&server.database());
     db.execute("UPDATE participant SET last_seen_at_ms = last_seen_at_ms - 10000000")
@@ -53,7 +53,8 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
     let places: Vec<i64> = db.rows(query, |row| row.get(0)).await.unwrap();
     assert_eq!(places, (0..10).collect::<Vec<_>>());
 
-    // Pilots need no place. Who left makes room; who stayed away does too, and may still finish.
+    // Pilots do not count. Participants who left free a place; so do those who stayed away, but
+    // they may still finish.
     assert_eq!(Driver::ask(&server, json!({ "consent": true, "pilot": true })).await.status, 201);
     let begun: Vec<_> = answers.into_iter().filter(|answer| answer.status == 201).collect();
     let begun: Vec<Driver> =
@@ -84,7 +85,7 @@ async fn whoever_opens_the_page_again_keeps_their_place() {
     all_away_for_hours(&server).await;
     assert_eq!(admission(&server).await, Admission::Open);
     let _: Progress = driver.me(&server).await.into(200);
-    // It is noted behind the answer.
+    // It is recorded after the response.
     while admission(&server).await == Admission::Open {
         tokio::task::yield_now().await;
     }
@@ -146,7 +147,7 @@ async fn closed_and_archived_studies() {
     Driver::ask(&server, json!({ "consent": true })).await.problem(403, "closed", None);
     assert_eq!(Driver::ask(&server, named.clone()).await.status, 200, "who began goes on");
     driver.drive(&server, 1).await;
-    // A study is rehearsed before it is opened.
+    // A study can be rehearsed before it is opened.
     let pilot = json!({ "consent": true, "pilot": true });
     let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
     pilot.drive(&server, 1).await;
@@ -169,7 +170,7 @@ async fn closed_and_archived_studies() {
     }
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!(me.stored.len(), 1);
-    // The right to have one's data deleted does not end.
+    // The right to have one's data deleted does not expire.
     assert_eq!(driver.withdraw(&server, "delete").await.status, 200);
     server.get(&routes::study("none")).await.problem(404, "not_found", None);
     let none = Driver::ask_in(&server, "none", json!({ "consent": true })).await;
@@ -238,7 +239,7 @@ async fn wrong_answers_too_often_end_a_participation() {
             }
         );
     }
-    // Whoever comes back, in this browser or another, learns where to go.
+    // A participant who returns, in this browser or another, gets the return link.
     for refused in [driver.me(&server).await, driver.complete(&server).await] {
         refused.problem(410, "screened_out", None);
         assert_eq!(refused.body["return_url"], "https://app.example.org/out?p=a%2Fb");
@@ -246,14 +247,14 @@ async fn wrong_answers_too_often_end_a_participation() {
     let refused = Driver::ask(&server, body).await;
     refused.problem(410, "screened_out", None);
     assert_eq!(refused.body["return_url"], "https://app.example.org/out?p=a%2Fb");
-    // The place is free, and whoever understands goes on.
+    // The place is free, and a participant who passes the check can continue.
     let next = Driver::enrol(&server).await;
     let scene = |driver: &Driver| driver.scenes()[0].1;
     assert_eq!(scene(&next), scene(&driver));
     check(&next, 2, true).await.into::<ComprehensionStored>(200);
     let me: Progress = next.me(&server).await.into(200);
     assert!(me.understood);
-    // A participant who drives is past the check.
+    // A participant who drives has passed the check.
     next.drive(&server, 1).await;
     let late: ComprehensionStored = check(&next, 1_000, false).await.into(200);
     assert!(!late.screened_out);
@@ -359,12 +360,12 @@ async fn researchers_find_codes_ids_and_answers_in_the_table_of_participants() {
     };
     for (name, cells) in [
         ("participant", ("1", "2")),
-        // A spreadsheet takes none of these for a formula.
+        // A spreadsheet does not interpret any of these as a formula.
         ("external_id", ("'=P1", "")),
         ("completion_code", (&code.completion_code, "")),
         ("place", ("0", "1")),
         ("task", ("2", "0")),
-        // The questions are in English alone, and so is what this study offers.
+        // The questions exist only in English, so the study is offered only in English.
         ("consent_language", ("en", "")),
         ("parameter_STUDY_ID", ("s-1", "")),
         ("answer_age", ("21", "")),
@@ -374,7 +375,7 @@ async fn researchers_find_codes_ids_and_answers_in_the_table_of_participants() {
     ] {
         assert_eq!(cell(name), cells, "{name}");
     }
-    // Every column of each table has a meaning.
+    // Every column of each table is documented.
     let dictionary: Value = serde_json::from_str(&folder.text("data/dictionary.json")).unwrap();
     let named = |file: &str| -> Vec<&str> {
         let columns = dictionary.as_array().unwrap().iter();
@@ -409,14 +410,14 @@ async fn pilots_are_kept_apart_and_can_be_deleted() {
     assert!(done.completion_code.starts_with("PILOT-") && done.return_url.is_none(), "{done:?}");
     let me: Progress = pilot.me(&server).await.into(200);
     assert!(me.pilot && me.return_url.is_none());
-    // The same person takes part for real, as the first participant at the first place.
+    // The same person takes part for real, as participant number 1 with the first place.
     let real = json!({ "consent": true, "external_id": "ada" });
     let driver = Driver { enrolled: Driver::ask(&server, real).await.into(201) };
     driver.drive(&server, 1).await;
     let export = server.export("default").await;
     assert_eq!(export.lines().count(), 51);
     assert!(export.lines().nth(1).unwrap().starts_with("1,0,0,"));
-    // Their data are exported if they are asked for, and then alone.
+    // Their data are exported only on request, and then separately.
     let (folder, database) = (Folder::default(), server.database());
     let args = ["export", "--database", &database, "--out", &folder.name("data")];
     for (more, rows) in [(&[][..], [50, 1, 1]), (&["--pilots"], [100, 2, 2])] {
@@ -428,7 +429,7 @@ async fn pilots_are_kept_apart_and_can_be_deleted() {
     assert_eq!((&studies[0]["participants"], &studies[0]["trials"]), (&json!(1), &json!(1)));
     let trials = server.admin(&routes::admin_trials("default")).await.body;
     assert_eq!(trials["trials"].as_array().unwrap().len(), 1);
-    // Of the hour of a pilot nothing remains.
+    // Nothing remains of the hour of a pilot.
     let delete = |key: &str| {
         Answer::of(
             server.request(Method::DELETE, &routes::admin_pilots("default")).bearer_auth(key),
@@ -454,7 +455,7 @@ full_url = "https://app.example.org/full"
 closed_url = "https://app.example.org/closed?p={external_id}"
 "#;
 
-/// What the page learns before consent, about somebody new or with this external id.
+/// Information for the page before consent, for a new person or one with this external id.
 async fn standing(server: &Server, id: &str) -> (Admission, Option<String>) {
     let query = if id.is_empty() { String::new() } else { format!("?external_id={id}") };
     let info: StudyInfo = server.get(&(routes::study("default") + &query)).await.into(200);
@@ -468,7 +469,7 @@ async fn whoever_cannot_take_part_learns_it_and_the_way_back_before_consent() {
     assert_eq!(standing(&server, "P1").await, (Admission::Open, None));
     let body = json!({ "consent": true, "external_id": "P1" });
     let driver = Driver { enrolled: Driver::ask(&server, body.clone()).await.into(201) };
-    // The place is taken; who has begun goes on.
+    // The place is taken; a participant who has begun can continue.
     assert_eq!(standing(&server, "p1").await, (Admission::Open, None));
     for id in ["", "P2"] {
         assert_eq!(standing(&server, id).await, (Admission::Full, url("full")));
@@ -478,7 +479,8 @@ async fn whoever_cannot_take_part_learns_it_and_the_way_back_before_consent() {
     assert_eq!(refused.body["return_url"], "https://app.example.org/full");
     driver.drive(&server, 2).await;
     let done: Completed = driver.complete(&server).await.into(200);
-    // Whoever knows the id alone gets the link, and neither the code nor the link with it.
+    // A person who knows only the id gets the return link, but neither the code nor the link with
+    // the code.
     assert_eq!(standing(&server, "%20P1").await, (Admission::Finished, url("again?p=P1")));
     let again = Driver { enrolled: Driver::ask(&server, body).await.into(200) };
     let other: Progress = again.me(&server).await.into(200);
@@ -486,7 +488,7 @@ async fn whoever_cannot_take_part_learns_it_and_the_way_back_before_consent() {
     assert_eq!(other.return_url, url("again?p=P1"));
     again.complete(&server).await.problem(403, "not_yours", None);
     again.withdraw(&server, "delete").await.problem(403, "not_yours", None);
-    // The personal link is the token of the browser that enrolled.
+    // The personal link has the token of the browser that enrolled.
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!(me.completion_code.as_deref(), Some(&*done.completion_code));
     assert_eq!(me.return_url, done.return_url);
@@ -500,7 +502,7 @@ async fn whoever_cannot_take_part_learns_it_and_the_way_back_before_consent() {
     {
         let text = format!("status = \"{status}\"\n{}", study(ENDS));
         let server = Server::with_study(&text).await;
-        // The link asks for an id.
+        // The link requires an id.
         assert_eq!(standing(&server, "").await, (admission, None));
         assert_eq!(standing(&server, "P3").await, (admission, url("closed?p=P3")));
         let refused = Driver::ask(&server, json!({ "consent": true, "external_id": "P3" })).await;
@@ -539,12 +541,12 @@ async fn a_check_of_understanding_is_drawn_for_each_attempt() {
             driver.put(&server, routes::COMPREHENSION, &body).await.into(200);
         assert_eq!((stored.screened_out, stored.after_wrong), (false, AfterWrong::Renew));
     }
-    // Six questions, each with one right answer whatever the order.
+    // Six questions, each with one right answer in any order.
     assert_eq!(right.len(), 6, "{right:?}");
     assert!(seen.len() > 15, "{}", seen.len());
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!(me.comprehension_attempts, 19);
-    // Who has not enrolled is told how many questions there are.
+    // Before enrolment the number of questions is known.
     let texts: Texts = server.get(&routes::texts("default")).await.into(200);
     assert_eq!(texts.check.len(), 2);
 }
@@ -554,7 +556,7 @@ async fn whoever_began_in_a_language_goes_on_in_it() {
     let server = Server::with_study(&study("")).await;
     let body = json!({ "consent": true, "locale": "es" });
     let driver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
-    // As an earlier version stored it: every language, and a consent in English alone.
+    // As an earlier version stored it: every language, and a consent text only in English.
     behind(&server.database())
         .execute(
             "UPDATE study_config SET json = replace(json, '\"text\":{}', '\"text\":{\"en\":\"Hello\"}')",

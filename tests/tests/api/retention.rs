@@ -1,4 +1,4 @@
-//! What is kept too long, and its deletion by rules.
+//! Data stored for too long, and their deletion by rules.
 
 use serde_json::{Value, json};
 use sidestep::api::{Action, AuditPage, ParticipantPage, Stage, routes};
@@ -10,7 +10,8 @@ async fn retention(server: &Server, args: &[&str]) -> Value {
     run(&[&["retention", "--database", &database], args].concat()).await.json()
 }
 
-/// Four people: one complete, two who broke off, of whom one a moment ago, and one with an external id.
+/// Four people: one complete, two who dropped out, one of them a moment ago, and one with an
+/// external id.
 async fn people() -> Server {
     let server = Server::with_study(SHORT_STUDY).await;
     let complete = Driver::enrol(&server).await;
@@ -69,7 +70,7 @@ async fn rules_say_what_they_would_delete_and_delete_it_when_asked_to() {
     };
     assert_eq!((at(Stage::Withdrawn), at(Stage::Complete)), (2, 1));
 
-    // The trail has each of them, and says when it was shortened itself.
+    // The audit trail has each of them, and records when it was shortened itself.
     let aged = "UPDATE audit SET at_ms = at_ms - 3 * 86400000";
     behind(&server.database()).execute(aged).await.unwrap();
     let before: AuditPage = server.admin(routes::AUDIT).await.into(200);
@@ -89,7 +90,7 @@ async fn rules_say_what_they_would_delete_and_delete_it_when_asked_to() {
     let count = before.entries.len().to_string();
     assert_eq!(by_us(&after), [entry(Action::AuditShortened, &count)]);
 
-    // What is left is whole, and everything goes.
+    // The remaining data are intact, and everything works.
     run(&["check", "--database", &server.database()]).await.json();
     let all = retention(&server, &["--data", "30", "--analyses", "1", "--delete"]).await;
     assert_eq!(all["rules"][0]["which"], json!(["1"]), "{all}");

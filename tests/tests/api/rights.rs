@@ -1,4 +1,4 @@
-//! What knowing an external id is good for, and what it is not.
+//! Permissions that knowledge of an external id gives, and those that it does not.
 
 use serde_json::json;
 use sidestep::api::{Completed, ComprehensionStored, Enrolled, Progress, routes};
@@ -38,7 +38,7 @@ async fn who_knows_the_external_id_goes_on_and_sees_and_deletes_nothing() {
     other.complete(&server).await.problem(403, "not_yours", None);
     let me: Progress = other.me(&server).await.into(200);
     assert_eq!((me.complete, me.completion_code), (true, None));
-    // The request repeated is the browser that enrolled.
+    // A repeated request comes from the browser that enrolled.
     let again = enrolled(&server, "mine", 200).await;
     let me: Progress = again.me(&server).await.into(200);
     assert_eq!((me.may_withdraw, me.completion_code), (true, Some(code.completion_code)));
@@ -76,7 +76,8 @@ async fn who_knows_the_external_id_ends_and_replaces_nothing() {
         let stored = driver.put(&server, routes::COMPREHENSION, &body).await;
         stored.into::<ComprehensionStored>(200).screened_out
     };
-    // One call is one attempt, whatever it says; it costs the owner none, and ends the caller's way alone.
+    // One call is one attempt, whatever the answers; it costs the owner none, and ends only the
+    // caller's participation.
     assert!(!check(&other, 1_000, false).await);
     let attempts = async |driver: &Driver| {
         let me: Progress = driver.me(&server).await.into(200);

@@ -1,4 +1,4 @@
-//! Value functions of unequal vehicles: solved in the background, kept, served.
+//! Value functions of unequal vehicles: solved in the background, stored, served.
 
 use reqwest::Method;
 use sha2::{Digest, Sha256};
@@ -16,7 +16,7 @@ async fn parameters(server: &Server) -> SceneParameters {
     server.get(&routes::study("default")).await.into::<StudyInfo>(200).parameters
 }
 
-/// Drives every scene, to the left and to the right in turns; the trials' ids.
+/// Drives every scene, alternately to the left and to the right. Returns the trials' ids.
 async fn drive(server: &Server) -> Vec<String> {
     let parameters = parameters(server).await;
     let driver = Driver::enrol(server).await;
@@ -34,7 +34,7 @@ async fn detail(server: &Server, id: &str) -> TrialDetail {
     server.admin(&routes::admin_trial(id)).await.into(200)
 }
 
-/// The trial, once both functions are there.
+/// The trial, once both functions are solved.
 async fn solved(server: &Server, id: &str) -> TrialDetail {
     let begun = Instant::now();
     loop {
@@ -69,7 +69,7 @@ async fn unequal_vehicles_are_solved_and_served() {
         assert_eq!(hex::encode(Sha256::digest(&bytes)), id);
         let function = ValueFunction::decode(&bytes).unwrap();
         assert_eq!(function.game(), trial.parameters.game(evader));
-        // What a browser would come to by itself.
+        // The result of a solve in the browser.
         let game = trial.parameters.game(evader);
         let here = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
         assert_eq!(here.id(), id);
@@ -97,7 +97,7 @@ async fn a_server_that_is_not_to_solve_says_so() {
     }
     let fallback = predictor(&server, &ids[6]).await.fallback.unwrap();
     assert!(fallback.contains("not solved"), "{fallback}");
-    // Another start makes up for it, and a further one finds it done.
+    // The next start solves it, and a further one finds it solved.
     let server = server.restarted_with(None, |args| args.no_solve = false).await;
     let first = solved(&server, &ids[6]).await;
     assert_eq!(predictor(&server, &ids[6]).await.fallback, None);

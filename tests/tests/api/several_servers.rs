@@ -1,5 +1,5 @@
-//! Several servers on one PostgreSQL database. A run on SQLite ignores these tests: a second server is refused
-//! there (`trouble::one_server_a_database`).
+//! Several servers on one PostgreSQL database. On SQLite these tests are skipped: a second server
+//! is refused there (`trouble::one_server_a_database`).
 
 use futures_util::future::join_all;
 use rcgen::{CertificateParams, KeyPair};
@@ -36,7 +36,7 @@ async fn servers_on_one_database_are_as_one() {
     }
     assert_eq!(driver.complete(&two).await.status, 200);
 
-    // Whoever enrols at once, at either, has a number and a place of their own.
+    // Concurrent enrolments at both servers get unique numbers and places.
     join_all((0..20).map(|i| Driver::enrol(servers[i % 2]))).await;
     let numbers = "SELECT number FROM participant ORDER BY number";
     let numbers: Vec<i64> = behind(&one.database()).rows(numbers, |row| row.get(0)).await.unwrap();
@@ -45,7 +45,7 @@ async fn servers_on_one_database_are_as_one() {
     let places: Vec<i64> = behind(&one.database()).rows(places, |row| row.get(0)).await.unwrap();
     assert_eq!(places, (0..21).collect::<Vec<_>>());
 
-    // One of them is gone: the other goes on.
+    // One of them stops: the other continues.
     one.stop().await;
     let late = Driver::enrol(&two).await;
     late.drive(&two, 5).await;
@@ -57,7 +57,7 @@ async fn servers_on_one_database_are_as_one() {
 async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() {
     let [one, two] = two().await;
     Driver::enrol(&one).await.drive(&one, 5).await;
-    // As if a server had begun it and was gone since.
+    // As if a server had started it and then died.
     let asked = one.request(Method::POST, &routes::admin_analyses("default"));
     let asked = asked.bearer_auth(&one.key).json(&serde_json::json!({}));
     let asked: AnalysisSummary = Answer::of(asked).await.into(201);
@@ -70,7 +70,7 @@ async fn an_analysis_is_computed_by_one_server_and_taken_over_from_a_lost_one() 
         assert!(begun.elapsed() < Duration::from_secs(120), "{now:?}");
         tokio::time::sleep(Duration::from_millis(50)).await;
     };
-    // Three tasks are too few to compare models: it ends with a sentence, and by one attempt.
+    // Three tasks are too few to compare models: it ends with a message, after one attempt.
     assert!([AnalysisState::Done, AnalysisState::Failed].contains(&over.state));
     let attempts = "SELECT attempts FROM analysis";
     let attempts: i64 = behind(&one.database()).row(attempts, |row| row.get(0)).await.unwrap();
@@ -133,7 +133,7 @@ async fn a_guesser_gains_nothing_from_several_servers() {
         assert_eq!(guess(i).await, 401);
     }
     assert_eq!([guess(0).await, guess(1).await], [429; 2]);
-    // Nobody who has the right key waits for that, at either.
+    // Users with the right key do not wait for that, at either server.
     for server in &servers {
         assert_eq!(server.admin(routes::ADMIN_STUDIES).await.status, 200);
     }
@@ -161,7 +161,7 @@ async fn a_standby_takes_over_and_has_everything() {
     }
     primary.stop(Stop::Kill);
     let (id, scene) = &scenes[2];
-    // Until somebody promotes the standby, nothing can be stored, and nothing is promised.
+    // Until the standby is promoted, nothing can be stored, and nothing is acknowledged.
     let refused = driver.send(&server, id, &driven(scene)).await;
     assert_eq!(refused.status, 503, "{}", refused.body);
     standby.promote();
@@ -178,8 +178,8 @@ async fn a_standby_takes_over_and_has_everything() {
     let new = Database::Postgres(standby.url(name));
     assert_eq!(new.number("SELECT count(*) FROM trial").await, 3);
 
-    // Nobody fences the old primary: it comes back at its place, which is the first of the address, takes writes without
-    // waiting for a standby, and every session ends.
+    // The old primary is not fenced: it comes back at the first address of the list, accepts writes
+    // without waiting for a standby, and all sessions end.
     let primary = tokio::task::spawn_blocking(move || {
         primary.settings.push("synchronous_standby_names=".to_owned());
         primary.start_again();
@@ -201,10 +201,10 @@ async fn a_standby_takes_over_and_has_everything() {
     }
     assert_eq!(new.number("SELECT count(*) FROM trial").await, 4);
     assert_eq!(Database::Postgres(primary.url(name)).number("SELECT count(*) FROM trial").await, 2);
-    // A server that is started now chooses the new one, too.
+    // A newly started server chooses the new one, too.
     let server = server.restarted().await;
     assert_eq!(driver.me(&server).await.into::<Progress>(200).stored.len(), 4);
-    // With the new one away, the old one is refused, and whoever asks hears why.
+    // If the new one is down, the old one is refused, and clients get the reason.
     let mut standby = standby;
     standby.stop(Stop::Kill);
     let ready = server.get("/readyz").await;
@@ -243,7 +243,7 @@ async fn a_database_is_reached_by_tls_and_a_password() {
     assert!(database.number(&format!("{mine} TRUE")).await > 0);
     server.kill().await;
 
-    // Whatever is wrong is one line, and no password is repeated.
+    // Every error is one line, without any password.
     let check = async |url: &str, password: &str| {
         let mut command = tokio::process::Command::new(binary());
         let command = command.args(["check", "--database", url]).env("PGPASSWORD", password);

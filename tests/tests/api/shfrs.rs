@@ -1,5 +1,5 @@
-//! shfrs: regions, tuning, Pareto and danger of recorded trials, and what it refuses.
-//! The trials are those of synthetic people (`shared/tests/data/README.md`).
+//! shfrs: regions, tuning, Pareto curves and danger of recorded trials, and invalid input. The
+//! trials are those of synthetic people (`shared/tests/data/README.md`).
 
 use sidestep_tests::folder::{data, number, rows};
 use sidestep_tests::process::Said;
@@ -15,9 +15,10 @@ async fn shfrs(out: &str, flags: &[&str]) -> Said {
 #[tokio::test]
 async fn every_file_says_what_it_depends_on() {
     let folder = Folder::default();
-    // A folder that is not there yet.
+    // A folder that does not exist yet.
     let out = folder.path("found");
-    // The 30 trajectories of two people that calibrate are enough for the PAC guarantee of 0.9, which needs 29.
+    // Two people have 30 calibration trajectories: enough for the PAC guarantee of 0.9, which needs
+    // 29.
     let flags = ["--seed", "3", "--participant", "2", "--participant", "3"];
     let asked = ["--guarantee", "conformal,pac,fixed-sequence", "--probability", "0.5,0.9"];
     let guarantees = [&flags[..], &asked].concat();
@@ -50,7 +51,7 @@ async fn every_file_says_what_it_depends_on() {
     let tuning = rows(out.join("tuning.csv"));
     assert_eq!(tuning.len(), 6);
     for row in &tuning {
-        // Its interval must not exclude what is guaranteed.
+        // Its interval must not exclude the guaranteed value.
         assert!(number(row, "coverage_high") >= number(row, "p"), "{row:?}");
         assert!(number(row, "mean_area_m2") < 16.0 / 3.0 + 1e-9);
         assert!(row["statement"].contains("30 trajectories"));
@@ -76,14 +77,14 @@ async fn every_file_says_what_it_depends_on() {
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
     }
 
-    // The predictor that was trained can be given, and then no other is trained.
+    // The trained predictor can be passed, and then no other is trained.
     let predictor = out.join("predictor.json");
     let given = [&flags[..], &["--predictor", predictor.to_str().unwrap()]].concat();
     shfrs(&folder.name("again"), &given).await.json();
     assert_eq!(rows(folder.path("again/regions.csv")), regions);
 }
 
-/// A guarantee that so few tasks cannot give is left out by name, and takes nothing else with it.
+/// An impossible guarantee for so few tasks is left out by name, without affecting the others.
 #[tokio::test]
 async fn an_impossible_guarantee_does_not_refuse_the_others() {
     let folder = Folder::default();
@@ -97,7 +98,7 @@ async fn an_impossible_guarantee_does_not_refuse_the_others() {
     let tuning = rows(folder.path("found/tuning.csv"));
     assert_eq!(tuning.len(), 5);
     for row in &tuning {
-        // 16/3 m² can be reached at all in 2 s.
+        // The reachable area in 2 s is 16/3 m².
         let share = number(row, "mean_area_m2") / (16.0 / 3.0);
         assert!((number(row, "share_of_worst_case") - share).abs() < 1e-9, "{row:?}");
         let warns = row["statement"].contains("% of all that the vehicle can reach");
@@ -112,7 +113,7 @@ async fn an_impossible_guarantee_does_not_refuse_the_others() {
     }
 }
 
-/// Whoever calibrates has not trained, and a guarantee for new people counts people.
+/// People for calibration are not used in training, and a guarantee for new people counts people.
 #[tokio::test]
 async fn a_split_by_people_guarantees_for_new_people() {
     let folder = Folder::default();
@@ -142,7 +143,7 @@ async fn a_split_by_people_guarantees_for_new_people() {
     );
 }
 
-/// What the explorer saves does what the flags do.
+/// Settings from the explorer have the same effect as flags.
 #[tokio::test]
 async fn settings_of_a_file_are_those_of_the_flags() {
     let folder = Folder::default();
@@ -213,7 +214,7 @@ async fn an_analysis_that_is_interrupted_leaves_nothing() {
     let folder = Folder::default();
     let (trials, out) = (data("trials.csv"), folder.name("out"));
     for signal in ["INT", "TERM"] {
-        // Many seconds of work.
+        // This takes many seconds.
         let tuning = ["--guarantee", "conformal,pac,fixed-sequence", "--probability"];
         let levels = ["0.7,0.75,0.8,0.85,0.9,0.95", "--trials", &trials, "--out", &out];
         let args = [&["shfrs"], &tuning[..], &levels].concat();

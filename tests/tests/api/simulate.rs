@@ -26,9 +26,9 @@ async fn the_reference_byte_for_byte() {
     let done = summary(&[&args[..], &["8", "--out", &out]].concat()).await;
     assert!(folder.text("trials.csv") == reference);
     assert_eq!(done["rows"], 20_000);
-    // Keys that change within steps do not replay from one input a step, and that is said.
+    // Keys that change within steps do not replay from one input per step, and this is reported.
     assert!(done["flags"]["replay_mismatch"].as_u64().unwrap() > 300, "{done}");
-    // The first people are the same however many there are, and however much they drive.
+    // The first people are the same whatever the number of people and tasks.
     let piped = simulate(&[&args[..], &["1", "--tasks", "7", "--out", "-"]].concat()).await.out;
     assert_eq!(piped.lines().count(), 351);
     assert!(reference.starts_with(&piped));
@@ -50,7 +50,7 @@ async fn drives_on_the_clock_are_imported_without_a_flag() {
     let expected =
         json!({ "participants": 3, "trials": 18, "flagged": 0, "skipped": 0, "excluded": 0 });
     assert_eq!(imported, expected);
-    // What nobody drove stays known as such, in the study and in its export.
+    // Synthetic trials stay labelled as such, in the study and in its export.
     let (copy, exported) = (folder.name("copy"), folder.name("copy/steps.csv"));
     run(&["export", "--database", &database, "--out", &copy]).await.json();
     for (i, source) in [["--database", &database], ["--trials", &exported]].iter().enumerate() {
@@ -59,7 +59,7 @@ async fn drives_on_the_clock_are_imported_without_a_flag() {
         let done = run(&args).await.json();
         assert_eq!((&done["synthetic"], &done["participants"]), (&json!(true), &json!(3)));
     }
-    // The scenes are the reference's.
+    // The scenes are those of the reference.
     let start = |file: &str| -> Vec<f64> {
         let row = file.lines().nth(1).unwrap().split(',').skip(4).take(6);
         row.map(|number| number.parse().unwrap()).collect()
@@ -73,7 +73,7 @@ async fn drives_on_the_clock_are_imported_without_a_flag() {
 async fn people_take_part_through_the_server() {
     let server = Server::with_study(SHORT_STUDY).await;
     let args = ["--seed", "5", "--url", &server.origin, "--study", "default", "--participants"];
-    // Who drives a part of their tasks is not complete, and goes on later.
+    // A participant with some tasks undriven is not complete, and continues later.
     let mut expected = json!({
         "synthetic": true, "participants": 2, "trials": 8, "already_stored": 0, "flags": {},
         "url": server.origin, "study": "default",
@@ -155,7 +155,7 @@ text = { en = "Anything else?" }
     assert_eq!(found, (2, 2, answers.to_owned(), "en".to_owned()));
 }
 
-/// Vehicles, clock and number of steps are the study's.
+/// Vehicles, step and number of steps are the study's.
 #[tokio::test]
 async fn other_studies_are_driven_by_their_own_rules() {
     let study = r#"

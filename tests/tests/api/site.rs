@@ -1,4 +1,4 @@
-//! Pages, assets, and what every answer carries.
+//! Pages, assets, and headers of every response.
 
 use reqwest::Method;
 use reqwest::header::HeaderMap;

@@ -1,4 +1,4 @@
-//! solve, value and plot: what they write, what they refuse.
+//! solve, value and plot: output and errors.
 
 use serde_json::Value;
 use sidestep::reachability::ExactValue;
@@ -19,7 +19,7 @@ async fn refuses(args: &[&str], words: &[&str]) {
     run(args).await.refused(2, words);
 }
 
-/// Header and values of an array, as NumPy's format (version 1) has them.
+/// Header and values of an array in NumPy's format (version 1).
 fn array(file: &Path, name: &str) -> (String, Vec<u8>) {
     let mut archive = ZipArchive::new(std::fs::File::open(file).unwrap()).unwrap();
     let mut bytes = Vec::new();
@@ -107,7 +107,7 @@ async fn a_rectangular_grid_of_a_short_game() {
     let (x, y) = (doubles(&file, "axis0", 21), doubles(&file, "axis1", 11));
     assert_eq!((x[0], x[20], y[0], y[10]), (-5.0, 15.0, -10.0, 10.0));
     let first = values(&file, [21, 11, 16]);
-    // Five metres behind and heading the same way, nothing can be forced.
+    // Five metres behind with the same heading, no collision can be forced.
     let behind = first[5 * 16];
     assert!((behind - 2.0).abs() < 0.3, "{behind}");
     assert_eq!(meta(&file)["horizon"], 1.5);
@@ -119,12 +119,12 @@ async fn a_rectangular_grid_of_a_short_game() {
 #[tokio::test]
 async fn values_of_states() {
     let folder = Folder::default();
-    // Any order of columns, others between, a mark in front, blanks, another line end.
+    // Any order of columns, extra columns, a byte-order mark, blanks, other line ends.
     let text = "\u{feff}psi,note,x, y\r\n0.5,a,10,1\r\n3.0,\"b, c\", 5 ,-2e0\r\n-7,,0.1,0.30000000000000004\r\n";
     let states = folder.file("states.csv", text);
     let out = folder.name("values.csv");
     let said = run(&["value", "--states", &states, "--out", &out]).await;
-    // −7 rad is a heading, but few mean it.
+    // −7 rad is a heading, but rarely intended.
     let expected = "states.csv: line 4, psi: -7 is more than a full turn; headings are in radians";
     assert!(said.err.contains(expected), "{}", said.err);
     let line = said.json();
@@ -154,7 +154,7 @@ async fn values_of_states() {
     run(&["value", "--value-function", &file, "--states", &states, "--out", &out]).await.json();
     assert_eq!(rows(&out), exact);
 
-    // A solved one is the same from its file as at once, but for float32.
+    // A solved function is the same from its file as directly, up to float32 rounding.
     let game = ["--pursuer-turn-rate", "0.75", "--accuracy", "draft"];
     run(&[&["value", "--states", &states, "--out", &out][..], &game].concat()).await.json();
     let at_once = rows(&out);
@@ -246,7 +246,7 @@ async fn games_and_grids_that_are_none() {
         refuses(&[&["solve", "--out", &out], args].concat(), words).await;
         assert!(folder.names().is_empty(), "{args:?}");
     }
-    // Refused at once, with what it would take.
+    // Refused at once, with the memory it would need.
     for grid in ["4000,4000,4000", "18446744073709551615,18446744073709551615,9"] {
         for method in ["cartesian", "exact"] {
             let args = ["--grid", grid, "--domain", "-9,9,-9,9", "--method", method];
@@ -346,7 +346,7 @@ async fn figures() {
         // Text, curves and surface are there: many pixels are not white.
         let dark = picture.pixels().filter(|pixel| pixel.0[1] < 100).count();
         assert!(dark > 5000, "{kind}: {dark}");
-        // The title's letters are drawn, from the font that the program brings along.
+        // The title's letters are drawn, with the font embedded in the program.
         let title = image::imageops::crop_imm(&picture, 40, 40, 900, 70).to_image();
         let ink = title.pixels().filter(|pixel| pixel.0[0] < 80).count();
         assert!(ink > 2000, "{kind}: {ink}");
@@ -378,7 +378,7 @@ async fn a_solve_that_is_interrupted_leaves_nothing() {
     let folder = Folder::default();
     let out = folder.name("v.npz");
     for signal in ["INT", "TERM"] {
-        // Minutes of work.
+        // This takes minutes.
         let grid = ["solve", "--grid", "301,301,200", "--domain", "-20,20,-20,20"];
         let args = [&grid[..], &["--threads", "1", "--out", &out]].concat();
         let said: Said = interrupted(&args, signal, || true).await.into();

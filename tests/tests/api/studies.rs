@@ -1,4 +1,4 @@
-//! Which studies a server has when it starts.
+//! The studies of a server when it starts.
 
 use reqwest::Method;
 use serde_json::json;
@@ -6,7 +6,7 @@ use sidestep::api::{Configuration, StudyInfo, Texts, routes};
 use sidestep_tests::server::{SHORT_STUDY, with_slug};
 use sidestep_tests::{Answer, Driver, Server, behind, run};
 
-/// The lines of the announcement that name studies.
+/// The lines of the announcement about studies.
 fn announced(server: &Server) -> Vec<String> {
     let text = server.announcement();
     let lines = text.lines().filter_map(|line| line.split_once("/s/"));
@@ -17,7 +17,7 @@ fn announced(server: &Server) -> Vec<String> {
 async fn a_changed_file_replaces_a_study_only_if_that_is_said() {
     let server = Server::with_study(SHORT_STUDY).await;
     let changed = with_slug(&SHORT_STUDY.replace("scenes = 3", "scenes = 2"));
-    // Nobody takes part yet.
+    // No participants yet.
     let stopped = server.stop().await;
     stopped.write_study(&changed);
     let server = stopped.start().await;
@@ -41,7 +41,8 @@ async fn a_restart_with_the_same_file_keeps_what_the_laboratory_changed() {
             Driver::enrol(&server).await;
         }
         if made_earlier {
-            // As a database of an earlier version, which does not say where its versions are from.
+            // As in a database of an earlier version, which does not record the source of its
+            // versions.
             let database = server.database();
             let stopped = server.stop().await;
             behind(&database).execute("UPDATE study_version SET by_file = FALSE").await.unwrap();
@@ -53,7 +54,7 @@ async fn a_restart_with_the_same_file_keeps_what_the_laboratory_changed() {
         let draft = json!({ "toml": toml, "base": present.hash });
         let change = server.request(Method::PUT, &route).bearer_auth(&server.key).json(&draft);
         let edited: Configuration = Answer::of(change).await.into(200);
-        // Its status too, which makes no version.
+        // Likewise its status, which makes no version.
         let status = server.request(Method::PUT, &routes::admin_status("default"));
         let status = status.bearer_auth(&server.key).json(&json!({ "status": "closed" }));
         Answer::of(status).await.into::<Configuration>(200);
@@ -62,7 +63,7 @@ async fn a_restart_with_the_same_file_keeps_what_the_laboratory_changed() {
         assert_eq!(after.versions.len(), 2, "{:?}", after.versions);
         assert!(after.toml.contains("Edited") && after.toml.contains("closed"), "{}", after.toml);
         assert_eq!(after.versions[1].toml, edited.versions[1].toml);
-        // A file that says something new is another matter.
+        // A changed file takes effect.
         let server = server
             .restarted_with(None, |args: &mut sidestep_server::commands::serve::ServeArgs| {
                 args.replace_study = true;

@@ -1,4 +1,4 @@
-//! Commands on a terminal, which util-linux's `script` is.
+//! Commands on a terminal, emulated by util-linux's `script`.
 
 use sidestep_tests::Folder;
 use sidestep_tests::process::binary;
@@ -7,7 +7,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 const KEY: &str = "correct horse battery staple";
 
-/// A shell's command on a terminal, and what it has shown so far.
+/// A shell command on a terminal, and its output so far.
 struct Terminal {
     child: Child,
     keyboard: ChildStdin,
@@ -36,7 +36,7 @@ impl Terminal {
         self.keyboard.flush().unwrap();
     }
 
-    /// The exit code, and all that was shown.
+    /// The exit code, and all output.
     fn end(mut self) -> (Option<i32>, String) {
         let mut rest = Vec::new();
         self.screen.read_to_end(&mut rest).unwrap();
@@ -63,10 +63,10 @@ fn a_key_is_asked_for_twice_and_not_shown() {
     terminal.answer(AGAIN, "another key that was typed\n");
     let (code, shown) = terminal.end();
     assert_eq!(code, Some(2), "{shown}");
-    assert!(shown.contains("expected it twice, found two keys"), "{shown}");
+    assert!(shown.contains("expected the same key twice, found two keys"), "{shown}");
     assert!(!shown.contains("$argon2id$") && !shown.contains("another key that"), "{shown}");
 
-    // What is too short need not be typed twice.
+    // A password that is too short need not be typed twice.
     let mut terminal = Terminal::run(&hash_key);
     terminal.answer(FIRST, "short\n");
     let (code, shown) = terminal.end();
@@ -75,7 +75,7 @@ fn a_key_is_asked_for_twice_and_not_shown() {
     assert!(!shown.contains(AGAIN), "{shown}");
 }
 
-/// The terminal is as before after an answer, an error and Ctrl-C; the hash goes where stdout does.
+/// The terminal is restored after an answer, an error and Ctrl-C; the hash goes to stdout.
 #[test]
 fn the_terminal_is_left_as_it_was() {
     let folder = Folder::default();

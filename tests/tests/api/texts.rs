@@ -1,4 +1,4 @@
-//! What participants read: languages, the study's own texts.
+//! Participants' texts: languages, the study's own texts.
 
 use reqwest::Method;
 use reqwest::header::HeaderValue;
@@ -6,7 +6,7 @@ use sidestep::api::{Texts, routes};
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Folder, Server, run};
 
-/// The texts that a browser with these languages gets, and by what the answer varies.
+/// The texts for a browser with these languages, and the response's `Vary`.
 async fn texts(server: &Server, query: &str, languages: &str) -> Texts {
     let route = format!("{}{query}", routes::texts("default"));
     let request = server.request(Method::GET, &route).header("accept-language", languages);

@@ -1,5 +1,5 @@
-//! A database that is in trouble: nothing is acknowledged that is not stored, and the service
-//! comes back as soon as the cause is gone.
+//! Database faults: only stored data are acknowledged, and the service recovers as soon as the
+//! cause is gone.
 
 use reqwest::{Method, StatusCode};
 use serde_json::json;
@@ -17,7 +17,7 @@ async fn a_lock_of_another_process_is_waited_for_and_then_refused() {
     let trial = driven(&scene);
     let mut other = sqlite::open(&server.path("sidestep.db")).await.unwrap();
     other.execute("BEGIN IMMEDIATE").await.unwrap();
-    // Reading goes on.
+    // Reading still works.
     assert_eq!(driver.me(&server).await.status, 200);
     let request = driver.request(&server, Method::PUT, &routes::my_trial(&trial_id));
     let refused = request.json(&trial).send().await.unwrap();
@@ -41,7 +41,7 @@ async fn a_deleted_database_acknowledges_nothing() {
         driver.send(&server, &trial_id, &trial).await.problem(503, "storage", None);
         let ready = server.get("/readyz").await;
         assert!(ready.problem(503, "not_ready", None).contains("deleted, moved or replaced"));
-        // Others do not hear where the file is.
+        // Remote clients do not learn the path of the file.
         let from_outside =
             server.request(Method::GET, "/readyz").header("forwarded", "for=192.0.2.7");
         let told = Answer::of(from_outside).await;
@@ -61,8 +61,8 @@ async fn a_deleted_database_acknowledges_nothing() {
     assert_eq!(me.stored, [trial_id]);
 }
 
-/// Lets a driver and somebody new try to write while nothing can be written, then makes room,
-/// and checks that everything goes on as if nothing had been.
+/// Lets a driver and a new participant try to write while nothing can be written, then makes room,
+/// and checks that everything continues as before.
 #[cfg(target_os = "linux")]
 pub(crate) async fn waits_for_room(
     server: &Process,
@@ -90,7 +90,7 @@ pub(crate) async fn waits_for_room(
     assert_eq!(new().await.status, 201);
 }
 
-/// The server sees a file system of its own, of 12 MB, which another file then fills.
+/// The server sees its own file system of 12 MB, which another file then fills.
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn writing_goes_on_when_a_full_disk_has_room_again() {
@@ -107,7 +107,7 @@ async fn writing_goes_on_when_a_full_disk_has_room_again() {
     }
     let database = format!("sqlite:{}", disk.join("sidestep.db").display());
     let server = Process::start_through(&launcher, &folder, &database).await;
-    // The way into what the server sees.
+    // The root directory as the server sees it.
     let root = format!("/proc/{}/root", server.id());
     let filler = Path::new(&root).join(disk.strip_prefix("/").unwrap()).join("filler");
     let fill = || {
@@ -118,7 +118,7 @@ async fn writing_goes_on_when_a_full_disk_has_room_again() {
     assert_eq!(server.get("/readyz").await.status, 200);
 }
 
-/// As `ulimit -f` limits it. SQLite's log is longer then already.
+/// As limited by `ulimit -f`. SQLite's log is already longer then.
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn writing_goes_on_when_files_may_be_longer_again() {
@@ -141,7 +141,7 @@ async fn one_server_a_database() {
     let database = server.database();
     let second = ["serve", "--listen", "127.0.0.1:0", "--static", &site, "--database", &database];
     run(&second).await.refused(1, &["another 'sidestep serve' uses this database"]);
-    // Commands work beside it.
+    // Commands work at the same time.
     run(&["check", "--database", &database]).await.json();
     assert_eq!(Driver::enrol(&server).await.scenes().len(), 5);
 }

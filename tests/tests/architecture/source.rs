@@ -1,15 +1,15 @@
-//! Source files as the compiler reads them: tokens, without comments and without tests.
+//! Source files as the compiler sees them: tokens, without comments and tests.
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-/// What a file says outside its tests.
+/// Content of a file outside its tests.
 pub(crate) struct Source {
-    /// The paths that it names, segment by segment; those of a `use` with braces one by one.
+    /// The paths in it, segment by segment; those of a `use` with braces one by one.
     pub(crate) paths: Vec<Vec<String>>,
-    /// The modules that it declares, in their order.
+    /// The modules that it declares, in order.
     pub(crate) modules: Vec<String>,
     /// Its string literals.
     pub(crate) strings: Vec<String>,
@@ -36,7 +36,7 @@ impl Source {
                 continue;
             }
             match &tokens[at] {
-                // A comment on an item is an attribute to the compiler.
+                // The compiler sees a comment on an item as an attribute.
                 TokenTree::Group(group) if group.stream().to_string().starts_with("doc =") => {}
                 TokenTree::Group(group) => self.read(group.stream()),
                 TokenTree::Literal(literal) => {
@@ -62,7 +62,7 @@ impl Source {
     }
 }
 
-/// Reads the path at `at`, with the paths in braces that end it; returns where it ends.
+/// Reads the path at `at`, with the paths in braces that end it; returns its end.
 fn paths(
     tokens: &[TokenTree],
     at: usize,
@@ -100,14 +100,14 @@ fn is_punct(token: Option<&TokenTree>, wanted: char) -> bool {
     matches!(token, Some(TokenTree::Punct(punct)) if punct.as_char() == wanted)
 }
 
-/// Whether `#[test]` or `#[cfg(test)]` stands here.
+/// Whether `#[test]` or `#[cfg(test)]` is here.
 fn is_test_attribute(tokens: &[TokenTree]) -> bool {
     let [TokenTree::Punct(hash), TokenTree::Group(group), ..] = tokens else { return false };
     let text = group.stream().to_string().replace(' ', "");
     hash.as_char() == '#' && (text == "test" || text == "cfg(test)")
 }
 
-/// Where the item ends that begins with an attribute at `at`: behind its braces or its `;`.
+/// The end of the item that begins with an attribute at `at`: after its braces or its `;`.
 fn end_of_item(tokens: &[TokenTree], at: usize) -> usize {
     let ends = |token: &TokenTree| match token {
         TokenTree::Group(group) => group.delimiter() == Delimiter::Brace,
@@ -167,7 +167,7 @@ pub(crate) fn backward(modules: &BTreeMap<Vec<String>, Source>) -> Vec<String> {
     found
 }
 
-/// The module that a path from `user` leads to or into.
+/// The module of a path from `user`.
 fn resolve(
     user: &[String],
     path: &[String],

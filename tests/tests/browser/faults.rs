@@ -1,5 +1,5 @@
-//! What goes wrong in a browser: nothing acknowledged is lost, nothing is stored twice, and one
-//! sentence tells the participant what happens next.
+//! Browser faults: nothing acknowledged is lost, nothing is stored twice, and one sentence tells
+//! the participant what happens next.
 
 mod network;
 mod returns;
@@ -25,13 +25,13 @@ phases = [{ phase = "task", scenes = 1 }]
 countdown_s = 1
 "#;
 
-/// The study in which a task is driven again that was interrupted. A machine that stalls interrupts one too, so
+/// The study with repetition of interrupted tasks. A stall of the machine interrupts one too, so
 /// only tests of interruptions have it.
 fn repeating(study: &str) -> String {
     study.replace("[trials]", "[trials]\nrepeat_interrupted = true")
 }
 
-/// Scenes of three seconds, and nothing before them but the instructions.
+/// Scenes of three seconds, preceded only by the instructions.
 const QUICK: &str = r#"
 slug = "default"
 title = "Quick"
@@ -56,7 +56,7 @@ async fn take_part(tab: &Tab, url: &str) {
     tab.words("start").await;
 }
 
-/// Drives a scene without a turn, until the page goes on.
+/// Drives a scene without a turn, until the page continues.
 async fn glide(tab: &Tab) {
     tab.press("start").await;
     tab.words("scene").await;
@@ -68,8 +68,8 @@ async fn text(tab: &Tab) -> String {
     tab.eval("document.body.innerText").await
 }
 
-/// The trials of a participation that has ended with a code: as many as planned, each stored once,
-/// and each as it was driven.
+/// The trials of a participation that has ended with a code: as many as planned, each stored once
+/// and unchanged.
 async fn complete(tab: &Tab, server: &Server, scenes: usize) -> Vec<TrialDetail> {
     assert!(tab.words("completion-code").await.len() >= 8);
     let trials = stored(server).await;
@@ -107,7 +107,7 @@ async fn a_reload_in_a_scene_is_counted_and_the_scene_driven_again() {
     tab.until_step("scene", 12).await;
     tab.reload().await;
     drive(&tab, "ArrowLeft").await;
-    // It is marked, and driven once more as a further attempt.
+    // It is marked, and repeated as a further attempt.
     tab.until_says("start", "Start").await;
     assert!(tab.eval::<String>("document.body.innerText").await.contains("Once more: task 1"));
     drive(&tab, "ArrowLeft").await;
@@ -116,7 +116,7 @@ async fn a_reload_in_a_scene_is_counted_and_the_scene_driven_again() {
     assert_eq!(trials.len(), 2);
     let flags = &trials[0].summary.flags;
     assert!(flags.contains(&Flag::Interrupted) && flags.contains(&Flag::ShownBefore), "{flags:?}");
-    // A machine that stalls interrupts a scene too, and its samples are late then.
+    // A stall of the machine interrupts a scene too, and its samples are late then.
     let again = &trials[1].summary.flags;
     let stalled = again.contains(&Flag::LateSample);
     assert!(stalled || !again.contains(&Flag::Interrupted), "{again:?}");
@@ -132,7 +132,7 @@ async fn the_later_of_two_tabs_takes_over() {
     let second = browser.open(&format!("{}/s/default", server.origin)).await;
     second.words("continue").await;
     assert!(first.words("elsewhere").await.contains("another tab"));
-    // Back to the first, which says so to the second.
+    // Back to the first, which notifies the second.
     first.press("here").await;
     first.words("continue").await;
     assert!(second.words("elsewhere").await.contains("another tab"));
@@ -194,7 +194,8 @@ async fn the_wall_clock_may_jump() {
     assert!(tab.words("completion-code").await.len() >= 8);
     let trial = &stored(&server).await[0];
     assert!(trial.replay.exact);
-    // No sample is as early or as late as the clock jumped. A machine that stalls interrupts a scene too.
+    // No sample is as early or late as the clock jumped. A stall of the machine interrupts a scene
+    // too.
     let sampled_at_ms = &sent(&tab).await[0].sampled_at_ms;
     let late = sampled_at_ms.iter().enumerate().map(|(step, at_ms)| at_ms - 200.0 * step as f64);
     let latest_ms = late.clone().fold(0.0, f64::max);

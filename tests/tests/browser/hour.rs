@@ -1,10 +1,10 @@
-//! The participant's hour, page by page, in every language.
+//! The whole participation, page by page, in every language.
 
 use crate::{LOOKS, answer_check, equipped, picture, start, take};
 use sidestep_tests::browser::WIDE;
 use sidestep_tests::{Browser, Server, Tab};
 
-/// A study with every kind of page, and short waits.
+/// A study with every kind of page, and short pauses.
 pub(crate) const WHOLE_STUDY: &str = r#"
 slug = "default"
 title = "Avoid the robot"
@@ -72,7 +72,7 @@ completed_url = "https://app.prolific.com/submissions/complete?cc={code}"
 withdrawn_url = "https://app.prolific.com/submissions/complete?cc=LEFT"
 "#;
 
-/// Takes pictures of every page for people to look at.
+/// Takes screenshots of every page for visual inspection.
 async fn walk(tab: &Tab, server: &Server, language: &str) {
     let take = async |name: &str| take(tab, &format!("{name}-{language}")).await;
     tab.go(&format!("{}/s/default?PROLIFIC_PID=walk-{language}", server.origin)).await;
@@ -115,7 +115,7 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     tab.picture(&format!("6-countdown-{language}")).await;
     tab.until_step("scene", 8).await;
     tab.key_down("ArrowLeft").await;
-    // A scene does not wait until it is checked; the next one is.
+    // A scene does not wait until it is checked; the next one does.
     for look in LOOKS {
         picture(tab, &format!("7-scene-{language}"), look).await;
     }
@@ -156,7 +156,7 @@ async fn choose_language(tab: &Tab, language: &str) {
     tab.until(&format!("document.documentElement.lang === '{language}'")).await;
 }
 
-/// Before anybody takes part: the first page, a link without a proper id, and a touch screen.
+/// Before anyone takes part: the first page, a link without a proper id, and a touch screen.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_pages_before_the_consent() {
     let (server, browser, tab) = start(WHOLE_STUDY).await;
@@ -182,7 +182,7 @@ async fn the_pages_before_the_consent() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_hour_in_every_language() {
     let server = Server::with_client(WHOLE_STUDY).await;
-    // Each in a browser of its own: a tab behind another one gets no frames.
+    // Each in its own browser: a background tab gets no frames.
     let walks = ["en", "de", "es", "zh-CN"].map(async |language| {
         let browser = Browser::start().await;
         let tab = browser.open("about:blank").await;

@@ -1,26 +1,25 @@
-//! The participant's hour without a mouse, at 200 % and with reduced motion: nothing but keys goes to
-//! the page.
+//! The whole participation without a mouse, at 200 % and with reduced motion: only with keys.
 
 use crate::hour::WHOLE_STUDY;
 use crate::start;
 use sidestep::api::{Texts, routes};
 use sidestep_tests::Tab;
 
-/// What has the focus: its test name, or its element's name; and whether it can be seen to have it.
+/// The focused element: its test name or tag name, and whether its focus is visible.
 const FOCUS: &str = "(() => { const at = document.activeElement, box = at.getBoundingClientRect(); \
     const style = getComputedStyle(at); \
     const marked = style.outlineStyle !== 'none' && parseFloat(style.outlineWidth) > 0; \
     const inside = box.top >= 0 && box.bottom <= innerHeight; \
     return [at.dataset.testid ?? at.tagName, marked && inside, box.top + scrollY] })()";
 
-/// Goes on with the tab key to a control. The focus is always seen, and never moves up the page.
+/// Moves with the Tab key to a control. The focus is always visible, and never moves up the page.
 async fn reach(tab: &Tab, test_id: &str) {
     let mut above = f64::MIN;
     for _ in 0..20 {
         let (name, is_seen, top): (String, bool, f64) = tab.eval(FOCUS).await;
         if name != "H1" && name != "BODY" {
             assert!(is_seen, "the focus on {name} is not seen");
-            // A choice and its words, or two buttons side by side, are about as high.
+            // An option and its label, or two buttons side by side, have about the same height.
             assert!(top > above - 12.0, "{name} is above what had the focus before it");
             above = top;
         }
@@ -39,7 +38,7 @@ async fn use_key(tab: &Tab, test_id: &str, key: &str) {
     tab.key(key).await;
 }
 
-/// A page has come whose heading has the focus.
+/// Waits for a page whose heading has the focus.
 async fn headed(tab: &Tab, test_id: &str) {
     tab.words(test_id).await;
     tab.until("document.activeElement.tagName === 'H1' && scrollY === 0").await;
@@ -48,7 +47,7 @@ async fn headed(tab: &Tab, test_id: &str) {
     tab.is_well().await;
 }
 
-/// Chooses the option at a place of a group that the focus is to come to.
+/// Chooses the option at an index of a group that gets the focus.
 async fn choose(tab: &Tab, group: &str, first: &str, place: usize) {
     reach(tab, &format!("{group}-{first}")).await;
     tab.key(" ").await;
@@ -76,7 +75,7 @@ async fn the_hour_with_the_keyboard_alone() {
     headed(&tab, "consent").await;
     let moving = "getComputedStyle(document.querySelector('button')).transitionDuration";
     assert_eq!(tab.eval::<String>(moving).await, "0s");
-    // A key that scrolls must not agree.
+    // A key that scrolls must not consent.
     tab.key(" ").await;
     tab.key("Enter").await;
     use_key(&tab, "consent", "Enter").await;
@@ -101,7 +100,7 @@ async fn the_hour_with_the_keyboard_alone() {
     headed(&tab, "continue").await;
     use_key(&tab, "continue", "Enter").await;
 
-    // Whether to stop, from the menu, and back.
+    // The question whether to withdraw, from the menu, and back.
     tab.until(&format!("document.activeElement === {}", Tab::at("start"))).await;
     tab.picture("zoomed-ready").await;
     reach(&tab, "SUMMARY").await;

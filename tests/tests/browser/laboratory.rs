@@ -48,7 +48,7 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     tab.go(&format!("{}/lab#key=not-the-key-at-all", server.origin)).await;
     assert_eq!(tab.words("trouble").await, "That key is not valid.");
-    // What was typed is still there after an answer, and so is the focus.
+    // The input is still there after a response, and so is the focus.
     let key = Tab::at("key");
     tab.run(&format!("{key}.value = 'neither is this'")).await;
     tab.press("sign-in").await;
@@ -72,7 +72,7 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
 async fn the_laboratory_goes_from_page_to_page_without_loading() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     Driver::enrol(&server).await.drive(&server, 2).await;
-    // A second study, with other words.
+    // A second study, with another title.
     let study = "slug = \"second\"\ntitle = \"Pilot\"\n";
     let server = server.restarted_with_study(study).await;
     sign_in(&tab, &server).await;
@@ -92,7 +92,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     until_predicted(&tab).await;
     assert!(tab.eval::<String>(title).await.starts_with("default / participant 1"));
     assert_eq!(tab.eval::<String>("document.activeElement.tagName").await, "H1");
-    // The canvas has the pixels of its size, whatever changes that.
+    // The canvas has as many pixels as its size, however that changes.
     let canvas = Tab::at("replay");
     let fits = format!("{canvas}.height === {canvas}.clientHeight");
     tab.until(&fits).await;
@@ -115,8 +115,8 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     browser.close().await;
 }
 
-/// A second of a replay becomes a WebM file, from a button to its last byte, also if one goes to the next trial
-/// meanwhile.
+/// Playback becomes a WebM file, from pressing the button to its last byte, also if the user goes
+/// to the next trial meanwhile.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_replay_is_filmed() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
@@ -124,7 +124,7 @@ async fn a_replay_is_filmed() {
     sign_in(&tab, &server).await;
     tab.go(&format!("{}/lab/replay/{}?t=9", server.origin, sent[0].0)).await;
     until_predicted(&tab).await;
-    // What is offered for download.
+    // Intercepts downloads.
     let offers = "offer = URL.createObjectURL, \
                   URL.createObjectURL = blob => (film = blob, offer.call(URL, blob))";
     tab.run(offers).await;
@@ -154,7 +154,7 @@ async fn a_replay_is_filmed() {
     browser.close().await;
 }
 
-/// Drives the first scene with the study's own vehicles; the trial's id.
+/// Drives the first scene with the study's own vehicles. Returns the trial's id.
 async fn drive_unequal(server: &Server) -> String {
     let study: StudyInfo = server.get(&routes::study("default")).await.into(200);
     let driver = Driver::enrol(server).await;
@@ -172,7 +172,7 @@ async fn seek(tab: &Tab, step: usize) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn unequal_vehicles_have_level_sets_from_either_solver() {
-    // The server is not to solve, so the browser does.
+    // The server must not solve, so the browser does.
     let server = Server::with_client_and(UNEQUAL_STUDY, |args| args.no_solve = true).await;
     let id = drive_unequal(&server).await;
     let replay = format!("/lab/replay/{id}");
@@ -194,7 +194,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     draws_level_sets_alone(&tab).await;
     take(&tab, "replay-solved-here").await;
 
-    // The bytes are those of the native library, bit for bit.
+    // The bytes equal those of the native library, bit for bit.
     let trial: TrialDetail = server.admin(&routes::admin_trial(&id)).await.into(200);
     for evader in Evader::ALL {
         assert_eq!(trial.value_function(evader), None);
@@ -250,14 +250,14 @@ async fn until_regions(tab: &Tab) {
     tab.until(&Tab::at("regions")).await;
 }
 
-/// A solver that is slow, is stopped, fails, or is not there.
+/// A solver that is slow, is stopped, fails, or is missing.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_solve_shows_progress_stops_and_fails_in_words() {
     let server = Server::with_client_and(UNEQUAL_STUDY, |args| args.no_solve = true).await;
     let id = drive_unequal(&server).await;
     let browser = Browser::start().await;
     let tab = browser.open("about:blank").await;
-    // Stands in for the browser's own: 42 % in, and no further.
+    // Replaces the browser's own: stops at 42 %.
     tab.before_pages(
         "window.ended = 0; window.RealWorker = Worker; window.Worker = class { constructor() { \
          setTimeout(() => this.onmessage(new MessageEvent('message', {data: 0.42})), 50); } \
@@ -272,7 +272,7 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     assert!(tab.words("unsolved").await.contains("stopped"));
     assert_eq!(tab.eval::<usize>("ended").await, 2);
     take(&tab, "replay-unsolved").await;
-    // A program that is not there.
+    // A missing program.
     tab.run(
         "window.failed = 0, window.Worker = class extends RealWorker { \
          constructor(program, options) { super(program + '-gone.js', options); \
@@ -283,7 +283,7 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     tab.until_says("unsolved", "could not be loaded").await;
     // Both games: the one that fails later would not be solved again.
     tab.until("failed === 2").await;
-    // And with the real one all is well.
+    // With the real worker everything works.
     tab.run("window.Worker = RealWorker").await;
     tab.press("solve-again").await;
     until_regions(&tab).await;
@@ -293,7 +293,7 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     browser.close().await;
 }
 
-/// Takes pictures of every page, wide and narrow, light and dark, for people to look at.
+/// Takes screenshots of every page, wide and narrow, light and dark, for visual inspection.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_page_fits_its_window() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
@@ -332,7 +332,7 @@ async fn every_page_fits_its_window() {
     assert_eq!(out.status(), 401);
     tab.go(&format!("{}/lab", server.origin)).await;
     tab.words("key").await;
-    // The browser itself notes the 401 that the page asked for.
+    // The browser itself logs the expected 401.
     for (size, name) in [(WIDE, "sign-in-1280-light"), (NARROW, "sign-in-390-light")] {
         tab.look(size, false).await;
         tab.until_painted().await;

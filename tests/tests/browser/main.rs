@@ -1,4 +1,4 @@
-//! What participants and experimenters do, in a real browser.
+//! Actions of participants and experimenters, in a real browser.
 
 mod hour;
 mod keyboard;
@@ -41,7 +41,7 @@ async fn until_predicted(tab: &Tab) {
     tab.until_says("regions", "5.33").await;
 }
 
-/// The names of what the browser keeps for the page.
+/// The names of the page's records in the browser.
 async fn kept(tab: &Tab) -> Vec<String> {
     let names = "new Promise(done => indexedDB.open('sidestep').onsuccess = event => { \
                  const store = event.target.result.transaction('kept').objectStore('kept'); \
@@ -49,13 +49,13 @@ async fn kept(tab: &Tab) -> Vec<String> {
     tab.eval(names).await
 }
 
-/// Has the page remember the trials that it sends.
+/// Makes the page record the trials that it sends.
 const REMEMBER: &str = "const send = window.fetch; window.sent = []; window.fetch = (request) => { \
     if (request.method === 'PUT' && request.url.includes('/trials/')) \
         request.clone().text().then(text => window.sent.push(text)); \
     return send(request) };";
 
-/// What a page has sent that was to remember it, oldest first.
+/// The recorded trials, oldest first.
 async fn sent(tab: &Tab) -> Vec<TrialUpload> {
     let sent: Vec<String> = tab.eval("window.sent").await;
     sent.iter().map(|text| serde_json::from_str(text).expect("a trial")).collect()
@@ -78,11 +78,11 @@ async fn sign_in(tab: &Tab, server: &Server) {
     assert!(!address.contains(&server.key), "the key must leave the address");
 }
 
-/// How every page is looked at: the window's size, and whether it is dark.
+/// The looks of every page: the window's size, and whether it is dark.
 const LOOKS: [((u32, u32), bool); 4] =
     [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)];
 
-/// Takes pictures of a page in every look, and checks each.
+/// Takes screenshots of a page in every look, and checks each.
 async fn take(tab: &Tab, name: &str) {
     for look in LOOKS {
         picture(tab, name, look).await;
@@ -98,7 +98,7 @@ async fn picture(tab: &Tab, name: &str, (size, dark): ((u32, u32), bool)) {
     tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
 }
 
-/// Both level sets are on the canvas: something goes when they are switched off.
+/// Checks that both level sets are on the canvas: pixels disappear when they are switched off.
 async fn draws_level_sets(tab: &Tab) {
     for (layer, colour) in [("v-hr", HUMAN), ("v-rh", ROBOT)] {
         let with = count_pixels(&tab.picture("level-set").await, colour);

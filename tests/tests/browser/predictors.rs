@@ -59,7 +59,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     tab.until_says("range", "1–9 of 9").await;
     tab.until_search("?participant=2&model=lr&experiment=1").await;
 
-    // What is chosen is in the address; the file is there.
+    // The selection is in the address; the file exists.
     tab.reload().await;
     tab.until_says("range", "1–9 of 9").await;
     let file = format!(

@@ -1,4 +1,4 @@
-//! Participants: from a key press to a predicted set, and what is kept when something fails.
+//! Participants: from a key press to a predicted set, and data that survive failures.
 
 use crate::{
     HUMAN, REMEMBER, ROBOT, begin, draws_level_sets, drive, instructed, kept, sent, sign_in, start,
@@ -16,7 +16,7 @@ async fn a_scene_from_key_press_to_predicted_set() {
     tab.before_pages(REMEMBER).await;
     begin(&tab, &server).await;
 
-    // Drive, and look at the canvas meanwhile.
+    // Drive, and inspect the canvas meanwhile.
     tab.press("start").await;
     tab.until_step("scene", 5).await;
     tab.key_down("ArrowLeft").await;
@@ -31,7 +31,7 @@ async fn a_scene_from_key_press_to_predicted_set() {
     until_saved(&tab).await;
     tab.is_well().await;
 
-    // The trial is in the database, whole and exact.
+    // The trial is in the database, complete and exact.
     let trials = stored(&server).await;
     assert_eq!(trials.len(), 1);
     let trial = &trials[0];
@@ -40,8 +40,8 @@ async fn a_scene_from_key_press_to_predicted_set() {
     assert!(trial.replay.exact, "{:?}", trial.replay);
     assert_eq!(trial.replay.max_position_error_m, 0.0);
     let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
-    // Left in every step that was due while the key was down, for about 35 steps: how long exactly is
-    // for the machine to say.
+    // Left in every step that was due while the key was down, about 35 steps: the exact number
+    // depends on the machine.
     let events = sent(&tab).await.swap_remove(0).key_events;
     let times: Vec<_> =
         events.iter().map(|event| (&event.key[..], event.down, event.t_ms)).collect();
@@ -68,7 +68,7 @@ async fn a_scene_from_key_press_to_predicted_set() {
         assert_eq!(number(omega), 0.5 * f64::from(trial.inputs[i].sign()));
     }
 
-    // It is replayed with everything drawn on it.
+    // It is replayed with all layers drawn.
     sign_in(&tab, &server).await;
     tab.press("study-default").await;
     tab.press("tab-trials").await;
@@ -76,7 +76,7 @@ async fn a_scene_from_key_press_to_predicted_set() {
     tab.press("replay-link").await;
     until_predicted(&tab).await;
     assert_eq!(tab.attribute("replay", "data-trial").await, Some(trial_id));
-    // The keys work wherever the keyboard is.
+    // The keys work wherever the focus is.
     for _ in 0..10 {
         tab.key_down("ArrowRight").await;
         tab.key_up("ArrowRight").await;
@@ -99,7 +99,7 @@ async fn a_server_that_is_down_loses_nothing() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     begin(&tab, &server).await;
 
-    // Down when the scene ends; the page sends it when the server is back.
+    // The server is down when the scene ends; the page uploads it when the server is back.
     tab.press("start").await;
     tab.until_step("scene", 10).await;
     let stopped = server.stop().await;
@@ -139,7 +139,7 @@ async fn a_whole_participation_ends_with_a_code() {
     drive(&tab, "ArrowRight").await;
     let code = tab.words("completion-code").await;
     assert!(code.len() >= 8, "{code}");
-    // Coming back shows the same code, and enrols nobody else.
+    // Coming back shows the same code, without another enrolment.
     tab.reload().await;
     assert_eq!(tab.words("completion-code").await, code);
     let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);

@@ -1,4 +1,4 @@
-//! Studies as they run, and who may use the laboratory.
+//! Running studies, and access to the laboratory.
 
 use crate::{sign_in, start, take};
 use serde_json::json;
@@ -42,7 +42,7 @@ async fn a_study_is_watched_as_it_runs() {
     tab.run("document.querySelector('.meanings').open = true").await;
     take(&tab, "participants-meanings").await;
 
-    // Sorted, chosen and found.
+    // Sorted, filtered and searched.
     tab.press("sort-stored").await;
     tab.until("document.querySelector('.people th[aria-sort=descending]')").await;
     tab.press("sort-number").await;
@@ -65,7 +65,7 @@ async fn a_study_is_watched_as_it_runs() {
     tab.until(&Tab::at("studies")).await;
     take(&tab, "lab-studies").await;
 
-    // One of them, whole.
+    // One participant in detail.
     tab.press("study-default").await;
     tab.press("participant-link").await;
     tab.until(&Tab::at("timeline")).await;
@@ -111,7 +111,7 @@ async fn keys_are_made_and_revoked() {
     tab.until_says("audit", "key made").await;
     take(&tab, "access").await;
 
-    // Its link signs in, with that right alone.
+    // Its link signs in, with only that access.
     let link = tab.words("sign-in-link").await;
     let guest = Browser::start().await;
     let other = guest.open(&link).await;
@@ -156,7 +156,7 @@ async fn a_study_is_made_changed_and_closed_in_the_browser() {
     let first: Enrolled = Driver::ask_in(&server, "pilot", body.clone()).await.into(201);
     assert_eq!(first.plan.scenes().count(), 12);
 
-    // Another number of scenes, for those who come later.
+    // Another number of scenes, for later participants.
     tab.reload().await;
     tab.until(&Tab::at("design")).await;
     tab.press("as-text").await;
@@ -193,7 +193,7 @@ async fn a_study_is_made_in_the_form() {
     sign_in(&tab, &server).await;
     tab.press("new-study").await;
     tab.until(&Tab::at("design")).await;
-    // The title gives the name, until somebody enters one.
+    // The title determines the slug, until the user enters one.
     tab.enter("field-title", "Made in a form").await;
     let name = format!("{}.value === 'made-in-a-form'", Tab::at("field-slug"));
     tab.until(&name).await;
@@ -203,7 +203,7 @@ async fn a_study_is_made_in_the_form() {
     tab.enter("field-slug", "in-a-form").await;
     tab.press("field-phases.practice").await;
     tab.until(&format!("!{}", Tab::at("field-phases[2].scenes"))).await;
-    // Typed with keys, so the fields must stay while the server is asked.
+    // Typed with keys, so the fields must stay while the server checks.
     tab.run(&format!("{}.select()", Tab::at("field-phases[1].scenes"))).await;
     for key in ["1", "2"] {
         tab.key(key).await;
@@ -237,7 +237,7 @@ async fn a_study_is_made_in_the_form() {
     assert_eq!(tab.eval::<String>(&number).await, "12");
     tab.press("store").await;
     tab.until("location.pathname === '/lab/studies/in-a-form/configuration'").await;
-    // It begins closed: it is tried, and then opened.
+    // A new study is closed: it is tried, and then opened.
     tab.until(&Tab::at("set-open")).await;
     take(&tab, "configuration-closed").await;
     let body = json!({ "consent": true, "external_id": "p1" });
@@ -248,7 +248,8 @@ async fn a_study_is_made_in_the_form() {
     assert!(page.words("completion-code").await.starts_with("PILOT-"));
     page.is_well().await;
     rehearsal.close().await;
-    // Participants of a service would have no way back: that is said, and opening takes a second press.
+    // Participants of a service would have no way back: there is a warning, and opening takes a
+    // second press.
     tab.press("set-open").await;
     tab.until_says("opening", "completed_url").await;
     tab.press("not-yet").await;
@@ -259,7 +260,7 @@ async fn a_study_is_made_in_the_form() {
     let first: Enrolled = Driver::ask_in(&server, "in-a-form", body).await.into(201);
     assert_eq!(first.plan.scenes().count(), 18);
 
-    // Another number, for those who come later; nothing is left by accident.
+    // Another number, for later participants; nothing is lost by accident.
     tab.until(&Tab::at("design")).await;
     tab.enter("field-phases[1].scenes", "10").await;
     tab.until_says("changes", "phases[1].scenes").await;
@@ -292,7 +293,7 @@ async fn an_analysis_is_started_and_read_in_the_browser() {
     take(&tab, "analyses-none").await;
     tab.press("ask").await;
     tab.until_says("analyses", "done").await;
-    // Another one, to compare it with.
+    // Another analysis, to compare it with.
     tab.run(&format!("{}.querySelector('[name=leakage]').click()", Tab::at("new-analysis"))).await;
     tab.press("ask").await;
     let both = format!("{}.innerText.match(/done/g)?.length === 2", Tab::at("analyses"));
@@ -300,7 +301,7 @@ async fn an_analysis_is_started_and_read_in_the_browser() {
     take(&tab, "analyses").await;
     tab.press("open-analysis").await;
     tab.until(&Tab::at("report")).await;
-    // The report is there, and can run nothing.
+    // The report is shown in a frame without any permissions.
     tab.until(&format!("{}.contentWindow.length === 0", Tab::at("report"))).await;
     assert!(tab.words("files").await.contains("report.html"));
     take(&tab, "analysis").await;
@@ -327,7 +328,7 @@ async fn a_study_is_taken_away_in_the_browser() {
     come(&server, "5f3a9c").await.drive(&server, 5).await;
     tab.until(&Tab::at("export-form")).await;
     take(&tab, "export").await;
-    // What the button would download.
+    // Content of the download.
     tab.press("format-parquet").await;
     let form = Tab::at("export-form");
     let query = format!("new URLSearchParams(new FormData({form})).toString()");

@@ -1,5 +1,5 @@
-//! Pages that draw and compute much. Tests run in the order of their names, so that these come last, after
-//! those that watch the time of steps.
+//! Pages with heavy drawing and computing. Tests run in the order of their names, so that these
+//! come last, after those that measure the timing of steps.
 
 mod beside;
 mod demo;

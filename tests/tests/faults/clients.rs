@@ -1,4 +1,4 @@
-//! Clients that are slow, break off in the middle of what they send, or are gone before the answer.
+//! Clients that are slow, disconnect while sending, or are gone before the response.
 
 use reqwest::Method;
 use sidestep::api::{Progress, routes};
@@ -8,7 +8,7 @@ use sidestep_tests::{Driver, Server, driven};
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
 
-/// An upload as it goes over the network.
+/// An upload as raw HTTP.
 fn request(server: &Server, driver: &Driver, trial_id: &str, body: &[u8]) -> Vec<u8> {
     let host = server.origin.trim_start_matches("http://");
     let (route, token) = (routes::my_trial(trial_id), &driver.enrolled.token);
@@ -26,10 +26,10 @@ fn connect(server: &Server) -> TcpStream {
     stream
 }
 
-/// Waits until the server has closed the connection, and returns what it had to say.
+/// Waits until the server has closed the connection, and returns its response.
 fn rest(mut stream: TcpStream) -> Vec<u8> {
     let mut answer = Vec::new();
-    // A connection that is reset says nothing more either.
+    // A connection that is reset sends nothing more either.
     let _ = stream.read_to_end(&mut answer);
     answer
 }
@@ -72,7 +72,7 @@ async fn whoever_is_gone_before_the_answer_finds_the_trial_once() {
         let trial = driven(&scene);
         let whole = request(&server, &driver, &trial_id, &serde_json::to_vec(&trial).unwrap());
         let before = stored(&server, &driver).await;
-        // Many at once, as from a network that is there for moments.
+        // Many at once, as from an unstable network.
         for _ in 0..20 {
             connect(&server).write_all(&whole).unwrap();
         }
@@ -92,7 +92,7 @@ async fn slow_clients_hold_up_nobody_else() {
     let (trial_id, scene) = slow.scenes()[0].clone();
     let trial = driven(&scene);
     let whole = request(&server, &slow, &trial_id, &serde_json::to_vec(&trial).unwrap());
-    // Half a body each, or half a head; and then nothing.
+    // Half a body or half a head each; then nothing.
     let mut waiting = Vec::new();
     for number in 0..SLOW {
         let mut stream = connect(&server);
@@ -103,7 +103,7 @@ async fn slow_clients_hold_up_nobody_else() {
     quick.drive(&server, 5).await;
     assert_eq!(stored(&server, &quick).await.len(), 5);
     assert_eq!(server.get("/readyz").await.status, 200);
-    // One of them goes on after all.
+    // One of them continues after all.
     let mut late = waiting.swap_remove(0);
     late.write_all(&whole[whole.len() / 2..]).unwrap();
     let mut answer = [0; 12];
@@ -111,7 +111,7 @@ async fn slow_clients_hold_up_nobody_else() {
     assert_eq!(&answer, b"HTTP/1.1 201");
     drop(waiting);
     assert_eq!(stored(&server, &slow).await, std::slice::from_ref(&trial_id));
-    // The same again, from a connection of another kind.
+    // The same again, over another kind of connection.
     let put = slow.request(&server, Method::PUT, &routes::my_trial(&trial_id)).json(&trial);
     assert_eq!(put.send().await.unwrap().status(), 200);
 }

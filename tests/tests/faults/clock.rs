@@ -5,15 +5,15 @@ use sidestep::api::{Progress, routes};
 use sidestep_tests::{Answer, Driver, Folder, Process, driven, run};
 use std::path::PathBuf;
 
-/// The library that changes what a program learns of the time of day, and not how fast time goes:
-/// Debian's package `libfaketime`.
+/// The library that changes the time of day for a program, but not the speed of time: Debian's
+/// package `libfaketime`.
 fn library() -> Option<PathBuf> {
     let folders = std::fs::read_dir("/usr/lib").ok()?.flatten();
     let mut found = folders.map(|folder| folder.path().join("faketime/libfaketime.so.1"));
     found.find(|library| library.is_file())
 }
 
-/// A day back, an hour on, years on and back, also before 1970, in the middle of a participation.
+/// A day back, an hour forward, years forward and back, also before 1970, during a participation.
 #[tokio::test]
 async fn steps_of_the_clock_lose_and_double_nothing() {
     let library = library().expect("libfaketime (Debian: apt-get install libfaketime)");
@@ -52,14 +52,14 @@ async fn steps_of_the_clock_lose_and_double_nothing() {
     let [before, back, _, years, ..] = received[..] else { panic!("{received:?}") };
     assert!(before - back > 80_000_000 && years - before > 19 * 365 * 86_400_000, "{received:?}");
     assert!(received[5] < years, "{received:?}");
-    // Somebody who joins in another year is somebody else, and goes on today.
+    // A person who joins in another year is a new participant, and continues today.
     step("+20y");
     let late = Driver::enrol(&server).await;
     step("+0d");
     late.drive(&server, 1).await;
     server.kill().await;
 
-    // The server starts with a clock that is behind what it has stored.
+    // The server starts with a clock behind its stored times.
     step("-1d");
     let server = Process::start_through(&launcher, &folder, &database).await;
     let me: Progress = driver.me(&server).await.into(200);

@@ -1,4 +1,4 @@
-//! That the load harness notices what it is there to notice.
+//! The load harness detects the faults that it is meant to detect.
 
 use sidestep_tests::load::crowd::Pace;
 use sidestep_tests::load::natural::Habits;
@@ -28,7 +28,7 @@ async fn a_lost_a_changed_and_a_doubled_trial_are_noticed() {
     let sound = compare(&people, &database).await;
     assert!(sound.acknowledged >= 20, "{sound:?}");
     assert_eq!(sound, Comparison { acknowledged: sound.acknowledged, ..Comparison::default() });
-    // The bytes of a number, the time of a trial that is then there twice, and a row.
+    // The bytes of a number, the time of a trial that then occurs twice, and a row.
     let third = "(SELECT sequence FROM trial ORDER BY sequence LIMIT 1 OFFSET 2)";
     let change = format!(
         "UPDATE trial SET states = zeroblob(length(states)) WHERE sequence = {third}; \

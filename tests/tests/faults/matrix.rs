@@ -1,7 +1,8 @@
-//! What an operator does to the file of a database, at every moment, before every command.
+//! Everything an operator can do to the file of a database, at any time, before any command.
 //!
-//! After each fault, `check` calls sound only what is one of the databases that there were, whole; and every trial that was
-//! acknowledged is in the file, in one that the operator has put elsewhere, or in one that a sentence names.
+//! After each fault, `check` reports only complete, existing databases as sound; and every
+//! acknowledged trial is in the file, in a file that the operator has moved elsewhere, or in one
+//! named by an error message.
 
 use sidestep_tests::process::Said;
 use sidestep_tests::{Driver, Folder, Process, driven, run};
@@ -11,7 +12,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What is done to the file `study.db`. `other.db` is another study's; `older.db` a raw copy of an earlier state.
+/// A fault of the file `study.db`. `other.db` is another study's; `older.db` a raw copy of an
+/// earlier state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     Delete,
@@ -70,20 +72,21 @@ impl Fault {
         }
     }
 
-    /// What is left of a database without its log is an earlier state of it, and nothing tells.
+    /// Without its log, a database is a valid earlier state, which only a running server can
+    /// detect.
     fn is_of_a_server(self) -> bool {
         matches!(self, Self::EmptyLog | Self::DeleteLog | Self::DeleteIndex)
     }
 }
 
-/// When it is done.
+/// Time of the fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Moment {
     /// After a server was killed, before anything is started.
     AfterKill,
     /// Between a stop and a start.
     AfterStop,
-    /// While a server does nothing.
+    /// While a server is idle.
     Idle,
     /// While a server stores trials.
     UnderLoad,
@@ -105,9 +108,9 @@ impl Moment {
 
 struct Place {
     folder: Folder,
-    /// What was acknowledged.
+    /// Acknowledged trials.
     acknowledged: BTreeSet<String>,
-    /// What the other and the older database have.
+    /// Trials of the other and the older database.
     known: Vec<BTreeSet<String>>,
 }
 
@@ -151,7 +154,7 @@ impl Place {
         (Self { folder, acknowledged, known: vec![older, other] }, server, driver)
     }
 
-    /// Does it.
+    /// Inflicts the fault.
     fn suffer(&self, fault: Fault) {
         let [file, other, backup] =
             ["sidestep.db", "other.db", "backup.db"].map(|name| self.path(name));
@@ -204,7 +207,7 @@ impl Place {
         }
     }
 
-    /// Where all acknowledged trials are: the databases in the folder that have them.
+    /// The databases in the folder that contain all acknowledged trials.
     async fn keepers(&self) -> Vec<String> {
         let mut found = Vec::new();
         for name in self.folder.names() {
@@ -219,7 +222,7 @@ impl Place {
     }
 }
 
-/// The trials in a copy of a file with its log; none if it cannot be read.
+/// The trials in a copy of a file with its log; `None` if it cannot be read.
 async fn trials(file: &Path) -> Option<BTreeSet<String>> {
     let copy = Folder::default();
     std::fs::copy(file, copy.path("copy.db")).ok()?;
@@ -238,7 +241,7 @@ async fn trials(file: &Path) -> Option<BTreeSet<String>> {
     reading.await.ok()
 }
 
-/// What became of one fault.
+/// The outcome of one fault.
 async fn case(fault: Fault, moment: Moment) -> String {
     let (mut place, server, driver) = Place::new().await;
     let mut said = String::new();
@@ -283,12 +286,12 @@ async fn case(fault: Fault, moment: Moment) -> String {
         }
     }
     if fault == Fault::HideByMode {
-        // Root reads it nevertheless.
+        // Root can still read it.
         std::fs::set_permissions(place.path("sidestep.db"), std::fs::Permissions::from_mode(0o600))
             .unwrap();
     }
     let log = std::fs::read(place.path("sidestep.db-wal")).ok().filter(|log| !log.is_empty());
-    // Every command, on the file as it is now. What one of them says is sound must be.
+    // Every command, on the file in its current state. What one of them calls sound must be sound.
     let database = place.database();
     let out = |name: &str| place.folder.name(name);
     let mut states = Vec::new();
@@ -339,7 +342,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
             said += &error;
         }
     }
-    // A file and a log that commands refuse together are not merged here either.
+    // Nor does the test merge a file and a log that commands refuse together.
     let is_sound = states.iter().any(|state| state == "check 0");
     let mut keepers = place.keepers().await;
     keepers.retain(|name| name != "sidestep.db" || is_sound);
@@ -357,7 +360,7 @@ async fn case(fault: Fault, moment: Moment) -> String {
         "{fault:?} {moment:?}: nobody says that {keepers:?} has them: {said}"
     );
     if fault == Fault::RenameAway {
-        // Its log stayed behind. The sentence says what to do.
+        // Its log stayed behind. The message gives instructions.
         assert!(said.contains("put its database back beside it"), "{said}");
         std::fs::rename(place.path("aside.db"), place.path("sidestep.db")).unwrap();
         assert!(!place.keepers().await.is_empty(), "{fault:?} {moment:?}: {said}");
@@ -369,7 +372,8 @@ async fn case(fault: Fault, moment: Moment) -> String {
         assert!(!place.keepers().await.is_empty(), "{fault:?} {moment:?}: {said}");
         return format!("{states} | all in `sidestep.db`");
     }
-    // The operator has destroyed content. What is left of it stays as it was, and a sentence says where, or how to save it.
+    // The operator has destroyed content. The rest stays unchanged, and a message says where it is,
+    // or how to save it.
     let destroyed = match fault {
         Fault::Truncate | Fault::CopyOver | Fault::CatOver => true,
         Fault::Delete | Fault::RenameOver | Fault::BackupOver | Fault::HalfCopy => {
@@ -424,7 +428,7 @@ async fn whatever_is_done_to_the_file_nothing_is_merged_or_lost_in_silence() {
     eprintln!("{table}");
 }
 
-/// SQLite has pages in memory and notices nothing until it reads them again.
+/// SQLite has cached pages and notices nothing until it reads them again.
 #[tokio::test]
 async fn a_page_that_is_overwritten_in_place_is_noticed() {
     let folder = Folder::default();
@@ -437,11 +441,11 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     assert_eq!(driver.send(&server, &first.0, &driven(&first.1)).await.status, 201);
     let path = folder.path("sidestep.db");
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
-    // Who only touches it has damaged nothing.
+    // Touching the file damages nothing.
     file.set_modified(std::time::SystemTime::now()).unwrap();
     tokio::time::sleep(Duration::from_secs(1)).await;
     assert_eq!(server.get("/readyz").await.status, 200);
-    // A page with what the browser said of its display.
+    // A page with the browser's display data.
     let content = std::fs::read(&path).unwrap();
     let is_of_trial = |page: &[u8]| page.windows(10).any(|part| part == b"refresh_hz");
     let page = content.chunks(4096).position(is_of_trial).unwrap() as u64;
@@ -454,7 +458,7 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     let ready = server.get("/readyz").await.body.to_string();
     assert!(ready.contains("damaged"), "{ready}");
     assert_eq!(driver.send(&server, &second.0, &driven(&second.1)).await.status, 503);
-    // Once the file is gone, too, what the server has open is the only copy.
+    // If the file is deleted too, the server's open file is the only copy.
     let database = folder.database("sidestep.db");
     let aside = folder.path("aside.db");
     std::fs::rename(&path, &aside).unwrap();
@@ -477,7 +481,7 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
         assert!(one == other && !one.is_empty(), "{rescued}");
     }
     std::fs::rename(&aside, &path).unwrap();
-    // No server goes on with both, nor with the file alone, which it searches once it runs.
+    // No server runs on both, nor on the file alone, which it searches for damage once it runs.
     let damaged = sidestep_tests::Database::file(folder.root(), "sidestep.db");
     let refused = Process::try_start_on(&folder, &damaged).await.err().unwrap();
     assert!(refused.contains("not whole together") && refused.contains("salvage"), "{refused}");
@@ -499,7 +503,7 @@ async fn a_page_that_is_overwritten_in_place_is_noticed() {
     assert!(saved["trials"].as_u64().unwrap() >= 2, "{saved}: {}", said.err);
 }
 
-/// Only the page of the mark says whose a log is.
+/// Only the page of the mark determines which database a log belongs to.
 #[tokio::test]
 async fn what_people_enter_is_no_mark() {
     let folder = Folder::default();

@@ -1,7 +1,7 @@
-//! What is done to a database of PostgreSQL while one or two servers store trials in it.
+//! Faults of a PostgreSQL database while one or two servers store trials in it.
 //!
-//! Whoever is answered 503 sends again. In the end every trial is there once, as it was acknowledged, and the database
-//! is sound.
+//! Clients retry after a 503. In the end every trial is stored once, as it was acknowledged, and
+//! the database is sound.
 
 use sidestep_tests::front::free_port;
 use sidestep_tests::postgres::{Cluster, Stop};
@@ -12,16 +12,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use tokio::time::sleep;
 
-/// The user of the servers: no superuser, who has no limits.
+/// The servers' user: not a superuser, to whom no limits apply.
 const ROLE: &str = "sidestep";
 
-/// How long a fault lasts.
+/// Duration of a fault.
 const LASTS: Duration = Duration::from_millis(700);
 
-/// How soon everything is stored after it.
+/// Timeout for storing everything after it.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// What is done.
+/// A fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     Kill,
@@ -73,7 +73,7 @@ impl Site {
         Self { primary, standby, name, url }
     }
 
-    /// The database as its superuser sees it, where it takes writes now.
+    /// The current primary, as its superuser.
     fn database(&self, fault: Fault) -> Database {
         let now = match &self.standby {
             Some(standby) if fault == Fault::FailoverAndReturn => standby,
@@ -82,12 +82,13 @@ impl Site {
         Database::Postgres(now.url(&self.name))
     }
 
-    /// Statements of a superuser in another database, whose settings are not changed.
+    /// Runs statements as a superuser in another database, whose settings are not changed.
     async fn order(&self, statements: &str) {
         Database::Postgres(self.primary.url("postgres")).change(statements).await;
     }
 
-    /// As [`Self::order`], and ends the sessions of the servers, which may have other settings.
+    /// As [`Self::order`], and ends the sessions of the servers, which may still have other
+    /// settings.
     async fn set(&self, statement: &str) {
         self.order(statement).await;
         self.order(&format!(
@@ -102,7 +103,7 @@ impl Site {
         tokio::task::block_in_place(|| self.primary.start_again());
     }
 
-    /// Does it, and undoes it.
+    /// Inflicts the fault, and undoes it.
     async fn suffer(&mut self, fault: Fault) {
         let name = self.name.clone();
         let own = Database::Postgres(self.primary.url(&name));
@@ -153,7 +154,7 @@ impl Site {
                 sleep(LASTS).await;
                 let standby = self.standby.as_ref().unwrap();
                 standby.promote();
-                // Nobody fences it, and it waits for no standby.
+                // It is not fenced, and waits for no standby.
                 self.primary.settings.push("synchronous_standby_names=".to_owned());
                 tokio::task::block_in_place(|| self.primary.start_again());
                 let sessions = format!(
@@ -165,7 +166,7 @@ impl Site {
     }
 }
 
-/// What became of a fault: how many requests were refused, and how many trials there are.
+/// The outcome of a fault: numbers of refused requests and of trials.
 async fn case(fault: Fault, servers: usize) -> String {
     let mut site = tokio::task::block_in_place(|| Site::new(fault));
     let owned = format!("CREATE ROLE {ROLE} LOGIN; ALTER DATABASE {} OWNER TO {ROLE}", site.name);
@@ -189,7 +190,7 @@ async fn case(fault: Fault, servers: usize) -> String {
             loop {
                 let answer = driver.send(&running[(at + turn) % servers].0, &id, &trial).await;
                 match answer.status {
-                    // 200: a request before it was stored, although its answer was lost.
+                    // 200: an earlier request was stored, although its response was lost.
                     200 | 201 => break,
                     503 => drop(refused.fetch_add(1, Ordering::Relaxed)),
                     _ => panic!("{fault:?}, {servers}: {} {}", answer.status, answer.body),
@@ -228,7 +229,7 @@ async fn case(fault: Fault, servers: usize) -> String {
     format!("{requests} refused; all {} are stored once", rows.len())
 }
 
-/// All faults on so many servers, as a table.
+/// All faults with this number of servers, as a table.
 async fn all(servers: usize) {
     let mut table = String::new();
     for (fault, words) in FAULTS {

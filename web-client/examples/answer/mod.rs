@@ -1,11 +1,11 @@
-//! A program that answers with one text: on standard output, or as the text of a page.
+//! A program that returns one text, on standard output or as the text of a page.
 
 use std::error::Error;
 
-/// What is answered to what was asked, with a clock in seconds.
+/// Computes the text to return from the request. `clock` reads seconds.
 type Answer = fn(asked: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Error>>;
 
-/// Answers to the first argument.
+/// Answers the first argument.
 ///
 /// # Errors
 /// Those of `answer`.
@@ -18,7 +18,7 @@ pub(crate) fn run(answer: Answer) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Answers to what follows # in the page's address. An error becomes the text of the page.
+/// Answers the fragment of the page's address. An error becomes the text of the page.
 ///
 /// # Errors
 /// None.

@@ -1,9 +1,9 @@
-//! How long the library takes, natively and as WebAssembly: the same work as a program of this
-//! machine and in a page. `cargo xtask bench wasm`, `shfrs` and `playback` run both.
+//! Measures how long the library takes, natively and as WebAssembly: the same work as a program of
+//! this machine and in a page. `cargo xtask bench wasm`, `shfrs` and `playback` run both.
 //!
-//! The program is asked for a group of measurements and answers with a JSON list of `[name,
-//! seconds of one item]`. The fastest sample counts: other work on the machine disturbs it least,
-//! and by then a browser has replaced its first, slower code.
+//! The argument selects a group of measurements; the output is a JSON list of `[name, seconds of
+//! one item]`. The fastest sample counts: other work on the machine disturbs it least, and by then
+//! the browser has replaced its slower baseline code.
 
 #[path = "../answer/mod.rs"]
 mod answer;
@@ -17,18 +17,18 @@ use std::error::Error;
 
 /// Samples of each measurement.
 const SAMPLES: usize = 20;
-/// Samples of slow work, or of one case among many alike.
+/// Number of samples of slow work, or of one case among many similar ones.
 const FEW: usize = 4;
 /// Shortest duration of a sample, s: a browser's clock has steps of 0.1 ms.
 const SAMPLE_S: f64 = 0.02;
-/// After this time, s, few samples are enough.
+/// Above this duration, s, few samples are enough.
 const LONG_S: f64 = 3.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
     answer::run(measured)
 }
 
-/// Measures the group by `clock`, s.
+/// Measures a group with `clock`, s.
 fn measured(group: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Error>> {
     let mut figures = Figures { clock, seconds: Vec::new() };
     match group {
@@ -42,7 +42,7 @@ fn measured(group: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Erro
     Ok(serde_json::to_string(&figures.seconds)?)
 }
 
-/// What was measured.
+/// Measurements so far.
 struct Figures<'a> {
     clock: &'a dyn Fn() -> f64,
     /// Names, and seconds of one item.

@@ -1,6 +1,7 @@
-//! Frames of a replay: prediction, and the picture of every layer. Not the canvas that the browser paints.
+//! Frames of a replay: prediction and the picture of every layer, without the browser's painting of
+//! the canvas.
 //!
-//! People, and the predictor that is trained on them, are those of `tests/data/trials.csv`.
+//! Uses the people of `tests/data/trials.csv` and a predictor trained on them.
 
 use super::{FEW, Figures};
 use crate::recorded;
@@ -13,11 +14,11 @@ use sidestep::trial_view::{Learned, Playback, Recorded};
 use std::error::Error;
 use std::hint::black_box;
 
-/// Drives that are played.
+/// Number of drives to play.
 const DRIVES: usize = 3;
-/// Moments of each of them, evenly spaced.
+/// Instants of each drive, evenly spaced.
 const MOMENTS: u32 = 12;
-/// From one frame to the next, s.
+/// Time between two frames, s.
 const FRAME_S: f64 = 1.0 / 60.0;
 
 pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
@@ -42,7 +43,7 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     let views = [("usual layers", View::default()), ("all layers", all()), ("hatched", hatched)];
     let mut picture = Picture::default();
     for (name, mut view) in views {
-        // A frame and the next one, which has other headings if somebody turns.
+        // A frame and the next one, whose headings differ if a vehicle turns.
         let mut frames = |playback: &mut Playback, moment: u32| {
             let begin_s = playback.duration_s() * f64::from(moment) / f64::from(MOMENTS);
             for frame in 0..2 {

@@ -1,6 +1,6 @@
 //! Predicted sets: polygons, membership, Algorithm 1, a frame of the replay, coverage, tuning.
 //!
-//! People, and the predictor that is trained on them, are those of `tests/data/trials.csv`.
+//! Uses the people of `tests/data/trials.csv` and a predictor trained on them.
 
 use super::{FEW, Figures};
 use crate::recorded;
@@ -30,17 +30,17 @@ const STEP_S: f64 = 0.2;
 const STEPS: usize = 10;
 /// The paper's widths, rad/s, of the five sets.
 const EPSILON: [f64; 5] = [0.0, 0.15, 0.25, 0.4, 1.0];
-/// Predictions whose polygons are drawn.
+/// Number of predictions whose polygons are drawn.
 const PREDICTIONS: usize = 20;
-/// States whose membership is asked for.
+/// Number of states tested for membership.
 const STATES: usize = 256;
-/// How far a state near the boundary is from it, m.
+/// Distance of a near-boundary state from the boundary, m.
 const NEAR_M: f64 = 2e-3;
-/// How far one outside is from where a drive ends, m.
+/// Distance of an outside state from the end of a drive, m.
 const AWAY_M: f64 = 0.5;
-/// From one moment of a drive to the next, steps.
+/// Steps between two prediction times of a drive.
 const EVERY: usize = 7;
-/// Drives whose moments are predicted from.
+/// Number of drives to predict from.
 const DRIVES: usize = 10;
 
 /// Lowest and highest rate, rad/s, of each step.
@@ -61,7 +61,7 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What the evaluator's worker does.
+/// Measures the work of the evaluator's worker.
 pub(crate) fn evaluate(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     let parameters = SceneParameters::default();
     let safety = recorded::safety();
@@ -71,13 +71,13 @@ pub(crate) fn evaluate(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> 
     tuning(figures, &sample, &parameters, &human)
 }
 
-/// Any widths, straight always among them.
+/// Random widths that always include straight driving.
 fn straight_inside(rng: &mut SeededRng) -> Rates {
     (0..STEPS).map(|_| (-RATE_RADPS * rng.unit(), RATE_RADPS * rng.unit())).collect()
 }
 
-/// As Algorithm 1 gives them with k = 2, 2, 1, 1 …: a single likely turn from the third
-/// step on, another one in each step, which is harder than what people do.
+/// Bounds as Algorithm 1 gives them with k = 2, 2, 1, 1 …: from the third step on, a single likely
+/// turn that changes from step to step, which is harder than human behaviour.
 fn in_general(rng: &mut SeededRng) -> Rates {
     let bounds = |i: usize| {
         let turn = [-RATE_RADPS, 0.0, RATE_RADPS][rng.below(3)];
@@ -93,8 +93,8 @@ fn widened(raw: &[(f64, f64)], epsilon: f64) -> Result<InputBounds, Invalid> {
     InputBounds::new(lo, hi, (-RATE_RADPS, RATE_RADPS))
 }
 
-/// Five nested sets of ten steps each, at 2 mm: chords then leave the curves by 1 mm at most,
-/// less than a pixel. The mean over a fixed mix of predictions.
+/// Five nested sets of ten steps each, at 2 mm: chords then deviate from the curves by at most 1
+/// mm, less than a pixel. Takes the mean over a fixed mix of predictions.
 fn polygons(
     figures: &mut Figures<'_>,
     name: &str,
@@ -133,8 +133,8 @@ fn polygons(
     Ok(())
 }
 
-/// Name, and the rates of the steps up to the third, up to the fifth, and later. The last
-/// three are as Algorithm 1 finds them: three inputs, two, then one, widened.
+/// Name, and the rates of the steps up to the third, up to the fifth, and later. The last three are
+/// typical results of Algorithm 1: three inputs, two, then one, widened.
 const BOUNDS: [(&str, [(f64, f64); 3]); 6] = [
     ("both ways", [(-0.5, 0.5), (-0.5, 0.5), (-0.3, 0.4)]),
     ("left", [(0.1, 0.5), (0.1, 0.5), (0.3, 0.5)]),
@@ -172,7 +172,7 @@ fn membership(figures: &mut Figures<'_>) -> Result<(), Invalid> {
                 }))
             })
             .collect();
-        // As far to one side as can be until some step, then to the other.
+        // Turns fully to one side up to some step, then to the other.
         let extreme = (0..STATES).map(|i| {
             let (first, jump) = (i % 2 == 0, (i / 2) % (STEPS + 1));
             drive(Box::new(|step| if (step < jump) == first { of(step).0 } else { of(step).1 }))
@@ -202,7 +202,7 @@ fn membership(figures: &mut Figures<'_>) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// The states up to moments of some drives.
+/// States of some drives up to each prediction time.
 fn moments(drives: &[Trajectory]) -> Vec<&[JointState]> {
     let of = |drive: &'_ Trajectory| (0..drive.steps()).step_by(EVERY).map(|step| step + 1);
     let drives = drives.iter().take(DRIVES);
@@ -270,8 +270,8 @@ fn overlay(
     Ok(())
 }
 
-/// The sets of every window of 400 trajectories, as the explorer counts them: at once, and after a move of
-/// a slider, with what is known from before it.
+/// The sets of every window of 400 trajectories, as the explorer counts them: once from scratch,
+/// and once after a slider moves, with the cache filled before the move.
 fn coverage(
     figures: &mut Figures<'_>,
     sample: &Sample,
@@ -318,7 +318,8 @@ fn coverage(
     Ok(())
 }
 
-/// 400 trajectories in three parts, a window drawn from each: the choice of actions and ε_1.
+/// Tunes the choice of actions and ε_1 on 400 trajectories in three parts, with one random window
+/// from each.
 fn tuning(
     figures: &mut Figures<'_>,
     sample: &Sample,

@@ -35,7 +35,7 @@ fn solved(game: PursuitGame, options: &Options) -> Result<Solved, SolveError> {
     reachability::solve(game, options, &mut |_| ControlFlow::Continue(()))
 }
 
-/// What the solver's worker does.
+/// Measures the work of the solver's worker.
 pub(crate) fn solve(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     let usual = || Options::default().with_threads(1);
     for (name, game, options) in [
@@ -53,7 +53,7 @@ pub(crate) fn solve(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What pages do with a value function.
+/// Measures the operations that pages use a value function for.
 pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     let solved = solved(paper(), &polar())?;
     let exact = ExactValue::new(2.0, 0.5, 3.0)?;

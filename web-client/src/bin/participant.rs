@@ -1,6 +1,6 @@
 //! Entry of the participant's page.
 
-/// A third of the size of the usual one, and as fast at what this page does.
+/// A third of the default allocator's size, and as fast for the work of this page.
 #[global_allocator]
 static ALLOCATOR: rlsf::SmallGlobalTlsf = rlsf::SmallGlobalTlsf::new();
 

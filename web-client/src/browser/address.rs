@@ -5,7 +5,7 @@ use js_sys::Array;
 use wasm_bindgen::prelude::*;
 use web_sys::{Url, UrlSearchParams, Window};
 
-/// The address that is shown.
+/// The address shown now.
 pub(super) fn current(window: &Window) -> Address {
     let location = window.location();
     address(
@@ -16,7 +16,7 @@ pub(super) fn current(window: &Window) -> Address {
     )
 }
 
-/// The address that `url` leads to from here, if it is of this origin.
+/// Resolves `url` against the current address; `None` if it has another origin.
 pub(super) fn of_url(window: &Window, url: &str) -> Option<Address> {
     let location = window.location();
     let url = Url::new_with_base(url, &location.href().ok()?).ok()?;
@@ -29,7 +29,7 @@ fn address(origin: String, path: String, search: &str, hash: &str) -> Address {
     Address { origin, path, search: search.to_owned(), query: decoded(search), fragment }
 }
 
-/// Names and values of an address's query.
+/// Names and values of a query.
 fn decoded(query: &str) -> Vec<(String, String)> {
     let Ok(parameters) = UrlSearchParams::new_with_str(query) else { return Vec::new() };
     let text = |pair: &Array, place| pair.get(place).as_string().unwrap_or_default();
@@ -40,14 +40,14 @@ fn decoded(query: &str) -> Vec<(String, String)> {
     Array::from(&parameters).iter().map(pair).collect()
 }
 
-/// Adds an address to the history, without loading it.
+/// Pushes an address onto the history, without loading it.
 pub(super) fn push(window: &Window, url: &str) {
     if let Ok(history) = window.history() {
         let _ = history.push_state_with_url(&JsValue::NULL, "", Some(url));
     }
 }
 
-/// Puts an address in place of the one that is shown, without loading it.
+/// Replaces the current address, without loading it.
 pub(super) fn replace(window: &Window, url: &str) {
     if let Ok(history) = window.history() {
         let _ = history.replace_state_with_url(&JsValue::NULL, "", Some(url));

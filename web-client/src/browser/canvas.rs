@@ -7,12 +7,12 @@ use sidestep::picture::{Brush, Picture, Points};
 use wasm_bindgen::prelude::*;
 use web_sys::{CanvasRenderingContext2d, Document, HtmlCanvasElement, ResizeObserver, Window};
 
-/// Paints in the colours of light or dark ground, as the user prefers. What it needs of the
-/// browser it asks for once, so that a frame makes no new object there.
+/// Paints in the colours of light or dark background, as the user prefers. Objects of the browser
+/// are created once and reused, so that a frame allocates none.
 #[derive(Default)]
 pub(super) struct Painter {
     is_dark: bool,
-    /// Colours that were used, as CSS writes them.
+    /// Colours used so far, as CSS writes them.
     colours: Vec<(Colour, JsValue)>,
     sheet: Option<Sheet>,
 }
@@ -22,12 +22,12 @@ struct Sheet {
     id: &'static str,
     canvas: HtmlCanvasElement,
     context: CanvasRenderingContext2d,
-    /// Its attributes as they are.
+    /// Attributes as they are set now.
     attributes: Vec<(&'static str, String)>,
-    /// Width and height, CSS pixels, once they are measured.
+    /// Width and height, CSS pixels, once measured.
     size_px: Option<[f64; 2]>,
     names: Names,
-    /// Dashes of the last line, as lengths and as a list of the browser's.
+    /// Dashes of the last line, as lengths and as a JavaScript array.
     dash: Option<([f64; 2], js_sys::Array)>,
 }
 
@@ -38,27 +38,27 @@ struct Names {
 }
 
 impl Painter {
-    /// Changes between light and dark ground.
+    /// Switches between light and dark background.
     pub(super) fn set_dark(&mut self, is_dark: bool) {
         self.is_dark = is_dark;
         self.colours.clear();
     }
 
-    /// Paints on the same ground as another painter.
+    /// Uses the same background as another painter.
     pub(super) fn be_like(&mut self, other: &Self) {
         if self.is_dark != other.is_dark {
             self.set_dark(other.is_dark);
         }
     }
 
-    /// The canvas has another size, or its pixels have.
+    /// Discards the measured size, because the canvas or its pixels have changed size.
     pub(super) fn measure_again(&mut self) {
         if let Some(sheet) = &mut self.sheet {
             sheet.size_px = None;
         }
     }
 
-    /// Finds the canvas with this id and paints there from now on.
+    /// Finds the canvas with this id and paints on it from now on.
     pub(super) fn find(
         &mut self,
         document: &Document,
@@ -70,7 +70,7 @@ impl Painter {
         self.sheet.as_ref().map(|sheet| &sheet.canvas)
     }
 
-    /// Paints a picture on its canvas, if that was found.
+    /// Paints a picture on the canvas, if there is one.
     pub(super) fn paint(&mut self, window: &Window, picture: &Picture) {
         let Some(mut sheet) = self.sheet.take() else { return };
         if sheet.id == picture.canvas {
@@ -116,14 +116,14 @@ impl Sheet {
         }
     }
 
-    /// Clears it; its width and height, CSS pixels.
+    /// Clears the canvas. Returns its width and height, CSS pixels.
     fn cleared(&mut self, window: &Window) -> [f64; 2] {
         let size_px = *self.size_px.get_or_insert_with(|| {
             let canvas = &self.canvas;
             let size = [f64::from(canvas.client_width()), f64::from(canvas.client_height())];
             let ratio = window.device_pixel_ratio();
             let [width, height] = size.map(|side| (side * ratio).round() as u32);
-            // This also makes everything else about the context as it was at first.
+            // This also resets all other state of the context.
             canvas.set_width(width);
             canvas.set_height(height);
             let _ = self.context.set_transform(ratio, 0.0, 0.0, ratio, 0.0, 0.0);
@@ -139,7 +139,7 @@ impl Sheet {
 
     /// Draws lines with these dashes from now on.
     fn set_dash(&mut self, dash: Option<[f64; 2]>) {
-        // No dashes are dashes without gaps.
+        // Lengths of 0 stand for a solid line.
         let wanted = dash.unwrap_or([0.0; 2]);
         let is_set = self.dash.as_ref().map_or(dash.is_none(), |(lengths, _)| *lengths == wanted);
         if !is_set {
@@ -150,7 +150,7 @@ impl Sheet {
     }
 }
 
-/// Calls back when the canvas that it watches has another size, whatever the reason.
+/// Calls back whenever the watched canvas changes size, for whatever reason.
 pub(super) struct SizeWatcher {
     observer: ResizeObserver,
     watched: Option<HtmlCanvasElement>,
@@ -158,14 +158,14 @@ pub(super) struct SizeWatcher {
 }
 
 impl SizeWatcher {
-    /// Watches nothing yet.
+    /// Creates a watcher without a canvas.
     pub(super) fn new(callback: impl FnMut() + 'static) -> Option<Self> {
         let callback = Closure::<dyn FnMut()>::new(callback);
         let observer = ResizeObserver::new(callback.as_ref().unchecked_ref()).ok()?;
         Some(Self { observer, watched: None, _callback: callback })
     }
 
-    /// Watches this canvas alone from now on.
+    /// Watches only this canvas from now on.
     pub(super) fn watch(&mut self, canvas: &HtmlCanvasElement) {
         if self.watched.as_ref() != Some(canvas) {
             self.observer.disconnect();
@@ -175,7 +175,7 @@ impl SizeWatcher {
     }
 }
 
-/// The canvas, to be painted on.
+/// Implements the drawing operations on a canvas.
 struct Canvas<'a> {
     painter: &'a mut Painter,
     sheet: &'a mut Sheet,
@@ -208,7 +208,7 @@ impl Brush for Canvas<'_> {
         let mut is_lifted = true;
         for [x, y] in points {
             match is_lifted {
-                // The browser ignores a line to a point that is no number.
+                // The browser ignores a line to a point that is not a number.
                 false => context.line_to(x, y),
                 true => context.move_to(x, y),
             }

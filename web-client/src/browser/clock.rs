@@ -4,21 +4,21 @@ use crate::runtime::Address;
 use std::cell::Cell;
 use web_sys::{Performance, Window};
 
-/// Fastest clock of a simulated participation.
+/// Highest speed of the clock of a simulated participation.
 const MAX_SPEED: f64 = 50.0;
 
-/// Milliseconds since the page was opened, which only ever grow, whatever becomes of the time of
-/// day. They are the browser's own, but for a simulated participation at another speed.
+/// Milliseconds since the page was opened. Monotonic, and independent of changes to the time of
+/// day. It is the browser's own clock, except in a simulated participation at another speed.
 ///
-/// That one's clock stands still when something is due, until the page has dealt with it: nothing
-/// is late in it, however slow the machine.
+/// The clock of such a participation stops when something is due, until the page has dealt with it:
+/// nothing is ever late, however slow the machine.
 pub(super) struct Clock {
     performance: Option<Performance>,
     is_simulated: bool,
     speed: f64,
-    /// A moment of the browser's clock, and what this clock showed then.
+    /// A time of the browser's clock, and the reading of this clock then.
     set: Cell<(f64, f64)>,
-    /// Where this clock stops.
+    /// Time at which this clock stops.
     stop_ms: Cell<f64>,
 }
 
@@ -43,38 +43,38 @@ impl Clock {
         self.is_simulated
     }
 
-    /// Whether it is faster than the browser's.
+    /// Whether it is faster than the browser's clock.
     pub(super) fn is_hurried(&self) -> bool {
         self.speed > 1.0
     }
 
-    /// Now.
+    /// The current time.
     pub(super) fn now_ms(&self) -> f64 {
         self.of(self.performance.as_ref().map_or(0.0, Performance::now))
     }
 
-    /// The moment of this clock at a moment of the browser's, such as that of an event.
+    /// Converts a time of the browser's clock, such as that of an event.
     pub(super) fn of(&self, browser_ms: f64) -> f64 {
         let (at, shown) = self.set.get();
         let mut passed_ms = (browser_ms - at) * self.speed;
         if self.is_hurried() {
-            // What follows a moment comes after it, although the stamps of events are coarse.
+            // Time must advance between two events although the browser's stamps are coarse.
             passed_ms = passed_ms.max(1e-3);
         }
         (shown + passed_ms).min(self.stop_ms.get())
     }
 
-    /// How long to wait for a moment of this clock, in whole milliseconds of the browser's.
+    /// Time to wait until a time of this clock, in whole milliseconds of the browser's.
     pub(super) fn wait_ms(&self, until_ms: f64) -> i32 {
         self.browser_ms(until_ms - self.now_ms())
     }
 
-    /// A duration of this clock, ms, in whole milliseconds of the browser's.
+    /// Converts a duration of this clock, ms, to whole milliseconds of the browser's.
     pub(super) fn browser_ms(&self, duration_ms: f64) -> i32 {
         (duration_ms / self.speed).max(0.0).ceil() as i32
     }
 
-    /// Something is due at this moment: a clock that is not the browser's stops there.
+    /// Sets when something is due: an accelerated clock stops there.
     pub(super) fn stop_at(&self, due_ms: Option<f64>) {
         if self.is_hurried() {
             let browser_ms = self.performance.as_ref().map_or(0.0, Performance::now);

@@ -1,4 +1,4 @@
-//! Brings the document to what a view describes, by the edits that [`diff`] finds.
+//! Updates the document to match a view, by the edits that [`diff`] finds.
 
 use crate::diff::{self, Edit};
 use crate::view::{Child, HTML, Handler, Node, handler_along};
@@ -8,7 +8,7 @@ use web_sys::{Document, Element, FocusOptions, HtmlElement};
 
 const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// What is shown, and the objects of the document that show it.
+/// The view shown, and the document objects that show it.
 pub(super) struct Dom<M> {
     document: Document,
     root: Mounted,
@@ -16,20 +16,20 @@ pub(super) struct Dom<M> {
 }
 
 /// An object of the document with those of its children that are ours: a translator or another
-/// extension may have put its own among them.
+/// extension may have inserted its own.
 struct Mounted {
     object: web_sys::Node,
     children: Vec<Mounted>,
 }
 
 impl<M> Dom<M> {
-    /// Nothing is shown in `root` yet.
+    /// Starts with an empty `root`.
     pub(super) fn new(document: &Document, root: &HtmlElement) -> Self {
         let root = Mounted { object: root.clone().into(), children: Vec::new() };
         Self { document: document.clone(), root, shown: Vec::new() }
     }
 
-    /// Shows a view instead of the last one.
+    /// Replaces the last view.
     pub(super) fn show(&mut self, view: Node<M>) {
         let new = vec![Child::Node(view)];
         let edits = diff::children(&self.shown, &new);
@@ -37,18 +37,19 @@ impl<M> Dom<M> {
             let active = self.document.active_element();
             let mut hand = Hand { document: &self.document, focus: None };
             if hand.apply(&mut self.root, &edits).is_err() {
-                // Something else has changed the document: build it again.
+                // Other code has changed the document: build it again.
                 self.root.object.set_text_content(None);
                 self.root.children.clear();
                 if let Err(error) = hand.apply(&mut self.root, &diff::children(&[], &new)) {
                     web_sys::console::error_2(&"the page could not be shown:".into(), &error);
                 }
             }
-            // An element that was moved has lost the focus in some browsers.
+            // Some browsers remove the focus from an element that is moved.
             let active = active.filter(|active| {
                 active.is_connected() && self.document.active_element().as_ref() != Some(active)
             });
-            // What takes the focus when it appears begins a page, which is read from its top.
+            // An element that takes the focus when it appears begins a new page, which is read from
+            // its top.
             if let (Some(_), Some(window)) = (&hand.focus, self.document.default_view()) {
                 window.scroll_to_with_x_and_y(0.0, 0.0);
             }
@@ -59,7 +60,7 @@ impl<M> Dom<M> {
         self.shown = new;
     }
 
-    /// The innermost handler around `target` that `hears`, and the element that has it.
+    /// The innermost handler around `target` that satisfies `hears`, and its element.
     pub(super) fn handler(
         &self,
         target: &web_sys::Node,
@@ -88,10 +89,10 @@ fn focus(element: &Element) {
     }
 }
 
-/// Carries out edits.
+/// Applies edits.
 struct Hand<'a> {
     document: &'a Document,
-    /// The new element that takes the focus.
+    /// The new element that requests the focus.
     focus: Option<Element>,
 }
 
@@ -175,7 +176,7 @@ fn words<M>(child: &Child<M>) -> String {
     }
 }
 
-/// Moves an object among its siblings, with its focus and scrolling where the browser can.
+/// Moves an object among its siblings, keeping its focus and scroll position where the browser can.
 fn move_before(
     parent: &web_sys::Node,
     object: &web_sys::Node,
@@ -188,7 +189,7 @@ fn move_before(
     }
 }
 
-/// Sets an attribute, or removes it where there is no value.
+/// Sets an attribute, or removes it if `value` is `None`.
 fn set(element: &Element, name: &str, value: Option<&str>) -> Result<(), JsValue> {
     match name {
         // The content security policy forbids style attributes, not the style object.

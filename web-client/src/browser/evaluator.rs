@@ -1,9 +1,9 @@
-//! Both ends of an evaluator beside the page: a worker with a program of its own
-//! (`bin/evaluator.rs`), which answers one question after the other until the page stops it.
+//! Both ends of an evaluator beside the page: a worker with its own program (`bin/evaluator.rs`),
+//! which answers one question after another until the page stops it.
 //!
-//! The page tells it a part (its place in [`Part::ALL`]) with bytes; it reports with JSON. Its first message
-//! is empty and says that it can hear. Between two pieces of its work it lets the browser bring what the page
-//! has said meanwhile, so a newer question never waits for an older one.
+//! The page sends a part (its index in [`Part::ALL`]) with bytes; the worker reports in JSON. The
+//! worker's first message is empty and says that it is ready. Between two pieces of work it lets
+//! the browser deliver new messages of the page, so a newer question never waits for an older one.
 
 use crate::evaluation::{Evaluation, Part};
 use crate::runtime::{Answer, Failure};
@@ -18,7 +18,7 @@ use web_sys::{
 /// The page's end. The worker is stopped when this is dropped.
 pub(super) struct Evaluator {
     worker: Worker,
-    /// What is to be told once the worker can hear; none when it can.
+    /// Messages queued until the worker is ready; `None` once it is.
     waiting: Rc<RefCell<Option<Vec<JsValue>>>>,
     _on_message: Closure<dyn FnMut(MessageEvent)>,
     _on_error: Closure<dyn FnMut(web_sys::Event)>,
@@ -46,7 +46,7 @@ impl Evaluator {
             })
         };
         let on_error = Closure::<dyn FnMut(web_sys::Event)>::new(move |event: web_sys::Event| {
-            // The page reports it; the browser need not write it to the console too.
+            // The page reports the error; the browser need not log it too.
             event.prevent_default();
             let sentence =
                 "The evaluator could not be loaded, or stopped. Reload the page.".to_owned();
@@ -57,7 +57,7 @@ impl Evaluator {
         Ok(Self { worker, waiting, _on_message: on_message, _on_error: on_error })
     }
 
-    /// Tells the worker something.
+    /// Sends a message to the worker.
     pub(super) fn tell(&self, part: Part, content: &[u8]) {
         let message = Array::of2(&(part as u8).into(), &Uint8Array::from(content)).into();
         match &mut *self.waiting.borrow_mut() {
@@ -75,8 +75,8 @@ impl Drop for Evaluator {
     }
 }
 
-/// A piece of work takes about this long: the page hears of every estimate, and a newer question waits no
-/// longer.
+/// Approximate duration of a piece of work: the page gets an estimate this often, and a newer
+/// question waits no longer.
 const PIECE_MS: f64 = 16.0;
 
 /// The worker's end.
@@ -84,10 +84,10 @@ pub fn work() {
     let Ok(scope) = js_sys::global().dyn_into::<DedicatedWorkerGlobalScope>() else {
         return;
     };
-    // A message to itself comes after what the page has said meanwhile.
+    // A message to itself is queued behind messages that the page has sent meanwhile.
     let Ok(channel) = MessageChannel::new() else { return };
     let evaluation = Rc::new(RefCell::new(Evaluation::default()));
-    // One such message at a time, or they would keep the page's own waiting.
+    // Only one such message at a time, or they would delay the page's own.
     let is_coming = Rc::new(Cell::new(false));
     let come_back = {
         let (is_coming, next) = (Rc::clone(&is_coming), channel.port2());
@@ -104,7 +104,7 @@ pub fn work() {
             is_coming.set(false);
             let mut evaluation = evaluation.borrow_mut();
             let begun_ms = Date::now();
-            // A page that is gone ends this worker too.
+            // If the page is gone, the browser ends this worker too.
             let mut tell = |report: String| drop(scope.post_message(&report.into()));
             let mut is_more = evaluation.work(&mut tell);
             while is_more && Date::now() - begun_ms < PIECE_MS {
@@ -130,7 +130,7 @@ pub fn work() {
         }
     });
     scope.set_onmessage(Some(on_message.as_ref().unchecked_ref()));
-    // They are needed as long as the worker lives.
+    // Both closures live as long as the worker.
     on_piece.forget();
     on_message.forget();
     let _ = scope.post_message(&JsValue::NULL);

@@ -1,4 +1,4 @@
-//! Reads what people entered.
+//! Reads form input.
 
 use crate::form::{FieldValue, Form};
 use js_sys::Reflect;
@@ -19,7 +19,7 @@ pub(super) fn form(form: &Element) -> Form {
     Form::new(values)
 }
 
-/// The value of a field; nothing for a radio button that is not chosen.
+/// The value of a field; `None` for a radio button that is not selected.
 pub(super) fn value(field: &Element) -> Option<FieldValue> {
     let is_checked = || property(field, "checked").is_truthy();
     Some(match text(field, "type").as_str() {

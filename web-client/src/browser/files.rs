@@ -1,4 +1,4 @@
-//! Files that a page offers for download, or opens.
+//! Files that a page offers for download or opens.
 
 use crate::runtime::encoded;
 use js_sys::{Array, Reflect, Uint8Array};
@@ -14,8 +14,8 @@ pub(super) fn is_field(field: &Element) -> bool {
     field.matches("input[type=file]").unwrap_or(false)
 }
 
-/// The text of the file that was chosen in a field, which can then be chosen again; nothing if there is none.
-/// A file that cannot be read has no text.
+/// The text of the file selected in a field, if any; empty if it cannot be read. Clears the field,
+/// so that the same file can be selected again.
 pub(super) async fn opened(field: &Element) -> Option<String> {
     let files = Reflect::get(field, &"files".into()).ok()?;
     let file = Reflect::get_u32(&files, 0).ok()?.dyn_into::<Blob>().ok()?;
@@ -24,7 +24,7 @@ pub(super) async fn opened(field: &Element) -> Option<String> {
     Some(text.ok().and_then(|text| text.as_string()).unwrap_or_default())
 }
 
-/// Offers bytes as a file with this name.
+/// Offers bytes for download under this file name.
 pub(super) fn offer(document: &Document, name: &str, media_type: &str, content: &[u8]) {
     let parts = Array::of1(&Uint8Array::from(content));
     let kind = BlobPropertyBag::new();
@@ -34,8 +34,8 @@ pub(super) fn offer(document: &Document, name: &str, media_type: &str, content: 
     }
 }
 
-/// Paints what is on a canvas on another one, which gets its size. A canvas is transparent where nothing
-/// is painted, so the other one gets the ground of the page.
+/// Resizes a canvas and copies another one onto it. Unpainted parts of a canvas are transparent, so
+/// the copy gets the page's background.
 pub(super) fn paint_on_ground(
     canvas: &HtmlCanvasElement,
     image: &HtmlCanvasElement,
@@ -63,7 +63,7 @@ pub(super) fn paint_on_ground(
     context.draw_image_with_html_canvas_element(canvas, 0.0, 0.0)
 }
 
-/// Offers an SVG file as a PNG image, twice as large as it says.
+/// Offers an SVG file as a PNG image of twice its nominal size.
 pub(super) fn offer_picture(document: &Document, svg: &[u8], name: String) {
     const TIMES: u32 = 2;
     let Ok(image) = HtmlImageElement::new() else { return };
@@ -112,7 +112,7 @@ pub(super) fn offer_blob(document: &Document, name: &str, blob: &Blob) -> Result
     link.set_href(&url);
     link.set_download(name);
     link.unchecked_ref::<HtmlElement>().click();
-    // The browser has begun to read it by then.
+    // By then the browser has begun to read the URL.
     let forget = Closure::once_into_js(move || {
         let _ = Url::revoke_object_url(&url);
     });

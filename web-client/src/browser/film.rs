@@ -1,4 +1,4 @@
-//! Films of a canvas, as WebM files.
+//! Recordings of a canvas, as WebM files.
 
 use super::files;
 use js_sys::{Array, Promise, Reflect};
@@ -11,16 +11,16 @@ use web_sys::{
     MediaRecorderOptions, RecordingState, Window,
 };
 
-/// What browsers write that can.
+/// Media type of the films.
 const WEBM: &str = "video/webm";
 
-/// Whether this browser can write films.
+/// Whether this browser can record WebM.
 fn can_film(window: &Window) -> bool {
     let has = |object: &JsValue, name: &str| Reflect::has(object, &name.into()).unwrap_or(false);
     has(window, "MediaRecorder") && MediaRecorder::is_type_supported(WEBM)
 }
 
-/// A canvas that is being filmed. A film that is dropped before its end is discarded.
+/// A recording of a canvas. Dropping it before its end discards it.
 pub(super) struct Film {
     recorder: MediaRecorder,
     goes_on: Rc<Cell<bool>>,
@@ -28,15 +28,15 @@ pub(super) struct Film {
 }
 
 impl Film {
-    /// Films the canvas with this id from now on. `ended` takes the film, or why there is none, once
-    /// [`Self::end`] was called or the browser has given up.
+    /// Starts recording the canvas with this id. `ended` gets the film, or the reason for its
+    /// failure, after [`Self::end`] or when the browser gives up.
     pub(super) fn begin(
         document: &Document,
         canvas: &str,
         ended: impl Fn(Result<Blob, String>) + 'static,
     ) -> Result<Self, String> {
         let begun = Self::try_begin(document, canvas, ended);
-        begun.map_err(|_| "This browser cannot film: it writes no WebM files.".to_owned())
+        begun.map_err(|_| "This browser cannot record films: it does not support WebM.".to_owned())
     }
 
     fn try_begin(
@@ -51,7 +51,7 @@ impl Film {
         files::paint_on_ground(&canvas, &copy)?;
         let options = MediaRecorderOptions::new();
         options.set_mime_type(WEBM);
-        // Thin lines stay sharp: four times what browsers take for a camera.
+        // Keeps thin lines sharp: four times the default bit rate of browsers.
         options.set_video_bits_per_second(10_000_000);
         let stream = copy.capture_stream()?;
         let recorder =
@@ -69,7 +69,7 @@ impl Film {
             kind.set_type(WEBM);
             let film = Blob::new_with_blob_sequence_and_options(&parts, &kind);
             let film = film.ok().filter(|film| film.size() > 0.0);
-            ended(film.ok_or_else(|| "The browser has filmed nothing.".to_owned()));
+            ended(film.ok_or_else(|| "The browser recorded nothing.".to_owned()));
         });
         recorder.set_ondataavailable(Some(take.as_ref().unchecked_ref()));
         recorder.set_onstop(Some(end.as_ref().unchecked_ref()));
@@ -79,7 +79,7 @@ impl Film {
         Ok(Self { recorder, goes_on, _listeners: [take, end] })
     }
 
-    /// Ends the film.
+    /// Ends the recording.
     pub(super) fn end(&self) {
         self.goes_on.set(false);
         if self.recorder.state() != RecordingState::Inactive {
@@ -96,8 +96,8 @@ impl Drop for Film {
     }
 }
 
-/// Copies a canvas in every frame of the browser, until `goes_on` says no. What is filmed is a copy,
-/// because a canvas is transparent where nothing is painted, and films are black there.
+/// Copies a canvas in every frame of the browser while `goes_on` returns true. The copy is what is
+/// recorded: unpainted parts of a canvas are transparent, and would be black in the film.
 async fn copy_frames(
     window: Window,
     canvas: HtmlCanvasElement,

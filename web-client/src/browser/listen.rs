@@ -19,7 +19,7 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    /// Calls back whenever `target` reports the event of this name.
+    /// Calls back on each event of this name at `target`.
     pub(super) fn new(
         target: &EventTarget,
         name: &'static str,
@@ -31,11 +31,11 @@ impl Listener {
         Some(Self { target: target.clone(), name, callback })
     }
 
-    /// Has the browser ask users who leave.
+    /// Makes the browser ask users who leave for confirmation.
     pub(super) fn guard(target: &EventTarget) -> Option<Self> {
         Self::new(target, "beforeunload", |event| {
             event.prevent_default();
-            // Older browsers go by the value.
+            // Older browsers need the return value.
             let _ = js_sys::Reflect::set(&event, &"returnValue".into(), &"unsaved".into());
         })
     }
@@ -44,13 +44,13 @@ impl Listener {
 impl Drop for Listener {
     fn drop(&mut self) {
         let function = self.callback.as_ref().unchecked_ref();
-        // A target that is gone has no listeners.
+        // A target that no longer exists has no listeners.
         let _ = self.target.remove_event_listener_with_callback(self.name, function);
     }
 }
 
 impl<P: Page + 'static> Pump<P> {
-    /// Listens to everything that a page can be told of.
+    /// Listens to all events that a page can receive.
     pub(super) fn listen(&self) {
         let (window, document, root) = {
             let shell = self.shell.borrow();
@@ -79,7 +79,7 @@ impl<P: Page + 'static> Pump<P> {
             if !pump.used(event, |handler| matches!(handler, Handler::Press(_))) && P::navigates() {
                 pump.link(event);
             }
-            // A press by a key has no clicks.
+            // A press by keyboard has a click count of 0.
             let pressed = event.dyn_ref::<MouseEvent>().is_some_and(|press| press.detail() > 0);
             if P::has_short_cuts() && pressed {
                 give_up_keys(event, "button, a, summary, [type=checkbox], [type=radio]");
@@ -88,7 +88,8 @@ impl<P: Page + 'static> Pump<P> {
         if P::has_short_cuts() {
             self.on(&root, "pointerdown", |pump, _| pump.shell.borrow_mut().has_pointed = true);
             self.on(&root, "change", |pump, event| {
-                // While a view is being shown, a field that loses the focus to a new one says so, too.
+                // While a view is being updated, a field that loses the focus to a new one also
+                // fires this event.
                 if pump.shell.try_borrow().is_ok_and(|shell| shell.has_pointed) {
                     give_up_keys(event, "select");
                 }
@@ -113,7 +114,7 @@ impl<P: Page + 'static> Pump<P> {
                 });
             }
         }
-        // The size of a pixel changes with the zoom, which resizes the window.
+        // The pixel ratio changes with the zoom, which also resizes the window.
         self.on(&window, "resize", |pump, event| {
             pump.shell.borrow_mut().repaint();
             let (width_px, height_px, ratio) = window_size(&pump.shell.borrow().window);
@@ -134,7 +135,7 @@ impl<P: Page + 'static> Pump<P> {
         self.shell.borrow_mut().on_resize = on_resize;
     }
 
-    /// Calls back whenever `target` reports the event of this name.
+    /// Calls back on each event of this name at `target`.
     fn on(&self, target: &EventTarget, name: &'static str, hear: fn(&Self, &web_sys::Event)) {
         let pump = self.clone();
         let listener = Listener::new(target, name, move |event| hear(&pump, &event));
@@ -143,12 +144,12 @@ impl<P: Page + 'static> Pump<P> {
 
     fn key(&self, event: &web_sys::Event, down: bool) {
         let Some(event) = event.dyn_ref::<KeyboardEvent>() else { return };
-        // With these the browser has commands of its own. A key that goes up is up all the same.
+        // These modifiers belong to the browser's shortcuts. A key that goes up counts regardless.
         if down && (event.ctrl_key() || event.alt_key() || event.meta_key()) {
             return;
         }
         let code = event.code();
-        // The compiler leaves this out of the program of a page without short cuts.
+        // Compiled out for pages without shortcuts.
         if P::has_short_cuts() && is_needed(event, &code) {
             if down {
                 self.shell.borrow_mut().has_pointed = false;
@@ -175,7 +176,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Has all keys go up: macOS reports no key that goes up while the command key is held.
+    /// Releases all keys: macOS does not report keys released while the command key is held.
     fn release(&self, stamp: f64) {
         let codes = std::mem::take(&mut self.shell.borrow_mut().down);
         for code in codes {
@@ -183,7 +184,8 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Sends the message of the innermost control that `hears`; whether there is one.
+    /// Sends the message of the innermost control that satisfies `hears`. Returns whether there is
+    /// one.
     fn used(&self, event: &web_sys::Event, hears: fn(&Handler<P::Msg>) -> bool) -> bool {
         let target = event.target().and_then(|target| target.dyn_into::<Node>().ok());
         let found = target.and_then(|target| {
@@ -195,7 +197,7 @@ impl<P: Page + 'static> Pump<P> {
         let t_ms = self.shell.borrow().clock.of(event.time_stamp());
         match handler {
             Handler::Press(message) => self.dispatch(message, t_ms),
-            // The compiler leaves this out of the program of a page without files.
+            // Compiled out for pages without files.
             Handler::Input(make) if P::offers_files() && files::is_field(&element) => {
                 let pump = self.clone();
                 background(async move {
@@ -212,7 +214,7 @@ impl<P: Page + 'static> Pump<P> {
             Handler::Submit(make) => {
                 event.prevent_default();
                 self.dispatch(make(fields::form(&element)), t_ms);
-                // The first field that lacks something is the one to go on with.
+                // The first incomplete field gets the focus.
                 let lacks = "[aria-invalid] input, textarea[aria-invalid]";
                 let fields = element.query_selector_all(lacks);
                 if let Some(field) = fields.ok().and_then(|fields| fields.get(0)) {
@@ -224,7 +226,7 @@ impl<P: Page + 'static> Pump<P> {
         true
     }
 
-    /// Tells the innermost element that hears pointers what one does there.
+    /// Reports a pointer action to the innermost element that listens to pointers.
     fn point(&self, event: &web_sys::Event) {
         let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
         let target = target.and_then(|it| it.closest(&format!("[{POINTS}]")).ok().flatten());
@@ -246,7 +248,7 @@ impl<P: Page + 'static> Pump<P> {
             _ => Does::Hover,
         };
         match does {
-            // What is dragged stays in hand beyond the element.
+            // A drag continues beyond the element.
             Does::Press => {
                 let pointer = event.dyn_ref::<PointerEvent>().map(PointerEvent::pointer_id);
                 let _ = pointer.map(|pointer| element.set_pointer_capture(pointer));
@@ -273,7 +275,7 @@ impl<P: Page + 'static> Pump<P> {
             return;
         }
         let url = link.get_attribute("href").unwrap_or_default();
-        // The browser itself asks before it leaves this document.
+        // For other documents the browser itself asks before it leaves.
         let is_guarded = self.shell.borrow().guard.is_some() && url.starts_with("/lab");
         if is_guarded {
             let window = self.shell.borrow().window.clone();
@@ -291,8 +293,8 @@ impl<P: Page + 'static> Pump<P> {
     }
 }
 
-/// Gives the keys back to the page after a control was used with the pointer: whoever has chosen a speed with the
-/// mouse presses Space to play. Whoever uses keys alone stays at the control.
+/// Returns the keyboard to the page after a control was used by pointer: a user who sets the speed
+/// with the mouse can then press Space to play. For keyboard users the focus stays at the control.
 fn give_up_keys(event: &web_sys::Event, controls: &str) {
     let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
     let control = target.and_then(|target| target.closest(controls).ok().flatten());
@@ -301,7 +303,7 @@ fn give_up_keys(event: &web_sys::Event, controls: &str) {
     }
 }
 
-/// Whether the control that has the keyboard needs this key itself.
+/// Whether the focused control needs this key itself.
 fn is_needed(event: &KeyboardEvent, code: &str) -> bool {
     let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
     let Some(target) = target else { return false };

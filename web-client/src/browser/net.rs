@@ -6,22 +6,22 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{AbortController, RequestInit, Response, Window};
 
-/// A request that takes longer is given up, ms.
+/// Timeout of a request, ms.
 const PATIENCE_MS: i32 = 15_000;
 
-/// A request on its way. Dropping it gives it up.
+/// A request in flight. Dropping it cancels it.
 pub(super) struct Sent(Option<AbortController>);
 
 impl Drop for Sent {
     fn drop(&mut self) {
         if let Some(controller) = &self.0 {
-            // After an answer this changes nothing.
+            // Has no effect once the response has arrived.
             controller.abort();
         }
     }
 }
 
-/// Sends a request. Whatever goes wrong on the way counts as unreachable.
+/// Sends a request. Any network failure counts as unreachable.
 pub(super) fn send<M: 'static>(
     window: &Window,
     request: Request<M>,

@@ -1,6 +1,6 @@
-//! A synthetic participant at the real page: a program of its own (`bin/simulator.rs`), which a
-//! page loads in a simulated participation only (`?simulate=SEED`). It does through the document
-//! what a person does: reads, answers, presses buttons and steers with keys.
+//! A synthetic participant at the real page: a separate program (`bin/simulator.rs`), which a page
+//! loads only in a simulated participation (`?simulate=SEED`). It uses the document as a person
+//! does: it reads, answers, presses buttons and steers with keys.
 
 use crate::json;
 use crate::runtime::Address;
@@ -18,10 +18,10 @@ use web_sys::{
     MutationObserverInit, NodeList, Response, Window,
 };
 
-/// Time between two looks at the page, ms.
+/// Interval between two checks of the page, ms.
 const LOOK_MS: i32 = 25;
 
-/// Starts the synthetic participant of the seed that the address names.
+/// Starts the synthetic participant with the seed in the address.
 pub fn work() {
     wasm_bindgen_futures::spawn_local(async {
         let Some(window) = web_sys::window() else { return };
@@ -41,7 +41,7 @@ async fn begin(window: &Window) -> Result<(), JsValue> {
     let user = User { document, person, study, trials: 0, driven: None, held: None };
     let user = Rc::new(RefCell::new(user));
 
-    // Every step that is shown, before the next one is due.
+    // Runs at every step shown, before the next one is due.
     let watching = Rc::clone(&user);
     let watch = Closure::<dyn FnMut()>::new(move || watching.borrow_mut().steer());
     let observer = MutationObserver::new(watch.as_ref().unchecked_ref())?;
@@ -52,7 +52,8 @@ async fn begin(window: &Window) -> Result<(), JsValue> {
     let root = user.borrow().document.get_element_by_id("app").ok_or("no page")?;
     observer.observe_with_options(&root, &what)?;
     let look = Closure::<dyn FnMut()>::new(move || {
-        // What it does may change the page at once, which it then watches.
+        // The action may change the page at once and so trigger the observer, which borrows `user`
+        // too.
         let act = user.borrow().next_act();
         act.perform();
     });
@@ -60,13 +61,13 @@ async fn begin(window: &Window) -> Result<(), JsValue> {
         look.as_ref().unchecked_ref(),
         LOOK_MS,
     )?;
-    // They stay until the page is closed.
+    // Both closures live until the page is closed.
     watch.forget();
     look.forget();
     Ok(())
 }
 
-/// The seed of the address; that of a word that is no number is its bytes.
+/// The seed in the address; if it is not a number, its bytes.
 fn seed(address: &Address) -> u64 {
     let word = address.parameter("simulate").unwrap_or_default();
     let number = |text: &str| text.bytes().fold(0u64, |n, b| n.wrapping_mul(256) + u64::from(b));
@@ -84,15 +85,15 @@ struct User {
     document: Document,
     person: SyntheticParticipant,
     study: StudyInfo,
-    /// How many scenes were driven.
+    /// Number of scenes driven.
     trials: u64,
-    /// The scene on the canvas, by its trial and what will be pressed in it.
+    /// The scene on the canvas: its trial and the planned key changes.
     driven: Option<(String, Vec<KeyChange>)>,
     /// The key that is down.
     held: Option<&'static str>,
 }
 
-/// What to do at the page now.
+/// The next action at the page.
 enum Act {
     Nothing,
     /// Fill these fields, then press this button.
@@ -101,7 +102,7 @@ enum Act {
     TryKeys(Document),
 }
 
-/// What to enter in a field.
+/// The value to enter in a field.
 enum Entry {
     Choose,
     Text,
@@ -118,7 +119,8 @@ impl User {
         self.document.query_selector(selector).ok().flatten()
     }
 
-    /// Steers the scene on the canvas: presses in each step what must be down when the next begins.
+    /// Steers the scene on the canvas: in each step, presses the key that must be down when the
+    /// next begins.
     fn steer(&mut self) {
         let Some(canvas) = self.find("canvas[data-scene]") else { return self.rest() };
         if self.find("[data-testid=countdown], [data-testid=over]").is_some() {
@@ -137,7 +139,7 @@ impl User {
         }
         let step_ms = 1000.0 * self.study.parameters.step_s;
         let step: f64 = attribute("data-step").parse().unwrap_or(0.0);
-        // What falls on the beginning of the next step may be a rounding error behind it.
+        // A key change exactly at the start of the next step may be late by a rounding error.
         let next_ms = (step + 1.0) * step_ms + 1.0;
         while let Some((_, changes)) = &mut self.driven
             && let Some(change) = changes.pop_if(|change| change.at_ms <= next_ms)
@@ -146,14 +148,14 @@ impl User {
         }
     }
 
-    /// Lets the keys go after a scene.
+    /// Releases the keys after a scene.
     fn rest(&mut self) {
         if self.driven.is_some() {
             self.hold(TurnInput::Straight);
         }
     }
 
-    /// One finger: a key goes up before another one goes down.
+    /// Uses one finger: releases a key before pressing another.
     fn hold(&mut self, input: TurnInput) {
         let wanted = match input {
             TurnInput::Left => Some("ArrowLeft"),
@@ -167,7 +169,7 @@ impl User {
         }
     }
 
-    /// What a person would do at the page as it is.
+    /// A person's next action at the page in its current state.
     fn next_act(&self) -> Act {
         if self.find("canvas[data-scene], [data-testid=completion-code]").is_some() {
             return Act::Nothing;
@@ -180,7 +182,7 @@ impl User {
         }
     }
 
-    /// What to enter in the fields of the page's forms.
+    /// Values to enter in the fields of the page's forms.
     fn entries(&self) -> Vec<(Element, Entry)> {
         let mut entries = Vec::new();
         let mut groups: Vec<String> = Vec::new();
@@ -188,7 +190,7 @@ impl User {
             let name = field.get_attribute("name").unwrap_or_default();
             let kind = property(&field, "type");
             if kind == "radio" {
-                // The page tells programs which answer of the check of understanding is right.
+                // The page marks the right answers of the check of understanding for programs.
                 let is_right = !name.starts_with("check-") || field.has_attribute("data-right");
                 if is_right && !groups.contains(&name) {
                     groups.push(name);
@@ -253,7 +255,7 @@ fn property(element: &Element, name: &str) -> String {
     value.as_string().unwrap_or_default()
 }
 
-/// The scene that the page tells of: the human's x, y and heading, the robot's, and the goal.
+/// The scene that the page exposes: the human's x, y and heading, the robot's, and the goal.
 fn scene(text: &str) -> Option<Scene> {
     let [hx, hy, hpsi, rx, ry, rpsi, gx, gy]: [f64; 8] = json::read(text.as_bytes())?;
     let pose = |x, y, psi| Pose { x, y, psi };

@@ -9,17 +9,17 @@ use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use web_sys::{Document, HtmlCanvasElement, WebGl2RenderingContext as Gl, WebGlProgram, Window};
 
-/// What it needs of the browser it asks for once for each canvas.
+/// Objects of the browser are created once for each canvas.
 #[derive(Default)]
 pub(super) struct Painter(Option<Canvas>);
 
 struct Canvas {
     element: HtmlCanvasElement,
-    /// None where there is no WebGL.
+    /// `None` without WebGL.
     gl: Option<Gl>,
-    /// What the graphics processor has, once it has it.
+    /// Buffers and program in the graphics processor, once loaded.
     loaded: Option<Loaded>,
-    /// Whether it has lost that since.
+    /// Whether the context has been lost since.
     is_lost: Rc<Cell<bool>>,
     _listeners: Vec<Listener>,
 }
@@ -30,10 +30,10 @@ struct Loaded {
     mesh: Rc<Mesh>,
 }
 
-/// How many pictures of a new mesh are timed.
+/// Number of frames timed for a new mesh.
 const TIMED: usize = 3;
 
-/// Pixels of the picture to one of the screen, along each side, while nothing moves.
+/// Supersampling factor along each side, while nothing moves.
 const STILL: f64 = 2.0;
 
 const VERTEX: &str = "#version 300 es
@@ -52,15 +52,16 @@ void main() {
   float lit = 2.0 * min(0.16 + 0.84 * max(dot(normalize(facing), light), 0.0), 1.0);
   vec3 tone = lit < 1.0 ? mix(tones[0], tones[1], lit) : mix(tones[1], tones[2], lit - 1.0);
   float turns = height / ring;
-  // A face of one height has no ring.
+  // A horizontal face has no ring.
   float change = fwidth(turns);
   float away = change < 1e-4 ? 2.0 : abs(fract(turns + 0.5) - 0.5) / change;
   colour = vec4(mix(tones[0], tone, 0.4 + 0.6 * smoothstep(0.3, 1.1, away)), 1.0);
 }";
 
 impl Painter {
-    /// Draws a solid. None if the browser cannot; else how long a picture of it takes, ms, if this was the
-    /// first one. `tell` is called when the browser loses its graphics, and when it has them again.
+    /// Draws a solid. Returns `None` if the browser cannot; otherwise the time of a frame, ms, for
+    /// the first drawing of a mesh. `tell` is called when the context is lost and when it is
+    /// restored.
     pub(super) fn draw<M>(
         &mut self,
         document: &Document,
@@ -75,7 +76,7 @@ impl Painter {
         }
         let canvas = self.0.as_mut()?;
         if canvas.gl.as_ref()?.is_context_lost() {
-            // The page hears of that by itself.
+            // The page gets a separate message about that.
             return Some(None);
         }
         if canvas.is_lost.take() {
@@ -86,8 +87,8 @@ impl Painter {
             canvas.paint(window, solid, solid.is_still)?;
             return Some(None);
         }
-        // The first picture of a mesh uploads it, so those after it are timed. A browser that is busy with
-        // something else takes long for one of them, but hardly for all.
+        // The first frame of a mesh uploads it, so later ones are timed. Other work of the browser
+        // may slow one of them, but hardly all.
         canvas.paint(window, solid, false)?;
         canvas.wait();
         let clock = window.performance()?;
@@ -105,7 +106,8 @@ impl Painter {
 
 impl Canvas {
     fn new(element: HtmlCanvasElement, tell: impl Fn(bool) + Clone + 'static) -> Self {
-        // Smooth edges come from more pixels while nothing moves: drawn on a processor, they are dear.
+        // Edges are smoothed by supersampling while nothing moves: multisampling on a CPU renderer
+        // is slow.
         let options = js_sys::Object::new();
         let _ = js_sys::Reflect::set(&options, &"antialias".into(), &false.into());
         let context = element.get_context_with_context_options("webgl2", &options).ok().flatten();
@@ -114,7 +116,7 @@ impl Canvas {
         let (lost, noted) = (tell.clone(), Rc::clone(&is_lost));
         let listeners = [
             Listener::new(&element, "webglcontextlost", move |event| {
-                // Without this the browser would not restore it.
+                // Otherwise the browser would not restore the context.
                 event.prevent_default();
                 noted.set(true);
                 lost(false);
@@ -125,7 +127,7 @@ impl Canvas {
         Self { element, gl, loaded: None, is_lost, _listeners }
     }
 
-    /// Waits until the graphics processor has drawn.
+    /// Waits until the graphics processor has finished.
     fn wait(&self) {
         if let Some(gl) = &self.gl {
             let mut pixel = [0; 4];
@@ -181,7 +183,7 @@ impl Canvas {
     }
 }
 
-/// Compiles and links the program.
+/// Compiles and links the shaders.
 fn program(gl: &Gl) -> Option<WebGlProgram> {
     let program = gl.create_program()?;
     for (kind, code) in [(Gl::VERTEX_SHADER, VERTEX), (Gl::FRAGMENT_SHADER, FRAGMENT)] {
@@ -195,7 +197,7 @@ fn program(gl: &Gl) -> Option<WebGlProgram> {
     is_linked.then_some(program)
 }
 
-/// Makes the buffers, and says what is in them.
+/// Creates the buffers and declares their layout.
 fn begin(gl: &Gl, program: &WebGlProgram) -> Option<()> {
     gl.use_program(Some(program));
     gl.bind_buffer(Gl::ARRAY_BUFFER, Some(&gl.create_buffer()?));
@@ -207,13 +209,13 @@ fn begin(gl: &Gl, program: &WebGlProgram) -> Option<()> {
         gl.vertex_attrib_pointer_with_i32(at, 3, Gl::FLOAT, false, 6 * number, first * number);
     }
     gl.enable(Gl::DEPTH_TEST);
-    // It is closed: what faces away is behind something else.
+    // The surface is closed: faces that point away are always hidden.
     gl.enable(Gl::CULL_FACE);
     gl.clear_color(0.0, 0.0, 0.0, 0.0);
     Some(())
 }
 
-/// Gives the buffers a mesh.
+/// Uploads a mesh to the buffers.
 fn fill(gl: &Gl, mesh: &Mesh) {
     let vertices = Float32Array::from(&mesh.vertices[..]);
     gl.buffer_data_with_array_buffer_view(Gl::ARRAY_BUFFER, &vertices, Gl::STATIC_DRAW);

@@ -1,9 +1,9 @@
-//! Both ends of a solver beside the page: a worker with a program of its own
-//! (`bin/solver.rs`), which finds one value function and ends.
+//! Both ends of a solver beside the page: a worker with its own program (`bin/solver.rs`), which
+//! finds one value function and ends.
 //!
-//! The worker's name is its task as JSON, so that nothing has to be sent to a worker that is still
-//! loading. It reports numbers (the share that is done) and ends with the bytes of the function
-//! or, if there is no solution, with a text that says why. The browser stops it when the page
+//! The worker's name is its task as JSON, so that nothing must be sent to a worker that is still
+//! loading. It reports progress as numbers (0 to 1) and ends with the bytes of the function or, if
+//! there is no solution, with a text that gives the reason. The browser stops it when the page
 //! closes.
 
 use crate::json;
@@ -49,7 +49,7 @@ impl Solver {
             })
         };
         let on_error = Closure::<dyn FnMut(web_sys::Event)>::new(move |event: web_sys::Event| {
-            // The page reports it; the browser need not write it to the console too.
+            // The page reports the error; the browser need not log it too.
             event.prevent_default();
             let why = "The solver could not be loaded, or stopped. Check the internet connection.";
             report(Solving::Failed(why.to_owned()));
@@ -66,14 +66,14 @@ impl Drop for Solver {
     }
 }
 
-/// The worker's end: does the task that is its name, and ends.
+/// The worker's end: does the task in its name, and ends.
 pub fn work() {
     let Ok(scope) = js_sys::global().dyn_into::<DedicatedWorkerGlobalScope>() else {
         return;
     };
     let reporter = scope.clone();
     std::panic::set_hook(Box::new(move |panic| {
-        // Where this does not arrive either, the page hears of the panic itself.
+        // If this message is lost too, the page still gets the error event of the panic.
         let _ = reporter.post_message(&format!("The solver stopped: {panic}").into());
     }));
     let sent = match solved(&scope) {
@@ -90,13 +90,13 @@ pub fn work() {
 }
 
 fn solved(scope: &DedicatedWorkerGlobalScope) -> Result<Vec<u8>, String> {
-    let task: Task = json::read(scope.name().as_bytes()).ok_or("The solver was given no task.")?;
+    let task: Task = json::read(scope.name().as_bytes()).ok_or("The solver received no task.")?;
     let mut percent = 0.0;
     let mut progress = |progress: Progress| {
         let now = (100.0 * progress.done).floor();
         if now > percent {
             percent = now;
-            // A page that is gone ends this worker too.
+            // If the page is gone, the browser ends this worker too.
             let _ = scope.post_message(&progress.done.into());
         }
         ControlFlow::Continue(())

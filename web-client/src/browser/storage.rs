@@ -1,6 +1,6 @@
-//! What this browser keeps for pages of this origin: a record for each name in the object store
-//! `kept` of the database `sidestep`. Earlier versions used the local storage, under the same
-//! names; what is there is still found and forgotten.
+//! Storage in this browser for pages of this origin: one record per name in the object store `kept`
+//! of the database `sidestep`. Earlier versions used the local storage, under the same names;
+//! records there are still read and deleted.
 
 use crate::runtime::NotKept;
 use js_sys::{Array, Function, Object, Promise, Reflect};
@@ -8,18 +8,18 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
 use web_sys::{DomException, IdbDatabase, IdbOpenDbRequest, IdbRequest, IdbTransaction, Window};
 
-/// Name of the database, and start of the names of the local storage that are ours.
+/// Name of the database, and prefix of our names in the local storage.
 const DATABASE: &str = "sidestep";
 const STORE: &str = "kept";
 
-/// A database that is silent for longer counts as absent, ms.
+/// Timeout of the database, ms; after it the database counts as absent.
 const PATIENCE_MS: i32 = 2_000;
 
 /// The database, if there is one.
 pub(super) struct Storage {
     window: Window,
     database: Result<IdbDatabase, NotKept>,
-    /// Whether the browser was asked to keep records even when it runs out of room.
+    /// Whether the browser was asked not to evict records when it runs out of room.
     is_persistent: bool,
 }
 
@@ -27,13 +27,13 @@ pub(super) struct Storage {
 type Records = Vec<(String, String)>;
 
 impl Storage {
-    /// Opens the database and reads all that is kept.
+    /// Opens the database and reads all records.
     pub(super) async fn open(window: &Window) -> (Self, Records) {
         let mut records = earlier(window).unwrap_or_default();
         let database = match open(window).await {
             Ok(database) => match all(window, &database).await {
                 Ok(kept) => {
-                    // A record of today comes before one of an earlier version.
+                    // A record in the database takes precedence over one of an earlier version.
                     records.retain(|(name, _)| kept.iter().all(|(known, _)| known != name));
                     records.extend(kept);
                     Ok(database)
@@ -45,30 +45,30 @@ impl Storage {
         (Self { window: window.clone(), database, is_persistent: false }, records)
     }
 
-    /// None, for pages that keep nothing.
+    /// No storage, for pages that store nothing.
     pub(super) fn none(window: &Window) -> Self {
         let database = Err(NotKept::Denied);
         Self { window: window.clone(), database, is_persistent: false }
     }
 
-    /// Why nothing can be kept, if so.
+    /// Why nothing can be stored, if so.
     pub(super) fn failure(&self) -> Option<NotKept> {
         self.database.as_ref().err().copied()
     }
 
-    /// Keeps a text under a name. It is kept once the future says so.
+    /// Stores a text under a name. It is stored once the future resolves.
     pub(super) fn keep(
         &mut self,
         name: &str,
         text: &str,
     ) -> impl Future<Output = Result<(), NotKept>> + use<> {
         if !std::mem::replace(&mut self.is_persistent, true) {
-            // A page that came without encryption has no such manager.
+            // A page loaded without encryption has no storage manager.
             let navigator = self.window.navigator();
             let manager = Reflect::get(&navigator, &"storage".into()).unwrap_or_default();
             super::wish(&manager, "persist");
         }
-        // The database carries out what is asked of a name in the order of the calls.
+        // The database executes the calls on a name in order.
         let written = self.database.as_ref().map_err(|reason| *reason).and_then(|database| {
             let put = || {
                 let transaction = write(database)?;
@@ -81,9 +81,9 @@ impl Storage {
         async move { settled(&window, &written?).await.map(drop).map_err(|error| reason(&error)) }
     }
 
-    /// Forgets what is kept under a name.
+    /// Deletes the record of a name.
     pub(super) fn forget(&self, name: &str) {
-        // What is not there, or out of reach, is forgotten.
+        // A record that does not exist or cannot be reached needs no deletion.
         if let Ok(database) = &self.database {
             let _ = write(database).and_then(|all| all.object_store(STORE)?.delete(&name.into()));
         }
@@ -93,7 +93,7 @@ impl Storage {
     }
 }
 
-/// Everything of ours in the local storage. A private window may have none, or refuse it.
+/// All our records in the local storage. A private window may have none or deny access.
 fn earlier(window: &Window) -> Option<Records> {
     let storage = window.local_storage().ok()??;
     let names = (0..storage.length().ok()?).filter_map(|i| storage.key(i).ok()?);
@@ -116,7 +116,7 @@ async fn open(window: &Window) -> Result<IdbDatabase, JsValue> {
 
 async fn all(window: &Window, database: &IdbDatabase) -> Result<Records, JsValue> {
     let store = database.transaction_with_str(STORE)?.object_store(STORE)?;
-    // Both requests are of one transaction: they see the same records, in the same order.
+    // Both requests are in one transaction, so they see the same records in the same order.
     let (names, texts) = (store.get_all_keys()?, store.get_all()?);
     settled(window, &answered(&texts)).await?;
     let (names, texts) = (Array::from(&names.result()?), Array::from(&texts.result()?));
@@ -127,7 +127,7 @@ async fn all(window: &Window, database: &IdbDatabase) -> Result<Records, JsValue
         .collect())
 }
 
-/// A transaction whose end means that the records are on the disk, not only on their way there.
+/// A transaction that completes only when the records are on disk.
 fn write(database: &IdbDatabase) -> Result<IdbTransaction, JsValue> {
     let options = Object::new();
     Reflect::set(&options, &"durability".into(), &"strict".into())?;
@@ -136,7 +136,7 @@ fn write(database: &IdbDatabase) -> Result<IdbTransaction, JsValue> {
     Ok(begun.unchecked_into())
 }
 
-/// Settles with the request.
+/// Settles when the request does.
 fn answered(request: &IdbRequest) -> Promise {
     Promise::new(&mut |done, failed| {
         request.set_onsuccess(Some(&done));
@@ -144,7 +144,7 @@ fn answered(request: &IdbRequest) -> Promise {
     })
 }
 
-/// Settles with the transaction.
+/// Settles when the transaction does.
 fn committed(transaction: &IdbTransaction) -> Promise {
     Promise::new(&mut |done, failed| {
         transaction.set_oncomplete(Some(&done));
@@ -152,7 +152,7 @@ fn committed(transaction: &IdbTransaction) -> Promise {
     })
 }
 
-/// Waits for a promise, but not for ever.
+/// Waits for a promise, with a timeout.
 async fn settled(window: &Window, promise: &Promise) -> Result<JsValue, JsValue> {
     let late = Promise::new(&mut |_, failed| {
         let _ = window.set_timeout_with_callback_and_timeout_and_arguments_0(&failed, PATIENCE_MS);
@@ -160,7 +160,7 @@ async fn settled(window: &Window, promise: &Promise) -> Result<JsValue, JsValue>
     JsFuture::from(Promise::race(&Array::of2(promise, &late))).await
 }
 
-/// What an error, or the event that reports it, means.
+/// Interprets an error, or the event that reports it.
 fn reason(error: &JsValue) -> NotKept {
     let target = Reflect::get(error, &"target".into()).unwrap_or_default();
     let inside = Reflect::get(&target, &"error".into()).unwrap_or_default();

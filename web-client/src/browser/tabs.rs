@@ -1,15 +1,15 @@
-//! Who of several tabs has something alone: the later one.
+//! Exclusive use by one of several tabs: the latest one.
 //!
-//! A tab that takes over says since when. One that hears of a later tab has it no longer, and one
-//! that hears of an earlier tab answers, so that exactly one is left whatever the order of their
-//! messages. A channel, unlike a lock of the browser, is also there where the page came without
-//! encryption.
+//! A tab that takes over broadcasts its start time. A tab that receives a later time gives up its
+//! claim; one that receives an earlier time replies, so that exactly one tab is left whatever the
+//! order of messages. Unlike the browser's locks, a broadcast channel also works on pages loaded
+//! without encryption.
 
 use js_sys::Date;
 use wasm_bindgen::prelude::*;
 use web_sys::{BroadcastChannel, MessageEvent};
 
-/// Something that this tab has alone, until it is dropped.
+/// An exclusive claim of this tab; dropping it ends it.
 pub(super) struct Claim {
     name: String,
     channel: BroadcastChannel,
@@ -17,10 +17,10 @@ pub(super) struct Claim {
 }
 
 impl Claim {
-    /// Takes over; `lost` is called when another tab does so later.
+    /// Claims a name. `lost` is called when another tab claims it later.
     pub(super) fn new(name: &str, lost: impl Fn() + 'static) -> Option<Self> {
         let channel = BroadcastChannel::new(&format!("sidestep.{name}")).ok()?;
-        // Two tabs that take over in the same millisecond differ in the fraction.
+        // Two claims in the same millisecond differ in the fraction.
         let since = Date::now() + js_sys::Math::random();
         let answer = channel.clone();
         let on_message = Closure::<dyn FnMut(MessageEvent)>::new(move |event: MessageEvent| {
@@ -34,7 +34,7 @@ impl Claim {
         Some(Self { name: name.to_owned(), channel, _on_message: on_message })
     }
 
-    /// What this tab has.
+    /// The claimed name.
     pub(super) fn name(&self) -> &str {
         &self.name
     }

@@ -1,4 +1,4 @@
-//! How much area a coverage costs: family by family, SHFRS first.
+//! Area needed for a given coverage: one family after another, SHFRS first.
 
 use super::counting::longest;
 use super::{Asked, CONFIDENCE, Predicted, Report, Work};
@@ -13,11 +13,11 @@ use sidestep::shfrs::window::{Trajectory, WindowChoice};
 /// The question how much area a coverage costs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AreaQuestion {
-    /// Its reports have this number.
+    /// Number of its reports.
     pub number: u32,
-    /// Which actions count, and how many steps ahead; widenings play no role.
+    /// Choice of actions and number of steps ahead; widenings are ignored.
     pub settings: ShfrsFile,
-    /// The places of the tasks to learn from, to calibrate with and to judge.
+    /// Indices of the tasks to train on, to calibrate with and to judge.
     pub parts: Parts,
 }
 
@@ -27,30 +27,30 @@ impl Asked for AreaQuestion {
     }
 }
 
-/// Coverages that are asked for, as by the command line, as far as there are tasks enough.
+/// Target coverages, as in the command line, where there are enough tasks.
 const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
 
-/// The least of them: with fewer tasks than it takes, nothing is compared.
+/// The smallest target: with too few tasks for it, nothing is compared.
 pub const LEAST_TARGET: f64 = TARGETS[0];
 
 /// One window of each task, as the command line draws it.
 pub(super) const WINDOWS: WindowChoice = WindowChoice::RandomOne { seed: Split::USUAL.seed };
 
-/// What was found for the baselines, in their order, and of which parts and steps ahead.
+/// Results for the baselines, in order, with the parts and steps ahead they are valid for.
 #[derive(Default)]
 pub(super) struct Known {
     of: Option<(Parts, usize)>,
     baselines: Vec<Pareto>,
 }
 
-/// A comparison that is being made.
+/// A comparison in progress.
 pub(super) struct Comparing {
     pub(super) number: u32,
     parts: Parts,
     sample: Sample,
     steps: usize,
     settings: ParetoSettings,
-    /// All families; so many of them are done.
+    /// Results so far, one per family.
     compared: Vec<Compared>,
     done: usize,
     found: Option<Pareto>,
@@ -119,7 +119,7 @@ impl Comparing {
         Ok(self.done < self.compared.len())
     }
 
-    /// What was found so far, if that is new.
+    /// Results so far, if there are new ones.
     pub(super) fn report(&mut self) -> Option<Report> {
         if std::mem::replace(&mut self.is_told, true) {
             return None;

@@ -1,4 +1,4 @@
-//! How often predicted sets hold the future: task by task, in a random order.
+//! How often predicted sets contain the future, task by task in random order.
 
 use super::{Asked, CONFIDENCE, Predicted, Report, Work};
 use serde::{Deserialize, Serialize};
@@ -11,14 +11,14 @@ use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::probability::{Count, admits_everything};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 
-/// The question how often sets hold the future.
+/// The question how often sets contain the future.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Question {
-    /// Its reports have this number.
+    /// Number of its reports.
     pub number: u32,
-    /// How sets are predicted.
+    /// Settings of the sets.
     pub settings: ShfrsFile,
-    /// The places of the tasks to count.
+    /// Indices of the tasks to count.
     pub tasks: Vec<usize>,
 }
 
@@ -31,19 +31,19 @@ impl Asked for Question {
 /// Windows from every step, as replays show them.
 const WINDOWS: WindowChoice = WindowChoice::EveryStep;
 
-/// A question that is being answered.
+/// A question in progress.
 pub(super) struct Counting {
     pub(super) number: u32,
     settings: BoundsSettings,
     tolerance: Tolerance,
-    /// The places of the tasks to count, in the order of the question.
+    /// Indices of the tasks to count, in the order of the question.
     tasks: Vec<usize>,
-    /// The order in which they are counted: at random, so that the first estimates are fair.
+    /// Order in which they are counted: random, so that the first estimates are unbiased.
     order: Vec<usize>,
-    /// How many of them have been counted.
+    /// Number of tasks counted.
     done: usize,
     count: Count,
-    /// Whether the page knows all that was counted.
+    /// Whether the page knows all counts.
     is_told: bool,
 }
 
@@ -85,7 +85,7 @@ impl Counting {
         Ok(self.done < self.order.len())
     }
 
-    /// What was counted so far, if that is new.
+    /// Counts so far, if there are new ones.
     pub(super) fn report(&mut self) -> Option<Report> {
         if std::mem::replace(&mut self.is_told, true) {
             return None;
@@ -101,7 +101,7 @@ impl Counting {
     }
 }
 
-/// Accepts so many steps ahead if one of these tasks has as many.
+/// Accepts this number of steps ahead if one of these tasks is that long.
 pub(super) fn longest<'a>(
     tasks: impl Iterator<Item = &'a Trajectory>,
     steps: usize,

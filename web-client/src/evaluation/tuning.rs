@@ -1,4 +1,4 @@
-//! Settings with the least area for a coverage that is asked for, as `sidestep shfrs` tunes them.
+//! Settings with the least area for a given coverage, tuned as `sidestep shfrs` does.
 
 use super::areas::WINDOWS;
 use super::counting::longest;
@@ -12,19 +12,19 @@ use sidestep::shfrs::tuning::{Parts, Sample, TuningSettings, candidates, tune_wa
 use sidestep::shfrs::window::Trajectory;
 use sidestep::stats::Estimate;
 
-/// What tuning is to reach.
+/// Aim of tuning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aim {
-    /// Its reports have this number.
+    /// Number of its reports.
     pub number: u32,
     /// The probability that a trajectory stays inside F_1, in (0, 1).
     pub p: f64,
-    /// How often the calibration may fail, if the guarantee is to hold for each calibration; else it holds on
-    /// average over calibrations.
+    /// The probability that calibration may fail, if the guarantee is for each calibration; `None`
+    /// for one on average over calibrations.
     pub delta: Option<f64>,
     /// Steps ahead, T.
     pub steps: usize,
-    /// The places of the tasks to choose the actions, to calibrate ε and to measure the coverage.
+    /// Indices of the tasks for the choice of actions, for ε and for the coverage.
     pub parts: Parts,
 }
 
@@ -35,35 +35,36 @@ impl Asked for Aim {
 }
 
 impl Aim {
-    /// What is to be guaranteed.
+    /// The guarantee to reach.
     #[must_use]
     pub fn guarantee(&self) -> Guarantee {
         self.delta.map_or(Guarantee::Conformal, |delta| Guarantee::Pac { delta })
     }
 }
 
-/// What tuning has found.
+/// Result of tuning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     /// The settings: one set.
     pub settings: ShfrsFile,
-    /// The probability that was asked for.
+    /// The requested probability.
     pub p: f64,
     /// The choice of actions, in words.
     pub actions: String,
     /// The guarantee in words, with its scope.
     pub statement: String,
-    /// Numbers of tasks for the choice of actions, for ε and for the coverage, and without a window.
+    /// Numbers of tasks for the choice of actions, for ε and for the coverage, and of tasks without
+    /// a window.
     pub tasks: [usize; 4],
     /// Share of the test tasks that stay inside, with its interval.
     pub coverage: Estimate,
     /// Mean area of the tube of F_1, m².
     pub mean_area_m2: f64,
-    /// The same as a share of the worst case's.
+    /// The same as a share of the worst case's area.
     pub share_of_worst_case: f64,
 }
 
-/// An aim that is being reached.
+/// Tuning in progress.
 pub(super) struct Tuning {
     pub(super) number: u32,
     aim: Aim,
@@ -82,7 +83,7 @@ impl Tuning {
         Ok(Work::Tuning(Self { number: aim.number, aim, sample, found: None }))
     }
 
-    /// Tunes in a single piece, which tells how far it has come.
+    /// Tunes in a single piece, which reports its progress.
     pub(super) fn go_on(
         &mut self,
         prediction: &Predicted<'_>,
@@ -96,7 +97,7 @@ impl Tuning {
         .with_windows(WINDOWS)
         .with_confidence(CONFIDENCE);
         let number = self.number;
-        // The last report has the result.
+        // The last report carries the result.
         let tell = &mut |done: f64| {
             progress(Report { number, done: done.min(0.99), ..Report::default() });
         };
@@ -115,7 +116,7 @@ impl Tuning {
         Ok(false)
     }
 
-    /// What was found, once.
+    /// The result, once.
     pub(super) fn report(&mut self) -> Option<Report> {
         let found = Some(self.found.take()?);
         Some(Report { number: self.number, done: 1.0, found, ..Report::default() })

@@ -7,7 +7,7 @@ pub fn number(number: f64) -> String {
     js_sys::Number::from(number).to_string_with_radix(10).map(String::from).unwrap_or_default()
 }
 
-/// The same where there is no browser; numbers of unusual size have no exponent.
+/// The same without a browser; never uses an exponent.
 #[cfg(not(target_arch = "wasm32"))]
 #[must_use]
 pub fn number(number: f64) -> String {

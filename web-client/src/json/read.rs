@@ -1,4 +1,4 @@
-//! From text to a tree, and from the tree to a type.
+//! Parses text to a tree, and deserializes types from the tree.
 
 use serde::de::value::StrDeserializer;
 use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
@@ -16,8 +16,8 @@ pub(super) enum Json {
     Object(Vec<(String, Json)>),
 }
 
-/// A value is not of the wanted shape. It says no more: the code that formats messages which
-/// nobody sees would be a good part of what is saved here.
+/// A value does not have the expected shape. There are no details: code that formats messages
+/// nobody sees would cost a good part of the saving.
 #[derive(Debug)]
 pub(super) struct Unfit;
 
@@ -53,7 +53,7 @@ impl serde::de::Error for Unfit {
     }
 }
 
-/// The tree of a text, by the browser.
+/// Parses a text, in the browser.
 #[cfg(target_arch = "wasm32")]
 pub(super) fn parse(text: &[u8]) -> Option<Json> {
     let value = js_sys::JSON::parse(std::str::from_utf8(text).ok()?).ok()?;
@@ -82,7 +82,7 @@ fn tree(value: &wasm_bindgen::JsValue) -> Json {
     }
 }
 
-/// The tree of a text, where there is no browser.
+/// Parses a text, without a browser.
 #[cfg(not(target_arch = "wasm32"))]
 pub(super) fn parse(text: &[u8]) -> Option<Json> {
     fn tree(value: serde_json::Value) -> Json {
@@ -100,7 +100,7 @@ pub(super) fn parse(text: &[u8]) -> Option<Json> {
     serde_json::from_slice(text).ok().map(tree)
 }
 
-/// Largest size of a whole number that a double holds exactly.
+/// Largest magnitude up to which a double holds every whole number exactly.
 const WHOLE: f64 = 9_007_199_254_740_992.0;
 
 macro_rules! same {
@@ -111,9 +111,9 @@ macro_rules! same {
     )*)*};
 }
 
-/// A type that says what it is made of is read from that alone: the compiler leaves out how it
-/// would be read from something else, which is much of the program. Nothing is taken out of the
-/// tree, so that nothing has to be dropped half-way.
+/// Types that declare their format are deserialized from that format alone: the compiler leaves out
+/// all other ways, which are much of the code. Nothing is moved out of the tree, so that nothing
+/// must be dropped half-way.
 impl<'de> Deserializer<'de> for &Json {
     type Error = Unfit;
 
@@ -121,7 +121,7 @@ impl<'de> Deserializer<'de> for &Json {
         match self {
             Json::Null => visitor.visit_unit(),
             Json::Bool(_) => self.deserialize_bool(visitor),
-            // Visitors of whole numbers take no others, and those of others take both.
+            // Visitors of whole numbers accept only those; visitors of floats accept both.
             Json::Number(n) if is_whole(*n) && n.to_bits() != (-0.0f64).to_bits() => {
                 self.deserialize_i64(visitor)
             }
@@ -185,8 +185,8 @@ impl<'de> Deserializer<'de> for &Json {
         self.deserialize_seq(visitor)
     }
 
-    /// A struct is read as the list of its fields, in the order of the type: the compiler then leaves
-    /// out how each type matches names, finds repeated fields and drops what it had read before.
+    /// A struct is read as the sequence of its fields in declaration order: the compiler then
+    /// leaves out name matching, detection of duplicates and drops of partial values for each type.
     fn deserialize_struct<V: Visitor<'de>>(
         self,
         _: &'static str,
@@ -207,7 +207,7 @@ impl<'de> Deserializer<'de> for &Json {
         visitor.visit_newtype_struct(self)
     }
 
-    /// Enumerations of the wire are words.
+    /// Enumerations in wire types are strings.
     fn deserialize_enum<V: Visitor<'de>>(
         self,
         _: &'static str,
@@ -238,7 +238,7 @@ fn is_whole(number: f64) -> bool {
     number as i64 as f64 == number && number.abs() <= WHOLE
 }
 
-/// The rest of a list.
+/// The remaining items of a list.
 struct Items<'a, 'b>(&'a mut std::slice::Iter<'b, Json>);
 
 impl<'de> SeqAccess<'de> for Items<'_, '_> {
@@ -256,7 +256,7 @@ impl<'de> SeqAccess<'de> for Items<'_, '_> {
     }
 }
 
-/// The fields of an object, in the order of a type.
+/// The fields of an object in the declaration order of a type.
 struct Struct<'a> {
     fields: &'a [(String, Json)],
     names: std::slice::Iter<'static, &'static str>,
@@ -280,14 +280,14 @@ impl<'de> SeqAccess<'de> for Struct<'_> {
         let value = self.next();
         match (seed.deserialize(value.unwrap_or(&Json::Null)), value) {
             (Ok(read), _) => Ok(Some(read)),
-            // An absent field that is not optional gets its default, if it has one.
+            // An absent field that is not optional gets its default, if there is one.
             (Err(_), None) => Ok(None),
             (Err(unfit), Some(_)) => Err(unfit),
         }
     }
 }
 
-/// The rest of an object. The first field stays until its value has been read.
+/// The remaining fields of an object. The first one stays until its value has been read.
 struct Fields<'a>(&'a [(String, Json)]);
 
 impl<'de> MapAccess<'de> for Fields<'_> {

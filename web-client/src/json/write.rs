@@ -1,4 +1,4 @@
-//! From a type to text.
+//! Serializes types to text.
 
 use super::number;
 use super::read::Unfit;
@@ -7,7 +7,7 @@ use serde::ser::{
     Impossible, SerializeMap, SerializeSeq, SerializeStruct, SerializeTuple, Serializer,
 };
 
-/// Writes one value at the end of a text.
+/// Appends one value to a text.
 pub(super) struct Writer<'a>(pub(super) &'a mut String);
 
 fn quote(text: &str, out: &mut String) {
@@ -63,7 +63,7 @@ impl<'a> Entries<'a> {
     }
 }
 
-/// Whole numbers of the wire are small: as doubles they are exact.
+/// Whole numbers in wire types are small enough to be exact as doubles.
 macro_rules! numbers {
     ($($method:ident $type:ty),*) => {$(
         fn $method(self, number: $type) -> Result<(), Unfit> {
@@ -72,7 +72,7 @@ macro_rules! numbers {
     )*};
 }
 
-/// What wire types do not hold.
+/// Data types that wire types do not use.
 macro_rules! never {
     ($($method:ident($($type:ty),*) -> $answer:ty;)*) => {$(
         fn $method(self, $(_: $type),*) -> Result<$answer, Unfit> {
@@ -236,7 +236,7 @@ impl SerializeStruct for Entries<'_> {
     }
 }
 
-/// Names are words: they are written as texts.
+/// Map keys are strings.
 impl SerializeMap for Entries<'_> {
     type Ok = ();
     type Error = Unfit;

@@ -1,4 +1,4 @@
-//! How often predicted sets hold the future: what the evaluator was asked, and what it has counted.
+//! How often predicted sets contain the future: the question for the evaluator, and its counts.
 
 use crate::evaluation::Report;
 use crate::evaluation::counting::Question;
@@ -13,17 +13,17 @@ use sidestep::stats::Estimate;
 /// The newest question and its answer so far.
 #[derive(Default)]
 pub(super) struct Coverage {
-    /// Whether all tasks are counted; else those that did not train the predictor.
+    /// Whether all tasks are counted; otherwise only those that did not train the predictor.
     pub(super) counts_all: bool,
-    /// The number of what the evaluator was asked last.
+    /// Number of the last request to the evaluator.
     number: u32,
-    /// How many tasks are counted.
+    /// Number of tasks to count.
     pub(super) tasks: usize,
-    /// The share of them that is done.
+    /// Share of them counted so far.
     pub(super) done: f64,
-    /// What was counted: for this question, or still for one before.
+    /// Counts for this question, or still for the previous one.
     regions: Option<Regions>,
-    /// Whether it is for one before.
+    /// Whether they are for the previous question.
     is_old: bool,
     /// Why nothing can be counted, if so.
     pub(super) trouble: Option<String>,
@@ -34,13 +34,13 @@ impl Coverage {
         Self { counts_all, ..Self::default() }
     }
 
-    /// A number for the next thing to ask; what comes for others is too late.
+    /// A number for the next request; reports with other numbers are outdated.
     pub(super) fn next(&mut self) -> u32 {
         self.number += 1;
         self.number
     }
 
-    /// Nothing is known any more.
+    /// Discards all counts.
     pub(super) fn forget(&mut self) {
         self.next();
         (self.regions, self.trouble, self.done, self.tasks) = (None, None, 0.0, 0);
@@ -52,7 +52,7 @@ impl Coverage {
         Question { number: self.next(), settings, tasks }
     }
 
-    /// What the evaluator says, unless it is about what was asked before.
+    /// Parses a report of the evaluator; `None` if it answers an outdated request.
     pub(super) fn newest(&mut self, answer: Answer) -> Option<Report> {
         let content = match answer {
             Ok(content) => content,
@@ -64,7 +64,7 @@ impl Coverage {
         json::read::<Report>(&content).filter(|report| report.number == self.number)
     }
 
-    /// Takes what was counted.
+    /// Stores a report.
     pub(super) fn take(&mut self, report: Report) {
         self.done = report.done;
         self.trouble = report.trouble;
@@ -73,14 +73,14 @@ impl Coverage {
         }
     }
 
-    /// What was counted for so many sets, and whether it is for the settings before.
+    /// The counts for this number of sets, and whether they are for the previous settings.
     pub(super) fn regions(&self, sets: usize) -> Option<(&Regions, bool)> {
         let regions = self.regions.as_ref().filter(|regions| regions.epsilon.len() == sets)?;
         Some((regions, self.is_old))
     }
 }
 
-/// What is wrong with settings, in the page's words: sets and steps count from 1.
+/// An error in the settings, in the page's words: sets and steps count from 1.
 pub(super) fn worded(said: &str) -> String {
     for (field, words) in [("epsilon[", "ε of F"), ("k[", "k of step ")] {
         let parts = said.strip_prefix(field).and_then(|rest| rest.split_once(']'));
@@ -97,7 +97,7 @@ pub(super) fn worded(said: &str) -> String {
     }
 }
 
-/// A probability with its interval, as a number and as a bar.
+/// A probability with its confidence interval, as a number and as a bar.
 pub(super) fn chance<M>(p: Estimate) -> Node<M> {
     let [low, value, high] = [p.low, p.value, p.high].map(|share| 100.0 * share);
     let bar = el("span")

@@ -1,5 +1,5 @@
-//! The demonstration: drive, or watch a synthetic driver, while level sets and the predicted sets of a model
-//! that learns from every scene are drawn live.
+//! The demonstration: the user drives, or watches a synthetic driver, with level sets and predicted
+//! sets drawn live. The sets are those of a model that learns from every scene.
 
 mod driver;
 mod score;
@@ -27,34 +27,34 @@ use std::ops::ControlFlow;
 
 /// The page.
 pub enum DemoPage {
-    /// It cannot begin, for this reason.
+    /// It cannot start, for this reason.
     Failed(String),
-    /// It has begun.
+    /// It has started.
     Open(Box<Demo>),
 }
 
-/// What the demonstration can be told.
+/// Messages to the demonstration.
 #[derive(Clone, Debug)]
 pub enum Msg {
-    /// Begins the scene, or the next one after a scene.
+    /// Starts the scene, or the next one after a scene.
     Start,
-    /// Pauses a synthetic driver, or lets it go on.
+    /// Pauses or resumes a synthetic driver.
     Pause,
-    /// Gives the scene up: it waits at its start.
+    /// Abandons the scene and returns to its start.
     GiveUp,
-    /// Another driver, whose model begins anew.
+    /// Another driver, with a new model.
     Drive(Driver),
-    /// The key at this place went down or up.
+    /// The key with this code went down or up.
     Key(String, bool),
     /// The window lost the keyboard; whether the page is hidden.
     FocusLost(bool),
-    /// Shows or hides the layer at this place in [`LAYERS`].
+    /// Shows or hides the layer at this index in [`LAYERS`].
     Layer(usize),
     /// The colours of the predicted sets.
     Colours(FieldValue),
     /// Shows or hides the legend.
     Legend,
-    /// The numbers are to be shown anew.
+    /// Time to update the displayed numbers.
     Frame,
     /// The scene is over.
     Over,
@@ -127,61 +127,61 @@ impl Page for DemoPage {
     }
 }
 
-/// The demonstration as it stands.
+/// State of the demonstration.
 pub struct Demo {
     path: String,
     parameters: SceneParameters,
     safety: SafetyLevels,
     driver: Driver,
     scenes: Vec<Scene>,
-    /// Index of the present scene.
+    /// Index of the current scene.
     index: usize,
     stage: Stage,
     playback: Playback,
     score: Score,
-    /// Points of the scenes that are over.
+    /// Points of the finished scenes.
     points: Vec<u32>,
     model: Model,
     view: View,
     keys: KeyMap,
     held: HeldKeys,
     shows_legend: bool,
-    /// When the numbers were shown last, ms.
+    /// When the numbers were last updated, ms.
     shown_ms: f64,
     picture: Picture,
-    /// What of the link could not be used.
+    /// Errors in the link.
     misread: Option<String>,
 }
 
-/// How far the present scene is.
+/// State of the current scene.
 enum Stage {
     /// It waits for its driver.
     Ready,
     /// It is being driven.
     Driving(Box<Driving>),
-    /// It is over since this time, ms.
+    /// It ended at this time, ms.
     Over(f64),
 }
 
 /// The canvas element's id.
 const CANVAS: &str = "demo";
 
-/// Numbers that change more often cannot be read.
+/// Interval between two updates of the numbers; faster changes are unreadable.
 const NUMBERS_EVERY_MS: f64 = 60.0;
 
-/// How long a synthetic driver's scene stays before the next one begins, ms.
+/// How long the end of a synthetic driver's scene is shown before the next one starts, ms.
 const REST_MS: f64 = 2500.0;
 
-/// Room around both vehicles for the predicted sets and the danger disc, m.
+/// Margin around both vehicles for the predicted sets and the danger disc, m.
 const ROOM_M: f64 = 4.5;
 
-/// Scenes are drawn this many at a time.
+/// Number of scenes generated at a time.
 const BLOCK: usize = 12;
 
 impl Demo {
     fn open(address: &Address) -> Result<Self, Invalid> {
         let parameters = SceneParameters::default();
-        // The vehicles are alike, so the closed form serves both.
+        // Both vehicles are alike, so the closed form serves both.
         let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))
             .map_err(|error| Invalid::new("safety levels", "a solution", error))?;
         let named = Driver::of_query(address.parameter("driver"));
@@ -189,7 +189,7 @@ impl Demo {
         let read = View::of_query(query.filter(|(name, _)| SEEN.contains(name)));
         let misread = match (named, &read) {
             (_, Err(invalid)) => Some(format!("The link is not valid: {invalid}.")),
-            (None, _) => Some("The link names no driver that there is: you drive.".to_owned()),
+            (None, _) => Some("The link names an unknown driver, so you drive.".to_owned()),
             _ => parts::unknown(address, &[&View::NAMES, &["driver"]]),
         };
         let scenes = block(&parameters, 0)?;
@@ -224,7 +224,7 @@ impl Demo {
         Ok(demo)
     }
 
-    /// The link to what is seen now.
+    /// The link to the current view.
     fn address(&self) -> String {
         let view = View { time_s: 0.0, ..self.view.clone() }.query();
         let parts: Vec<String> =
@@ -254,7 +254,7 @@ impl Demo {
                 if let Stage::Driving(driving) = &mut self.stage {
                     driving.key(now_ms, BLUR, false);
                     let is_live = matches!(**driving, Driving::Live(_));
-                    // Nobody can drive what they do not see.
+                    // A user cannot drive a scene that is not visible.
                     if hidden && is_live {
                         self.wait()?;
                     } else if hidden && !driving.is_paused() {
@@ -273,7 +273,7 @@ impl Demo {
                 }
             }
             Msg::Legend => self.shows_legend = !self.shows_legend,
-            // The picture is of this moment already.
+            // The picture is up to date already.
             Msg::Frame => return Ok(()),
             Msg::Over => return self.over(now_ms),
         }
@@ -311,7 +311,7 @@ impl Demo {
         message.map_or(Ok(()), |message| self.update(message, now_ms))
     }
 
-    /// Begins the present scene, or the next one if it is over.
+    /// Starts the current scene, or the next one if it is over.
     fn start(&mut self, now_ms: f64) -> Result<(), Invalid> {
         match self.stage {
             Stage::Driving(_) => return Ok(()),
@@ -329,7 +329,7 @@ impl Demo {
         self.go_to(now_ms)
     }
 
-    /// Puts both vehicles to the start of the present scene.
+    /// Puts both vehicles at the start of the current scene.
     fn wait(&mut self) -> Result<(), Invalid> {
         if self.index >= self.scenes.len() {
             self.scenes.extend(block(&self.parameters, self.index / BLOCK)?);
@@ -353,7 +353,7 @@ impl Demo {
         match &self.stage {
             Stage::Ready => false,
             Stage::Driving(driving) => !driving.is_paused(),
-            // The next scene of a synthetic driver begins by itself.
+            // The next scene of a synthetic driver starts automatically.
             Stage::Over(_) => self.driver != Driver::You,
         }
     }
@@ -379,7 +379,7 @@ impl Demo {
         }
     }
 
-    /// Works out what there is to see at this time of a scene that is being driven.
+    /// Updates the playback to this time of the scene in progress.
     fn go_to(&mut self, now_ms: f64) -> Result<(), Invalid> {
         if let Stage::Driving(driving) = &self.stage {
             let (inputs, states) = (driving.inputs(), driving.states());
@@ -393,7 +393,7 @@ impl Demo {
         self.show()
     }
 
-    /// The scene is over: points and what can be learned from it.
+    /// Ends the scene: computes its points and learns from it.
     fn over(&mut self, now_ms: f64) -> Result<(), Invalid> {
         if let Stage::Driving(driving) = &mut self.stage
             && driving.tick(now_ms)
@@ -401,14 +401,14 @@ impl Demo {
             self.go_to(now_ms)?;
             self.points.push(self.score.points);
             self.model.learn(&self.playback, &self.safety)?;
-            // The panel shows at once what was learned.
+            // The panel shows the new model at once.
             self.playback.use_learned(Some(self.model.learned.clone()))?;
             self.stage = Stage::Over(now_ms);
         }
         self.show()
     }
 
-    /// Paints the present moment.
+    /// Paints the current instant.
     fn show(&mut self) -> Result<(), Invalid> {
         self.playback.go(&self.view)?;
         let now = self.playback.now();
@@ -426,22 +426,22 @@ impl Demo {
     }
 }
 
-/// The part of a link to a replay that describes this page too.
+/// The parameters of a replay's link that this page has too.
 const SEEN: [&str; 5] = ["show", "hr", "rh", "sets", "colours"];
 
-/// Whether a layer is offered: nobody knows the future of a scene that is being driven.
+/// Whether a layer is offered. Those that need the future are not: it is unknown while driving.
 fn is_offered(layer: &sidestep::trial_view::layers::Layer) -> bool {
     layer.name != "future"
 }
 
-/// The scenes of a block, the same for everybody.
+/// The scenes of a block, the same for every user.
 fn block(parameters: &SceneParameters, number: usize) -> Result<Vec<Scene>, Invalid> {
     let range = EncounterRange::default();
     let drawn = generate(parameters, &range, BLOCK, 1 + number as u64)?;
     Ok(drawn.into_iter().map(|(scene, _)| scene).collect())
 }
 
-/// Keys and places of the layers that are offered.
+/// Indices of the layers offered.
 fn offered() -> impl Iterator<Item = usize> {
     LAYERS.iter().enumerate().filter(|(_, layer)| is_offered(layer)).map(|(place, _)| place)
 }

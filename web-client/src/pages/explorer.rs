@@ -1,5 +1,5 @@
-//! The explorer of one participant's predicted sets: every setting of the prediction moves the sets of a
-//! moment, and the probabilities that are counted over the participant's tasks.
+//! The explorer of one participant's predicted sets: every setting of the prediction updates the
+//! sets at one instant, and the probabilities counted over the participant's tasks.
 
 mod predictor;
 mod tuning;
@@ -34,15 +34,15 @@ use sidestep::trial_view::view::View;
 
 /// The page of one participant.
 pub enum ExplorerPage {
-    /// The tasks of this participant are on their way, to be seen as the address says.
+    /// The tasks of this participant are loading; the address describes the view.
     Loading(String, Address),
     /// There is nothing to explore, for this reason.
     Failed(String),
-    /// The tasks are here.
+    /// The tasks are loaded.
     Open(Box<Explorer>),
 }
 
-/// What the explorer can be told.
+/// Messages to the explorer.
 #[derive(Clone, Debug)]
 pub enum Msg {
     /// The server sent the tasks.
@@ -51,11 +51,11 @@ pub enum Msg {
     ValueFunction(Evader, Solving),
     /// Stop solving.
     StopSolving,
-    /// Ask for, or solve, again what is missing.
+    /// Request, or solve, again the functions that are missing.
     SolveAgain,
-    /// Another predictor is to be used.
+    /// Use another predictor.
     Choose(FieldValue),
-    /// The predictor that is trained here is to use other features.
+    /// Use other features for the predictor trained here.
     Features(FieldValue),
     /// The server sent the predictor.
     Predictor(Answer),
@@ -63,59 +63,59 @@ pub enum Msg {
     Analyses(Answer),
     /// The server listed the participant's models in this analysis.
     Models(String, Answer),
-    /// The evaluator reports.
+    /// A report of the evaluator.
     Report(Answer),
-    /// The comparer reports.
+    /// A report of the comparer.
     Areas(Answer),
-    /// The tuner reports.
+    /// A report of the tuner.
     Tuned(Answer),
-    /// Tuning is to reach this coverage.
+    /// Set the coverage to tune for.
     Aim(FieldValue),
-    /// Tuning is to guarantee this.
+    /// Set the guarantee to tune for.
     Guarantee(FieldValue),
     /// Tune.
     Tune,
     /// Stop tuning.
     StopTuning,
-    /// Predict with what tuning has found.
+    /// Predict with the tuned settings.
     UseFound,
     /// Use one of the paper's settings.
     Preset(usize),
-    /// Look so many steps ahead.
+    /// Set the number of steps ahead.
     Steps(FieldValue),
-    /// Predict so many sets.
+    /// Set the number of sets.
     Count(FieldValue),
-    /// The widening of this set.
+    /// Set the widening of this set.
     Epsilon(usize, FieldValue),
-    /// Choose actions by number, or by probability.
+    /// Choose actions by number or by probability.
     By(FieldValue),
-    /// At least so many actions count up to that step.
+    /// Set the least number of actions up to that step.
     UpTo(usize, FieldValue),
-    /// How many actions count at each step.
+    /// Set the number of actions at each step.
     K(FieldValue),
-    /// The probability that makes an action count.
+    /// Set the probability from which an action counts.
     Tau(FieldValue),
-    /// The roll-out.
+    /// Set the roll-out.
     Rollout(FieldValue),
-    /// All settings, as JSON.
+    /// Set all settings, as JSON.
     Json(FieldValue),
     /// Offer the settings as a file.
     Save,
-    /// Count the tasks that did not train the predictor, or all.
+    /// Count only the tasks that did not train the predictor, or all.
     Counted(FieldValue),
-    /// Another task.
+    /// Show another task.
     Task(FieldValue),
-    /// So many tasks on or back.
+    /// Go this many tasks forward, or back if negative.
     Next(i32),
-    /// Another time, s.
+    /// Go to another time, s.
     Seek(FieldValue),
-    /// So many steps on or back.
+    /// Go this many steps forward, or back if negative.
     Step(i32),
-    /// Shows or hides the layer at this place.
+    /// Show or hide the layer at this index.
     Layer(usize),
-    /// The other colours.
+    /// Switch colours.
     Colours,
-    /// The link is brought up to date.
+    /// Update the link.
     Link,
 }
 
@@ -127,7 +127,7 @@ impl ExplorerPage {
         (Self::Loading(participant_id.to_owned(), address.clone()), vec![Command::Send(ask)])
     }
 
-    /// What becomes of the page once the server has answered.
+    /// The page after the server's answer.
     fn opened(id: &str, address: &Address, answer: Answer) -> (Self, Commands<Msg>) {
         let content = match answer {
             Ok(content) => content,
@@ -194,7 +194,7 @@ impl Page for ExplorerPage {
     }
 }
 
-/// What the key at this place of the keyboard does.
+/// The message for the key with this code.
 fn key(code: &str) -> Option<Msg> {
     Some(match code {
         "ArrowLeft" => Msg::Step(-1),
@@ -208,41 +208,41 @@ fn key(code: &str) -> Option<Msg> {
     })
 }
 
-/// A participant's tasks that are looked at.
+/// The explorer of a participant's tasks.
 pub struct Explorer {
     participant_id: String,
     drives: Drives,
-    /// The same as the server sent it, for the evaluators.
+    /// The tasks as the server sent them, for the evaluators.
     content: Vec<u8>,
-    /// The place of the task that is looked at.
+    /// Index of the current task.
     task: usize,
     sources: Sources<Msg>,
     choice: Choice,
-    /// What the controls say; it may be invalid.
+    /// The settings of the controls; may be invalid.
     wanted: ShfrsFile,
-    /// What is wrong with it, or with what was entered last, if something is.
+    /// The error in them, or in the last input, if any.
     complaint: Option<Invalid>,
     coverage: Coverage,
     areas: Areas,
     tuning: Tuning,
     playback: Playback,
     view: View,
-    /// What there is to see.
+    /// The picture.
     picture: Picture,
     /// Why no sets are predicted, if so.
     trouble: Option<String>,
-    /// What of the link could not be used.
+    /// Errors in the link.
     misread: Option<String>,
 }
 
-/// The names of a link that the explorer itself takes.
+/// Link parameters that the explorer itself uses.
 const NAMES: [&str; 2] = ["trial", "count"];
 
-/// How long the link stays behind, ms: browsers do not let a page change its address at every move.
+/// Delay of updates to the link, ms: browsers limit how often a page changes its address.
 const LINK_AFTER_MS: f64 = 250.0;
 
 impl Explorer {
-    /// The tasks as the address describes them.
+    /// Opens the tasks in the view that the address describes.
     fn open(
         id: &str,
         address: &Address,
@@ -257,7 +257,7 @@ impl Explorer {
         let named = address.parameter("trial");
         let task = named.and_then(|id| drives.tasks.iter().position(|it| it.trial_id == id));
         if named.is_some() && task.is_none() {
-            misread.push("The link names a trial that is no task of this participant.".to_owned());
+            misread.push("The trial in the link is not a task of this participant.".to_owned());
         }
         let task = task.unwrap_or(0);
         let Some(drive) = drives.tasks.get(task) else {
@@ -281,7 +281,7 @@ impl Explorer {
             Some("all") => true,
             Some(other) => {
                 misread.push(format!(
-                    "The link counts {other}: expected count=all, or nothing for the tasks that did not train the \
+                    "The link has count={other}: expected count=all, or no count for the tasks that did not train the \
                      predictor."
                 ));
                 false
@@ -367,7 +367,7 @@ impl Explorer {
                 return self.change(|wanted| {
                     if let Some(preset) = PRESETS.get(place) {
                         let suited = preset.settings(actions).for_turn_rate(turn_rate);
-                        // Roll-outs are a choice of their own.
+                        // The roll-out is set separately.
                         *wanted = suited.with_rollout(wanted.rollout);
                     }
                     Ok(())
@@ -417,7 +417,7 @@ impl Explorer {
                     let text = Some(value.text()).filter(|text| !is_too_deep(text));
                     let read: Option<serde_json::Value> =
                         text.and_then(|text| json::read(text.as_bytes()));
-                    let expected = "settings as the file has them";
+                    let expected = "settings as in the file";
                     let read = read.ok_or_else(|| Invalid::new("JSON", expected, "other text"))?;
                     *wanted = from_value(&read).map_err(|invalid| invalid.within("JSON"))?;
                     Ok(())
@@ -462,7 +462,7 @@ impl Explorer {
         Vec::new()
     }
 
-    /// The link to what is seen now.
+    /// The link to the current view.
     fn address(&self) -> String {
         let trial = format!("trial={}", self.drives.tasks[self.task].trial_id);
         let all = if self.coverage.counts_all { "count=all" } else { "" };
@@ -477,18 +477,19 @@ impl Explorer {
         trial_heading(study, *number, "explorer", *synthetic)
     }
 
-    /// How many actions the predictor has; as many as there are inputs without one.
+    /// Number of the predictor's actions; that of all inputs without a predictor.
     fn actions(&self) -> usize {
         let learned = self.playback.learned();
         learned.map_or(ACTIONS, |learned| learned.predictor.classes().len())
     }
 
-    /// Whether the settings are valid. If they are not, neither the picture nor a number is shown for them.
+    /// Whether the settings are valid. Otherwise neither the picture nor any number is shown for
+    /// them.
     fn is_valid(&self) -> bool {
         self.wanted.settings(self.actions()).is_ok()
     }
 
-    /// Changes the settings. What cannot be read changes nothing.
+    /// Changes the settings. Unreadable input changes nothing.
     fn change(
         &mut self,
         change: impl FnOnce(&mut ShfrsFile) -> Result<(), Invalid>,
@@ -502,7 +503,7 @@ impl Explorer {
         self.use_settings()
     }
 
-    /// Predicts with the wanted settings, if they are valid.
+    /// Predicts with the settings of the controls, if they are valid.
     fn use_settings(&mut self) -> Commands<Msg> {
         let actions = self.actions();
         let settings = self
@@ -517,8 +518,8 @@ impl Explorer {
             }
             Err(invalid) => {
                 self.complaint = Some(invalid);
-                // What is being counted or tuned is for other settings. A predictor that is on its way is still
-                // wanted.
+                // Counting and tuning in progress are for outdated settings. A predictor that is
+                // being loaded is still needed.
                 if self.playback.learned().is_some() {
                     self.coverage.forget();
                 }
@@ -527,7 +528,7 @@ impl Explorer {
         }
     }
 
-    /// Looks at another task. A predictor that is trained on the tasks before it changes with it.
+    /// Switches to another task. A predictor trained on the tasks before it changes too.
     fn go_to(&mut self, task: usize) -> Commands<Msg> {
         if task == self.task {
             return Vec::new();
@@ -536,7 +537,8 @@ impl Explorer {
         let Ok(mut playback) = Playback::new(recorded) else { return Vec::new() };
         let learned = self.playback.learned().cloned();
         if let Some(safety) = self.playback.safety().cloned() {
-            // Without a predictor this cannot fail; with the same one it has not failed before.
+            // This cannot fail without a predictor; with the same predictor it has succeeded
+            // before.
             let _ = playback.use_safety(safety);
             let _ = playback.use_learned(learned);
         }
@@ -545,7 +547,7 @@ impl Explorer {
         if self.choice.depends_on_task() { self.ask_predictor() } else { Vec::new() }
     }
 
-    /// Works out what there is to see.
+    /// Updates the picture.
     fn show(&mut self) {
         self.trouble = self.playback.go(&self.view).err().map(|invalid| invalid.to_string());
         if !self.is_valid() {
@@ -570,16 +572,16 @@ impl Explorer {
     }
 }
 
-/// The value of a slider as a link would give it.
+/// The value of a slider in the format of a link.
 fn words(value: &FieldValue) -> String {
     value.number().map_or_else(|| "nothing".to_owned(), |number| number.to_string())
 }
 
-/// The inputs that there are.
+/// Number of inputs.
 const ACTIONS: usize = 3;
 
 /// The canvas element's id.
 const CANVAS: &str = "explorer";
 
-/// The name of the file with the settings.
+/// Name of the settings file.
 const FILE: &str = "shfrs-settings.json";

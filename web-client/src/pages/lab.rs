@@ -1,4 +1,4 @@
-//! The laboratory: signing in and out, and one of its pages at a time, as the address says.
+//! The laboratory: sign-in and sign-out, and one page at a time, by address.
 
 mod hosted;
 mod visit;
@@ -39,27 +39,27 @@ use std::rc::Rc;
 
 type Node = view::Node<Msg>;
 
-/// The laboratory, or the part of it that is this program.
+/// The laboratory, or the part of it in this program.
 pub struct Lab<P> {
     address: Address,
-    /// Who is signed in.
+    /// The session.
     session: Session,
     state: State,
     /// Width of the window when it was opened, px.
     window_px: f64,
-    /// How many pages were opened. A message for one that was left is dropped.
+    /// Number of pages opened. Messages for a page that was left are dropped.
     visits: u32,
-    /// What went wrong with signing in or out.
+    /// Why signing in or out failed.
     trouble: Option<String>,
     program: PhantomData<P>,
 }
 
-/// What is shown.
+/// State of the laboratory.
 enum State {
-    /// The server has not said yet whether the user is signed in.
+    /// It is not yet known whether the user is signed in.
     Asking,
     SignedOut {
-        /// A key is on its way to the server.
+        /// Whether a key is being checked by the server.
         busy: bool,
     },
     /// No page has this address.
@@ -67,27 +67,27 @@ enum State {
     Open(AnyPage),
 }
 
-/// What the laboratory can be told.
+/// Messages to the laboratory.
 #[derive(Clone)]
 pub enum Msg {
-    /// Another address is to be shown.
+    /// Show another address.
     Address(Address),
-    /// The server said whether the user is signed in, or whether a key is valid.
+    /// The server reported whether the user is signed in, or whether a key is valid.
     Session(Answer),
     /// The form with the key was submitted.
     SignIn(Form),
-    /// The user wants to leave.
+    /// The user signs out.
     SignOut,
     /// The server answered the sign-out.
     SignedOut(Answer),
-    /// The server does not know the session any more.
+    /// The server no longer knows the session.
     SessionEnded,
     /// A message of the page of this visit.
     Page(u32, AnyMsg),
 }
 
 impl<P: Program> Lab<P> {
-    /// The laboratory as it opens.
+    /// The laboratory when it opens.
     #[must_use]
     pub fn open(context: PageContext) -> (Self, Commands<Msg>) {
         let session = Session { signed_in: false, name: String::new(), access: Access::Read };
@@ -99,25 +99,26 @@ impl<P: Program> Lab<P> {
         let key = if lab.is_open_to_all() { None } else { lab.key_of_address() };
         let commands = match key {
             Some(commands) => commands,
-            // What looks the same to everybody begins while the server still says who is there.
+            // Pages that are the same for every user start loading while the server checks the
+            // session.
             None if lab.is_open_to_all() || is_apart(&lab.address.path) => lab.show_address(),
             None => vec![who_is_there()],
         };
         (lab, commands)
     }
 
-    /// Whether the page may be seen: it is open to all, or the server knows who is there.
+    /// Whether the page may be shown: it is open to all, or the user is signed in.
     fn is_seen(&self) -> bool {
         self.session.signed_in || self.is_open_to_all()
     }
 
-    /// Whether nobody needs to sign in here.
+    /// Whether this page needs no sign-in.
     fn is_open_to_all(&self) -> bool {
         self.address.path.trim_end_matches('/') == OPEN_TO_ALL
     }
 
-    /// Signs in with the key in the address, if there is one. The key leaves the address at
-    /// once, and with it history and screenshots.
+    /// Signs in with the key in the address, if there is one. The key is removed from the address
+    /// at once, and so from history and screenshots.
     fn key_of_address(&mut self) -> Option<Commands<Msg>> {
         let key = self.address.fragment.strip_prefix("key=")?.to_owned();
         self.address.fragment.clear();
@@ -146,7 +147,7 @@ impl<P: Program> Lab<P> {
         }
     }
 
-    /// Opens the page that the address names; whatever another page asked for is given up.
+    /// Opens the page at the current address and cancels the requests of the previous page.
     fn show_address(&mut self) -> Commands<Msg> {
         self.trouble = None;
         self.visits += 1;
@@ -164,8 +165,8 @@ impl<P: Program> Lab<P> {
         [Command::CancelAll].into_iter().chain(ask).chain(commands).collect()
     }
 
-    /// The page's commands; their messages return to this visit. The laboratory, not the page,
-    /// handles a session that has ended.
+    /// Wraps the page's commands; their messages return to this visit. The laboratory, not the
+    /// page, handles a session that has ended.
     fn lifted(&self, commands: Commands<AnyMsg>) -> Commands<Msg> {
         let visit = self.visits;
         let lift = move |message| Msg::Page(visit, message);
@@ -195,7 +196,7 @@ fn who_is_there() -> Command<Msg> {
     Command::Send(Request::get("session", api::SESSION, Msg::Session))
 }
 
-/// The page of a program at a path, and the name in it.
+/// The page of a program at a path, and the id in the path.
 fn page_at<P: Program>(path: &str) -> Option<(&'static Route, &str)> {
     let mut pages = P::PAGES.iter().copied().flatten();
     pages.find_map(|route| Some((route, route.matches(path)?)))
@@ -247,13 +248,13 @@ impl<P: Program> Page for Lab<P> {
                 Ok(session) => {
                     self.session = session;
                     match self.state {
-                        // It has begun.
+                        // It is open already.
                         State::Open(_) => Vec::new(),
                         _ => self.show_address(),
                     }
                 }
                 Err(Failure { status: 401, .. }) => {
-                    // Not to be signed in yet is no trouble.
+                    // A user who is not signed in yet gets no error message.
                     let gave_key = matches!(self.state, State::SignedOut { .. });
                     self.ask_for_key(gave_key.then(|| "That key is not valid.".to_owned()))
                 }
@@ -319,8 +320,8 @@ impl<P: Program> Page for Lab<P> {
         if let Event::Address(address) = event {
             let path = &address.path;
             let is_lab = path == "/lab" || path.starts_with("/lab/");
-            // Another program has the other addresses. The one with the first page also says that there is
-            // no page at an address.
+            // All other addresses are of another program. The program with the first page also
+            // reports addresses without a page.
             let is_ours = is_lab
                 && (page_at::<P>(path).is_some()
                     || (page_at::<P>("/lab").is_some() && !is_apart(path)));
@@ -390,7 +391,7 @@ impl<P: Program> Lab<P> {
         )
     }
 
-    /// What went wrong. The sign-in form says it itself.
+    /// The error message. The sign-in form has its own.
     fn alert(&self) -> Option<Node> {
         let is_signed_in = matches!(self.state, State::Open(..) | State::Nowhere);
         self.trouble.as_deref().filter(|_| is_signed_in).map(|why| alert("trouble", why))

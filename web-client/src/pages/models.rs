@@ -1,4 +1,4 @@
-//! The models of analyses that a page can predict with.
+//! Models of analyses that a page can use for predictions.
 
 use super::parts::{self, percent};
 use crate::runtime::{Address, Answer, Command, Commands, Request, encoded, read};
@@ -16,7 +16,7 @@ pub(super) struct Named {
 }
 
 impl Named {
-    /// The one in the address of the page, if there is one.
+    /// The model in the address of the page, if any.
     pub(super) fn of(address: &Address) -> Option<Self> {
         let text = |name: &str| address.parameter(name).map(str::to_owned);
         let (analysis, file) = (text("analysis"), text("file"));
@@ -26,7 +26,7 @@ impl Named {
         })
     }
 
-    /// As the value of an option. No analysis has a slash in its id.
+    /// The value of its option. An analysis id never contains a slash.
     pub(super) fn value(&self) -> String {
         format!("{}/{}", self.analysis, self.file)
     }
@@ -36,28 +36,28 @@ impl Named {
         Some(Self { analysis: analysis.to_owned(), file: file.to_owned() })
     }
 
-    /// As part of a query.
+    /// The model as part of a query.
     pub(super) fn query(&self) -> String {
         format!("analysis={}&file={}", encoded(&self.analysis), encoded(&self.file))
     }
 }
 
-/// A participant's models in the study's newest analysis that is done.
+/// A participant's models in the study's newest finished analysis.
 pub(super) enum Offered {
-    /// They are on their way.
+    /// Loading.
     Asked,
-    /// They are these, and the analysis is this.
+    /// These models, of this analysis.
     Models(String, Vec<PredictorSummary>),
-    /// No analysis is done.
+    /// No analysis has finished.
     NoAnalysis,
-    /// The newest analysis that is done has none.
+    /// The newest finished analysis has no models.
     NoModels,
-    /// They did not come, for this reason.
+    /// Loading failed, for this reason.
     Failed(String),
 }
 
 impl Offered {
-    /// Asks for the analyses of a study.
+    /// Requests the analyses of a study.
     pub(super) fn ask<M>(study: &str, then: fn(Answer) -> M) -> Command<M>
     where
         M: 'static,
@@ -65,8 +65,8 @@ impl Offered {
         Command::Send(Request::get("analyses", routes::admin_analyses(study), then))
     }
 
-    /// Takes the study's analyses, and asks for the models of the participant with this number in the newest
-    /// that is done.
+    /// Takes the study's analyses, and requests the models of the participant with this number in
+    /// the newest finished one.
     pub(super) fn analyses<M: 'static>(
         &mut self,
         answer: Answer,
@@ -85,7 +85,7 @@ impl Offered {
             *self = Self::NoAnalysis;
             return Vec::new();
         };
-        // Models of experiment 2 do not say to which side somebody turns.
+        // Models of experiment 2 do not predict the direction of a turn.
         let models = routes::analysis_predictors(&newest.id);
         let url = format!("{models}?participant={number}&experiment=1&limit=500");
         let then = move |answer| then(newest.id, answer);
@@ -101,7 +101,7 @@ impl Offered {
         };
     }
 
-    /// The models with words for each.
+    /// The models, each with a label.
     pub(super) fn list(&self) -> Vec<(Named, String)> {
         let Self::Models(analysis, models) = self else { return Vec::new() };
         let named = |it: &PredictorSummary| {
@@ -109,7 +109,7 @@ impl Offered {
             (
                 named,
                 format!(
-                    "{}, {} % of inputs foreseen",
+                    "{}, {} % of inputs predicted right",
                     name(it),
                     fixed(100.0 * it.test_accuracy, 1)
                 ),
@@ -118,7 +118,7 @@ impl Offered {
         models.iter().map(named).collect()
     }
 
-    /// What to do if there is nothing to choose from.
+    /// Instructions for the user if there is no model to choose from.
     pub(super) fn hint<M>(&self, study: &str) -> Option<Node<M>> {
         let words = match self {
             Self::Asked | Self::Models(..) => return None,
@@ -150,8 +150,8 @@ pub(super) fn group<M>(words: String) -> Node<M> {
     el("optgroup").attr("label", words)
 }
 
-/// The groups of a list that has these models; what a link named may be something else, of which the server
-/// said `source`.
+/// The groups of a list with these models. A link may name another model; the server's facts about
+/// it are in `source`.
 pub(super) fn groups<M>(
     offered: &Offered,
     chosen: Option<&Named>,
@@ -168,14 +168,15 @@ pub(super) fn groups<M>(
     let other = other.map(|it| group("From the link".to_owned()).child(entry(it, words)));
     let analysed = (!listed.is_empty()).then(|| {
         let options = listed.iter().map(|(it, words)| entry(it, words.clone()));
-        let words =
-            format!("Participant {number} in the newest analysis: share of the inputs of test steps that it foresaw");
+        let words = format!(
+            "Participant {number} in the newest analysis: share of test inputs predicted right"
+        );
         group(words).children(options)
     });
     analysed.into_iter().chain(other).collect()
 }
 
-/// Which model it is and how good, with the analysis that made it.
+/// Describes a model, its accuracy and its analysis.
 pub(super) fn described<M>(source: &PredictorSource) -> Node<M> {
     let it = &source.summary;
     let (right, who) = (percent(it.test_accuracy), it.participant);

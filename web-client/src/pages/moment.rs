@@ -1,5 +1,5 @@
-//! What pages that show a moment of a trial have alike: switches of its layers, what the signs mean, and
-//! the numbers of the prediction.
+//! Parts shared by pages that show an instant of a trial: switches for layers, the legend, and the
+//! numbers of the prediction.
 
 use super::parts::{self, button, cell};
 use crate::form::FieldValue;
@@ -11,8 +11,8 @@ use sidestep::trial_view::style::{Palette, Sets};
 use sidestep::trial_view::view::View;
 use sidestep::vehicle::TurnInput;
 
-/// A switch for each layer that `offered` accepts, by its place in [`LAYERS`]. `key` is what is printed on
-/// the layer's key.
+/// A switch for each layer that `offered` accepts, by its index in [`LAYERS`]. `key` is the label
+/// of the layer's key.
 pub(super) fn switches<M>(
     view: &View,
     offered: impl Fn(&Layer) -> bool,
@@ -37,14 +37,15 @@ pub(super) fn switches<M>(
         .children(switches)
 }
 
-/// Shows the last of so many predicted steps where the view asks for a later one, and says so.
+/// If the view asks for a later step than the last of `steps`, shows the last one and returns a
+/// notice.
 pub(super) fn fit(view: &mut View, steps: usize) -> Option<String> {
     let Sets::Step(wanted) = view.style.sets else { return None };
     (wanted > steps).then(|| {
         view.style.sets = Sets::Step(steps);
         format!(
-            "The link asks for the sets after step {wanted}, but they are predicted for {steps} steps: shown are \
-             those after step {steps}."
+            "The link asks for the sets after step {wanted}, but predictions cover {steps} steps: showing those after \
+             step {steps}."
         )
     })
 }
@@ -54,12 +55,12 @@ pub(super) fn switch<M>(test_id: &str, is_on: bool, message: M) -> Node<M> {
     button(test_id, message).class("switch").attr("aria-pressed", is_on)
 }
 
-/// Most layers whose signs are explained in one column.
+/// Largest number of layers with a legend in one column.
 const ONE_COLUMN: usize = 6;
 
-/// What the signs of the picture, or of both pictures, mean. Its width follows from what is switched on, not from
-/// what has come of it, so that the picture beside it keeps its size while a trial opens. Both pictures have it
-/// below them.
+/// The legend of the picture, or of both pictures, below them. Its width depends on the layers
+/// switched on, not on their content, so that the picture beside it keeps its size while a trial
+/// loads.
 pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node<M> {
     let layers = view.shown.iter().filter(|shown| **shown).count();
     let place = match (both, layers > ONE_COLUMN) {
@@ -71,7 +72,7 @@ pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node
         let sign = drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true");
         el("li").child(sign).child(with_subscripts("span", &item.text))
     });
-    // It scrolls in a low window, so the keyboard must be able to reach it.
+    // It scrolls in a low window, so it must be reachable by keyboard.
     el("ul")
         .class(place)
         .attrs(&[("aria-label", "Legend"), ("tabindex", "0")])
@@ -79,7 +80,7 @@ pub(super) fn legend<M>(items: Vec<LegendItem>, view: &View, both: bool) -> Node
         .children(items)
 }
 
-/// A choice with its label; each option has a value and words.
+/// A selection list with its label; each option has a value and a text.
 pub(super) fn select<M: 'static>(
     id: &'static str,
     label: &str,
@@ -99,7 +100,7 @@ pub(super) fn select<M: 'static>(
     el("div").class("pair").child(el("label").attr("for", id).text(label)).child(select)
 }
 
-/// How likely each next input is.
+/// The probabilities of the next inputs.
 pub(super) fn inputs<M>(probabilities: &[(TurnInput, f64)]) -> Node<M> {
     let bars = probabilities.iter().map(|(input, p)| {
         let percent = 100.0 * p;
@@ -115,8 +116,8 @@ pub(super) fn inputs<M>(probabilities: &[(TurnInput, f64)]) -> Node<M> {
         .child(el("dl").class("bars").children(bars))
 }
 
-/// The predicted sets with their areas, and with the cells that say how often they hold the future, if
-/// there are such cells.
+/// The predicted sets with their areas, and with cells for how often they contain the future, if
+/// given.
 pub(super) fn regions<M>(
     playback: &Playback,
     view: &View,

@@ -1,7 +1,8 @@
 //! The participant's page: consent, the check of keyboard and screen, instructions, one scene after
-//! the other, questions, and the completion code. Safety levels are never shown here.
+//! another, questions, and the completion code. Safety levels are never shown here.
 //!
-//! The page is a machine of `Stage`s. Sentences come from the server, in the participant's language.
+//! The page is a state machine of `Stage`s. Sentences come from the server, in the participant's
+//! language.
 
 mod link;
 mod arena;
@@ -36,10 +37,10 @@ use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
 use std::rc::Rc;
 
-/// Pause before the server is asked again, ms.
+/// Pause before a retry, ms.
 const RETRY_MS: f64 = 2000.0;
 
-/// Where the browser keeps the language and the keys that were chosen.
+/// Storage names of the chosen language and keys.
 const LANGUAGE: &str = "sidestep.language";
 const STEERING: &str = "sidestep.keys";
 
@@ -51,126 +52,126 @@ pub struct Participant {
     /// Time of the last message, on the page's clock.
     now_ms: f64,
     study: Option<StudyInfo>,
-    /// The language that was chosen, if one was.
+    /// The chosen language, if any.
     language: Option<String>,
-    /// Whether the server was asked about the person whom the address names.
+    /// Whether the server was asked about the person named in the address.
     is_named: bool,
-    /// All that is read, in the participant's language.
+    /// All texts, in the participant's language.
     texts: Texts,
     session: Option<Session>,
-    /// What the server said last about the participation.
+    /// The server's last report on the participation.
     progress: Option<Progress>,
     plan: Vec<PlannedTrial>,
     /// Ids of the trials that the server has.
     stored: Vec<String>,
     outbox: Outbox,
-    /// How often each scene has begun to move in front of the participant.
+    /// How often each scene has started to move in front of the participant.
     exposures: Vec<(String, u32)>,
     steering: Steering,
     held: HeldKeys,
-    /// What went wrong last, if it still matters.
+    /// The last error, if it still matters.
     trouble: Option<String>,
-    /// What follows a wrong answer to the check of understanding, once other questions have come.
+    /// The action after a wrong answer in the check of understanding, once new questions have arrived.
     renews: Option<AfterWrong>,
     /// The key of a sentence about the last scene, or the last answers.
     hint: Option<&'static str>,
-    /// Why this browser does not keep what it was given, if so.
+    /// Why this browser did not store a record, if so.
     not_kept: Option<NotKept>,
-    /// The trial that the server refused last; the participant drives it again.
+    /// The trial that the server refused last; the participant repeats it.
     refused: Option<String>,
-    /// The number of stored trials when the page last asked for the whole plan.
+    /// The number of stored trials when the page last requested the whole plan.
     plan_known_at: usize,
-    /// The server has said once that something is missing, although all seemed stored.
+    /// Whether the server has once reported missing trials although all seemed stored.
     was_incomplete: bool,
-    /// What to ask again after a pause.
+    /// Requests to repeat after a pause.
     retry: Vec<fn(&Self) -> Command<Msg>>,
-    /// The form that was sent last: the result of the check of understanding, or the answers.
+    /// The form sent last: the result of the check of understanding, or the answers.
     submitted: String,
-    /// Whether the page fills the screen, or was asked to.
+    /// Whether the page fills the screen or has requested it.
     is_fullscreen: bool,
     was_fullscreen: bool,
-    /// Whether leaving asks first.
+    /// Whether users who leave are asked for confirmation.
     is_guarded: bool,
-    /// Whether the participant is asked about stopping.
+    /// Whether the participant is being asked about withdrawal.
     is_withdrawing: bool,
-    /// Whether everything is to be deleted then.
+    /// Whether to delete all data on withdrawal.
     deletes: bool,
-    /// What the vehicles are called: the human's and the robot's.
+    /// Names of the vehicles: the human's and the robot's.
     names: [Rc<str>; 2],
     stage: Stage,
 }
 
-/// What the participant's page can be told.
+/// Messages to the participant's page.
 #[derive(Clone, Debug)]
 pub enum Msg {
-    /// Something happened outside of what the page shows.
+    /// An event outside the view.
     Event(Event),
     /// The server described the study.
     Study(Answer),
-    /// The server sent the sentences.
+    /// The server sent the texts.
     Texts(Answer),
-    /// Another language was chosen.
+    /// The participant chose another language.
     Language(String),
-    /// Go on to this part of the study.
+    /// Go to this part of the study.
     Go(Part),
-    /// Other keys are to be chosen, or the usual ones taken again.
+    /// Choose other keys (true), or restore the defaults (false).
     ChooseKeys(bool),
     /// The server answered the enrolment.
     Enrolled(Answer),
-    /// The browser keeps the participant's token, or does not.
+    /// The browser has stored the participant's token, or failed to.
     SessionKept(Result<(), NotKept>),
-    /// The browser keeps something that can be lost, or does not.
+    /// The browser has stored something dispensable, or failed to.
     Noted,
-    /// The server told which trials it has.
+    /// The server reported the trials that it has.
     Progress(Answer),
-    /// The check of understanding was answered.
+    /// The participant answered the check of understanding.
     Checked(Form),
-    /// The server has the result of the check.
+    /// The server has stored the result of the check.
     Understood(Answer),
     /// The participant starts the next scene.
     Start,
-    /// Something follows from the clock.
+    /// Something is due by the clock.
     Clock,
-    /// The questions after the last scene were answered.
+    /// The participant answered the questions after the last scene.
     Questions(Form),
-    /// The server has the answers.
+    /// The server has stored the answers.
     Answered(Answer),
-    /// Something happened to the trials that wait to be sent.
+    /// A message to the outbox.
     Outbox(outbox::Msg),
-    /// It is time to ask the server again.
+    /// It is time for a retry.
     Retry,
     /// The server answered the completion.
     Completed(Answer),
-    /// Fill the screen, or no longer.
+    /// Enter or leave full screen.
     Fullscreen(bool),
-    /// Stop taking part; whether to delete everything.
+    /// Withdraw; true deletes all data.
     Withdraw(bool),
     /// The server answered the withdrawal.
     Withdrawn(Answer),
     /// Continue in this tab.
     Here,
-    /// Forget who rehearsed here, and begin a new test run.
+    /// Forget the current test participant, and begin a new test run.
     Afresh,
 }
 
-/// A part of the study that the participant goes to by a button.
+/// A part of the study that a button leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Consent, although the device seems to have no keyboard.
     Welcome,
-    /// Keyboard and screen; the participant has agreed.
+    /// Keyboard and screen, after consent.
     Equipment,
     /// Enrolment.
     Enrolment,
     /// The instructions.
     Instructions,
-    /// What follows the instructions.
+    /// The part after the instructions.
     Understanding,
     /// The next scene.
     Ready,
-    /// Whether to stop taking part.
+    /// The question whether to withdraw.
     Withdrawal,
-    /// Back from there.
+    /// Back from there to the study.
     Study,
 }
 
@@ -187,29 +188,29 @@ impl Participant {
         page.language = page.kept_text(LANGUAGE);
         let mut commands = vec![page.ask_study(), page.ask_texts()];
         if page.link.token.is_some() {
-            // The secret does not stay in the address bar.
+            // Remove the secret from the address bar.
             commands.push(Command::ReplaceAddress(page.link.url()));
         }
         (page, commands)
     }
 
-    /// What the browser kept under a name when the page opened.
+    /// Parses the record that the browser had under a name when the page opened.
     fn kept<T: serde::de::DeserializeOwned>(&self, name: &str) -> Option<T> {
         self.kept_text(name).and_then(|text| json::read(text.as_bytes()))
     }
 
-    /// The same as it was kept.
+    /// The same as text.
     fn kept_text(&self, name: &str) -> Option<String> {
         let kept = self.context.kept.iter().find(|(known, _)| known == name);
         kept.map(|(_, text)| text.clone())
     }
 
-    /// A sentence without places to fill.
+    /// A sentence without placeholders.
     fn say(&self, key: &str) -> String {
         self.texts.get(key, &[])
     }
 
-    /// Sentences one after the other: Chinese has no space between them.
+    /// Joins sentences: Chinese has no space between them.
     fn join(&self, sentences: &[String]) -> String {
         let between = self.say("page.between");
         let mut joined = String::new();
@@ -222,7 +223,7 @@ impl Participant {
         joined
     }
 
-    /// Whether the sentences have come.
+    /// Whether the texts have arrived.
     fn has_texts(&self) -> bool {
         !self.texts.language.is_empty()
     }
@@ -250,7 +251,7 @@ impl Participant {
         {
             url.push_str("?external_id=");
             for part in id.chars() {
-                // Of the characters of ids, these two mean something else in a query.
+                // Of the characters allowed in ids, these two have another meaning in a query.
                 match part {
                     '+' => url.push_str("%2B"),
                     ' ' => url.push_str("%20"),
@@ -261,7 +262,7 @@ impl Participant {
         self.ask("study", "GET", url, None, Msg::Study)
     }
 
-    /// Asks for the sentences in the language that was chosen, or in one that the browser prefers.
+    /// Requests the texts in the chosen language, or in one that the browser prefers.
     fn ask_texts(&self) -> Command<Msg> {
         let mut url = routes::texts(&self.link.slug);
         if let Some(tag) = &self.language {
@@ -278,7 +279,7 @@ impl Participant {
         self.ask("complete", "POST", routes::COMPLETE, None, Msg::Completed)
     }
 
-    /// The names of both vehicles, beside them.
+    /// The names of both vehicles, as labels beside them.
     fn labels(&self, state: JointState) -> [Shape; 2] {
         let label = |pose: Pose, name: &Rc<str>, colour| Shape::Label {
             at: pose.position(),
@@ -376,7 +377,7 @@ impl Participant {
                 return vec![self.ask_withdrawal()];
             }
             Msg::Withdrawn(answer) => return self.withdrawn(answer),
-            // An empty text is no session; what follows waits until the browser has kept it.
+            // An empty text means no session; the page is reloaded after the browser has stored it.
             Msg::Afresh => {
                 let name = self.session_name();
                 return vec![Command::Keep {
@@ -402,7 +403,8 @@ impl Page for Participant {
     type Msg = Msg;
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
-        // A key may have gone down a little before the last frame; what is shown never goes back.
+        // A key may have gone down just before the last frame, but the displayed time never goes
+        // back.
         self.now_ms = now_ms.max(self.now_ms);
         let is_answer = matches!(
             message,
@@ -459,7 +461,8 @@ impl Page for Participant {
         let changes = match &mut self.stage {
             Stage::Countdown(_, ends_ms, left_s) => {
                 let is_next = now_ms >= *ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1));
-                // A scene does not move while a key is held: it moves a second after the keys are up.
+                // A scene does not start while a key is held: it starts a second after the keys are
+                // up.
                 is_next && (self.held.is_empty() || *left_s > 1)
             }
             Stage::Driving(_, drive) => drive.tick(now_ms),
@@ -506,7 +509,7 @@ impl Page for Participant {
         picture.tell("data-step", step);
         picture.tell("data-phase", trial.phase.word());
         picture.tell("data-trial", trial.id());
-        // What a participant sees of a scene.
+        // The participant's view of a scene.
         if let (true, Some(study)) = (trial.show_danger_zone, &self.study) {
             let radius_m = study.parameters.danger_radius_m;
             picture.push(stage::danger_zone(state.robot, radius_m));
@@ -515,7 +518,7 @@ impl Page for Participant {
         if self.link.simulates() {
             picture.tell("data-scene", told(&scene));
         }
-        // Names beside moving vehicles would draw the eye away from them.
+        // Names beside moving vehicles would distract.
         if matches!(self.stage, Stage::Countdown(..)) || trial.phase == Phase::Familiarisation {
             picture.extend(self.labels(state));
         }
@@ -540,7 +543,7 @@ impl Page for Participant {
     }
 }
 
-/// Both vehicles for programs: x, y and heading of the human's and of the robot, and the goal.
+/// Both vehicles for programs: x, y and heading of human and robot, and the goal.
 fn told(scene: &Scene) -> String {
     let numbers = [
         scene.human.x,

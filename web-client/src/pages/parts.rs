@@ -1,16 +1,16 @@
-//! What several pages show alike.
+//! Parts shared by several pages.
 
 use crate::runtime::Address;
 use crate::view::{Node, el};
 use sidestep::comparison::models::ModelName;
 use sidestep::trial::Flag;
 
-/// While the server is asked.
+/// Shown while a request is in flight.
 pub(super) fn loading<M>() -> Node<M> {
     el("main").class("card").child(el("p").class("quiet").attr("role", "status").text("Loading…"))
 }
 
-/// When a page of the laboratory cannot be shown.
+/// Shown when a page of the laboratory cannot be.
 pub(super) fn stuck<M>(title: &str, why: &str) -> Node<M> {
     el("main")
         .class("card")
@@ -30,17 +30,17 @@ pub(super) fn button<M>(test_id: &str, message: M) -> Node<M> {
     el("button").attr("type", "button").test_id(test_id).on_press(message)
 }
 
-/// What went wrong. Screen readers read it out at once.
+/// An error message. Screen readers read it out at once.
 pub(super) fn alert<M>(test_id: &str, text: &str) -> Node<M> {
     el("p").class("trouble").attr("role", "alert").test_id(test_id).text(text)
 }
 
-/// A sentence about the first name of the address that is none of these; nothing if there is no such name.
+/// An error message about the first query parameter that is not in `known`, if there is one.
 pub(super) fn unknown(address: &Address, known: &[&[&str]]) -> Option<String> {
     let is_known = |name: &str| known.iter().any(|names| names.contains(&name));
     let (name, _) = address.query.iter().find(|(name, _)| !is_known(name))?;
     Some(format!(
-        "This page has no use for {name} in its link: expected {}.",
+        "This page does not use {name} in its link: expected {}.",
         known.concat().join(", ")
     ))
 }
@@ -50,7 +50,8 @@ pub(super) fn fact<M>(name: &str, value: impl Into<String>) -> Node<M> {
     el("div").child(el("dt").text(name)).child(el("dd").text(value))
 }
 
-/// Says that programs took part, wherever their data are shown; nothing for data of people.
+/// A notice that the participants are synthetic, for every page with their data; nothing for data
+/// of people.
 pub(super) fn synthetic<M>(is_so: bool) -> Option<Node<M>> {
     let words = "Synthetic: a program drove, no person.";
     is_so.then(|| el("p").class("synthetic").test_id("marked-synthetic").text(words))
@@ -79,7 +80,7 @@ pub(super) fn count(n: impl ToString, noun: &str) -> String {
     format!("{n} {noun}{ending}")
 }
 
-/// A length of a file.
+/// A file size.
 pub(super) fn size(bytes: u64) -> String {
     match bytes {
         0..1_000 => format!("{bytes} bytes"),
@@ -88,7 +89,7 @@ pub(super) fn size(bytes: u64) -> String {
     }
 }
 
-/// A share from 0 to 1 in per cent.
+/// A share from 0 to 1 in percent.
 pub(super) fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }

@@ -1,5 +1,5 @@
-//! The value function of any game: maps of it, what a solver misses, optimal play from a click, and the set
-//! {V ≤ c} as a solid.
+//! The value function of any game: maps, the solver's errors, optimal play from a click, and the
+//! set {V ≤ c} as a solid.
 
 mod found;
 mod keys;
@@ -22,61 +22,61 @@ use std::rc::Rc;
 /// The page.
 pub struct Reachability {
     view: View,
-    /// What of the link and of the fields could not be used: the name, and a sentence.
+    /// Errors in the link and in fields: the name, and a sentence.
     misread: Vec<(String, String)>,
-    /// What is being solved, since when on the page's clock, and the share that is done.
+    /// The solve in progress: its start on the page's clock, and the share done.
     solving: Option<(f64, f64)>,
-    /// The share that is done of a file that is being written, or why there is none.
+    /// The share done of a file being written, or the reason for its failure.
     writing: Option<Result<f64, String>>,
-    /// The value function of `view`, or the last one that there was while another is being solved.
+    /// The value function of `view`, or the previous one while another is being solved.
     found: Option<Found>,
     /// Why there is no value function, if so.
     missing: Option<String>,
-    /// Where the pointer is, m, if it moved later than the cross-hair.
+    /// Position of the pointer, m, if it moved later than the cross-hair.
     pointer: Option<[f64; 2]>,
-    /// Optimal play from the cross-hair, or why there is none.
+    /// Optimal play from the cross-hair, or an error.
     game: Option<Result<Play, String>>,
-    /// Where the tube was taken in hand, and from where it was seen then.
+    /// Where the pointer grabbed the tube, and the viewing angles then.
     held: Option<([f32; 2], [i16; 2])>,
-    /// Whether the browser draws solids, and how long it takes for one, ms, once it has drawn.
+    /// Whether the browser draws solids, and the time for one, ms, once measured.
     has_graphics: bool,
     frame_ms: Option<f64>,
-    /// Whether the solid is wanted although it is slow.
+    /// Whether the user wants the solid although it is slow.
     insists: bool,
-    /// Whether what is seen has just changed.
+    /// Whether the view has just changed.
     moves: bool,
     /// Width of the window, px.
     window_px: f64,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone, Debug)]
 pub enum Msg {
-    /// The control of this name in links has another value.
+    /// The control with this name in links has another value.
     Set(&'static str, FieldValue),
     /// The solver reports.
     Solving(Solving),
-    /// Stop solving.
+    /// Stops solving.
     Stop,
-    /// Solve what was stopped or failed.
+    /// Solves again after a stop or a failure.
     Again,
-    /// A pointer does something on the map.
+    /// A pointer action on the map.
     Point(Pointing),
-    /// A pointer does something on the tube.
+    /// A pointer action on the tube.
     Hold(Pointing),
-    /// The browser draws solids, or no longer.
+    /// Whether the browser can draw solids.
     Graphics(bool),
-    /// It has drawn one within so many ms.
+    /// It has drawn one in this time, ms.
     Drawn(f64),
-    /// The solid is wanted although it is slow.
+    /// Draws the solid although it is slow.
     Insist,
     /// A key was pressed.
     Key(Key),
-    /// Play optimally from the cross-hair, or no longer.
+    /// Starts or ends optimal play from the cross-hair.
     Play,
-    /// The link is to hold what is seen now.
+    /// Updates the link to the current view.
     Link,
-    /// The window is so many px wide.
+    /// The window has this width, px.
     Width(f64),
     /// Offers the picture as SVG.
     SaveSvg,
@@ -84,7 +84,7 @@ pub enum Msg {
     SavePng,
     /// Offers the value function as a NumPy archive.
     SaveNpz,
-    /// The solver that writes it reports.
+    /// A report of the solver that writes the archive.
     Writing(Solving),
 }
 
@@ -93,14 +93,14 @@ const SOLVE: &str = "value-function";
 /// Name of the solve whose result is a file.
 const FILE: &str = "value-function-file";
 const LINK: &str = "link";
-/// The link follows what is seen when nothing has changed for so long: browsers refuse more changes.
+/// The link is updated after this time without changes: browsers limit how often it may change.
 const LINK_AFTER_MS: f64 = 250.0;
 /// The canvas element's id.
 const CANVAS: &str = "solid";
-/// A solid that takes longer to draw does not turn smoothly, ms.
+/// Above this drawing time, ms, a solid does not turn smoothly.
 const SLOW_MS: f64 = 50.0;
-/// Most width of the tube's picture, px, and its height as a share of the width. A wider place enlarges it; a narrower
-/// one makes it smaller, but not its words.
+/// Maximum width of the tube's picture, px, and its height as a share of the width. A wider place
+/// enlarges it; a narrower one shrinks it, but not its text.
 const SOLID_PX: f64 = 640.0;
 const SOLID_HEIGHT: f64 = 0.75;
 
@@ -135,7 +135,8 @@ impl Reachability {
         (page, commands)
     }
 
-    /// Finds the value function of the view: at once if there is a closed form, else beside the page.
+    /// Finds the value function of the view: at once if there is a closed form, otherwise in a
+    /// worker.
     fn begin(&mut self, now_ms: f64) -> Commands<Msg> {
         self.missing = None;
         self.solving = None;
@@ -158,7 +159,7 @@ impl Reachability {
         }
     }
 
-    /// Takes the value function, found within `seconds`.
+    /// Takes the value function, and how long its solve took, s.
     fn take(&mut self, function: Result<ValueFunction, String>, seconds: Option<f64>) {
         self.solving = None;
         match function {
@@ -183,7 +184,7 @@ impl Reachability {
         }
     }
 
-    /// Takes the value of a control as a link would give it.
+    /// Takes the value of a control, in the format of a link.
     fn set(&mut self, name: &'static str, value: &FieldValue) {
         let text = match value {
             FieldValue::Number(Some(number)) => number.to_string(),
@@ -195,7 +196,7 @@ impl Reachability {
         }
     }
 
-    /// Moves the cross-hair to a place of the window, to a tenth of a centimetre.
+    /// Moves the cross-hair to a position in the window, rounded to 0.1 cm.
     fn aim(&mut self, at_m: [f64; 2]) {
         let Some(found) = &self.found else { return };
         let window = found.window();
@@ -241,13 +242,14 @@ impl Reachability {
         }
     }
 
-    /// Turns the tube with the pointer that holds it; the wheel makes it larger or smaller.
+    /// Turns the tube with the pointer that grabbed it; the wheel scales it.
     fn hold(&mut self, Pointing { at, does }: Pointing) {
         match does {
             Does::Press => self.held = Some((at, self.view.turned_deg)),
             Does::Drag => {
                 if let Some((from, [around, above])) = self.held {
-                    // The whole width is a turn, the whole height half a turn.
+                    // A drag across the whole width is a full turn, across the whole height half a
+                    // turn.
                     let [right, down] = [0, 1].map(|d| at[d] - from[d]);
                     let turned = [around - (360.0 * right) as i16, above + (180.0 * down) as i16];
                     self.look_from(turned);
@@ -269,22 +271,22 @@ impl Reachability {
         self.view.zoom_percent = percent.clamp(low, high);
     }
 
-    /// The box of the tube as it is seen.
+    /// The view of the tube's box.
     fn orbit(&self, found: &Found) -> Orbit {
         let zoom = f64::from(self.view.zoom_percent) / 100.0;
         let width = self.widths()[0].min(SOLID_PX);
         Orbit::new(found.window(), self.view.turned_deg, zoom, [width, SOLID_HEIGHT * width])
     }
 
-    /// Turns the relative heading by so many degrees.
+    /// Changes the relative heading by this number of degrees.
     fn turn(&mut self, by_deg: i16) {
         let psi = (i32::from(self.view.psi_deg) + i32::from(by_deg)).rem_euclid(360);
         self.view.psi_deg = psi as u16;
     }
 
-    /// Widths of the map and of the world, px: side by side where there is room for both.
+    /// Widths of the map and of the world, px: side by side if there is room for both.
     fn widths(&self) -> [f64; 2] {
-        // As the style sheet has it: the panel, room around the pictures and between them.
+        // Must match the style sheet: the panel, and the margins around and between the pictures.
         let is_narrow = self.window_px <= 760.0;
         let room = if is_narrow { self.window_px - 13.0 } else { self.window_px - 320.0 - 48.0 };
         let room = room.clamp(300.0, 992.0);
@@ -294,17 +296,17 @@ impl Reachability {
         }
     }
 
-    /// Where the numbers are read: under the pointer, else at the cross-hair.
+    /// The position whose numbers are shown: the pointer, or else the cross-hair.
     fn at_m(&self) -> [f64; 2] {
         self.pointer.unwrap_or(self.view.at_m)
     }
 
-    /// The relative state of the cross-hair or the pointer.
+    /// The relative state at this position.
     fn state(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         [x, y, self.view.psi()]
     }
 
-    /// Plays again if the game, the cross-hair or the heading changed, and draws what is to be seen.
+    /// Replays the game if it, the cross-hair or the heading has changed, and updates the tube.
     fn replay(&mut self) {
         let start = self.state(self.view.at_m);
         let widths = self.widths();
@@ -324,13 +326,13 @@ impl Reachability {
         }
     }
 
-    /// What lies over the map: the path of a game, the evader, and the pursuer at the cross-hair.
+    /// Marks over the map: the path of a game, the evader, and the pursuer at the cross-hair.
     fn marks(&self) -> Vec<Layer> {
         let path = self.game.iter().flatten().flat_map(Play::relative_path);
         path.chain(Map::vehicles(self.at_m(), self.view.psi())).collect()
     }
 
-    /// The picture as it is seen, for a file.
+    /// The current picture, for a file.
     fn drawing(&self) -> Option<Drawing> {
         let found = self.found.as_ref()?;
         match self.view.shown {
@@ -343,12 +345,12 @@ impl Reachability {
         }
     }
 
-    /// Whether the tube is a solid: the browser draws solids, and fast enough or on demand.
+    /// Whether the tube is shown as a solid: the browser can draw it, and fast enough or on demand.
     fn shows_solid(&self) -> bool {
         self.has_graphics && (self.insists || self.frame_ms.is_none_or(|ms| ms <= SLOW_MS))
     }
 
-    /// The tube cut at eight headings, for browsers that draw no solids.
+    /// The tube cut at eight headings, for browsers that cannot draw solids.
     fn small_multiples(&self, found: &Found) -> Drawing {
         let headings = [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0];
         slices(found.function(), &headings, &[self.view.level_m])
@@ -363,7 +365,7 @@ impl Reachability {
         download.into_iter().collect()
     }
 
-    /// Solves again for a file: what the page has is rounded to a millimetre.
+    /// Solves again for a file, because the page's values are rounded to a millimetre.
     fn begin_file(&mut self) -> Commands<Msg> {
         self.writing = Some(Ok(0.0));
         let task = Task { as_archive: true, ..task(&self.view) };
@@ -383,14 +385,14 @@ impl Reachability {
         Vec::new()
     }
 
-    /// The link to what is seen now.
+    /// The link to the current view.
     fn address(&self) -> String {
         let query = self.view.query();
         let mark = if query.is_empty() { "" } else { "?" };
         format!("/lab/reachability{mark}{query}")
     }
 
-    /// Name of a file with this ending.
+    /// A file name with this extension.
     fn file_name(&self, ending: &str) -> String {
         let psi = self.view.psi_deg;
         match self.view.shown {
@@ -401,7 +403,7 @@ impl Reachability {
     }
 }
 
-/// What a solver is to do for a view.
+/// The solver's task for a view.
 fn task(view: &View) -> Task {
     let horizon_s = view.horizon_s.is_finite().then_some(view.horizon_s);
     Task {

@@ -1,5 +1,5 @@
-//! The replay of one trial: a time slider, the safety levels, the predicted sets
-//! and what the participant really did.
+//! The replay of one trial: a time slider, the safety levels, the predicted sets, and the
+//! participant's actual drive.
 
 mod chart;
 mod choice;
@@ -36,34 +36,34 @@ use std::rc::Rc;
 
 /// The page of one trial.
 pub enum ReplayPage {
-    /// The trial is on its way, to be seen as the address says. What comes before it waits.
+    /// The trial is loading; the address describes the view. Messages before it arrives are queued.
     Loading(Address, Vec<Msg>),
     /// There is nothing to replay, for this reason.
     Failed(String),
-    /// The trial is here.
+    /// The trial is loaded.
     Open(Box<Replay>),
 }
 
-/// What the replay can be told.
+/// Messages to the replay.
 #[derive(Clone, Debug)]
 pub enum Msg {
     /// The server sent the trial.
     Trial(Answer),
-    /// The server sent the predictor of this pane, or what it is learned from.
+    /// The server sent the predictor of this pane, or the data to learn it from.
     Predictor(Pane, Answer),
-    /// Another predictor is to be used in this pane.
+    /// Use another predictor in this pane.
     Choose(Pane, FieldValue),
-    /// The predictor in this file is to be used in this pane.
+    /// Use the predictor in this file in this pane.
     Open(Pane, FieldValue),
-    /// Shows what finds a model for this pane, or hides it.
+    /// Shows or hides the model finder for this pane.
     Find(Pane),
-    /// What finds models is told something.
+    /// A message to the model finder.
     Finder(finder::Msg),
     /// Shows or hides the second pane.
     Beside,
     /// The server sent the participant's tasks.
     Drives(Answer),
-    /// The evaluator reports how often the sets of this pane hold the future.
+    /// A report of the evaluator on how often the sets of this pane contain the future.
     Chances(Pane, Answer),
     /// The server listed the study's analyses.
     Analyses(Answer),
@@ -73,7 +73,7 @@ pub enum Msg {
     ValueFunction(Evader, Solving),
     /// Stop solving.
     StopSolving,
-    /// Ask for, or solve, again what is missing.
+    /// Request, or solve, again the functions that are missing.
     SolveAgain,
     /// A key was pressed.
     Key(Key),
@@ -81,17 +81,17 @@ pub enum Msg {
     Play,
     /// Goes to this time, s.
     Seek(f64),
-    /// Goes to the beginning of the step so many steps from here.
+    /// Moves this many steps, to the start of a step.
     Step(i32),
     /// Plays at this speed.
     Speed(FieldValue),
-    /// Plays one trial after the other, or stops at the end of this one.
+    /// Plays trials one after another, or stops at the end of this one.
     InARow,
-    /// What is drawn of the predicted sets.
+    /// Which predicted sets to draw.
     Sets(FieldValue),
     /// The colours of the predicted sets.
     Colours(FieldValue),
-    /// The levels of this vehicle's value function.
+    /// Which levels of this vehicle's value function to draw.
     Levels(Evader, FieldValue),
     /// Shows or hides the layer at this place in [`LAYERS`].
     Layer(usize),
@@ -103,13 +103,13 @@ pub enum Msg {
     SaveSvg,
     /// Offers the picture as PNG.
     SavePng,
-    /// Films what is played from here on, or ends the film.
+    /// Starts or ends filming the playback.
     Film,
-    /// The film has ended, or there is none for this reason.
+    /// The film has ended, or failed for this reason.
     Filmed(Result<(), String>),
-    /// The numbers are to be shown anew while it plays.
+    /// Time to update the numbers during playback.
     Frame,
-    /// The link is brought up to date.
+    /// Updates the link.
     Link,
 }
 
@@ -119,14 +119,14 @@ impl ReplayPage {
     pub fn open(trial_id: &str, address: &Address) -> (Self, Commands<Msg>) {
         let trial = Request::get("trial", routes::admin_trial(trial_id), Msg::Trial);
         let mut commands = vec![Command::Send(trial)];
-        // The server trains the predictor, which takes longest: it does so while the trial comes.
+        // The server's training takes longest, so it runs while the trial is loading.
         if let Ask::Server(predictor) = first_choice(address).ask(trial_id) {
             commands.push(predictor);
         }
         (Self::Loading(address.clone(), Vec::new()), commands)
     }
 
-    /// Shows the trial that has come, and takes what came before it.
+    /// Shows the trial that has arrived, and handles the queued messages.
     fn arrived(&mut self, answer: Answer, now_ms: f64) -> Commands<Msg> {
         let Self::Loading(address, early) = self else { return Vec::new() };
         let trial = read(answer).map_err(|Failure { status, sentence, .. }| match status {
@@ -149,7 +149,7 @@ impl ReplayPage {
     }
 }
 
-/// What the address has predicted in the first pane.
+/// The predictor of the first pane in the address.
 fn first_choice(address: &Address) -> Choice {
     let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
     Choice::new(Pane::First, Source::of_query(query).unwrap_or_default().0)
@@ -221,51 +221,51 @@ impl Page for ReplayPage {
     }
 }
 
-/// A trial that is replayed.
+/// A trial in replay.
 pub struct Replay {
     trial: TrialDetail,
     sources: Sources<Msg>,
     choice: Choice,
-    /// The participant's tasks, once they are asked for.
+    /// The participant's tasks, once requested.
     tasks: Option<Tasks>,
     chances: Chances,
     /// The participant's models in the newest analysis.
     offered: Offered,
-    /// What finds a model of any analysis, while it is shown.
+    /// The model finder, while shown.
     finder: Option<Finder>,
     playback: Playback,
-    /// The second pane, while it is shown.
+    /// The second pane, while shown.
     beside: Option<Box<Beside>>,
     view: View,
     /// Whether the next trial follows at the end.
     in_a_row: bool,
-    /// While it plays.
+    /// State of playback, while it plays.
     playing: Option<Playing>,
-    /// While it is filmed. A film lasts as long as it plays.
+    /// Whether it is being filmed. A film ends when playback pauses.
     filming: bool,
     shows_legend: bool,
     shows_numbers: bool,
     strip: Strip,
-    /// What there is to see at this moment.
+    /// The current picture.
     picture: Picture,
-    /// What is wrong, if something is.
+    /// An error message, if any.
     trouble: Option<String>,
-    /// What of the link could not be used.
+    /// Errors in the link.
     misread: Option<String>,
-    /// Why there is no film, if one was asked for.
+    /// The reason why a requested film failed.
     unfilmed: Option<String>,
 }
 
 /// Times on the page's clock, ms.
 #[derive(Clone, Copy)]
 struct Playing {
-    /// Up to which it has played.
+    /// Time up to which it has played.
     until_ms: f64,
-    /// When the numbers were shown last.
+    /// When the numbers were last updated.
     shown_ms: f64,
 }
 
-/// Numbers that change more often cannot be read.
+/// Interval between two updates of the numbers; faster changes are unreadable.
 const NUMBERS_EVERY_MS: f64 = 60.0;
 
 impl Replay {
@@ -281,7 +281,7 @@ impl Replay {
         let misread = looked.as_ref().err().or(sources.as_ref().err());
         let misread = misread.map(|invalid| {
             let what = if looked.is_err() { "view" } else { "choice of predictors" };
-            format!("The link is not valid, so the usual {what} is shown: {invalid}.")
+            format!("The link is not valid, so the default {what} is shown: {invalid}.")
         });
         let misread = misread.or_else(|| {
             parts::unknown(address, &[&View::NAMES, &Source::NAMES, &View::PAGE_NAMES])
@@ -318,7 +318,7 @@ impl Replay {
             replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
         }
         let mut commands = replay.sources.begin();
-        // What the server has to say of the predictor is on its way already.
+        // The server's answer about the predictor is being loaded already.
         if let Ask::Nobody(method) = replay.choice.ask(&replay.trial.summary.trial_id) {
             replay.take(Pane::First, method.map(|method| *method));
         }
@@ -331,13 +331,13 @@ impl Replay {
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         let mut commands = Vec::new();
         if matches!(message, Msg::Link) {
-            // While it plays, the link stays what it was.
+            // During playback the link stays unchanged.
             let link = (!self.is_playing()).then(|| Command::ReplaceAddress(self.address()));
             return link.into_iter().collect();
         }
-        // Whatever changes the view changes the link to it.
+        // Any change of the view updates the link.
         let before = (!self.is_playing()).then(|| self.address());
-        // The panes that may predict in another way after it.
+        // Panes whose prediction may change.
         let panes = match &message {
             Msg::Predictor(pane, _) | Msg::Choose(pane, _) | Msg::Open(pane, _) => vec![*pane],
             Msg::ValueFunction(..) | Msg::Drives(_) => vec![Pane::First, Pane::Second],
@@ -357,7 +357,7 @@ impl Replay {
             Msg::Open(pane, content) => {
                 let learned = self.pane(pane).and_then(|(choice, _)| choice.open(&content));
                 if let Some(learned) = learned {
-                    // What is on its way is not wanted any more.
+                    // The pending request is obsolete.
                     commands = vec![Command::Cancel(pane.request())];
                     self.take(pane, Ok(learned.into()));
                 }
@@ -442,7 +442,7 @@ impl Replay {
         commands
     }
 
-    /// The link to what is seen now.
+    /// The link to the current view.
     fn address(&self) -> String {
         self.link(&self.trial.summary.trial_id, &self.view)
     }
@@ -460,7 +460,7 @@ impl Replay {
         format!("/lab/replay/{trial_id}{mark}{}", parts.join("&"))
     }
 
-    /// The link to another trial, seen like this one from its start.
+    /// The link to another trial from its start, in the same view.
     fn link_to(&self, trial_id: &str) -> String {
         self.link(trial_id, &View { time_s: 0.0, ..self.view.clone() })
     }
@@ -470,7 +470,7 @@ impl Replay {
         trial_heading(study, summary.participant_number, &summary.scene_words(), *synthetic)
     }
 
-    /// Takes the value of a control as a link would give it. A value that is not valid changes nothing.
+    /// Takes the value of a control, in the format of a link. An invalid value changes nothing.
     fn set(&mut self, name: &str, value: &FieldValue) {
         let mut view = self.view.clone();
         match view.set(name, value.text()) {
@@ -529,7 +529,8 @@ impl Replay {
         }
     }
 
-    /// Goes so many steps on or back. Between two steps, the first step back is the begin of the present one.
+    /// Moves this many steps. Between two steps, the first step back is to the start of the current
+    /// one.
     fn step(&mut self, by: i32) {
         let (step_s, now) = (self.trial.parameters.step_s, self.playback.now());
         let is_between = now.time_s > (now.step as f64 + 1e-6) * step_s;
@@ -538,7 +539,7 @@ impl Replay {
         self.view.time_s = f64::from((from + by).clamp(0, last)) * step_s;
     }
 
-    /// Plays on to `now_ms`. Returns a message when the numbers are to be shown anew.
+    /// Plays on to `now_ms`. Returns a message when the numbers must be updated.
     fn play_to(&mut self, now_ms: f64) -> Option<Msg> {
         let playing = self.playing.as_mut()?;
         let seconds = (now_ms - playing.until_ms).max(0.0) / 1000.0;
@@ -560,7 +561,7 @@ impl Replay {
         None
     }
 
-    /// Films what is played from here to the end, or to the next pause.
+    /// Films playback from here to the end, or to the next pause.
     fn film(&mut self, now_ms: f64) -> Commands<Msg> {
         self.playing = None;
         self.play_or_pause(now_ms);
@@ -574,7 +575,7 @@ impl Replay {
         })]
     }
 
-    /// It has played to the end: the next trial follows, if one is to. A film is of one trial.
+    /// At the end of playback, goes to the next trial if requested. A film is of one trial.
     fn at_the_end(&self) -> Commands<Msg> {
         let is_over = self.view.time_s >= self.playback.duration_s();
         let goes_on = self.in_a_row && is_over && !self.filming;
@@ -582,7 +583,7 @@ impl Replay {
         next.map(|next| Command::Visit(self.link_to(next))).into_iter().collect()
     }
 
-    /// Works out what there is to see at this moment.
+    /// Updates the picture.
     fn show(&mut self) {
         self.trouble = self.playback.go(&self.view).err().map(|invalid| invalid.to_string());
         let picture = &mut self.picture;
@@ -600,7 +601,7 @@ impl Replay {
         beside.playback.paint(&self.view, &mut beside.picture);
     }
 
-    /// Study, participant, scene and time, with nothing that a file's name must not have.
+    /// Study, participant, scene and time, without characters that file names must not contain.
     fn file_name(&self, ending: &str) -> String {
         let time = self.playback.now().time_s;
         let words = format!("{} {time:.1} s", self.title()).replace(" / ", " ");
@@ -615,7 +616,7 @@ const CANVAS: &str = "replay";
 const CANVAS_BESIDE: &str = "replay-beside";
 /// The name of the timer of the link.
 const LINK: &str = "link";
-/// How long the link stays behind, ms: browsers do not let a page change its address at every move.
+/// Delay of updates to the link, ms: browsers limit how often a page changes its address.
 const LINK_AFTER_MS: f64 = 250.0;
 /// The name of the film.
 const FILM: &str = "film";

@@ -1,5 +1,5 @@
-//! Where a page that draws scenes gets their value functions: from the server if it has solved them,
-//! otherwise from a solver beside the page.
+//! Source of value functions for a page that draws scenes: the server if it has solved them,
+//! otherwise a solver beside the page.
 
 use super::parts::button;
 use crate::runtime::{Answer, Command, Commands, Request, Solving};
@@ -10,33 +10,33 @@ use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, SceneParameters};
 use std::rc::Rc;
 
-/// The functions of both vehicles as evaders, or how far each has come. One alone serves both.
+/// The functions of both vehicles as evaders, or their progress. One may serve both.
 pub(super) struct Sources<M> {
     sources: Vec<Source>,
-    /// The message of what the server or a solver reports.
+    /// Turns a report of the server or a solver into a message.
     report: fn(Evader, Solving) -> M,
 }
 
-/// Where one function comes from, and how far it has come.
+/// The source of one function, and its progress.
 struct Source {
     evader: Evader,
-    /// Its id on the server; none if a solver beside this page finds it.
+    /// Its id on the server; `None` if a solver beside this page finds it.
     id: Option<String>,
     game: PursuitGame,
     state: State,
 }
 
 enum State {
-    /// Under way; the share that is done.
+    /// In progress; the share done.
     Underway(f64),
-    /// It is here.
+    /// It is loaded.
     Known(ValueFunction),
-    /// It did not come, for this reason.
+    /// It failed, for this reason.
     Missing(String),
 }
 
 impl Source {
-    /// Begins, or begins again.
+    /// Requests or solves it, possibly again.
     fn ask<M: 'static>(&mut self, report: fn(Evader, Solving) -> M) -> Command<M> {
         self.state = State::Underway(0.0);
         let (name, evader) = (self.name(), self.evader);
@@ -73,8 +73,8 @@ impl Source {
 }
 
 impl<M: Clone + 'static> Sources<M> {
-    /// Nothing is there, and nothing was asked for. `ids` are those of V_HR and V_RH on the server, if it has
-    /// solved them.
+    /// Creates the sources without any requests. `ids` are those of V_HR and V_RH on the server, if
+    /// it has solved them.
     pub(super) fn new(
         parameters: &SceneParameters,
         ids: [Option<&str>; 2],
@@ -93,18 +93,18 @@ impl<M: Clone + 'static> Sources<M> {
         Self { sources, report }
     }
 
-    /// Asks for everything.
+    /// Requests all functions.
     pub(super) fn begin(&mut self) -> Commands<M> {
         self.sources.iter_mut().map(|source| source.ask(self.report)).collect()
     }
 
-    /// Asks again for what is missing.
+    /// Requests again what is missing.
     pub(super) fn retry(&mut self) -> Commands<M> {
         let missing = self.sources.iter_mut().filter(|s| matches!(s.state, State::Missing(_)));
         missing.map(|source| source.ask(self.report)).collect()
     }
 
-    /// Cancels what is being solved here.
+    /// Cancels the solves on this page.
     pub(super) fn stop(&mut self) -> Commands<M> {
         let solving = self.sources.iter_mut().filter(|s| s.is_solved_here() && s.is_underway());
         let stop = |source: &mut Source| {
@@ -114,7 +114,7 @@ impl<M: Clone + 'static> Sources<M> {
         solving.map(stop).collect()
     }
 
-    /// Takes what the server or the solver reports on `evader`; it may come too late.
+    /// Takes a report of the server or the solver on `evader`; an outdated one is ignored.
     pub(super) fn take(&mut self, evader: Evader, solving: Solving) {
         let source = self.sources.iter_mut().find(|s| s.evader == evader && s.is_underway());
         if let Some(source) = source {
@@ -129,7 +129,7 @@ impl<M: Clone + 'static> Sources<M> {
         }
     }
 
-    /// Both functions, once they are here.
+    /// Both functions, once loaded.
     pub(super) fn functions(&self) -> Option<SafetyLevels> {
         let known = |source: &Source| match &source.state {
             State::Known(function) => Some(function.clone()),
@@ -140,7 +140,7 @@ impl<M: Clone + 'static> Sources<M> {
         Some(SafetyLevels { human, robot })
     }
 
-    /// Why there will be no functions, if one did not come.
+    /// The reason why the functions are unavailable, if one failed.
     pub(super) fn missing(&self) -> Option<&str> {
         self.sources.iter().find_map(|source| match &source.state {
             State::Missing(why) => Some(why.as_str()),
@@ -148,7 +148,7 @@ impl<M: Clone + 'static> Sources<M> {
         })
     }
 
-    /// Where they come from, for the facts of the trial.
+    /// The origin of the functions, for the facts of the trial.
     pub(super) fn words(&self) -> &'static str {
         let any = |holds: fn(&Source) -> bool| self.sources.iter().any(holds);
         if self.missing().is_some() {
@@ -164,7 +164,7 @@ impl<M: Clone + 'static> Sources<M> {
         }
     }
 
-    /// The note over the scene: progress, or what went wrong, with buttons that send these messages.
+    /// The notice over the scene: progress, or an error, with buttons that send these messages.
     pub(super) fn notice(&self, stop: M, again: M) -> Option<Node<M>> {
         if let Some(why) = self.missing() {
             return Some(trouble(why, again));

@@ -1,5 +1,5 @@
-//! How far our models are from scikit-learn's of the same rows and settings, B_hrd of all people.
-//! Tests bound these numbers; `cargo xtask validate learning` prints them.
+//! Differences between our models and scikit-learn's on the same rows and settings, B_hrd of all
+//! people. Tests bound these numbers; `cargo xtask validate learning` prints them.
 
 use super::{Lr, PEOPLE, WIDTH, classes, lines, lowest_class, peer, peer_by_newton, person, said};
 use serde::{Deserialize, Serialize};
@@ -20,15 +20,15 @@ pub(crate) fn furthest<'a>(
 /// Largest differences of logistic regressions.
 #[derive(Default, Serialize)]
 pub(crate) struct LogisticApart {
-    /// Of means and standard deviations that features are put on a scale by.
+    /// Of the means and standard deviations for scaling.
     pub(crate) scale: f64,
     /// Of weights and intercepts from scikit-learn's Newton solver, C = 0.001, 1 and 100.
     pub(crate) newton: f64,
-    /// From the reference's, by L-BFGS, C = 1.
+    /// Of weights and intercepts from the reference's by L-BFGS, C = 1.
     pub(crate) lbfgs: f64,
     /// Of probabilities of test rows from the reference's.
     pub(crate) probability: f64,
-    /// Probabilities compared.
+    /// Number of probabilities compared.
     pub(crate) probabilities: usize,
 }
 
@@ -44,7 +44,7 @@ pub(crate) fn logistic(experiment: usize) -> LogisticApart {
         apart.scale = apart.scale.max(of_scale);
         let samples = standard.samples(experiment);
         let of_weights = |model: &Logistic, expected: &Lr| {
-            // Of two classes, scikit-learn writes down the second's weights only.
+            // For two classes, scikit-learn outputs only the second's weights.
             let skip = classes(experiment) - expected.coef.len();
             let found = model.coefficients()[skip..].concat();
             let weights = furthest(&found, expected.coef.iter().flatten());
@@ -80,9 +80,9 @@ pub(crate) fn logistic(experiment: usize) -> LogisticApart {
 /// Differences of support vector machines, RBF, C = 1.
 #[derive(Default, Serialize)]
 pub(crate) struct SvmsApart {
-    /// Test rows.
+    /// Number of test rows.
     pub(crate) rows: usize,
-    /// Of them, how many are predicted otherwise.
+    /// Number of rows predicted differently.
     pub(crate) different: usize,
     /// Largest difference of a decision value.
     pub(crate) decision: f64,
@@ -95,13 +95,13 @@ pub(crate) fn svms(experiment: usize) -> SvmsApart {
         let (training, test) = person(participant, experiment);
         let kernel = Kernel::Rbf { gamma: peer(participant, experiment).svc.gamma };
         let target = Target { labels: &training.labels, classes: k };
-        // No probabilities are asked for.
+        // Probabilities are not used.
         let sigmoids = vec![Sigmoid { a: -1.0, b: 0.0 }; pair_count(k)];
         let settings = SvmSettings::new(kernel, 1.0);
         let (scale, svm) =
             svm::fit(WIDTH, &training.values, target, settings, sigmoids).expect("an SVM");
         for (values, row) in test.values.chunks_exact(WIDTH).zip(said(participant, experiment)) {
-            // Of two classes scikit-learn turns the sign: positive for the second.
+            // For two classes scikit-learn flips the sign: positive for the second.
             let sign = if k == 2 { -1.0 } else { 1.0 };
             for (pair, decision) in svm.decisions(&scale, values).iter().enumerate() {
                 let expected = row[&format!("svc_dec{pair}")];
@@ -115,20 +115,20 @@ pub(crate) fn svms(experiment: usize) -> SvmsApart {
     apart
 }
 
-/// Differences of trees, depth 6, leaves of 5 or more.
+/// Differences of trees with depth 6 and leaves of 5 or more.
 #[derive(Default, Serialize)]
 pub(crate) struct TreesApart {
-    /// Test rows.
+    /// Number of test rows.
     pub(crate) rows: usize,
-    /// Of them, how many the reference flags: one of six random states says something else.
+    /// Number of rows that the reference flags: one of six random states differs.
     pub(crate) flagged: usize,
-    /// How many a thousand random states do not agree on.
+    /// Number of rows on which a thousand random states disagree.
     pub(crate) ties: usize,
-    /// Of these rows, how many are predicted otherwise.
+    /// Number of these rows predicted differently.
     pub(crate) different_ties: usize,
-    /// Other rows that are predicted otherwise.
+    /// Number of other rows predicted differently.
     pub(crate) different: usize,
-    /// Largest difference of a share of classes in the leaf of such other rows.
+    /// Largest difference of a class share in the leaf of those other rows.
     pub(crate) share: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The synthetic participants' features and what scikit-learn made of them
+//! The synthetic participants' features, and scikit-learn's results on them
 //! (`tests/data/README.md`).
 #![allow(dead_code, reason = "each test uses some of it")]
 
@@ -27,7 +27,7 @@ pub(crate) struct FeatureRow {
     y2: i8,
 }
 
-/// The rows of `features.csv` in their order.
+/// The rows of `features.csv` in order.
 pub(crate) fn feature_rows() -> Vec<FeatureRow> {
     let mut reader = csv::Reader::from_reader(include_str!("../../data/features.csv").as_bytes());
     let rows = reader.records().map(|record| record.and_then(|record| record.deserialize(None)));
@@ -55,7 +55,7 @@ impl Rows {
             .expect("rows of numbers")
     }
 
-    /// The rows' scale, and the rows on it.
+    /// The scaler of the rows, and the scaled rows.
     pub(crate) fn standardised(self) -> (Scale, Self) {
         let (scale, values) = Scale::standardised(WIDTH, &self.values);
         (scale, Self { values, ..self })
@@ -72,7 +72,7 @@ pub(crate) fn classes(experiment: usize) -> usize {
     if experiment == 1 { 3 } else { 2 }
 }
 
-/// The class with label 0: −1, 0, 1 in experiment I and 0, 1 in experiment II.
+/// The class with label 0; classes are −1, 0, 1 in experiment I and 0, 1 in experiment II.
 pub(crate) fn lowest_class(experiment: usize) -> f64 {
     if experiment == 1 { -1.0 } else { 0.0 }
 }
@@ -121,7 +121,7 @@ pub(crate) fn peer_by_newton(participant: usize, experiment: usize, c: f64) -> L
     all.remove(&format!("p{participant}_exp{experiment}_c{c}")).expect("a model")
 }
 
-/// What scikit-learn's models say of a person's trials 40–49, by column name.
+/// Outputs of scikit-learn's models for a person's trials 40–49, by column name.
 pub(crate) fn said(participant: usize, experiment: usize) -> Vec<HashMap<String, f64>> {
     let text = match experiment {
         1 => include_str!("../../data/sk_open_hrd_exp1.csv"),

@@ -1,4 +1,4 @@
-//! Rank tests over the reference's accuracies, against scipy's permutation distributions.
+//! Rank tests over the reference's accuracies, against SciPy's permutation distributions.
 
 use super::lines;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ pub(crate) fn reference() -> Vec<Reference> {
     lines(include_str!("../../data/sklearn_cells.csv"))
 }
 
-/// Comparisons, and the largest differences of p-values.
+/// Number of comparisons, and the largest differences of p-values.
 #[derive(Default, Serialize)]
 pub(crate) struct RanksApart {
     pub(crate) compared: usize,
@@ -28,7 +28,7 @@ pub(crate) struct RanksApart {
     pub(crate) wilcoxon: f64,
 }
 
-/// p-values by scipy over the eight accuracies of the reference, ties included.
+/// p-values by SciPy over the eight accuracies of the reference, including ties.
 #[derive(Deserialize)]
 struct Scipy {
     model: String,
@@ -49,7 +49,7 @@ pub(crate) fn ranks() -> RanksApart {
                 .filter(|cell| (&*cell.model, cell.experiment, &*cell.features) == wanted)
                 .collect()
         };
-        // Of both kernels the one that did better in cross-validation.
+        // The kernel that was better in cross-validation.
         let better = |(rbf, linear): (&Reference, &Reference)| {
             let linear_wins = linear.cv_accuracy > rbf.cv_accuracy + 1e-12;
             if linear_wins { linear.test_accuracy } else { rbf.test_accuracy }

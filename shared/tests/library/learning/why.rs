@@ -4,28 +4,29 @@ use serde::Serialize;
 use serde_json::Value;
 use std::cmp::Ordering;
 
-/// Rows that are predicted right: of the training rows, where their fold is held out, and of the
-/// test rows.
+/// Numbers of rows predicted right: of training rows while their fold is held out, and of test
+/// rows.
 #[derive(Serialize)]
 pub(crate) struct Right {
     pub(crate) cv: usize,
     pub(crate) test: usize,
 }
 
-/// One setting, and what gets how many rows right under it.
+/// A setting, and the numbers of rows predicted right with it.
 #[derive(Serialize)]
 pub(crate) struct Choice {
     pub(crate) hyperparameters: Value,
     /// Our models.
     pub(crate) ours: Right,
-    /// scikit-learn as the reference called it.
+    /// scikit-learn with the reference's settings.
     pub(crate) scikit_learn: Right,
-    /// scikit-learn to the end, or the fewest and most of many random states of trees.
+    /// scikit-learn run to convergence, or the minimum and maximum over many random states of
+    /// trees.
     pub(crate) to_the_end: [Right; 2],
 }
 
-/// The reason, in the words of `docs/validation/learning.md`, which explains them: `open` if there
-/// is none.
+/// The reason, in the words of `docs/validation/learning.md`, which explains them: `open` if it is
+/// unknown.
 pub(crate) fn why(model: &str, theirs: &Choice, ours: &Choice) -> &'static str {
     if model == "dt" {
         let within = |choice: &Choice| {
@@ -36,7 +37,7 @@ pub(crate) fn why(model: &str, theirs: &Choice, ours: &Choice) -> &'static str {
         return if within(theirs) && within(ours) { "equal splits" } else { "open" };
     }
     let [end, of_theirs] = [&ours.to_the_end[0], &theirs.to_the_end[0]];
-    // The solver at its end gets what we get, under our setting.
+    // The converged solver gets our result with our setting.
     if end.test != ours.ours.test {
         return "open";
     }
@@ -52,19 +53,19 @@ pub(crate) fn why(model: &str, theirs: &Choice, ours: &Choice) -> &'static str {
     }
 }
 
-/// Numbers of a setting by name; 1 and 1.0 are the same.
+/// Compares the numbers of settings by name; 1 and 1.0 are equal.
 pub(crate) fn same_setting(one: &Choice, other: &Choice) -> bool {
     same_numbers(&one.hyperparameters, &other.hyperparameters)
 }
 
-/// Whether two objects have the same entries, 1 being 1.0.
+/// Whether two objects have the same entries, with 1 equal to 1.0.
 pub(crate) fn same_numbers(a: &Value, b: &Value) -> bool {
     let (Some(a), Some(b)) = (a.as_object(), b.as_object()) else { return false };
     a.len() == b.len()
         && a.iter().all(|(name, a)| b.get(name).is_some_and(|b| a.as_f64() == b.as_f64()))
 }
 
-/// Whether the one comes before the other in the order of the grid, in which C, then γ rise.
+/// Whether one comes before the other in grid order: by increasing C, then γ.
 fn first_in_grid(one: &Choice, other: &Choice) -> bool {
     let place = |choice: &Choice| ["C", "gamma"].map(|name| choice.hyperparameters[name].as_f64());
     place(one) < place(other)

@@ -17,7 +17,7 @@ use std::ops::ControlFlow;
 /// Tasks of each participant.
 pub(crate) const TASKS: usize = 50;
 
-/// Drives of a predictor's training and of a calibration; the rest is for the test.
+/// Drives for a predictor's training and for a calibration; the rest are for the test.
 pub(crate) const TRAINING: usize = 160;
 pub(crate) const CALIBRATION: usize = 120;
 
@@ -38,7 +38,7 @@ pub(crate) fn drives() -> Vec<Driven> {
     drives
 }
 
-/// The drive as a trajectory: its last input leads to no recorded state.
+/// The drive as a trajectory, without its last input, which leads to no recorded state.
 pub(crate) fn trajectory((inputs, states): &Driven) -> Trajectory {
     let human = SceneParameters::default().human;
     let rates = inputs[..inputs.len() - 1].iter().map(|&input| human.turn_rate(input));
@@ -61,8 +61,8 @@ pub(crate) fn trained<'a>(
     logistic(&Dataset::from_trials(&features, safety, rows)).expect("a fit")
 }
 
-/// The drives split at random: participants and scenes are mixed in each part, so that the parts are
-/// exchangeable. And a predictor that was trained on the training part.
+/// Random split of the drives: participants and scenes are mixed in each part, so the parts are
+/// exchangeable. Also returns a predictor trained on the training part.
 pub(crate) fn split(drives: &[Driven], seed: u64, safety: &SafetyLevels) -> (Predictor, Sample) {
     let order = SeededRng::new(seed).permutation(drives.len());
     let (training, rest) = order.split_at(TRAINING);

@@ -1,4 +1,4 @@
-//! Bodies that are none.
+//! Invalid bodies.
 
 use reqwest::Method;
 use serde_json::{Value, json};
@@ -51,7 +51,7 @@ pub(super) async fn case_02_long_and_chunked_bodies(server: &Server) {
     let driver = Driver::enrol(server).await;
     let long = vec![b' '; 300_000];
     put(server, &driver, JSON, long.clone()).await.problem(413, "too_large", None);
-    // Without a length in front: the limit is on what arrives.
+    // Without a content length: the limit applies to the bytes that arrive.
     let pieces = long.chunks(1000).map(|piece| Ok::<_, std::io::Error>(piece.to_vec()));
     let pieces: Vec<_> = pieces.collect();
     let body = reqwest::Body::wrap_stream(futures_util::stream::iter(pieces));

@@ -1,17 +1,17 @@
-//! Trouble below the server, and what its log says.
+//! Faults below the server, and its log.
 
 use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{Enrolled, Progress, routes};
 use sidestep_tests::{Answer, Driver, Folder, Process, driven, run};
 
-/// Nothing is acknowledged that is not stored, and what was acknowledged survives a sudden death.
+/// Only stored trials are acknowledged, and acknowledged ones survive SIGKILL.
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn case_30_a_full_disk_and_a_kill() {
     let folder = Folder::default();
     let database = folder.database("sidestep.db");
-    // Writing beyond the limit is an error, and not the end.
+    // Writing beyond the limit must be an error, not a fatal signal.
     let launcher = ["env", "--ignore-signal=XFSZ"];
     let server = Process::start_through(&launcher, &folder, &database).await;
     let limit = |bytes: &str| {

@@ -28,10 +28,10 @@ pub(super) async fn case_27_guessing_keys_and_old_cookies(server: &Server) {
     assert_eq!(throttled.status(), 429);
     let wait: u64 = throttled.headers()["retry-after"].to_str().unwrap().parse().unwrap();
     assert!((1..=60).contains(&wait));
-    // Participants do not notice.
+    // Participants are not affected.
     assert_eq!(Driver::enrol(server).await.scenes().len(), 5);
 
-    // A cookie that somebody else set is not taken over, and each session has its own.
+    // A cookie set by someone else is not adopted, and each session has its own.
     let fixed = "sidestep_session=fixed";
     let request = server.request(Method::POST, routes::SESSION).header("cookie", fixed);
     let first = request.json(&json!({ "key": server.key })).send().await.unwrap();
@@ -40,14 +40,14 @@ pub(super) async fn case_27_guessing_keys_and_old_cookies(server: &Server) {
     assert!(first != fixed && first != second);
     assert_eq!(with_cookie(server, Method::GET, fixed).await.status, 401);
     assert_eq!(with_cookie(server, Method::GET, &first).await.status, 200);
-    // The old cookie is worth nothing to someone who kept it.
+    // The old cookie is worthless to someone who kept it.
     assert_eq!(with_cookie(server, Method::DELETE, &first).await.status, 204);
     assert_eq!(with_cookie(server, Method::GET, &first).await.status, 401);
     assert_eq!(with_cookie(server, Method::GET, &second).await.status, 200);
 }
 
-/// All guesses and the right key come from the same address, as behind a proxy. The time that a comparison
-/// takes says nothing, since keys are looked up by their hashes.
+/// All guesses and the right key come from the same address, as behind a proxy. Comparison times
+/// leak nothing, because keys are looked up by their hashes.
 pub(super) async fn case_28_the_right_key_among_wrong_ones(server: &Server) {
     let guess = async |i: usize| sign_in(server, &format!("guess {i}")).await;
     let guesses = join_all((0..100).map(guess)).await;

@@ -1,4 +1,4 @@
-//! What other sites' pages can do with this one's.
+//! Attacks from pages of other sites.
 
 use reqwest::Method;
 use serde_json::json;

@@ -1,4 +1,4 @@
-//! Addresses, parameters and texts that are meant for something else.
+//! Malicious paths, parameters and texts.
 
 use reqwest::Method;
 use serde_json::json;

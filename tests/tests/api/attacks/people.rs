@@ -1,4 +1,4 @@
-//! Who somebody is, and what that allows.
+//! Identities and their permissions.
 
 use reqwest::Method;
 use serde_json::json;
@@ -72,7 +72,7 @@ pub(super) async fn case_18_forged_external_ids(server: &Server) {
     for same in ["p1", " P1 ", "P1"] {
         let known: Enrolled = ask(same).await.into(200);
         assert_eq!(known.participant_id, person.participant_id, "{same:?} is the same person");
-        // Whoever knows the id goes on, and takes nothing away.
+        // Someone who knows the id can continue, but learns nothing.
         let other = Driver { enrolled: known };
         for data in ["keep", "delete"] {
             other.withdraw(server, data).await.problem(403, "not_yours", None);
@@ -110,7 +110,7 @@ pub(super) async fn case_19_return_links_lead_nowhere_else(server: &Server) {
         assert_eq!(answer.status, 422, "{url}: {}", answer.body);
     }
     assert_eq!(make("https://app.prolific.com/done?code={code}").await.status, 201);
-    // No page redirects to what an address says.
+    // No page redirects to an address in the query.
     for query in ["?next=https://evil.example", "?url=//evil.example", "//evil.example"] {
         for page in ["/start", "/", "/s/default", "/lab"] {
             let request = server.request(Method::GET, &format!("{page}{query}"));

@@ -9,10 +9,10 @@ async fn connect(server: &Server) -> TcpStream {
     TcpStream::connect(server.origin.trim_start_matches("http://")).await.unwrap()
 }
 
-/// The status of the answer to these bytes; 0 if the connection is closed without one.
+/// The status of the response to these bytes; 0 if the connection is closed without one.
 async fn status(server: &Server, bytes: &[u8]) -> u16 {
     let mut stream = connect(server).await;
-    // The server may close before it has read all.
+    // The server may close the connection before it has read everything.
     let _ = stream.write_all(bytes).await;
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer).await;
@@ -20,7 +20,7 @@ async fn status(server: &Server, bytes: &[u8]) -> u16 {
     line.split(' ').nth(1).and_then(|word| word.parse().ok()).unwrap_or(0)
 }
 
-/// A request for the server's life sign, with these lines after the first.
+/// A health-check request with these lines after the first.
 fn get(lines: &str) -> Vec<u8> {
     format!("GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{lines}\r\n")
         .into_bytes()
@@ -47,8 +47,8 @@ pub(super) async fn case_29_slow_requests_and_long_heads(server: &Server) {
         assert_eq!(status(server, &request).await, 400, "{both:?}");
     }
 
-    // Heads that do not end, and connections that say nothing, are closed after ten seconds. Meanwhile
-    // others are served.
+    // Heads that do not end, and silent connections, are closed after ten seconds. Meanwhile others
+    // are served.
     let begin = Instant::now();
     let mut slow = Vec::new();
     for i in 0..200 {
@@ -83,7 +83,7 @@ pub(super) async fn case_31_bare_line_feeds_and_other_hosts(server: &Server) {
     ] {
         assert_eq!(status(server, request.as_bytes()).await, expected, "{request:?}");
     }
-    // Several requests in one packet are answered in their order.
+    // Several requests in one packet are answered in order.
     let mut stream = connect(server).await;
     let first = "GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n";
     let last = "GET /nothing HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";

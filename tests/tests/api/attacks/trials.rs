@@ -1,4 +1,4 @@
-//! Trials that are odd, wrong, repeated or out of turn.
+//! Trials that are odd, wrong, repeated or out of order.
 
 use futures_util::future::join_all;
 use serde_json::{Value, json};
@@ -9,8 +9,7 @@ async fn stored(server: &Server, driver: &Driver) -> Vec<String> {
     driver.me(server).await.into::<Progress>(200).stored
 }
 
-/// Checks that each change of an honest trial is refused, and that the answer names the field.
-/// A change of an upload, and the field that is refused then.
+/// A change of an honest upload, and the field that is then refused.
 type Change = (fn(&mut Value), &'static str);
 
 async fn refused(server: &Server, changes: &[Change]) {
@@ -128,8 +127,8 @@ pub(super) async fn case_12_skipping_ahead_and_after_withdrawal(server: &Server)
     assert_eq!(server.export("default").await.lines().count(), 51);
 }
 
-/// The same participation in two tabs: what is stored first counts, and the other hears so. (A browser also
-/// leaves the participation to the later tab; the browser's tests show that.)
+/// The same participation in two tabs: the trial stored first counts, and the other tab is told. (A
+/// browser also leaves the participation to the later tab; the browser tests check that.)
 pub(super) async fn case_13_two_tabs(server: &Server) {
     let body = json!({ "consent": true, "request_id": "one-request-of-two-tabs" });
     let tabs = join_all([(); 2].map(|()| Driver::ask(server, body.clone()))).await;

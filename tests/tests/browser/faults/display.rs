@@ -1,4 +1,4 @@
-//! Screens of other rates, and pages that are enlarged or made smaller.
+//! Screens with other frame rates, and zoomed pages.
 
 use super::{QUICK, complete};
 use crate::{HUMAN, REMEMBER, ROBOT, sent, start};
@@ -6,7 +6,8 @@ use sidestep::trial::{Flag, LOW_FRAME_RATE_HZ};
 use sidestep_tests::Tab;
 use sidestep_tests::browser::count_pixels;
 
-/// A screen that shows this many frames per second, or fewer on a busy machine, and remembers when.
+/// A screen that shows this many frames per second, or fewer on a busy machine, and records their
+/// times.
 fn screen(hz: u32) -> String {
     format!(
         "window.shown = []; window.requestAnimationFrame = callback => {{ const gap = 1000 / {hz}; \
@@ -16,7 +17,7 @@ fn screen(hz: u32) -> String {
     )
 }
 
-/// The gaps between the frames that were shown in the ten seconds of a scene, ms, the shortest first.
+/// The intervals between frames in the ten seconds of a scene, ms, in increasing order.
 async fn gaps(tab: &Tab, started_at_ms: f64) -> Vec<f64> {
     let mut shown: Vec<f64> = tab.eval("window.shown").await;
     shown.retain(|at_ms| (0.0..=10_000.0).contains(&(at_ms - started_at_ms)));
@@ -25,7 +26,7 @@ async fn gaps(tab: &Tab, started_at_ms: f64) -> Vec<f64> {
     gaps
 }
 
-/// A screen of 20 Hz is slow; any other is if the machine is too busy for it.
+/// A screen of 20 Hz is slow; others are only if the machine is too busy.
 async fn scene_at(hz: u32) {
     let study = QUICK
         .replace("scenes = 2", "scenes = 1")
@@ -52,7 +53,7 @@ async fn scene_at(hz: u32) {
     for (step, &at_ms) in sent.sampled_at_ms.iter().enumerate() {
         assert!(at_ms >= 200.0 * step as f64, "{hz} Hz: step {step} at {at_ms} ms");
     }
-    // The page measured what was shown, and the flag says what it measured.
+    // The page measured the displayed frames, and the flag agrees with its measurement.
     let median_ms = sent.display.get("frame_gap_median_ms").and_then(|it| it.as_f64());
     let median_ms = median_ms.expect("a median");
     let gaps = gaps(&tab, sent.started_at_ms).await;
@@ -68,12 +69,12 @@ async fn scene_at(hz: u32) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_screen_has_fifty_steps_and_a_slow_one_is_flagged() {
-    // Two at a time: each paints its frames on the processor.
+    // Two at a time, because each renders its frames on the CPU.
     tokio::join!(scene_at(144), scene_at(20));
     tokio::join!(scene_at(120), scene_at(60));
 }
 
-/// Goes to a control with the tabulator and presses it; it must then be wholly in the window.
+/// Goes to a control with the Tab key and presses it; it must then be fully in the window.
 async fn reach(tab: &Tab, test_id: &str) {
     tab.until(&format!("{0} && !{0}.disabled", Tab::at(test_id))).await;
     for _ in 0..60 {
@@ -89,7 +90,7 @@ async fn reach(tab: &Tab, test_id: &str) {
     panic!("{test_id} cannot be reached with the tabulator");
 }
 
-/// The JavaScript expression of whether an element is wholly in the window.
+/// A JavaScript expression for whether an element is fully in the window.
 fn inside(test_id: &str) -> String {
     format!(
         "(() => {{ const at = {}.getBoundingClientRect(); return at.width > 0 && at.left >= 0 && \

@@ -17,7 +17,7 @@ async fn cut_at_an_upload(cut: Cut) {
     proxy.cut(cut, "/trials/");
     glide(&tab).await;
     tab.until_says("saved", "1 scene not sent yet; it is saved on this computer.").await;
-    // If only the answer was lost, the server has the scene already.
+    // If only the response was lost, the server has the scene already.
     assert_eq!(stored(&server).await.len(), usize::from(cut == Cut::After), "{cut:?}");
     proxy.mend();
     until_saved(&tab).await;
@@ -52,7 +52,7 @@ async fn a_whole_session_without_network_ends_with_the_code() {
     browser.close().await;
 }
 
-/// A study with everything that is sent besides scenes.
+/// A study with every kind of request besides scenes.
 const ASKING: &str = r#"
 slug = "default"
 title = "Asking"
@@ -66,7 +66,7 @@ low = { en = "easy" }
 high = { en = "hard" }
 "#;
 
-/// Does something whose answer from the server is lost at first.
+/// Performs an action whose first response from the server is lost.
 async fn answer_lost(tab: &Tab, proxy: &Proxy, route: &'static str, act: impl AsyncFnOnce()) {
     proxy.cut(Cut::After, route);
     act().await;
@@ -86,7 +86,7 @@ async fn whatever_answer_is_lost_the_page_goes_on_by_itself() {
     let tab = browser.open("about:blank").await;
     let url = format!("{}/s/default", proxy.origin);
 
-    // The study and its sentences, both.
+    // Both the study and its texts.
     answer_lost(&tab, &proxy, "/api/v1/studies/", async || tab.go(&url).await).await;
     tab.press("consent").await;
     equipped(&tab).await;

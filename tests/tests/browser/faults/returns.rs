@@ -1,12 +1,12 @@
-//! Participants who reload the page, close its tab, or whose browser is killed, at every page of the
-//! study.
+//! Participants who reload the page or close its tab, or whose browser is killed, at every page of
+//! the study.
 
 use super::{complete, participants, text};
 use crate::{answer_check, equipped, stored};
 use sidestep::trial::Flag;
 use sidestep_tests::{Browser, Server, Tab};
 
-/// Every page, for longer than it takes to leave it on a busy machine.
+/// Every page, shown for longer than leaving takes on a busy machine.
 const STUDY: &str = r#"
 slug = "default"
 title = "Every page"
@@ -33,7 +33,7 @@ enum Away {
     Kill,
 }
 
-/// A participant whose page goes away again and again.
+/// A participant whose page is repeatedly closed.
 struct Person {
     away: Away,
     url: String,
@@ -78,7 +78,7 @@ async fn walk(away: Away) {
     let server = Server::with_client(STUDY).await;
     let mut person = Person::new(away, &server).await;
 
-    // Nobody has enrolled yet: it begins with the consent.
+    // Without an enrolment, it starts with the consent.
     person.tab.words("consent").await;
     person = person.back().await;
     person.tab.press("consent").await;
@@ -88,7 +88,7 @@ async fn walk(away: Away) {
     equipped(&person.tab).await;
     person.tab.press("continue").await;
 
-    // Before the first scene, it goes on with the instructions.
+    // Before the first scene, it continues with the instructions.
     person.tab.words("arena").await;
     person = person.back().await;
     person.tab.words("arena").await;
@@ -102,7 +102,7 @@ async fn walk(away: Away) {
     person.tab.press("continue").await;
     person.tab.words("start").await;
     person = person.back().await;
-    // What was understood is not asked again.
+    // A passed check is not asked again.
     person.tab.words("arena").await;
     person.tab.press("continue").await;
     person.tab.press("start").await;
@@ -111,7 +111,7 @@ async fn walk(away: Away) {
     person.tab.words("arena").await;
     person.tab.press("continue").await;
 
-    // A scene that has moved is driven again, and this is counted.
+    // A scene that has started to move is repeated, and this is counted.
     person.tab.press("start").await;
     person.tab.until_step("scene", 3).await;
     person = person.back().await;

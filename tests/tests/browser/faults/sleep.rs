@@ -1,4 +1,4 @@
-//! A computer that sleeps or is busy while a scene is driven.
+//! A computer that sleeps or is busy during a scene.
 
 use super::{QUICK, complete, glide, repeating, take_part, text};
 use crate::{start, stored};
@@ -6,7 +6,7 @@ use sidestep::trial::Flag;
 use sidestep_tests::Tab;
 use std::time::Duration;
 
-/// A clock of the page that can be set forward, as that of a computer that has slept.
+/// A clock of the page that can be set forward, like that of a computer that has slept.
 const SLEEPS: &str = "const now = performance.now.bind(performance); window.slept_ms = 0; \
     performance.now = () => now() + window.slept_ms;";
 
@@ -16,9 +16,9 @@ const SLEEP: &str = "window.slept_ms += 300_000";
 enum Pause {
     /// Scripts do not run for a while.
     Busy,
-    /// The browser stops the page.
+    /// The browser freezes the page.
     Frozen,
-    /// The clock is five minutes further at once.
+    /// The clock jumps forward by five minutes.
     Asleep,
 }
 
@@ -40,7 +40,7 @@ async fn paused_in_a_scene(kind: Pause) {
     tab.press("start").await;
     tab.until_step("scene", 4).await;
     pause(&tab, kind).await;
-    // The person is told, and drives the scene once more.
+    // The person is told, and repeats the scene.
     tab.until_says("start", "Start").await;
     let said = text(&tab).await;
     assert!(said.contains("Once more: task 1"), "{kind:?}: {said}");
@@ -73,7 +73,7 @@ async fn a_computer_that_sleeps_in_the_countdown_loses_no_scene() {
     tab.words("countdown").await;
     tab.run(SLEEP).await;
     tab.until(&format!("!{}", Tab::at("countdown"))).await;
-    // It has not moved; the person starts it when they are back.
+    // It has not started to move; the person starts it when they are back.
     assert!(tab.words("start").await.contains("Start"));
     assert!(text(&tab).await.contains("Task 1 of 2"));
     glide(&tab).await;

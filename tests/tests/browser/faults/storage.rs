@@ -1,15 +1,15 @@
-//! The browser has no room left, or lets the site store nothing.
+//! The browser has no storage left, or denies it to the site.
 
 use super::{QUICK, complete, glide, take_part};
 use crate::{start, until_saved};
 use sidestep_tests::Tab;
 
-/// A private window of some browsers: every way to store something throws.
+/// As in a private window of some browsers: all storage functions throw.
 const DENIED: &str = "for (const name of ['indexedDB', 'localStorage']) \
     Object.defineProperty(window, name, { get() { \
         throw new DOMException('denied', 'SecurityError') } });";
 
-/// Fills the room of the site with another database, first in large and then in small pieces.
+/// Fills the site's storage with another database, first in large and then in small pieces.
 const FILL: &str = "new Promise(done => { \
     const opening = indexedDB.open('other'); \
     opening.onupgradeneeded = () => opening.result.createObjectStore('all', {autoIncrement: true}); \
@@ -23,7 +23,7 @@ const FILL: &str = "new Promise(done => { \
 
 const KEEP_OPEN: &str = "Keep this page open until you have your completion code.";
 
-/// The warning says why, and what to do, where the participant sees it.
+/// Checks that a warning gives the reason and instructions where the participant sees it.
 async fn warned(tab: &Tab, why: &str) {
     tab.until_says("not-kept", why).await;
     assert!(tab.words("not-kept").await.contains(KEEP_OPEN));
@@ -41,7 +41,7 @@ async fn storage_that_is_denied_warns_and_leads_to_the_code() {
     tab.before_pages(DENIED).await;
     take_part(&tab, &format!("{}/s/default", server.origin)).await;
     warned(&tab, "does not let this site store anything").await;
-    // The network is cut too: the scene waits in memory, and the page says so.
+    // The network is cut too: the scene stays in memory, and the page says so.
     tab.offline(true).await;
     glide(&tab).await;
     tab.until_says("saved", "1 scene not sent yet; keep this page open.").await;

@@ -1,4 +1,4 @@
-//! Links that are wrong, people who join twice, and studies that change under a participant.
+//! Invalid links, people who join twice, and studies that change during a participation.
 
 use super::{QUICK, complete, glide, participants, take_part, text};
 use crate::{start, stored, until_saved};
@@ -10,14 +10,14 @@ async fn links_that_are_wrong_say_so_and_do_no_harm() {
     tab.go(&format!("{}/s/another", server.origin)).await;
     assert!(tab.words("stuck").await.contains("Study not found. Please check the link"));
 
-    // A personal link that nobody was given, in a browser that nobody has used.
+    // A forged personal link, in an unused browser.
     let forged = format!("{}/s/default#continue={}", server.origin, "0".repeat(64));
     tab.go(&forged).await;
     tab.until_says("trouble", "This personal link is not valid.").await;
     assert!(!tab.eval::<String>("location.href").await.contains("continue"));
     assert_eq!(participants(&server).await, 0);
 
-    // And in the browser of a participant, whom it does not throw out.
+    // And in a participant's browser, where it does not end their session.
     take_part(&tab, &format!("{}/s/default", server.origin)).await;
     glide(&tab).await;
     until_saved(&tab).await;
@@ -37,7 +37,7 @@ async fn whoever_joins_twice_with_one_id_is_one_participant() {
     take_part(&tab, &url("P1")).await;
     glide(&tab).await;
     until_saved(&tab).await;
-    // In another browser, by the same link however it is written.
+    // In another browser, by the same link in any spelling.
     let second = Browser::start().await;
     let other = second.open("about:blank").await;
     other.go(&url("%20p1%20")).await;

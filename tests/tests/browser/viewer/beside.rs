@@ -1,4 +1,4 @@
-//! Two predictors of one moment side by side, a predictor from a file, and models that are searched for.
+//! Two predictors side by side, a predictor from a file, and the model finder.
 
 use crate::{LOOKS, picture, sign_in, start, until_predicted};
 use sidestep_tests::browser::WIDE;
@@ -8,7 +8,7 @@ const STUDY: &str = "title = \"Two\"\nphases = [{ phase = \"task\", scenes = 8 }
 
 const FILE: &str = r#"{"format":"sidestep-predictor/1","kind":"constant","features":[],"classes":[-1,0,1],"probabilities":[0.1,0.2,0.7]}"#;
 
-/// Whether something is painted on a canvas: a pixel that is not transparent.
+/// Whether a canvas has a pixel that is not transparent.
 fn is_painted(canvas: &str) -> String {
     format!(
         "(() => {{ const it = {}; return it && it.width > 100 && it.getContext('2d')\
@@ -17,7 +17,7 @@ fn is_painted(canvas: &str) -> String {
     )
 }
 
-/// Chooses a file with this content in a field, as its user does.
+/// Selects a file with this content in a field, as a user does.
 async fn open(tab: &Tab, field: &str, content: &str) {
     let script = format!(
         "(() => {{ const files = new DataTransfer(); \
@@ -57,7 +57,7 @@ async fn two_predictors_are_seen_side_by_side() {
     tab.key("ArrowRight").await;
     tab.until_step("replay", 13).await;
     tab.until_step("replay-beside", 13).await;
-    // A file, and one that is none.
+    // A valid file, and an invalid one.
     open(&tab, "predictor-file-beside", FILE).await;
     tab.until_says("predictor-beside", "from a file on this computer").await;
     tab.until_says("numbers-beside", "70 %").await;
@@ -65,13 +65,14 @@ async fn two_predictors_are_seen_side_by_side() {
     tab.until_says("unusable-beside", "It is not JSON").await;
     tab.until_says("numbers-beside", "70 %").await;
     picture(&tab, "replay-file", (WIDE, false)).await;
-    // The link brings both back.
+    // The link restores both.
     tab.enter("choose-predictor-beside", "hold-the-input").await;
     tab.until_search("?predictor=history&beside=hold-the-input&t=2.6").await;
     tab.reload().await;
     tab.until(&is_painted("replay-beside")).await;
     tab.until_says("predictor-beside", "holds the input").await;
-    // Sets that are learned from the seven trials before say their own levels, and nothing of inputs.
+    // Sets learned from the seven trials before show their own levels, and no probabilities of
+    // inputs.
     for (way, level) in [("gaussian", "Mahalanobis radius"), ("empirical", "share of futures")] {
         tab.enter("choose-predictor-beside", way).await;
         tab.until_says("predictor-beside", "Trained on the 7 trials before").await;
@@ -86,7 +87,7 @@ async fn two_predictors_are_seen_side_by_side() {
         tab.look(WIDE, false).await;
     }
     tab.until_search("?predictor=history&beside=empirical&t=2.6").await;
-    // What finds models says what there is.
+    // The model finder lists the models.
     tab.press("find-models-beside").await;
     tab.until_says("finder-empty", "No analysis of this study is done").await;
     tab.is_well().await;

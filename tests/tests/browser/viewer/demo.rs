@@ -28,7 +28,7 @@ async fn anybody_drives_and_is_predicted() {
     tab.until_says("model", "trained on 1 scene").await;
     assert!(tab.words("total").await.contains("1 scene"));
     take(&tab, "demo-over").await;
-    // Space presses a button that was reached by keys, and begins a scene after one was clicked.
+    // Space presses a button focused by keyboard, but starts a scene after a click on one.
     let pressed = format!("{}.ariaPressed", Tab::at("legend-switch"));
     tab.run(&format!("{}.focus()", Tab::at("legend-switch"))).await;
     tab.key(" ").await;
@@ -52,7 +52,8 @@ async fn anybody_drives_and_is_predicted() {
     browser.close().await;
 }
 
-/// Experimenters reach it from the navigation; a server without `--open-demo` has none for others.
+/// Experimenters reach it from the navigation; a server without `--open-demo` offers it to no one
+/// else.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_operator_decides_who_may_drive() {
     let server = Server::with_client_and(SHORT_STUDY, |args| args.open_demo = false).await;

@@ -9,14 +9,14 @@ use sidestep_tests::{Browser, Driver, Folder, Server, Tab, run};
 /// Eleven tasks: enough to learn from some of them.
 const STUDY: &str = "title = \"Sets\"\nphases = [{ phase = \"task\", scenes = 11 }]\n";
 
-/// The explorer of somebody who has driven everything.
+/// The explorer of a participant who has driven everything.
 async fn explorer() -> (Server, Browser, Tab, String) {
     let (server, browser, tab) = start(STUDY).await;
     let driver = Driver::enrol(&server).await;
     driver.drive(&server, 11).await;
     sign_in(&tab, &server).await;
     let participant = driver.enrolled.participant_id.clone();
-    // As users come here: from the participant's page.
+    // As users get here: from the participant's page.
     tab.go(&format!("{}/lab/participants/{participant}", server.origin)).await;
     tab.press("explorer-link").await;
     tab.until_says("p-4", "1.000").await;
@@ -24,7 +24,7 @@ async fn explorer() -> (Server, Browser, Tab, String) {
     (server, browser, tab, participant)
 }
 
-/// All tasks are counted for the present settings.
+/// Waits until all tasks are counted for the current settings.
 async fn until_counted(tab: &Tab) {
     let counted = Tab::at("counted");
     tab.until(&format!("{counted}?.className === 'done' && !document.querySelector('.sets.old')"))
@@ -36,7 +36,7 @@ async fn sets_move_while_a_slider_moves() {
     let (server, browser, tab, participant) = explorer().await;
     let areas = async || [tab.words("area-0").await, tab.words("area-3").await];
     let before = areas().await;
-    // Keys on a slider, as its user presses them.
+    // Keys on a slider, as a user presses them.
     tab.run(&format!("{}.focus()", Tab::at("epsilon-0"))).await;
     for _ in 0..5 {
         tab.key("ArrowRight").await;
@@ -44,29 +44,29 @@ async fn sets_move_while_a_slider_moves() {
     until_counted(&tab).await;
     let after = areas().await;
     assert!(before[0] != after[0] && before[1] == after[1], "{before:?} {after:?}");
-    // A key outside of controls moves the time.
+    // A key outside controls moves the time.
     tab.run("document.activeElement.blur()").await;
     tab.key("ArrowRight").await;
     tab.until_step("explorer", 1).await;
-    // A set that grows beyond its neighbours takes them along.
+    // A set that grows beyond its neighbours pushes them.
     tab.enter("epsilon-0", "0.6").await;
     tab.until("location.search.includes('eps=0.6,0.6,0.6,0.6,1')").await;
     let wide = areas().await;
     assert!(wide[0] == wide[1] && wide[1] != after[1], "{wide:?}");
     tab.press("preset-0").await;
-    // What is wrong is told beside its control, and nothing is shown for it.
+    // Errors are shown beside their control, and nothing is shown for invalid settings.
     tab.enter("k", "2,2").await;
     tab.until_says("complaint", "k: expected 10 entries").await;
     assert_eq!(areas().await, ["—", "—"]);
     tab.press("preset-0").await;
     until_counted(&tab).await;
-    // A slider that is dragged wildly leaves nothing behind: the last place counts.
+    // Fast dragging of a slider leaves no backlog: only the last position counts.
     let wild = "for (let i = 0; i < 600; i++) { field.value = (i * 7 % 15) / 100; \
                 field.dispatchEvent(new Event('input', { bubbles: true })) }";
     tab.run(&format!("(() => {{ const field = {}; {wild} }})()", Tab::at("epsilon-0"))).await;
     until_counted(&tab).await;
     assert_eq!(tab.attribute("epsilon-0", "value").await.as_deref(), Some("0.08"));
-    // No matter for how long: the page keeps nothing of a thousand moves more.
+    // Nor does it leak: a thousand moves do not increase the heap.
     let heap = tab.heap_bytes().await;
     for _ in 0..2 {
         tab.run(&format!("(() => {{ const field = {}; {wild} }})()", Tab::at("epsilon-0"))).await;
@@ -74,14 +74,14 @@ async fn sets_move_while_a_slider_moves() {
     }
     let grown = tab.heap_bytes().await - heap;
     assert!(grown < 2e6, "{grown} bytes more");
-    // The link brings the same settings and the same numbers back.
+    // The link restores the same settings and numbers.
     tab.until("location.search.includes('eps=0.08')").await;
     let link: String = tab.eval("location.href").await;
     let p = tab.words("p-1").await;
     tab.go("about:blank").await;
     tab.go(&link).await;
     tab.until_says("p-1", &p).await;
-    // Presets, a replay of the same moment, and back to its settings.
+    // Presets, a replay of the same instant, and back to its settings.
     tab.press("preset-1").await;
     tab.until_says("sets-table", "0.45").await;
     tab.press("replay-link").await;
@@ -95,7 +95,7 @@ async fn sets_move_while_a_slider_moves() {
     browser.close().await;
 }
 
-/// Tunes on a task at a time, beside the page, to the numbers of the command line.
+/// Tunes task by task, beside the page, with the same results as the command line.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn tuning_and_areas_are_those_of_the_command_line() {
     const TASKS: &str = "title = \"Sets\"\nphases = [{ phase = \"task\", scenes = 40 }]\n";
@@ -106,7 +106,7 @@ async fn tuning_and_areas_are_those_of_the_command_line() {
     let participant = &driver.enrolled.participant_id;
     tab.go(&format!("{}/lab/explorer/{participant}", server.origin)).await;
     until_counted(&tab).await;
-    // With confidence, twelve tasks that calibrate are enough for 0.75 and not for 0.9.
+    // With confidence, twelve calibration tasks are enough for 0.75 but not for 0.9.
     tab.enter("guarantee", "pac").await;
     tab.enter("aim", "0.9").await;
     tab.until_says("lacking", "takes 29 tasks").await;
@@ -155,7 +155,7 @@ async fn tuning_and_areas_are_those_of_the_command_line() {
     }
 }
 
-/// The comparer has come to its end.
+/// Waits until the comparer has finished.
 async fn until_compared(tab: &Tab) {
     let compared = Tab::at("compared");
     tab.until(&format!("{compared}?.value === 1 && !document.querySelector('.panels.old')")).await;

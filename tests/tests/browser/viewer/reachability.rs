@@ -7,7 +7,7 @@ use sidestep_tests::server::SHORT_STUDY;
 
 const PAGE: &str = "/lab/reachability";
 
-/// The middle of an element, moved by shares of its size.
+/// The centre of an element, moved by shares of its size.
 async fn place(tab: &Tab, test_id: &str, [right, down]: [f64; 2]) -> [f64; 2] {
     let element = Tab::at(test_id);
     tab.eval(&format!(
@@ -28,7 +28,7 @@ async fn a_value_function_is_read_played_and_solved() {
     assert!(tab.words("origin").await.contains("closed form"));
     take(&tab, "reachability").await;
 
-    // Keys move the cross-hair, but not while the slider has the keyboard.
+    // Keys move the cross-hair, but not while the slider has the focus.
     let before = tab.words("numbers").await;
     tab.key("ArrowRight").await;
     let moved = tab.words("numbers").await;
@@ -47,14 +47,14 @@ async fn a_value_function_is_read_played_and_solved() {
     tab.until_says("played", "closest distance").await;
     tab.until("location.search.includes('play=yes')").await;
     take(&tab, "reachability-play").await;
-    // The link brings the same back.
+    // The link restores the same.
     let played = tab.words("played").await;
     tab.reload().await;
     assert_eq!(tab.words("played").await, played);
     tab.key("Escape").await;
     tab.until(&format!("!{}", Tab::at("played"))).await;
 
-    // Other vehicles are solved beside the page.
+    // Other vehicles are solved in a worker.
     tab.enter("pursuer-turn-rate", "0.35").await;
     tab.until_says("origin", "solved here").await;
     eprintln!("{}", tab.words("origin").await);
@@ -73,7 +73,7 @@ async fn a_value_function_is_read_played_and_solved() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
-    // So that the test can take the graphics away.
+    // Lets the test lose the graphics context.
     tab.before_pages(
         "{ const get = HTMLCanvasElement.prototype.getContext; \
          HTMLCanvasElement.prototype.getContext = function (...given) { \
@@ -86,7 +86,8 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     tab.go(&format!("{}{PAGE}?show=tube", server.origin)).await;
     tab.until("window.graphics").await;
     tab.until_painted().await;
-    // On a busy machine the page shows slices as soon as it has timed a frame, until somebody insists.
+    // On a busy machine the page shows slices as soon as it has timed a frame, until the user
+    // insists.
     let insist = Tab::at("insist");
     tab.run(&format!(
         "new MutationObserver(() => {insist}?.click())\
@@ -117,7 +118,7 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     let turned = tab.picture("tube-turned").await;
     assert!(red(&turned) > 10_000 && turned != picture);
 
-    // Its graphics are lost, and come back.
+    // Its graphics context is lost and restored.
     tab.run("window.loss = graphics.getExtension('WEBGL_lose_context'), loss.loseContext()").await;
     tab.until_says("no-graphics", "draws no solids now").await;
     take(&tab, "reachability-no-graphics").await;
@@ -125,7 +126,8 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     tab.until(&format!("!{}", Tab::at("no-graphics"))).await;
     tab.until_painted().await;
     assert!(red(&tab.picture("tube-restored").await) > 10_000);
-    // One that draws slowly shows slices, says how slow it is, and draws the solid if somebody insists.
+    // A slow browser shows slices, reports the drawing time, and draws the solid if the user
+    // insists.
     tab.before_pages(
         "{ const read = WebGL2RenderingContext.prototype.readPixels; \
          WebGL2RenderingContext.prototype.readPixels = function (...given) { \
@@ -139,7 +141,7 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     tab.until(&format!("!{}", Tab::at("no-graphics"))).await;
     tab.until_painted().await;
     assert!(red(&tab.picture("tube-insisted").await) > 10_000);
-    // A browser that never had any.
+    // A browser without graphics.
     tab.before_pages("window.withoutGraphics = true").await;
     tab.reload().await;
     tab.until_says("no-graphics", "draws no solids now").await;
@@ -151,7 +153,7 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_slow_solid_gives_way_to_slices_until_somebody_insists() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
-    // Whatever the page times takes two seconds of its clock.
+    // Everything that the page times takes two seconds of its clock.
     tab.before_pages(
         "{ const read = WebGL2RenderingContext.prototype.readPixels; let late = 0; \
          const now = Performance.prototype.now; \
@@ -197,12 +199,12 @@ async fn a_value_function_is_saved_as_the_command_line_writes_it() {
 async fn what_is_wrong_or_did_not_converge_is_said() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     sign_in(&tab, &server).await;
-    // Out of range in the link, and a method that does not fit.
+    // A value out of range in the link, and an incompatible method.
     tab.go(&format!("{}{PAGE}?radius=-1", server.origin)).await;
     tab.until_says("misread", "radius").await;
     tab.go(&format!("{}{PAGE}?method=exact&pursuer-speed=1", server.origin)).await;
     tab.until(&Tab::at("unsolved")).await;
-    // A solve that gave up, on the map and on the tube.
+    // A solve that did not converge, on the map and on the tube.
     for shown in ["value", "tube"] {
         let link =
             format!("{PAGE}?pursuer-speed=3&evader-turn-rate=1.5&accuracy=draft&show={shown}");

@@ -1,4 +1,4 @@
-//! The way of a newcomer: `sidestep serve --demo`, the people, a replay, the report.
+//! A newcomer's path: `sidestep serve --demo`, the people, a replay, the report.
 
 use crate::{sign_in, take};
 use sidestep::api::{AnalysisPage, AnalysisState, routes};
@@ -18,7 +18,7 @@ async fn analysed(server: &Server) -> String {
     panic!("the analysis does not end");
 }
 
-/// Says that programs drove.
+/// Checks the label of synthetic data.
 async fn is_marked(tab: &Tab) {
     assert!(tab.words("marked-synthetic").await.to_lowercase().contains("synthetic"));
 }
@@ -33,7 +33,7 @@ async fn a_newcomer_goes_from_the_demonstration_to_replay_and_report() {
     let browser = Browser::start().await;
     let tab = browser.open("about:blank").await;
     sign_in(&tab, &server).await;
-    // Pages answer while it is being filled, and follow it.
+    // Pages respond while it is being filled, and follow it.
     tab.press("study-demo").await;
     is_marked(&tab).await;
     tab.until_says("counts", "12 participants").await;
@@ -48,7 +48,7 @@ async fn a_newcomer_goes_from_the_demonstration_to_replay_and_report() {
         is_marked(&tab).await;
         take(&tab, &format!("tour-{page}")).await;
     }
-    // Somebody excluded, then the one who is first, and a scene of theirs.
+    // An excluded participant, then the first one, and one of their scenes.
     for (number, name) in [(5, "tour-excluded"), (3, "tour-participant")] {
         tab.go(&format!("{}/lab/studies/demo?search={number}", server.origin)).await;
         tab.until("document.querySelectorAll('.people tbody tr').length === 1").await;

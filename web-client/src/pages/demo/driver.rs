@@ -1,4 +1,4 @@
-//! Who drives, and what they have driven of the present scene.
+//! The driver, and the part of the current scene driven so far.
 
 use crate::drive::Drive;
 use crate::input::{HeldKeys, KeyMap};
@@ -6,24 +6,24 @@ use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::synthetic::{Keys, SyntheticDrive, SyntheticParticipant};
 use sidestep::vehicle::TurnInput;
 
-/// Who drives.
+/// The driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Driver {
-    /// Whoever sits at the keyboard.
+    /// The user at the keyboard.
     #[default]
     You,
-    /// The synthetic person of this number, from 1.
+    /// The synthetic person with this number, from 1.
     Synthetic(u64),
 }
 
-/// Number of synthetic drivers that a link can name.
+/// Largest number of a synthetic driver in links.
 const MOST_DRIVERS: u64 = 999;
 
 /// The population of the synthetic drivers.
 const POPULATION: u64 = 1;
 
 impl Driver {
-    /// The driver that a link names: nobody names one of no such number.
+    /// The driver named by a link; `None` for an invalid number.
     pub(super) fn of_query(value: Option<&str>) -> Option<Self> {
         match value {
             None => Some(Self::You),
@@ -34,7 +34,7 @@ impl Driver {
         }
     }
 
-    /// The same for a link; nothing for who is meant without a name.
+    /// The driver's name for a link; `None` for the default driver.
     pub(super) fn query(self) -> Option<String> {
         match self {
             Self::You => None,
@@ -42,7 +42,7 @@ impl Driver {
         }
     }
 
-    /// The synthetic driver after this one.
+    /// The next synthetic driver.
     pub(super) fn another(self) -> Self {
         match self {
             Self::You => Self::Synthetic(1),
@@ -51,23 +51,23 @@ impl Driver {
     }
 }
 
-/// A scene that is being driven.
+/// A scene in progress.
 pub(super) enum Driving {
-    /// With keys.
+    /// Driven by keys.
     Live(Drive),
-    /// By a synthetic driver, whose drive is known from the start and shown as time goes by.
+    /// Driven by a synthetic driver: the drive is computed at the start and shown in real time.
     Shown(Shown),
 }
 
-/// The drive of a synthetic driver as far as it is shown.
+/// The drive of a synthetic driver, as far as it is shown.
 pub(super) struct Shown {
     drive: SyntheticDrive,
     step_s: f64,
-    /// Start on the page's clock, ms; a pause moves it.
+    /// Start on the page's clock, ms; shifted by pauses.
     start_ms: f64,
-    /// When it was paused.
+    /// Time of the pause, if paused.
     paused_ms: Option<f64>,
-    /// Steps that have begun.
+    /// Number of steps begun.
     begun: usize,
 }
 
@@ -83,7 +83,7 @@ impl Driving {
     ) -> Self {
         match driver {
             Driver::You => {
-                // Nothing of it is sent, so nobody asks when it was.
+                // The drive is not uploaded, so its date does not matter.
                 let started_at_ms = 0.0;
                 let (keys, held) = keys;
                 Self::Live(Drive::new(*parameters, scene, now_ms, started_at_ms, keys, held))
@@ -97,7 +97,7 @@ impl Driving {
         }
     }
 
-    /// Goes on to `now_ms`; true when the scene is over.
+    /// Advances to `now_ms`; returns true when the scene is over.
     pub(super) fn tick(&mut self, now_ms: f64) -> bool {
         match self {
             Self::Live(drive) => drive.tick(now_ms),
@@ -126,7 +126,7 @@ impl Driving {
         }
     }
 
-    /// The state before each step that has begun, and the one after the last of them.
+    /// The state before each step begun, and the one after the last of them.
     pub(super) fn states(&self) -> &[JointState] {
         match self {
             Self::Live(drive) => drive.states(),
@@ -134,19 +134,19 @@ impl Driving {
         }
     }
 
-    /// A key of somebody who drives.
+    /// Handles a key of a user who drives.
     pub(super) fn key(&mut self, t_ms: f64, code: &str, down: bool) {
         if let Self::Live(drive) = self {
             drive.key(t_ms, code, down);
         }
     }
 
-    /// Whether it stands still until somebody lets it go on.
+    /// Whether it is paused.
     pub(super) fn is_paused(&self) -> bool {
         matches!(self, Self::Shown(Shown { paused_ms: Some(_), .. }))
     }
 
-    /// Pauses, or goes on. Who drives cannot pause: the study has no pause either.
+    /// Pauses or resumes. A user who drives cannot pause, because the study has no pause either.
     pub(super) fn pause_or_go_on(&mut self, now_ms: f64) {
         if let Self::Shown(shown) = self {
             match shown.paused_ms.take() {

@@ -1,4 +1,4 @@
-//! What is learned of the driver, scene by scene, and how well it foresaw them.
+//! The model of the driver, learned scene by scene, and the quality of its predictions.
 
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
@@ -11,34 +11,34 @@ use sidestep::shfrs::window_sets::Prediction;
 use sidestep::shfrs::{PredictedHuman, ShfrsSettings};
 use sidestep::trial_view::{Learned, Playback};
 
-/// The learned function of the driver.
+/// The model learned of the driver.
 pub(super) struct Model {
     driven: Vec<Driven>,
-    /// Whether there is more than the frequencies of the inputs.
+    /// Whether it is fitted, or has only the frequencies of the inputs.
     pub(super) is_fitted: bool,
-    /// What is predicted with.
+    /// The predictor.
     pub(super) learned: Learned,
-    /// How well each scene was foreseen by what was learned before it.
+    /// How well the model before each scene predicted that scene.
     pub(super) foreseen: Vec<Foreseen>,
 }
 
-/// How well a scene was foreseen.
+/// How well a scene was predicted.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Foreseen {
-    /// Share of the steps whose input was the likeliest one.
+    /// Share of the steps whose input was predicted as the likeliest.
     pub(super) inputs: f64,
-    /// Share of the windows whose true future stayed inside each set, the smallest set first.
+    /// Share of the windows whose true future stayed inside each set, from the smallest set on.
     pub(super) inside: Vec<f64>,
 }
 
-/// Scenes from which a model is learned: from the first one on, to watch it learn.
+/// Number of scenes needed to learn a model: one, so that users can watch it learn.
 const LEAST: usize = 1;
 
-/// Confidence of intervals, which this page does not show.
+/// Confidence level of intervals, which this page does not show.
 const CONFIDENCE: f64 = 0.95;
 
 impl Model {
-    /// Nothing is known of the driver.
+    /// A model of an unknown driver.
     pub(super) fn new(safety: &SafetyLevels) -> Result<Self, Invalid> {
         let (learned, is_fitted) = learn(safety, &[])?;
         Ok(Self { driven: Vec::new(), is_fitted, learned, foreseen: Vec::new() })
@@ -49,8 +49,8 @@ impl Model {
         self.driven.len()
     }
 
-    /// Share of the windows of all scenes whose true future stayed inside each set. Each set has as many
-    /// windows in every scene.
+    /// Share of the windows of all scenes whose true future stayed inside each set. Each set has
+    /// the same number of windows in every scene.
     pub(super) fn inside(&self) -> Vec<f64> {
         let sets = self.foreseen.first().map_or(0, |foreseen| foreseen.inside.len());
         let mean = |set| {
@@ -60,7 +60,7 @@ impl Model {
         (0..sets).map(mean).collect()
     }
 
-    /// Compares a scene with what was foreseen, then learns from it.
+    /// Compares a scene with its prediction, then learns from it.
     pub(super) fn learn(&mut self, scene: &Playback, safety: &SafetyLevels) -> Result<(), Invalid> {
         self.foreseen.push(self.compare(scene, safety)?);
         let recorded = scene.recorded();
@@ -100,7 +100,8 @@ fn inside(
     Ok(counted.probabilities.inside.iter().map(|share| share.value).collect())
 }
 
-/// Logistic regression on all features, or the frequencies of the inputs while there is nothing to learn.
+/// Logistic regression on all features, or the frequencies of the inputs while there is too little
+/// to learn from.
 fn learn(safety: &SafetyLevels, driven: &[Driven]) -> Result<(Learned, bool), Invalid> {
     let features = FeatureSet::subset("hrd")?;
     let Trained { predictor, fallback } = train_early(&features, Some(safety), driven, LEAST)?;

@@ -1,5 +1,5 @@
-//! Points that teach where the danger zone is, without words: nearness to it pays, entering it takes
-//! everything.
+//! Points that teach without words where the danger zone is: driving close to it earns points,
+//! entering it loses them all.
 
 use sidestep::chart::{LegendItem, Pen, colours};
 use sidestep::picture::{Picture, Shape, stage};
@@ -8,24 +8,24 @@ use sidestep::trial::outcome;
 use sidestep::vehicle::{Pose, TurnInput};
 use std::rc::Rc;
 
-/// Points a second at the edge of the danger zone.
+/// Points per second at the edge of the danger zone.
 const MOST_A_SECOND: f64 = 100.0;
 
-/// What somebody has earned in a scene.
+/// Score of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Score {
     /// Points so far.
     pub(super) points: u32,
-    /// Whether the danger zone was entered, which takes all points of the scene.
+    /// Whether the danger zone was entered, which loses all points of the scene.
     pub(super) is_caught: bool,
     /// Smallest distance so far, m.
     pub(super) closest_m: f64,
-    /// The points as the picture says them.
+    /// The points as text in the picture.
     words: Rc<str>,
 }
 
 impl Score {
-    /// The score of what was driven so far. The points of a step are those of its beginning.
+    /// The score of the drive so far. Each step earns the points of its start.
     pub(super) fn of(
         parameters: &SceneParameters,
         inputs: &[TurnInput],
@@ -41,7 +41,7 @@ impl Score {
         Self { points, is_caught, closest_m: outcome.closest_m, words: words.into() }
     }
 
-    /// Paints the band around the robot where points are earned.
+    /// Paints the band around the robot that earns points.
     pub(super) fn paint_band(
         &self,
         parameters: &SceneParameters,
@@ -50,7 +50,8 @@ impl Score {
     ) {
         let radius_m = parameters.danger_radius_m;
         let colour = if self.is_caught { colours::ROBOT } else { colours::HUMAN };
-        // Each ring lies on the wider ones, so that it is darker, as it pays more.
+        // Rings overlap: smaller ones are painted over wider ones, so the band gets darker where it
+        // earns more.
         for wide in [2.0, 1.75, 1.5, 1.25] {
             picture.push(Shape::Disc {
                 centre: robot.position(),
@@ -64,7 +65,7 @@ impl Score {
         }
     }
 
-    /// What the band around the robot means.
+    /// Legend entry for the band around the robot.
     pub(super) fn legend() -> LegendItem {
         let text = "rings: they earn points, the inner ones more";
         LegendItem::disc(text, Some(colours::HUMAN.at(0.09)), Pen::new(colours::HUMAN.at(0.4), 0.5))
@@ -82,7 +83,8 @@ impl Score {
     }
 }
 
-/// Share of the most points at a distance: 1 at the edge of the danger zone, 0 from two radii on.
+/// Share of the maximum points at a distance: 1 at the edge of the danger zone, 0 from two radii
+/// on.
 fn share(parameters: &SceneParameters, distance_m: f64) -> f64 {
     let beyond = distance_m / parameters.danger_radius_m - 1.0;
     let near = (1.0 - beyond.max(0.0)).max(0.0);
@@ -95,7 +97,7 @@ mod tests {
     use sidestep::scene::Scene;
     use sidestep::trial::simulate;
 
-    /// Drives `inputs` of one kind past a robot that comes the other way, `aside_m` to the left.
+    /// Drives `inputs` of one kind past an oncoming robot that is `aside_m` to the left.
     fn passed(aside_m: f64) -> Score {
         let parameters = SceneParameters::default();
         let robot = Pose::new(10.0, aside_m, sidestep::math::PI);
@@ -116,7 +118,8 @@ mod tests {
         assert!((caught.closest_m - 2.9).abs() < 1e-9);
     }
 
-    /// 3.1 m aside at a closing speed of 4 m/s: the sum over steps is near the integral over time.
+    /// 3.1 m aside at a closing speed of 4 m/s: the sum over steps approximates the integral over
+    /// time.
     #[test]
     fn points_are_a_hundred_a_second_at_the_edge() {
         let parameters = SceneParameters::default();

@@ -36,7 +36,7 @@ impl Session {
         }
     }
 
-    /// Drives a scene from `begin_ms` on: the key is held from 2.05 s to 4.05 s.
+    /// Drives a scene that starts at `begin_ms`: the key is held from 2.05 s to 4.05 s.
     fn drive(&mut self, begin_ms: f64, key: &str) {
         self.at(begin_ms).key("Space", true);
         self.until(begin_ms + 2050.0);
@@ -56,7 +56,7 @@ fn a_scene_is_driven_scored_and_learned_from() {
     assert!(!session.page.owns_key("Tab"));
     session.drive(1000.0, "ArrowLeft");
 
-    // It is the trial that these keys give in the study: left from step 11 to step 20.
+    // The trial is the one that these keys give in the study: left from step 11 to step 20.
     let recorded = session.demo().playback.recorded().clone();
     let turn = |step| if (11..=20).contains(&step) { TurnInput::Left } else { TurnInput::Straight };
     let inputs: Vec<TurnInput> = (0..50).map(turn).collect();
@@ -69,15 +69,15 @@ fn a_scene_is_driven_scored_and_learned_from() {
     assert!(session.words("model").unwrap().contains("trained on 1 scene."));
     assert!(session.words("card").unwrap().contains("at the closest"));
 
-    // The next scene is another one, foreseen by what was learned.
+    // The next scene differs, and is predicted by the learned model.
     session.drive(30_000.0, "KeyD");
     assert_eq!((session.demo().index, session.demo().points.len()), (1, 2));
     assert!(session.words("model").unwrap().contains("trained on 2 scenes."));
     assert_ne!(session.demo().playback.recorded().scene, recorded.scene);
 }
 
-/// The sets of each moment, against the future as it came: the positions themselves, and the tubes that
-/// were drawn.
+/// Compares the sets of each instant with the true future: with its positions, and with the tubes
+/// drawn.
 #[test]
 fn what_stayed_inside_is_counted_as_it_was_drawn() {
     let mut session = opened(&[]);
@@ -101,7 +101,7 @@ fn what_stayed_inside_is_counted_as_it_was_drawn() {
         }
     }
     let counted = &demo.model.foreseen[1].inside;
-    // A position inside the tube may still be outside of the set of its own step, never the other way round.
+    // A position inside the tube may be outside the set of its own step, but never vice versa.
     for (set, (drawn, counted)) in inside.iter().zip(counted).enumerate() {
         assert!(drawn + 1e-9 >= *counted, "{set}: {drawn} {counted}");
     }
@@ -136,7 +136,7 @@ fn a_synthetic_driver_is_watched_scene_after_scene() {
     let whole = person.drive(0, &demo.parameters, demo.scene(), Keys::Clock);
     assert_eq!(demo.playback.recorded().inputs, whole.inputs[..13]);
     assert_eq!(demo.playback.recorded().states, whole.states[..14]);
-    // A pause, by key and by a hidden page.
+    // Pauses, by key and by a hidden page.
     session.key("Space", true);
     assert!(!session.page.wants_frames());
     session.at(9000.0).frame();
@@ -147,10 +147,10 @@ fn a_synthetic_driver_is_watched_scene_after_scene() {
     session.until(67_600.0);
     assert_eq!(session.demo().playback.recorded().states, whole.states);
     assert!(session.words("card").unwrap().contains("The next scene follows."));
-    // The next one begins by itself.
+    // The next one starts automatically.
     session.until(70_500.0);
     assert_eq!((session.demo().index, session.page.wants_frames()), (1, true));
-    // Another driver's model knows nothing.
+    // Another driver's model has learned nothing.
     session.press("another");
     assert_eq!(session.visited.last().unwrap(), "/demo?driver=synthetic-3");
     assert!(session.words("model").unwrap().contains("No scene to learn from yet"));
@@ -192,8 +192,8 @@ fn layers_and_colours_are_in_the_link() {
 #[test]
 fn a_link_that_is_not_valid_is_named() {
     for (name, value, words) in [
-        ("driver", "synthetic-0", "no driver"),
-        ("driver", "nobody", "no driver"),
+        ("driver", "synthetic-0", "unknown driver"),
+        ("driver", "nobody", "unknown driver"),
         ("show", "moon", "moon"),
         ("colours", "all", "all"),
         ("seed", "2", "no use for seed in its link"),
@@ -202,11 +202,11 @@ fn a_link_that_is_not_valid_is_named() {
         let said = session.words("misread").unwrap();
         assert!(said.contains(words), "{said}");
     }
-    // A replay's link may be longer.
+    // A replay's link may contain further parameters.
     assert_eq!(opened(&[("t", "soon")]).words("misread"), None);
 }
 
-/// A minute of wild keys: nothing fails, and each step has the input of its moment.
+/// A minute of random keys: nothing fails, and each step has the input of its time.
 #[test]
 fn wild_keys_do_no_harm() {
     let mut session = opened(&[]);

@@ -1,4 +1,4 @@
-//! What the demonstration shows around its canvas.
+//! The page around the demonstration's canvas.
 
 use super::driver::Driver;
 use super::score::Score;
@@ -56,7 +56,7 @@ fn scene(demo: &Demo) -> Node {
     el("section").class("view").attr("aria-label", "Scene").child(switches).child(picture)
 }
 
-/// What to do before and after a scene.
+/// Instructions before and after a scene.
 fn card(demo: &Demo) -> Option<Node> {
     let start = |words: &str| {
         button("start", Msg::Start)
@@ -84,7 +84,7 @@ fn card(demo: &Demo) -> Option<Node> {
         (Stage::Ready, Driver::Synthetic(number)) => el("div")
             .child(el("h2").text(format!("Synthetic driver {number}")))
             .child(el("p").text(
-                "A simulated person drives. The model knows nothing of them yet and learns from \
+                "A simulated person drives. The model knows nothing about them yet and learns from \
                  every scene.",
             ))
             .child(start("Watch")),
@@ -130,10 +130,10 @@ fn panel(demo: &Demo) -> Node {
         Palette::Safe => "safe",
     };
     let probabilities = playback.probabilities();
-    // It scrolls, so the keyboard must be able to reach it.
+    // It scrolls, so it must be reachable by keyboard.
     el("aside")
         .class("panel")
-        .attrs(&[("tabindex", "0"), ("aria-label", "Numbers of this moment")])
+        .attrs(&[("tabindex", "0"), ("aria-label", "Numbers at this moment")])
         .child(heading)
         .children(demo.misread.as_deref().map(|why| alert("misread", why)))
         .child(facts)
@@ -143,7 +143,7 @@ fn panel(demo: &Demo) -> Node {
         .child(select("colours", "Colours", colours.into(), palette, Msg::Colours))
 }
 
-/// What is known of the driver, and how well that foresaw them.
+/// The model of the driver, and how well it predicted.
 fn model(demo: &Demo) -> Node {
     let whose = if demo.driver == Driver::You { "Your model" } else { "Their model" };
     let scenes = demo.model.scenes();
@@ -166,7 +166,9 @@ fn model(demo: &Demo) -> Node {
     if let Some(last) = demo.model.foreseen.last() {
         let foreseen = format!("{:.0} %", 100.0 * last.inputs);
         section = section.child(
-            el("dl").class("facts").child(fact("inputs foreseen in the last scene", foreseen)),
+            el("dl")
+                .class("facts")
+                .child(fact("inputs predicted right in the last scene", foreseen)),
         );
     }
     let inside = demo.model.inside();
@@ -186,7 +188,7 @@ fn model(demo: &Demo) -> Node {
     section
 }
 
-/// Who drives, and the points of every scene.
+/// The driver, and the points of every scene.
 fn course(demo: &Demo) -> Node {
     let is_you = demo.driver == Driver::You;
     let other = demo.driver.another();
@@ -237,6 +239,6 @@ fn course(demo: &Demo) -> Node {
         .child(
             el("p")
                 .class("quiet")
-                .text("Nothing of this is stored or sent. What is learned is gone when you leave."),
+                .text("Nothing is stored or sent. The model is lost when you leave."),
         )
 }

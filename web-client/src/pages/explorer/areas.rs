@@ -1,4 +1,4 @@
-//! How much area a coverage costs: SHFRS against simpler predictions, as charts and as tables.
+//! Area needed for a given coverage: SHFRS against simpler predictions, as charts and as tables.
 
 use super::{Explorer, Msg, tuning};
 use crate::evaluation::Report;
@@ -17,16 +17,16 @@ use sidestep::shfrs::tuning::Parts;
 
 type Node = view::Node<Msg>;
 
-/// What the comparer was asked last, and its answer so far.
+/// The last question to the comparer, and its answer so far.
 #[derive(Default)]
 pub(super) struct Areas {
     number: u32,
-    /// Whether the comparer knows tasks and predictor.
+    /// Whether the comparer has the tasks and the predictor.
     pub(super) is_introduced: bool,
-    /// The settings of the question that matter.
+    /// The settings that matter in that question.
     asked: Option<ShfrsFile>,
     done: f64,
-    /// What was found, and its charts: for these settings, or still for those before.
+    /// The results and their charts, for these settings or still for the previous ones.
     found: Option<(Pareto, Vec<Element>)>,
     is_old: bool,
     trouble: Option<String>,
@@ -36,12 +36,13 @@ pub(super) struct Areas {
 const CHART: [f64; 2] = [258.0, 168.0];
 
 impl Areas {
-    /// Nothing is known any more.
+    /// Discards everything.
     pub(super) fn forget(&mut self) {
         *self = Self { number: self.number + 1, ..Self::default() };
     }
 
-    /// Other settings, for which what was asked may not hold. Returns whether it does not.
+    /// Marks the results as outdated if these settings need another comparison. Returns whether
+    /// they do.
     pub(super) fn outdate(&mut self, wanted: &ShfrsFile) -> bool {
         let is_other = self.asked.as_ref().is_some_and(|asked| *asked != without_epsilon(wanted));
         if is_other {
@@ -51,14 +52,14 @@ impl Areas {
         is_other
     }
 
-    /// Nothing can be counted for the present settings, so nothing is compared either.
+    /// Hides the results: the current settings are invalid, so nothing is compared either.
     pub(super) fn hide(&mut self) {
         if self.is_old {
             self.found = None;
         }
     }
 
-    /// A question about these settings, unless it was asked before.
+    /// A question about these settings, unless it is the last one asked.
     pub(super) fn ask(&mut self, wanted: &ShfrsFile, parts: Parts) -> Option<AreaQuestion> {
         if self.asked.is_some() {
             return None;
@@ -69,7 +70,7 @@ impl Areas {
         Some(AreaQuestion { number: self.number, settings: wanted.clone(), parts })
     }
 
-    /// Takes what the comparer says, unless it is about what was asked before.
+    /// Takes a report of the comparer, unless it answers an outdated question.
     pub(super) fn take(&mut self, answer: Answer) {
         let content = match answer {
             Ok(content) => content,
@@ -93,7 +94,7 @@ impl Areas {
     }
 }
 
-/// What matters for coverage against area: every ε is on the curve, of `base` roll-outs.
+/// Normalizes settings for the comparison: the curve covers every ε and uses `base` roll-outs.
 fn without_epsilon(settings: &ShfrsFile) -> ShfrsFile {
     let mut settings = settings.clone();
     (settings.epsilon, settings.rollout) = (Vec::new(), Rollout::Base);
@@ -101,7 +102,7 @@ fn without_epsilon(settings: &ShfrsFile) -> ShfrsFile {
 }
 
 impl Explorer {
-    /// Why there are too few tasks to compare predictions with, if so.
+    /// The reason why there are too few tasks for a comparison, if so.
     pub(super) fn lacks_tasks_to_compare(&self) -> Option<String> {
         tuning::lacking(self, Guarantee::Conformal, LEAST_TARGET)
     }
@@ -116,7 +117,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .attr("value", fixed(it.done, 3))
         .attr_if(!is_busy, "class", "done")
         .test_id("compared");
-    // What was found is for settings that were valid.
+    // The results are for settings that were valid.
     let found = it.found.as_ref().filter(|_| explorer.is_valid());
     let nothing = found.is_none() && it.trouble.is_none();
     let waiting = nothing.then(|| match explorer.lacks_tasks_to_compare() {
@@ -170,10 +171,10 @@ fn grid(it: &Areas, pareto: &Pareto, charts: &[Element]) -> Node {
         .children(pareto.curves.iter().zip(charts).map(chart))
 }
 
-/// Coverages at which the table reads the curves.
+/// Coverages at which the table samples the curves.
 const READ_AT: [f64; 5] = [0.5, 0.75, 0.9, 0.95, 1.0];
 
-/// The same as numbers.
+/// The charts as a table.
 fn twin(pareto: &Pareto) -> Node {
     let row =
         |row: &ParetoRow| {

@@ -1,4 +1,4 @@
-//! What the page and the evaluators beside it say to each other. One counts, and trains the predictor; one
+//! Messages between the page and its three evaluators. One counts, and trains the predictor; one
 //! compares areas; one tunes. None waits for another.
 
 use super::predictor::Ask;
@@ -11,22 +11,22 @@ use sidestep::shfrs::ShfrsSettings;
 use sidestep::trial_view::Learned;
 use std::rc::Rc;
 
-/// An evaluator beside the page.
+/// An evaluator, which runs in a worker.
 struct Beside {
     name: &'static str,
-    /// What becomes of its reports.
+    /// Turns its reports into messages.
     then: fn(Answer) -> Msg,
 }
 
-/// It trains the predictor, and counts how often sets hold the future.
+/// Trains the predictor, and counts how often sets contain the future.
 const COUNTER: Beside = Beside { name: "evaluator", then: Msg::Report };
-/// It finds how much area a coverage costs.
+/// Computes the area needed for a coverage.
 const COMPARER: Beside = Beside { name: "comparer", then: Msg::Areas };
-/// It tunes.
+/// Tunes.
 const TUNER: Beside = Beside { name: "tuner", then: Msg::Tuned };
 
 impl Beside {
-    /// Tells it something.
+    /// Sends a message to it.
     fn tell(&self, part: Part, content: Vec<u8>) -> Command<Msg> {
         let &Self { name, then } = self;
         let tell = move || Evaluate { name, part, content, then: Rc::new(then) };
@@ -35,7 +35,7 @@ impl Beside {
 }
 
 impl Explorer {
-    /// Puts the value functions to use, once both are here.
+    /// Uses the value functions, once both are loaded.
     pub(super) fn take_safety(&mut self) -> Commands<Msg> {
         if self.playback.safety().is_some() {
             return Vec::new();
@@ -47,7 +47,8 @@ impl Explorer {
         commands
     }
 
-    /// Asks for the chosen predictor, from wherever it comes, once the safety levels are known.
+    /// Requests the chosen predictor, from the server or the evaluator, once the safety levels are
+    /// known.
     pub(super) fn ask_predictor(&mut self) -> Commands<Msg> {
         self.coverage.forget();
         self.areas.forget();
@@ -74,7 +75,7 @@ impl Explorer {
         self.choice.arrived(answer).map(|file| self.use_file(file)).unwrap_or_default()
     }
 
-    /// Uses a predictor that the evaluator does not know yet.
+    /// Uses a predictor that the evaluator does not have yet.
     fn use_file(&mut self, file: PredictorFile) -> Commands<Msg> {
         let mut commands = vec![COUNTER.tell(Part::Predictor, json::write(&file).into_bytes())];
         self.predict_with(file);
@@ -82,7 +83,7 @@ impl Explorer {
         commands
     }
 
-    /// Takes what the evaluator has to say.
+    /// Takes a report of the evaluator.
     pub(super) fn take_report(&mut self, answer: Answer) -> Commands<Msg> {
         let Some(mut report) = self.coverage.newest(answer) else { return Vec::new() };
         let Some(file) = report.predictor.take() else {
@@ -103,7 +104,7 @@ impl Explorer {
         self.use_settings()
     }
 
-    /// Predicts with this function from now on.
+    /// Predicts with this predictor from now on.
     fn predict_with(&mut self, file: PredictorFile) {
         let learned = Predictor::try_from(file).and_then(|predictor| {
             let settings = ShfrsSettings::paper(predictor.classes().len())?;
@@ -115,7 +116,7 @@ impl Explorer {
         }
     }
 
-    /// Asks how often the sets hold the future. The evaluator drops what it was asked before.
+    /// Asks how often the sets contain the future. The evaluator drops the previous question.
     pub(super) fn ask_coverage(&mut self) -> Commands<Msg> {
         if self.playback.learned().is_none() || !self.is_valid() {
             return Vec::new();
@@ -144,7 +145,7 @@ impl Explorer {
         commands
     }
 
-    /// Tunes beside the page, with an evaluator that lives as long as that takes.
+    /// Tunes in an evaluator that lives only as long as tuning takes.
     pub(super) fn tune(&mut self) -> Commands<Msg> {
         if self.playback.learned().is_none() || !self.is_valid() {
             return Vec::new();
@@ -156,7 +157,7 @@ impl Explorer {
         commands
     }
 
-    /// Gives up tuning, if that is under way.
+    /// Cancels tuning, if it is in progress.
     pub(super) fn stop_tuning(&mut self) -> Commands<Msg> {
         if !self.tuning.is_busy() {
             return Vec::new();
@@ -165,7 +166,7 @@ impl Explorer {
         vec![Command::Cancel(TUNER.name)]
     }
 
-    /// Takes what the tuner has to say, and puts what it has found to use.
+    /// Takes a report of the tuner, and predicts with its result.
     pub(super) fn take_tuned(&mut self, answer: Answer) -> Commands<Msg> {
         if !self.tuning.take(answer) {
             return Vec::new();
@@ -175,7 +176,7 @@ impl Explorer {
         commands
     }
 
-    /// Predicts with what tuning has found.
+    /// Predicts with the tuned settings.
     pub(super) fn use_found(&mut self) -> Commands<Msg> {
         let Some(found) = self.tuning.found().map(|found| found.settings.clone()) else {
             return Vec::new();
@@ -186,7 +187,7 @@ impl Explorer {
         })
     }
 
-    /// Tells an evaluator what it has to know: tasks, value functions and, if there is one, the predictor.
+    /// Sends an evaluator its input: tasks, value functions and, if there is one, the predictor.
     fn introduce(&self, evaluator: &Beside) -> Commands<Msg> {
         let safety = self.playback.safety().into_iter().flat_map(|safety| {
             [(Part::Human, safety.human.encode()), (Part::Robot, safety.robot.encode())]
@@ -199,7 +200,7 @@ impl Explorer {
         parts.map(|(part, content)| evaluator.tell(part, content)).collect()
     }
 
-    /// The places of the tasks that are counted.
+    /// Indices of the tasks to count.
     fn counted(&self) -> Vec<usize> {
         if self.coverage.counts_all {
             return (0..self.drives.tasks.len()).collect();

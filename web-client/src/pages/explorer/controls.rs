@@ -1,4 +1,4 @@
-//! The settings of a prediction as controls, each with what is wrong beside it.
+//! The settings of a prediction as controls, each with its errors beside it.
 
 use super::{Explorer, Msg};
 use crate::form::FieldValue;
@@ -30,7 +30,7 @@ pub(super) fn presets(explorer: &Explorer) -> Node {
         .children(PRESETS.iter().enumerate().map(button))
 }
 
-/// How far ahead, how many sets, which actions count, and the roll-out.
+/// Steps ahead, number of sets, choice of actions, and the roll-out.
 pub(super) fn section(explorer: &Explorer) -> Node {
     let wanted = &explorer.wanted;
     let step_s = explorer.drives.parameters.step_s;
@@ -64,7 +64,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .children(said(explorer, &["rollout"]))
 }
 
-/// Which actions count at each step.
+/// The choice of actions at each step.
 fn actions(explorer: &Explorer) -> Vec<Node> {
     let wanted = &explorer.wanted;
     let by = [
@@ -97,7 +97,7 @@ fn actions(explorer: &Explorer) -> Vec<Node> {
         let field = el("input")
             .attrs(&[("id", "k"), ("type", "text"), ("autocomplete", "off")])
             .attr("value", listed.join(","))
-            .attr("title", "How many actions count at each step, with commas between")
+            .attr("title", "Number of actions that count at each step, separated by commas")
             .test_id("k")
             .on_input(Msg::K);
         let label = el("label").attr("for", "k").text("k of each step");
@@ -107,7 +107,7 @@ fn actions(explorer: &Explorer) -> Vec<Node> {
     nodes
 }
 
-/// A slider with its label and its value in words, and what becomes of its value.
+/// A slider with its label and its value in words. `then` turns its value into a message.
 fn slider(
     id: &'static str,
     label: &str,
@@ -129,7 +129,7 @@ fn slider(
         .child(el("output").attr("for", id).text(words))
 }
 
-/// What is wrong with one of these fields of the settings, if something is.
+/// The error in one of these settings, if any.
 pub(super) fn said(explorer: &Explorer, fields: &[&str]) -> Option<Node> {
     let complaint = explorer.complaint.as_ref()?;
     let named = complaint.field.split('[').next().unwrap_or_default();
@@ -161,7 +161,7 @@ pub(super) fn file(explorer: &Explorer) -> Node {
     );
     let is_right = explorer.complaint.is_none() && explorer.is_valid();
     let save = button("save", Msg::Save).attr_if(!is_right, "disabled", "").text("Save as a file");
-    // The command line leaves test runs out.
+    // The command line leaves out test runs.
     let command = (!explorer.drives.pilot).then(|| {
         el("pre").attr("tabindex", "0").child(el("code").test_id("command").text(command))
     });

@@ -1,4 +1,4 @@
-//! Which predictor the explorer uses, and which tasks it has not seen.
+//! The explorer's predictor, and the tasks that did not train it.
 
 use super::Msg;
 use crate::evaluation::Training;
@@ -19,11 +19,11 @@ type Node = view::Node<Msg>;
 /// The choice of a predictor.
 pub(super) struct Choice {
     chosen: Chosen,
-    /// Features of the predictor that is trained here: the name of an entry of [`FEATURES`].
+    /// Features of the predictor trained here: the name of an entry of [`FEATURES`].
     features: &'static str,
-    /// What is known of it, once it is here.
+    /// Facts about the predictor, once it is loaded.
     known: Option<Known>,
-    /// What there is besides.
+    /// Other models to choose from.
     pub(super) offered: Offered,
     /// Why there is no predictor, if so.
     refused: Option<String>,
@@ -34,7 +34,7 @@ pub(super) struct Choice {
 enum Chosen {
     /// Trained beside the page, on the same tasks as by the command line.
     Here,
-    /// Trained by the server on all trials before the one that is looked at.
+    /// Trained by the server on all trials before the current one.
     Earlier,
     /// Every input is equally likely.
     Constant,
@@ -42,30 +42,31 @@ enum Chosen {
     Named(Named),
 }
 
-/// What is known of a predictor.
+/// Facts about a predictor.
 #[derive(Default)]
 struct Known {
     /// The number of trials that trained it.
     trials: usize,
     /// The ids of these trials.
     trained_on: Vec<String>,
-    /// Why it is a simple one, if it is.
+    /// Why it is a simple one, if so.
     fallback: Option<String>,
-    /// The analysis that trained it, if one did.
+    /// The analysis that trained it, if any.
     source: Option<PredictorSource>,
 }
 
-/// How to come by a predictor.
+/// Source of a predictor.
 pub(super) enum Ask {
     /// The server has it.
     Server(Request<Msg>),
-    /// The evaluator trains it.
+    /// The evaluator must train it.
     Evaluator(Training),
-    /// It is this.
+    /// It is known already.
     Nobody(Result<PredictorFile, Invalid>),
 }
 
-/// Feature sets to choose from: name in links, features, words. The first one is the command line's.
+/// Feature sets to choose from: name in links, features, label. The first one is the command line's
+/// default.
 const FEATURES: [(&str, &[&str], &str); 9] = [
     ("usual", &["hrd", "robot_ahead", "robot_left"], "B, V_HR, V_RH, distance, robot ahead, left"),
     ("hrd", &["hrd"], "B_hrd: B, V_HR, V_RH, distance"),
@@ -78,25 +79,26 @@ const FEATURES: [(&str, &[&str], &str); 9] = [
     ("b", &[""], "B: relative position and heading"),
 ];
 
-/// How the command line splits so many tasks; the predictor is trained on the first part.
+/// Splits this number of tasks as the command line does; the predictor is trained on the first
+/// part.
 fn parts(tasks: usize) -> Parts {
     Split::USUAL.parts(tasks).unwrap_or_default()
 }
 
 impl Choice {
-    /// The names of a link that [`Self::of`] takes.
+    /// Link parameters that [`Self::of`] uses.
     pub(super) const NAMES: [&str; 4] = ["predictor", "features", "analysis", "file"];
 
-    /// The name of the predictor that is trained here.
+    /// Link value for the predictor trained here.
     pub(super) const HERE: &str = "here";
 
-    /// The tasks as the predictor that is trained here splits them.
+    /// The split of the tasks for the predictor trained here.
     pub(super) fn set_aside(drives: &Drives) -> Parts {
         parts(drives.tasks.len())
     }
 
-    /// The one in the address of the page; without one, that of the command line. What the address names and
-    /// there is not becomes a sentence.
+    /// The choice in the address of the page; without one, the command line's default. Also returns
+    /// an error message if the address names something unknown.
     pub(super) fn of(address: &Address) -> (Self, Option<String>) {
         let mut misread = None;
         let chosen = match (Named::of(address), address.parameter("predictor")) {
@@ -133,12 +135,12 @@ impl Choice {
         (choice, misread)
     }
 
-    /// Whether there is no predictor, and none on its way.
+    /// Whether there is no predictor, and none is being loaded.
     pub(super) fn is_refused(&self) -> bool {
         self.refused.is_some()
     }
 
-    /// What the command line is asked for the same predictor with; nothing if it cannot train it.
+    /// Command-line flags for the same predictor; `None` if the command line cannot train it.
     pub(super) fn flags(&self) -> Option<String> {
         let (usual, ..) = FEATURES[0];
         let set = FEATURES.iter().find(|(name, ..)| *name == self.features);
@@ -156,7 +158,7 @@ impl Choice {
         }
     }
 
-    /// Asks for what there is to choose from.
+    /// Requests the models to choose from.
     pub(super) fn begin(&self, drives: &Drives) -> Commands<Msg> {
         vec![Offered::ask(&drives.study, Msg::Analyses)]
     }
@@ -165,7 +167,7 @@ impl Choice {
         self.offered.analyses(answer, number, Msg::Models)
     }
 
-    /// Another predictor.
+    /// Chooses another predictor.
     pub(super) fn choose(&mut self, value: &FieldValue) {
         self.chosen = match value.text() {
             "earlier" => Chosen::Earlier,
@@ -174,7 +176,7 @@ impl Choice {
         };
     }
 
-    /// Other features for the predictor that is trained here; whether there are such.
+    /// Sets other features for the predictor trained here. Returns whether they exist.
     pub(super) fn set_features(&mut self, name: &str) -> bool {
         let known = FEATURES.iter().find(|(known, ..)| *known == name);
         if let Some((known, ..)) = known {
@@ -188,7 +190,7 @@ impl Choice {
         self.chosen == Chosen::Earlier
     }
 
-    /// The choice as part of a query; empty for the usual one.
+    /// The choice as part of a query; empty for the default.
     pub(super) fn query(&self) -> String {
         match &self.chosen {
             Chosen::Here if self.features == FEATURES[0].0 => String::new(),
@@ -207,8 +209,8 @@ impl Choice {
         }
     }
 
-    /// How to come by the predictor for a trial of a participant with so many tasks. `number` is that of the
-    /// evaluator's report.
+    /// The source of the predictor for a trial of a participant with this number of tasks. `number`
+    /// is that of the evaluator's report.
     pub(super) fn ask(&mut self, trial_id: &str, tasks: usize, number: u32) -> Ask {
         (self.known, self.refused) = (None, None);
         let route = routes::admin_predictor(trial_id);
@@ -251,19 +253,19 @@ impl Choice {
         }
     }
 
-    /// The predictor that is trained here has come.
+    /// Records that the predictor trained here is ready.
     pub(super) fn trained(&mut self, fallback: Option<String>) {
         self.known = Some(Known { fallback, ..Known::default() });
     }
 
-    /// There is no predictor, for this reason.
+    /// Records why there is no predictor.
     pub(super) fn refuse(&mut self, why: &str) {
         self.known = None;
         self.refused = Some(format!("No predicted sets. {why}"));
     }
 
-    /// The tasks as the command line splits them, but for those that must not be calibrated or judged on
-    /// because they trained the predictor.
+    /// The tasks as the command line splits them, without those that trained the predictor: they
+    /// must not be used to calibrate or judge it.
     pub(super) fn parts(&self, drives: &Drives) -> Parts {
         let unseen = self.unseen(drives);
         let mut parts = parts(drives.tasks.len());
@@ -273,11 +275,11 @@ impl Choice {
         parts
     }
 
-    /// The places of the tasks that did not train the predictor.
+    /// Indices of the tasks that did not train the predictor.
     pub(super) fn unseen(&self, drives: &Drives) -> Vec<usize> {
         let tasks = &drives.tasks;
         if self.chosen == Chosen::Here {
-            // As the command line counts them, in its order.
+            // The same tasks as the command line counts, in its order.
             let Parts { calibration, test, .. } = parts(tasks.len());
             return [calibration, test].concat();
         }
@@ -287,14 +289,14 @@ impl Choice {
     }
 }
 
-/// The predictor that knows nothing.
+/// A predictor with equal probabilities.
 fn equally_likely() -> Result<PredictorFile, Invalid> {
     let features = FeatureSet::of(&["distance"])?;
     let predictor = Predictor::constant(features, vec![-1, 0, 1], vec![1.0 / 3.0; 3])?;
     Ok(PredictorFile::from(&predictor))
 }
 
-/// The control, and what is to be known of the predictor.
+/// The control, and facts about the predictor.
 pub(super) fn section(choice: &Choice, drives: &Drives) -> Node {
     let id = "choose-predictor";
     let is_waiting = choice.known.is_none() && choice.refused.is_none();
@@ -336,7 +338,7 @@ fn list(choice: &Choice, drives: &Drives) -> Node {
         .children(groups(&choice.offered, named, source, drives.number))
 }
 
-/// What the predictor is.
+/// Describes the predictor.
 fn about(choice: &Choice, known: &Known, drives: &Drives) -> Node {
     if let Some(source) = &known.source {
         return described(source);

@@ -1,4 +1,4 @@
-//! The predicted sets, a line each: its widening, its area, and how often it holds the future.
+//! The predicted sets, one row each: widening, area, and how often the set contains the future.
 
 use super::controls::said;
 use super::{Explorer, Msg};
@@ -11,7 +11,7 @@ use sidestep::trial_view::layers::{LAYERS, place};
 
 type Node = view::Node<Msg>;
 
-/// The table of sets, and what its numbers mean.
+/// The table of sets, and the meaning of its numbers.
 pub(super) fn section(explorer: &Explorer) -> Node {
     let sets = explorer.wanted.epsilon.len();
     let signs =
@@ -34,7 +34,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
 
 fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
     let epsilon = explorer.wanted.epsilon[j];
-    // A prediction that admits every turn rate needs no more.
+    // A larger widening has no effect: the prediction already admits every turn rate.
     let most = 2.0 * explorer.drives.parameters.human.turn_rate_radps;
     let most = number(most.max(explorer.wanted.epsilon.iter().copied().fold(0.0, f64::max)));
     let name = format!("ε of set {}", j + 1);
@@ -81,7 +81,7 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
         .child(p.test_id(&format!("p-{j}")))
 }
 
-/// What p counts, how far it is, and what else could be counted.
+/// The tasks over which p is counted, progress, and the alternative.
 fn counted(explorer: &Explorer) -> Node {
     let coverage = &explorer.coverage;
     let all = explorer.drives.tasks.len();

@@ -1,4 +1,4 @@
-//! "Tune for p ≥ …": what is asked for, how far it is, and what was found with its guarantee.
+//! "Tune for p ≥ …": the aim, progress, and the result with its guarantee.
 
 use super::predictor::Choice;
 use super::{Explorer, Msg};
@@ -16,20 +16,20 @@ use sidestep::shfrs::tuning::{Parts, Split};
 
 type Node = view::Node<Msg>;
 
-/// What tuning is asked for, and what came of it.
+/// The aim of tuning, and its result.
 pub(super) struct Tuning {
     number: u32,
-    /// The probability that a trajectory is to stay inside F_1.
+    /// The required probability that a trajectory stays inside F_1.
     p: f64,
-    /// Whether that is to hold for each calibration, not on average over calibrations.
+    /// Whether the guarantee is for each calibration, not on average over calibrations.
     is_sure: bool,
-    /// The share that is done, while the tuner works.
+    /// Progress, while the tuner works.
     done: Option<f64>,
     found: Option<Found>,
     trouble: Option<String>,
 }
 
-/// How often a calibration may fail, as by the command line.
+/// Probability that a calibration may fail, the command line's default.
 const DELTA: f64 = 0.05;
 
 impl Default for Tuning {
@@ -49,7 +49,7 @@ impl Tuning {
         self.aim(self.p, value.text() == "pac");
     }
 
-    /// Asks for another promise: what was found for the one before is not an answer to it.
+    /// Sets another aim and discards the result for the previous one.
     fn aim(&mut self, p: f64, is_sure: bool) {
         if (p, is_sure) != (self.p, self.is_sure) {
             (self.p, self.is_sure) = (p, is_sure);
@@ -62,12 +62,12 @@ impl Tuning {
         self.done.is_some()
     }
 
-    /// Nothing is asked any more.
+    /// Ends tuning.
     pub(super) fn stop(&mut self) {
         (self.done, self.number) = (None, self.number + 1);
     }
 
-    /// Nothing that was found holds any more.
+    /// Discards the result, which no longer applies.
     pub(super) fn forget(&mut self) {
         self.stop();
         (self.found, self.trouble) = (None, None);
@@ -80,7 +80,7 @@ impl Tuning {
         Aim { number: self.number, p: self.p, delta, steps, parts }
     }
 
-    /// Takes what the tuner says. Returns whether it has come to its end.
+    /// Takes a report of the tuner. Returns whether it is the last one.
     pub(super) fn take(&mut self, answer: Answer) -> bool {
         let content = match answer {
             Ok(content) => content,
@@ -99,12 +99,12 @@ impl Tuning {
         is_over
     }
 
-    /// The settings that were found.
+    /// The tuned settings.
     pub(super) fn found(&self) -> Option<&Found> {
         self.found.as_ref()
     }
 
-    /// What the command line is asked for the same guarantee with.
+    /// Command-line flags for the same guarantee.
     pub(super) fn flags(&self) -> String {
         let guarantee = if self.is_sure { "pac" } else { "conformal" };
         format!("--probability {} --guarantee {guarantee}", fixed(self.p, 2))
@@ -115,7 +115,7 @@ impl Tuning {
     }
 }
 
-/// The controls, and what was found.
+/// The controls, and the result.
 pub(super) fn section(explorer: &Explorer) -> Node {
     let it = &explorer.tuning;
     let p = fixed(it.p, 2);
@@ -166,7 +166,7 @@ pub(super) fn section(explorer: &Explorer) -> Node {
         .children(it.found.as_ref().map(|found| result(explorer, found)))
 }
 
-/// Why there are too few tasks to calibrate a coverage of `p` with, if so.
+/// The reason why there are too few tasks to calibrate a coverage of `p`, if so.
 pub(super) fn lacking(explorer: &Explorer, guarantee: Guarantee, p: f64) -> Option<String> {
     let needed = guarantee.needed(p).ok()?;
     let (choice, drives) = (&explorer.choice, &explorer.drives);
@@ -184,7 +184,7 @@ pub(super) fn lacking(explorer: &Explorer, guarantee: Guarantee, p: f64) -> Opti
     })
 }
 
-/// Offers the predictor that leaves tasks aside, if it leaves enough of them.
+/// Offers the predictor that leaves tasks for calibration, if it leaves enough of them.
 fn remedy(explorer: &Explorer) -> Option<Node> {
     let it = &explorer.tuning;
     let needed = it.guarantee().needed(it.p).ok()?;
@@ -193,12 +193,12 @@ fn remedy(explorer: &Explorer) -> Option<Node> {
         let here = FieldValue::Text(Choice::HERE.to_owned());
         el("div").class("act").child(
             button("leave-tasks-aside", Msg::Choose(here))
-                .text("Use a predictor that leaves enough tasks aside"),
+                .text("Use a predictor that leaves enough tasks for calibration"),
         )
     })
 }
 
-/// What was found, and what it promises.
+/// The result, and its guarantee.
 fn result(explorer: &Explorer, found: &Found) -> Node {
     let [chosen, calibrated, judged, without] = found.tasks;
     let coverage = found.coverage;
@@ -206,7 +206,7 @@ fn result(explorer: &Explorer, found: &Found) -> Node {
         0 => "no task was left to measure it".to_owned(),
         _ => {
             let inside = (coverage.value * judged as f64).round();
-            // Few tasks measure coarsely: what they say agrees with p unless the whole interval is below it.
+            // A small sample is imprecise: it agrees with p unless the whole interval is below p.
             let agrees = if coverage.high >= found.p { "agrees with" } else { "is below" };
             format!(
                 "{inside} of {judged} other tasks stayed inside: {} ({} % interval {}–{}), which {agrees} p ≥ {}",
@@ -251,8 +251,8 @@ fn result(explorer: &Explorer, found: &Found) -> Node {
     } else {
         el("p")
             .class("quiet")
-            .text("The controls have been moved since; the guarantee is not for them. ")
-            .child(button("use-found", Msg::UseFound).text("Use what was found"))
+            .text("The controls have changed since; the guarantee does not apply to them. ")
+            .child(button("use-found", Msg::UseFound).text("Use these settings"))
     };
     el("div")
         .class("found")

@@ -1,4 +1,4 @@
-//! What the explorer shows: the scene, the moment, and the settings beside it.
+//! The explorer's view: the scene at one instant, and the settings beside it.
 
 use super::{CANVAS, Explorer, Msg};
 use super::{areas, controls, predictor, sets, tuning};
@@ -31,7 +31,7 @@ fn scene(explorer: &Explorer) -> Node {
         .child(picture)
 }
 
-/// The task and the time.
+/// The controls for task and time.
 fn moment(explorer: &Explorer) -> Node {
     let now = explorer.playback.now();
     let task = &explorer.drives.tasks[explorer.task];
@@ -66,7 +66,7 @@ fn moment(explorer: &Explorer) -> Node {
     el("section")
         .class("moment")
         .attr("aria-label", "Moment")
-        .child(other("previous-task", "The task before (key P)", "‹", -1))
+        .child(other("previous-task", "The previous task (key P)", "‹", -1))
         .child(list)
         .child(other("next-task", "The next task (key N)", "›", 1))
         .child(slider)
@@ -81,7 +81,7 @@ fn panel(explorer: &Explorer) -> Node {
         let seconds = steps as f64 * explorer.drives.parameters.step_s;
         el("small").text(format!("where the human may be in {} s", fixed(seconds, 1)))
     });
-    // It scrolls, so the keyboard must be able to reach it.
+    // It scrolls, so it must be reachable by keyboard.
     el("aside")
         .class("panel")
         .attrs(&[("tabindex", "0"), ("aria-label", "Settings")])

@@ -1,4 +1,4 @@
-//! Who may use the laboratory, and who did what: the keys and the audit trail.
+//! Access to the laboratory, and who did what: the keys and the audit trail.
 
 use super::visit::Visit;
 use crate::form::Form;
@@ -12,7 +12,7 @@ type Node = view::Node<Msg>;
 
 /// The page of keys and of the audit trail.
 pub(super) struct AccessPage {
-    /// The user's key, by name.
+    /// The name of the user's key.
     name: String,
     access: Access,
     /// Scheme and host of this server.
@@ -20,39 +20,39 @@ pub(super) struct AccessPage {
     keys: Option<Vec<KeySummary>>,
     entries: Vec<AuditEntry>,
     next_before: Option<i64>,
-    /// The key that was just made. It is shown until the page is left, and never again.
+    /// The new key. It is shown until the user leaves the page, and never again.
     made: Option<KeyMade>,
-    /// How often a key was made: the form is empty again after each.
+    /// Number of keys made: the form is reset after each.
     makings: u32,
-    /// The key that will be revoked if the user says so once more.
+    /// The key to be revoked after confirmation.
     revoking: Option<i64>,
-    /// Why something was not done.
+    /// Why the last action failed.
     trouble: Option<String>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// The server listed the keys.
     Keys(Answer),
     /// The server listed entries of the audit trail.
     Audit(Answer),
-    /// Older entries are wanted.
+    /// Load older entries.
     More,
     /// The form of a new key was submitted.
     Make(Form),
     /// The server made a key.
     Made(Answer),
-    /// The user wants to revoke a key, or no longer.
+    /// Ask for confirmation to revoke a key, or cancel that.
     AskToRevoke(Option<i64>),
-    /// The user is sure.
+    /// The user has confirmed.
     Revoke(i64),
     /// The server revoked a key.
     Revoked(Answer),
 }
 
 impl AccessPage {
-    /// The page as it opens. Only those who may manage see more than their own right.
+    /// The page when it opens. Only managers see more than their own access.
     pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
             name: visit.session.name.clone(),
@@ -80,7 +80,7 @@ impl AccessPage {
         vec![Command::Send(keys), Command::Send(audit)]
     }
 
-    /// Shows the outcome of a change, and what the lists have become.
+    /// Shows the outcome of a change, and reloads the lists.
     fn begin_again(&mut self) -> Commands<Msg> {
         (self.trouble, self.revoking) = (None, None);
         self.entries.clear();
@@ -154,7 +154,7 @@ impl Page for AccessPage {
             )
             .children(self.trouble.as_deref().map(|why| alert("trouble", why)));
         if !self.may_manage() {
-            let words = "Keys and the audit trail are shown to those who may manage.";
+            let words = "Only users with the right to manage see the keys and the audit trail.";
             return page.child(el("p").text(words));
         }
         let Some(keys) = &self.keys else {
@@ -171,12 +171,12 @@ impl Page for AccessPage {
     }
 }
 
-/// What a key with this right may do.
+/// Describes the permissions of a key with this access.
 fn may(access: Access) -> &'static str {
     match access {
         Access::Read => {
-            "It may look at everything but external ids, completion codes and answers, and download the \
-             files of analyses, which name nobody."
+            "It may view everything except external ids, completion codes and answers, and download the files of \
+             analyses, which contain no identities."
         }
         Access::Export => "It may look at everything and download all data.",
         Access::Manage => "It may look at everything, download all data, change and delete.",

@@ -20,12 +20,12 @@ pub(super) struct Analyses {
     study: Option<StudySummary>,
     analyses: Option<Vec<AnalysisSummary>>,
     next_before: Option<i64>,
-    /// How often an analysis was requested: the form is as new after each.
+    /// Number of analyses requested: the form is reset after each.
     requests: u32,
     trouble: Option<String>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// Something has changed.
@@ -34,17 +34,17 @@ pub(super) enum Msg {
     Study(Answer),
     /// The server listed the newest analyses.
     Listed(Answer),
-    /// Older ones are wanted.
+    /// Load older ones.
     More,
     /// The server listed older ones.
     Older(Answer),
     /// The form of a new analysis was submitted.
     Ask(Form),
-    /// The server has put it into the queue, or refused.
+    /// The server has queued it, or refused.
     Asked(Answer),
-    /// An analysis is to be cancelled.
+    /// Cancel an analysis.
     Cancel(String),
-    /// The server has done so, or refused.
+    /// The server has cancelled it, or refused.
     Done(Answer),
 }
 
@@ -72,7 +72,7 @@ impl Analyses {
     }
 
     fn listed(&mut self, page: AnalysisPage) {
-        // Older ones that are shown already stay.
+        // Older analyses in the list stay.
         let oldest = page.analyses.last().map(|analysis| analysis.created_at_ms);
         let mut analyses = page.analyses;
         let shown = self.analyses.take().unwrap_or_default();
@@ -90,7 +90,7 @@ impl Analyses {
     }
 }
 
-/// The request that the form makes.
+/// The request of the form.
 fn request(form: &Form) -> comparison::Request {
     let names = form.text("features").split([',', ' ', '\n']).filter(|name| !name.is_empty());
     let features: Vec<String> = names.map(str::to_owned).collect();
@@ -243,7 +243,7 @@ impl Page for Analyses {
 
 impl Analyses {
     fn table(&self, analyses: &[AnalysisSummary]) -> Node {
-        // There is a column for cancelling as long as there is something to cancel.
+        // The table has a column for cancelling while any analysis can be cancelled.
         let may_cancel = self.may_manage && analyses.iter().any(|it| !it.state.is_over());
         let columns = ["Requested", "State", "Settings", "Participants"];
         let columns = columns.into_iter().chain(may_cancel.then_some("Action"));
@@ -324,8 +324,8 @@ impl Analyses {
                 ))
                 .child(tick(
                     "leakage",
-                    "also test models on time steps of tasks that they learned from: this shows \
-                     how much too good such a test looks",
+                    "also test models on time steps of tasks that they learned from: this shows how over-optimistic \
+                     such a test is",
                 ))
                 .child(tick(
                     "paper_only",
@@ -345,7 +345,7 @@ impl Analyses {
     }
 }
 
-/// That analyses can be compared, once there are two that are done.
+/// A hint that analyses can be compared, once two are finished.
 fn comparable(analyses: &[AnalysisSummary]) -> Option<Node> {
     let mut done = analyses.iter().filter(|it| it.state == AnalysisState::Done);
     let newest = done.next()?;

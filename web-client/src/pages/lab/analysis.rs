@@ -1,4 +1,4 @@
-//! One analysis: its progress, then its report and files, and which data went in.
+//! One analysis: its progress, then its report and files, and its input data.
 
 use super::analyses::{settings, state};
 use super::compare;
@@ -22,17 +22,17 @@ pub(super) struct AnalysisView {
     id: String,
     may_manage: bool,
     analysis: Option<AnalysisDetail>,
-    /// The analyses of the same study, once they are needed.
+    /// The analyses of the same study, once loaded.
     others: Option<Vec<AnalysisSummary>>,
-    /// The one that this one is compared with.
+    /// The analysis to compare this one with.
     other: Option<AnalysisSummary>,
     predictors: Predictors,
-    /// Deleting waits for a second press.
+    /// Whether deletion waits for confirmation.
     deleting: bool,
     trouble: Option<String>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// Something has changed.
@@ -41,21 +41,21 @@ pub(super) enum Msg {
     Found(Answer),
     /// The server listed the study's analyses.
     Others(Answer),
-    /// This one is to be compared with another, or with none.
+    /// Compare this one with another, or with none.
     Compare(FieldValue),
     /// The server described the other one.
     Other(Answer),
-    /// Something about its models.
+    /// A message to the list of its models.
     Predictors(predictors::Msg),
-    /// It is to be cancelled.
+    /// Cancel it.
     Cancel,
-    /// The server has done so, or refused.
+    /// The server has cancelled it, or refused.
     Cancelled(Answer),
-    /// It is to be deleted, or no longer.
+    /// Ask for confirmation to delete it, or cancel that.
     AskToDelete(bool),
-    /// The user is sure.
+    /// The user has confirmed.
     Delete,
-    /// The server has done so, or refused.
+    /// The server has deleted it, or refused.
     Deleted(Answer),
 }
 
@@ -195,7 +195,7 @@ impl Page for AnalysisView {
 }
 
 impl AnalysisView {
-    /// The models, as long as the analysis has them.
+    /// The models, while the analysis has them.
     fn predictors(&self, own: &AnalysisSummary) -> Option<Node> {
         own.result.as_ref()?;
         let lift: Rc<dyn Fn(predictors::Msg) -> Msg> = Rc::new(Msg::Predictors);
@@ -207,12 +207,12 @@ impl AnalysisView {
     }
 }
 
-/// What the state means, where its name does not say it.
+/// Explains the state, if its name is not enough.
 fn words(analysis: &AnalysisDetail) -> Option<Node> {
     let summary = &analysis.summary;
     let words = match summary.state {
         AnalysisState::Queued => "It waits for other analyses to end.",
-        AnalysisState::Running => "It goes on in the server; this page can be closed.",
+        AnalysisState::Running => "It runs on the server; you may close this page.",
         AnalysisState::Failed => summary.message.as_deref().unwrap_or("It failed."),
         AnalysisState::Cancelled => "It was cancelled.",
         AnalysisState::Withdrawn => {
@@ -225,7 +225,7 @@ fn words(analysis: &AnalysisDetail) -> Option<Node> {
     Some(el("p").class(if failed { "trouble" } else { "" }).test_id("words").text(words))
 }
 
-/// Which data went in.
+/// The input data.
 fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node {
     let mut facts = vec![fact("Participants", result.participants.to_string())];
     facts.extend(result.models.map(|models| fact("Models trained", models.to_string())));
@@ -252,9 +252,9 @@ fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node
     });
     let same = (!result.same_trials.is_empty()).then(|| {
         let who = result.same_trials.join(", ");
-        el("p")
-            .class("waiting")
-            .text(format!("Participants {who} have the very trials of another participant."))
+        el("p").class("waiting").text(format!(
+            "Participants {who} have exactly the same trials as another participant."
+        ))
     });
     let synthetic = result.synthetic.as_ref().map(|why| {
         el("p").class("synthetic").test_id("synthetic").text(format!("Synthetic data: {why}"))
@@ -270,7 +270,7 @@ fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node
         .children(provenance(result))
 }
 
-/// Why lists and files have more entries than models were trained.
+/// Why lists and files have more entries than there are trained models.
 fn twice(result: &AnalysisResult) -> Option<String> {
     let models = result.models.filter(|models| *models < result.cells)?;
     Some(format!(
@@ -297,7 +297,7 @@ fn provenance(result: &AnalysisResult) -> Option<Node> {
     Some(words.child(hash).text("… Test runs are never part of an analysis."))
 }
 
-/// The report, which can do nothing but show itself.
+/// The report, in a frame without any permissions.
 fn report(analysis: &AnalysisDetail) -> Option<Node> {
     analysis.files.iter().find(|file| file.name == REPORT)?;
     let address = routes::analysis_file(&analysis.summary.id, REPORT);

@@ -1,4 +1,4 @@
-//! Two analyses side by side: what went in, and how often their models are right.
+//! Two analyses side by side: their input, and how often their models are right.
 
 use super::analyses::settings;
 use crate::form::FieldValue;
@@ -7,7 +7,7 @@ use crate::view::{Node, el};
 use sidestep::api::{AnalysisResult, AnalysisSummary, MeanAccuracy};
 use std::collections::BTreeMap;
 
-/// The choice of another analysis that is done, and the comparison once it is there. `chosen` is told the
+/// The choice of another finished analysis, and the comparison once it is loaded. `chosen` gets the
 /// id of the choice.
 pub(super) fn section<M: Clone + 'static>(
     own: &AnalysisSummary,
@@ -46,7 +46,7 @@ pub(super) fn section<M: Clone + 'static>(
     )
 }
 
-/// What went into each.
+/// The input of each.
 fn inputs<M>(
     (own, result): (&AnalysisSummary, &AnalysisResult),
     (other, theirs): (&AnalysisSummary, &AnalysisResult),
@@ -71,11 +71,11 @@ fn inputs<M>(
         row("Data", [short(&result.data_sha256), short(&theirs.data_sha256)]),
         row("Sidestep", both(|of| of.version.clone().unwrap_or("not recorded".to_owned()))),
     ];
-    scroll("What went into the two analyses")
+    scroll("Input of the two analyses")
         .child(table(["What went in", "This analysis", "The other", "Compared"], rows))
 }
 
-/// Mean accuracies of the models that either has.
+/// Mean accuracies of the models in either analysis.
 fn accuracies<M>(result: &AnalysisResult, theirs: &AnalysisResult) -> Node<M> {
     let key = |of: &MeanAccuracy| (of.model.clone(), of.experiment, of.features.clone());
     let of = |accuracies: &[MeanAccuracy]| -> BTreeMap<_, f64> {
@@ -101,7 +101,7 @@ fn accuracies<M>(result: &AnalysisResult, theirs: &AnalysisResult) -> Node<M> {
         })
         .collect();
     if result.accuracies.is_empty() || theirs.accuracies.is_empty() {
-        let words = "One of the two was computed by an earlier version, which kept no accuracies. \
+        let words = "One of the two was computed by an earlier version, which stored no accuracies. \
                      Start it again to compare.";
         return el("p").class("quiet").text(words);
     }
@@ -115,12 +115,12 @@ fn accuracies<M>(result: &AnalysisResult, theirs: &AnalysisResult) -> Node<M> {
         ))
 }
 
-/// What can be scrolled sideways, with the keyboard too.
+/// A container that scrolls horizontally, also by keyboard.
 fn scroll<M>(label: &str) -> Node<M> {
     el("div").class("scroll").attrs(&[("role", "group"), ("tabindex", "0"), ("aria-label", label)])
 }
 
-/// With its sign; 0.00 has none.
+/// With its sign, except for 0.00.
 fn difference(points: f64) -> String {
     match format!("{:.2}", points.abs()).as_str() {
         "0.00" => "0.00".to_owned(),

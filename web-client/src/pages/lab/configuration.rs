@@ -1,8 +1,8 @@
-//! A study as it is set up: a form or a file, checked while somebody writes it, who can take part, and the
-//! links for participants.
+//! The configuration of a study: a form or a file, checked while the user edits it, who can take
+//! part, and the links for participants.
 //!
-//! The text of the study file is the draft. A form shows what the text says, and what is entered in the form
-//! becomes a text again, by the server.
+//! The text of the study file is the draft. The form shows the draft; the server turns input in the
+//! form back into text.
 
 mod document;
 mod edit;
@@ -31,77 +31,77 @@ type Node = view::Node<Msg>;
 
 /// The page of a study's configuration, or of a new study.
 pub(super) struct ConfigurationPage {
-    /// The study; none if it is to be made.
+    /// The study's slug; `None` for a new study.
     slug: Option<String>,
     may_manage: bool,
     /// Scheme and host of this server.
     origin: String,
     study: Option<StudySummary>,
     info: Option<StudyInfo>,
-    /// What is stored; none before it has come, and for a study that is to be made.
+    /// The stored configuration; `None` before it is loaded, and for a new study.
     base: Option<Configuration>,
     editor: Editor,
-    /// The differences are shown, and storing waits for a second press.
+    /// Whether the differences are shown and storing waits for confirmation.
     confirming: bool,
-    /// The study lacks something, and opening it waits for a second press.
+    /// Whether the study is incomplete and opening it waits for confirmation.
     opening: bool,
-    /// The draft was stored just now.
+    /// Whether the draft was just stored.
     stored: bool,
-    /// Somebody else has stored another configuration since.
+    /// Whether another user has stored another configuration since.
     overtaken: bool,
     trouble: Option<String>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// The server described the study.
     Study(Answer),
-    /// The server told what participants are told.
+    /// The server sent what it tells participants about the study.
     Info(Answer),
     /// The server sent the configuration.
     Configuration(Answer),
-    /// The form or the text is to be shown.
+    /// Show the form or the text.
     Show(Mode),
-    /// The form is to show the texts of this language.
+    /// Show the texts of this language in the form.
     Language(String),
     /// A field of the form has changed.
     Edit(Edit),
-    /// The form is to have other fields, and then this control has the focus.
+    /// Rebuild the form with other fields, and focus this control.
     Rebuild(Edit, String),
     /// The text has changed.
     Typed(FieldValue),
-    /// Nothing has been entered for a moment.
+    /// The pause in typing is over.
     Check,
     /// The server checked the draft.
     Checked(Answer),
-    /// The draft is to be stored.
+    /// Store the draft.
     Store,
-    /// Not yet.
+    /// Cancel the confirmation.
     GoOn,
-    /// The differences are right.
+    /// The user has confirmed the differences.
     Confirm,
     /// The server stored the draft, or refused.
     Stored(Answer),
-    /// The study is to be open, closed or archived.
+    /// Open, close or archive the study.
     Set(Status),
     /// The server has set it.
     StatusSet(Answer),
-    /// The present configuration is wanted instead of the draft.
+    /// Replace the draft by the stored configuration.
     Reload,
 }
 
-/// After this pause in typing the draft is checked, ms.
+/// Pause in typing after which the draft is checked, ms.
 const PAUSE_MS: f64 = 350.0;
 
-/// A new study begins with this.
+/// Template of a new study.
 const TEMPLATE: &str = "\
 slug = \"my-study\"
 title = \"My study\"
 # Nobody can take part yet: try and rehearse the study, then open it.
 status = \"closed\"
 
-# What is not said here is as in the paper, such as
+# Defaults are those of the paper, such as
 # six scenes of familiarisation, three of practice, fifty tasks.
 # [[phases]]
 # phase = \"task\"
@@ -161,7 +161,7 @@ impl ConfigurationPage {
         vec![study::ask(slug, Msg::Study), Command::Send(info), Command::Send(configuration)]
     }
 
-    /// Begins a draft with a text.
+    /// Starts a draft with this text.
     fn begin(&mut self, text: String) {
         self.editor.begin(text);
         (self.confirming, self.overtaken, self.stored) = (false, false, false);
@@ -182,7 +182,7 @@ impl ConfigurationPage {
         Command::Send(Request { method: "POST", body: Some(body), ..ask })
     }
 
-    /// Something was entered: the draft is checked after a pause.
+    /// Schedules a check of the draft after a pause in typing.
     fn entered(&mut self) -> Commands<Msg> {
         (self.confirming, self.stored) = (false, false);
         let wake = Command::Wake { timer: "pause", after_ms: PAUSE_MS, message: Msg::Check };
@@ -206,13 +206,13 @@ impl ConfigurationPage {
             self.base = Some(found);
             return vec![Command::GuardLeaving(false), self.check()];
         }
-        // A copy needs a name of its own.
+        // A copy needs its own name.
         self.editor.begin_new(copy_of(&found));
         vec![self.check()]
     }
 }
 
-/// The text of a study with another name, which nobody can take part in yet.
+/// The text of a study with another name, which is not open yet.
 fn copy_of(configuration: &Configuration) -> String {
     let slug = &configuration.study;
     let renamed = |line: &str| match line.split_once(" = ") {
@@ -265,7 +265,8 @@ impl Page for ConfigurationPage {
                 }
                 Err(failure) => self.trouble = Some(failure.sentence),
             },
-            // What is new changes nothing for anybody, but people can take part in it.
+            // A new study has no differences to confirm, but storing it may open it to
+            // participants.
             Msg::Store if self.slug.is_none() => {
                 if !self.opening && self.editor.opens() && !self.editor.warnings().is_empty() {
                     self.opening = true;
@@ -285,7 +286,8 @@ impl Page for ConfigurationPage {
                         commands.push(Command::Visit(Tab::Configuration.address(&stored.study)));
                         return commands;
                     }
-                    // The text stays as it was written, with its comments, until the page is left.
+                    // The text stays as the user wrote it, with comments, until the user leaves the
+                    // page.
                     self.editor.stored();
                     (self.confirming, self.stored) = (false, true);
                     commands.push(study::ask(&stored.study, Msg::Study));
@@ -323,7 +325,7 @@ impl Page for ConfigurationPage {
 
     fn view(&self) -> Node {
         if self.slug.is_none() && !self.may_manage {
-            let why = "Your key may not make studies. Ask for a key with the right to manage.";
+            let why = "Your key may not create studies. Ask for a key with the right to manage.";
             return parts::stuck("No new study", why);
         }
         let is_there = self.editor.has_begun() && (self.slug.is_none() || self.study.is_some());
@@ -363,7 +365,7 @@ impl ConfigurationPage {
         self.may_manage.then(|| link.test_id("copy").text("Duplicate"))
     }
 
-    /// The study as a form or as text, what the server says of it, and how it is stored.
+    /// The study as a form or as text, the server's remarks, and the buttons that store it.
     fn configuration(&self) -> Node {
         let editor = el("div")
             .class("editor")

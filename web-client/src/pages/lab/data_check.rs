@@ -1,16 +1,16 @@
-//! What the server found when it last checked its data.
+//! The server's last check of its data.
 
 use crate::pages::parts::{count, size};
 use crate::runtime::{Answer, Command, Request};
 use crate::view::{Node, el};
 use sidestep::api::{DataCheck, DataCheckState, routes};
 
-/// Asks the server.
+/// Requests it.
 pub(super) fn ask<M: 'static>(then: fn(Answer) -> M) -> Command<M> {
     Command::Send(Request::get("data-check", routes::DATA_CHECK, then))
 }
 
-/// What is wrong, if anything is.
+/// An error message, if the check found any errors.
 pub(super) fn trouble(check: &DataCheck) -> Option<String> {
     if check.fault_count > 0 {
         let faults = count(check.fault_count, "fault");
@@ -22,7 +22,7 @@ pub(super) fn trouble(check: &DataCheck) -> Option<String> {
     Some(format!("The server could not check its data, or write a backup: {message}."))
 }
 
-/// All that is known.
+/// All results.
 pub(super) fn section<M>(check: &DataCheck) -> Node<M> {
     let p = || el("p");
     let trouble = trouble(check);

@@ -1,4 +1,4 @@
-//! A study's data as one archive, in the form that somebody's tools read.
+//! A study's data as one archive, in a choice of formats.
 
 use super::study::{self, Tab};
 use super::visit::Visit;
@@ -15,28 +15,29 @@ pub(super) struct Export {
     /// Whether the user may download data.
     may_export: bool,
     study: Option<StudySummary>,
-    /// The configurations that the study has had, newest first.
+    /// The configurations of the study, newest first.
     versions: Vec<ConfigurationVersion>,
     /// Why there is nothing to show.
     trouble: Option<String>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone, Debug)]
 pub(super) enum Msg {
     /// Something has changed.
     Changed,
     /// The server described the study.
     Study(Answer),
-    /// The server has given the configurations.
+    /// The server sent the configurations.
     Configuration(Answer),
 }
 
-/// The formats: the word, its name and who reads it. The first is chosen.
+/// The formats: the word in the URL, the name and the programs that read it. The first is the
+/// default.
 const FORMATS: [(&str, &str, &str); 5] = [
     ("csv", "CSV", "for R, pandas, spreadsheets"),
     ("parquet", "Parquet", "for polars, pyarrow, DuckDB: small, with types"),
-    ("jsonl", "JSON Lines", "for programs: an object in each line"),
+    ("jsonl", "JSON Lines", "for programs: one object per line"),
     ("psych-ds", "Psych-DS", "CSV in a described folder, to be shared and archived"),
     ("sqlite", "SQLite", "one database for SQL, with keys and types"),
 ];
@@ -109,7 +110,7 @@ impl Page for Export {
 }
 
 impl Export {
-    /// The choices; the browser itself asks for the archive, and saves it while it comes.
+    /// The options. The browser itself requests the archive and saves it while it downloads.
     fn form(&self, study: &StudySummary) -> Node {
         let format = |(place, &(word, name, use_))| {
             let input = el("input")
@@ -122,7 +123,7 @@ impl Export {
         let formats = el("fieldset")
             .child(el("legend").text("Format"))
             .children(FORMATS.iter().enumerate().map(format));
-        // A study that went back to an earlier configuration has two versions of the same hash.
+        // A study that returned to an earlier configuration has two versions with the same hash.
         let newest = |(i, version): &(usize, &ConfigurationVersion)| {
             !self.versions[..*i].iter().any(|newer| newer.hash == version.hash)
         };

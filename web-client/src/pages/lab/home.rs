@@ -13,23 +13,23 @@ type Node = view::Node<Msg>;
 
 /// The list of studies.
 pub(super) struct Home {
-    /// Newest first; none before the server has answered.
+    /// Newest first; `None` before the server has answered.
     studies: Option<Vec<StudySummary>>,
     may_manage: bool,
-    /// What is wrong with the stored data, if anything is.
+    /// Errors in the stored data, if any.
     faults: Option<String>,
-    /// Why the list is missing or old.
+    /// Why the list is missing or outdated.
     trouble: Option<String>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// Something has changed.
     Changed,
     /// The server listed the studies.
     Listed(Answer),
-    /// The server told what it found when it last checked its data.
+    /// The server sent its last check of its data.
     Checked(Answer),
 }
 
@@ -59,7 +59,7 @@ impl Page for Home {
                 }
                 Err(failure) => self.trouble = Some(failure.sentence),
             },
-            // Without an answer nothing is known to be wrong; the page of checks says why.
+            // Without an answer no errors are known; the page of checks gives the reason.
             Msg::Checked(answer) => {
                 self.faults = read(answer).ok().as_ref().and_then(data_check::trouble);
             }
@@ -73,7 +73,7 @@ impl Page for Home {
             (None, Some(why)) => return parts::stuck("No studies to show", why),
             (None, None) => return parts::loading(),
         };
-        // Before anybody has taken part, there is nothing to watch, but much to try.
+        // Before anyone has taken part, there is nothing to watch, but much to try.
         let begins = studies.iter().all(|study| study.participants == 0);
         let newest = studies.iter().find(|study| !study.synthetic).filter(|_| begins);
         el("main")
@@ -157,10 +157,10 @@ fn attention(study: &StudySummary) -> Vec<Node> {
     lines
 }
 
-/// For a server on which nobody has taken part yet.
+/// First steps on a server without any participants.
 fn first_steps(study: &StudySummary) -> Node {
     let link = |href: String, name: &str, words: &str| {
-        // Each opens the participant's page, beside this one.
+        // Each opens the participant's page in a new tab.
         el("a")
             .class("button")
             .attr("href", href)

@@ -1,5 +1,5 @@
-//! A page of the laboratory whatever its message type, so that the route table can list them
-//! all. Messages are typed on both sides of this file.
+//! A page of the laboratory with its message type erased, so that the route table can list all
+//! pages. Messages are typed on both sides of this file.
 
 use crate::runtime::{Commands, Event, Page, Solid};
 use crate::view::Node;
@@ -10,10 +10,10 @@ use std::rc::Rc;
 /// A message of some page.
 pub(super) type AnyMsg = Rc<dyn Any>;
 
-/// A page with its message type hidden. A message of another page changes nothing.
+/// A page with its message type erased. A message of another page is ignored.
 pub(super) type AnyPage = Box<dyn Page<Msg = AnyMsg>>;
 
-/// A page and its first commands, as the route table takes them.
+/// Opens a page for the route table. Returns it with its first commands.
 pub(super) fn host<P: Page + 'static>(
     (page, commands): (P, Commands<P::Msg>),
 ) -> (AnyPage, Commands<AnyMsg>) {

@@ -1,10 +1,10 @@
-//! Which part of a long list is shown, and the way to the parts beside it.
+//! Navigation in a long list: the current range, and links to the previous and next pages.
 
 use crate::pages::parts::button;
 use crate::view::{Node, el};
 
-/// The part of `shown` entries after `offset` of `total`, in pages of `length`; `go` turns to the page
-/// after so many entries. Nothing for a list without entries.
+/// A pager for `shown` entries after `offset` of `total`, in pages of `length`. `go` goes to the
+/// page that starts after a number of entries. `None` for an empty list.
 pub(super) fn pager<M>(
     (offset, shown, total): (u64, usize, u64),
     length: u64,

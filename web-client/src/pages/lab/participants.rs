@@ -1,5 +1,5 @@
-//! The participants of a study as it runs: how far they are and what to look at. The server filters,
-//! sorts and pages; the address holds what is chosen.
+//! The participants of a running study: their progress and quality flags. The server filters, sorts
+//! and pages; the address holds the selection.
 
 mod selection;
 pub(super) mod table;
@@ -25,11 +25,11 @@ pub(super) struct Participants {
     selection: Selection,
     study: Option<StudySummary>,
     page: Option<ParticipantPage>,
-    /// Why what is shown is missing or old.
+    /// Why the list is missing or outdated.
     trouble: Option<String>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// Something has changed.
@@ -38,17 +38,17 @@ pub(super) enum Msg {
     Study(Answer),
     /// The server listed participants.
     Listed(Answer),
-    /// Show those at this stage; all if none.
+    /// Show those at this stage; all if `None`.
     Stage(Option<Stage>),
-    /// Show those with something to look at, by its word; all if empty.
+    /// Show those with this flag, by its word; all if empty.
     Having(FieldValue),
-    /// Sort by this column; from the largest if that is not so already.
+    /// Sort by this column, in descending order; if that is already so, ascending.
     Sort(&'static str),
     /// Search.
     Search(Form),
     /// Show test runs, or participants.
     Pilots(FieldValue),
-    /// Show the page that begins after this number of participants.
+    /// Show the page that starts after this number of participants.
     Page(u64),
 }
 
@@ -74,7 +74,7 @@ impl Participants {
         vec![study::ask(&self.slug, Msg::Study), people]
     }
 
-    /// Shows another selection, and keeps it in the address.
+    /// Shows another selection, and puts it into the address.
     fn select(&mut self, change: impl FnOnce(&mut Selection)) -> Commands<Msg> {
         self.selection.offset = 0;
         change(&mut self.selection);
@@ -150,7 +150,7 @@ impl Page for Participants {
     }
 }
 
-/// The ways to try a study, which its participant's page opens beside the laboratory.
+/// Links to try a study on its participant's page, in a new tab.
 pub(super) fn trials<M: Clone>(slug: &str) -> [view::Node<M>; 2] {
     let link = |query: &str, name: &str, words: &str| {
         let link = el("a").class("button").attr("href", format!("/s/{slug}?{query}"));
@@ -174,7 +174,7 @@ impl Participants {
         actions
     }
 
-    /// The choice of stage, of what to look at, and a search.
+    /// The filters by stage and flag, and a search.
     fn filters(&self, page: &ParticipantPage) -> Node {
         let all: u64 = page.stages.iter().map(|count| count.participants).sum();
         let stage = |stage: Option<Stage>, words: &str, participants: u64| {
@@ -235,7 +235,7 @@ impl Participants {
     fn empty(&self, study: &StudySummary) -> Node {
         let empty = el("div").class("empty").test_id("nobody");
         if self.selection.is_filtered() {
-            return empty.child(el("p").text("No participant fits what is chosen."));
+            return empty.child(el("p").text("No participant matches the filters."));
         }
         if self.selection.pilots {
             let words = "Take part yourself (Test run), or watch a simulated person do so (Watch a \

@@ -1,5 +1,5 @@
-//! The models of an analysis: filtered and paged in the server, to be saved or used in a replay. The
-//! address of the page holds what is chosen.
+//! The models of an analysis: filtered and paged by the server, to be downloaded or used in a
+//! replay. The address of the page holds the selection.
 
 use super::pager::pager;
 use crate::form::FieldValue;
@@ -10,7 +10,7 @@ use sidestep::api::{PredictorPage, PredictorSummary, routes};
 
 type Node = view::Node<Msg>;
 
-/// Models on a page.
+/// Number of models on a page.
 const PAGE_LENGTH: u64 = 20;
 
 /// The models of an analysis.
@@ -21,7 +21,7 @@ pub(super) struct Predictors {
     trouble: Option<String>,
 }
 
-/// Which models are shown, each as the text of its parameter: all where it is empty.
+/// Selection of models, each filter as the text of its parameter; empty for all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Chosen {
     participant: String,
@@ -31,7 +31,7 @@ struct Chosen {
     offset: u64,
 }
 
-/// What the list can be told.
+/// Messages to the list.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// The server listed models.
@@ -44,7 +44,7 @@ pub(super) enum Msg {
     Experiment(FieldValue),
     /// Show only this feature set.
     Features(FieldValue),
-    /// Show the page that begins after this number of models.
+    /// Show the page that starts after this number of models.
     Page(u64),
 }
 
@@ -60,7 +60,7 @@ impl Chosen {
         }
     }
 
-    /// The query of the server's list without the length of a page, and of the page's own address.
+    /// The query of the server's list without the page length, and of the page's own address.
     fn query(&self) -> String {
         let offset = if self.offset > 0 { self.offset.to_string() } else { String::new() };
         let pairs = [
@@ -78,13 +78,13 @@ impl Chosen {
 }
 
 impl Predictors {
-    /// Those of an analysis, of which the page's address chooses some.
+    /// The models of an analysis, with the selection in the page's address.
     pub(super) fn new(analysis: &str, address: &Address) -> Self {
         let (analysis, chosen) = (analysis.to_owned(), Chosen::of(address));
         Self { analysis, chosen, page: None, trouble: None }
     }
 
-    /// Asks for what is shown.
+    /// Requests the models to show.
     pub(super) fn ask(&self) -> Command<Msg> {
         let (route, query) = (routes::analysis_predictors(&self.analysis), self.chosen.query());
         let url = format!("{route}?limit={PAGE_LENGTH}&{query}");
@@ -126,7 +126,7 @@ impl Predictors {
         vec![Command::ReplaceAddress(address), self.ask()]
     }
 
-    /// The list with its filters; nothing before the server has answered.
+    /// The list with its filters; `None` before the server has answered.
     pub(super) fn view(&self) -> Option<Node> {
         let section = el("section").attr("id", "predictors").child(el("h2").text("Predictors"));
         let trouble = self.trouble.as_deref().map(|why| alert("predictors-trouble", why));
@@ -140,10 +140,9 @@ impl Predictors {
                 section.child(el("p").class("quiet").test_id("no-predictors").text(words)),
             );
         }
-        let about = "One entry for each participant, kind of model, experiment and feature set. \
-                     Models of experiment I predict right, straight or left, and can be used in a \
-                     replay. Those of experiment II predict whether somebody turns but not to which \
-                     side, so they cannot.";
+        let about = "One entry for each participant, kind of model, experiment and feature set. Models of experiment I \
+             predict right, straight or left, and can be used in a replay. Those of experiment II predict whether a \
+             person turns but not the direction, so they cannot.";
         Some(
             section
                 .child(el("p").class("quiet").text(about))
@@ -183,7 +182,7 @@ impl Predictors {
 
     fn table(&self, page: &PredictorPage) -> Node {
         if page.predictors.is_empty() {
-            let words = "No model fits what is chosen.";
+            let words = "No model matches the filters.";
             return el("p").class("empty").test_id("no-predictors").text(words);
         }
         let columns = [
@@ -235,7 +234,7 @@ fn experiment(number: u8) -> String {
     words.to_owned()
 }
 
-/// A choice among `options`, values with their words; the first is to take all.
+/// A selection among `options`, which are values with labels; the first entry selects all.
 fn select(name: &str, all: &str, chosen: &str, options: Vec<(String, String)>) -> Node {
     let option = |(value, words): (String, String)| {
         el("option").attr_if(value == chosen, "selected", "").attr("value", value).text(words)

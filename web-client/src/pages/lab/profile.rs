@@ -1,4 +1,4 @@
-//! A participant, whole: a timeline of their trials as small pictures, what to look at, answers, notes of
+//! One participant: a timeline of their trials as small pictures, quality flags, answers, notes of
 //! experimenters, exclusion with a reason, and deletion on request.
 
 mod pictures;
@@ -21,33 +21,33 @@ pub(super) struct Profile {
     id: String,
     access: Access,
     found: Option<ParticipantDetail>,
-    /// How often something was written: the forms are empty again after each.
+    /// Number of changes sent: the forms are reset after each.
     writings: u32,
-    /// Deleting waits for a second press.
+    /// Whether deletion waits for confirmation.
     deleting: bool,
     trouble: Option<String>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// Something has changed.
     Changed,
     /// The server described the participant.
     Found(Answer),
-    /// A note was written.
+    /// Add a note.
     AddNote(Form),
-    /// A note is to be deleted.
+    /// Delete a note.
     DeleteNote(i64),
-    /// A reason to exclude the participant was given.
+    /// Exclude the participant, with a reason.
     Exclude(Form),
-    /// Analyses are to use the participant again.
+    /// Include the participant in analyses again.
     Include,
-    /// The participant's data are to be deleted, or no longer.
+    /// Ask for confirmation to delete the participant's data, or cancel that.
     AskToDelete(bool),
-    /// The user is sure.
+    /// The user has confirmed.
     Delete,
-    /// The server has done it, or refused.
+    /// The server has made the change, or refused.
     Done(Answer),
 }
 
@@ -146,7 +146,7 @@ impl Page for Profile {
     }
 }
 
-/// What the participant is called.
+/// The participant's name in the laboratory.
 fn name(found: &ParticipantDetail) -> String {
     let kind = if found.summary.pilot { "Test run" } else { "Participant" };
     format!("{kind} {}", found.summary.number)
@@ -172,7 +172,7 @@ fn head(found: &ParticipantDetail) -> Node {
         .child(el("p").children(looks(&found.summary.quality)))
 }
 
-/// The version of the study under which the participant enrolled, as the table of versions names it.
+/// The version of the study at enrolment, as named in the table of versions.
 fn configuration(found: &ParticipantDetail) -> Node {
     let short = &found.configuration[..found.configuration.len().min(8)];
     let words = match found.configuration_number {
@@ -251,7 +251,7 @@ impl Profile {
             .children(answers)
     }
 
-    /// Why analyses leave the participant out, or the way to have them do so.
+    /// Why analyses exclude the participant, or the form to exclude them.
     fn exclusion(&self, found: &ParticipantDetail) -> Option<Node> {
         if let Some(exclusion) = &found.exclusion {
             let by = el("p")
@@ -337,7 +337,7 @@ impl Profile {
             .children(form)
     }
 
-    /// For people who ask the researchers to delete their data.
+    /// Deletion, for participants who ask the researchers for it.
     fn deletion(&self, found: &ParticipantDetail) -> Option<Node> {
         if !self.may_manage() || found.data_deleted {
             return None;

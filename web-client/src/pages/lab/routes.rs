@@ -1,4 +1,4 @@
-//! Which page of the laboratory an address names, one line a page, and which program has it.
+//! The routes of the laboratory, one line per page, and the program that contains each.
 
 use super::access::AccessPage;
 use super::analyses::Analyses;
@@ -18,9 +18,9 @@ use crate::pages::reachability::Reachability;
 use crate::pages::replay::ReplayPage;
 use crate::runtime::Commands;
 
-/// An address of the laboratory and the page that it names.
+/// An address of the laboratory and its page.
 pub struct Route {
-    /// Its path. A part `{id}` stands for any one name.
+    /// Its path. A part `{id}` stands for any id.
     pub(super) path: &'static str,
     /// Opens the page.
     pub(super) open: Open,
@@ -28,7 +28,7 @@ pub struct Route {
 
 type Open = fn(&Visit<'_>) -> (AnyPage, Commands<AnyMsg>);
 
-/// A part of the laboratory that is a program of its own, so that nobody loads what they do not look at.
+/// A part of the laboratory that is a separate program, so that users load only what they look at.
 pub trait Program: 'static {
     /// Its pages.
     const PAGES: &'static [&'static [Route]];
@@ -36,11 +36,11 @@ pub trait Program: 'static {
     const SOLVES: bool;
     /// Whether they show solids.
     const SHOWS_SOLIDS: bool;
-    /// Whether they look at what pointers do.
+    /// Whether they use pointer events.
     const POINTS: bool;
-    /// Whether they offer files of their own, or open some.
+    /// Whether they offer or open files.
     const OFFERS_FILES: bool;
-    /// Whether they show two pictures beside each other.
+    /// Whether they show two pictures side by side.
     const HAS_PANES: bool;
 }
 
@@ -56,7 +56,7 @@ impl Program for Laboratory {
     const HAS_PANES: bool = false;
 }
 
-/// What draws scenes and sets.
+/// Pages that draw scenes and sets.
 pub struct Viewer;
 
 impl Program for Viewer {
@@ -68,7 +68,7 @@ impl Program for Viewer {
     const HAS_PANES: bool = true;
 }
 
-/// What looks into value functions.
+/// Pages on value functions.
 pub struct Inspector;
 
 impl Program for Inspector {
@@ -80,7 +80,7 @@ impl Program for Inspector {
     const HAS_PANES: bool = false;
 }
 
-/// What anybody can try.
+/// The demonstration, open to all.
 pub struct Demonstration;
 
 impl Program for Demonstration {
@@ -92,7 +92,7 @@ impl Program for Demonstration {
     const HAS_PANES: bool = false;
 }
 
-/// What the navigation shows: addresses and what it calls them.
+/// Entries of the navigation: address and label.
 pub(super) const NAVIGATION: [(&str, &str); 5] = [
     ("/lab", "Studies"),
     ("/lab/reachability", "Reachability"),
@@ -101,10 +101,10 @@ pub(super) const NAVIGATION: [(&str, &str); 5] = [
     ("/lab/self-check", "Self-check"),
 ];
 
-/// The address of the demonstration that is open to all, where the operator allows it: nobody signs in.
+/// The address of the demonstration that needs no sign-in, where the operator allows it.
 pub(super) const OPEN_TO_ALL: &str = "/demo";
 
-/// The addresses of other programs; the rest below `/lab` are those of [`Laboratory`].
+/// The addresses of other programs; all others below `/lab` are of [`Laboratory`].
 const APART: [&str; 4] =
     ["/lab/replay/{id}", "/lab/explorer/{id}", "/lab/reachability", "/lab/demo"];
 
@@ -141,13 +141,13 @@ pub(super) static DEMONSTRATION: &[Route] = &[
 ];
 
 impl Route {
-    /// The name that stands for `{id}` if `path` is of this route; empty where there is none.
+    /// The text for `{id}` if `path` matches this route; empty if the route has no `{id}`.
     pub(super) fn matches<'a>(&self, path: &'a str) -> Option<&'a str> {
         named(self.path, path)
     }
 }
 
-/// The name that stands for `{id}` of a pattern in a path; empty if the pattern has none.
+/// The text for `{id}` of a pattern in a path; empty if the pattern has none.
 fn named<'a>(pattern: &str, path: &'a str) -> Option<&'a str> {
     let path = path.trim_end_matches('/');
     let Some((before, after)) = pattern.split_once("{id}") else {
@@ -157,7 +157,7 @@ fn named<'a>(pattern: &str, path: &'a str) -> Option<&'a str> {
     (!id.is_empty() && !id.contains('/')).then_some(id)
 }
 
-/// Whether another program than [`Laboratory`] has this address.
+/// Whether this address is of another program than [`Laboratory`].
 pub(super) fn is_apart(path: &str) -> bool {
     APART.iter().any(|pattern| named(pattern, path).is_some())
 }

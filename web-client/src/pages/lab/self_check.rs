@@ -1,4 +1,4 @@
-//! Whether this browser and the server compute the same trials, and what the server found in its data.
+//! Whether this browser and the server compute the same trials, and the server's check of its data.
 
 use super::data_check;
 use crate::pages::parts::{self, alert};
@@ -10,18 +10,18 @@ use sidestep::trial::simulation_fingerprint;
 /// The page that compares the fingerprints of both.
 #[derive(Default)]
 pub(super) struct SelfCheckPage {
-    /// This browser's fingerprint and the server's, or why there are none.
+    /// This browser's fingerprint and the server's, or an error.
     compared: Option<Result<(String, SelfCheck), String>>,
-    /// What the server found in its data.
+    /// The server's check of its data.
     data: Option<DataCheck>,
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone)]
 pub(super) enum Msg {
     /// The server's fingerprint.
     Fingerprint(Answer),
-    /// What it found in its data.
+    /// The server's check of its data.
     Data(Answer),
 }
 
@@ -43,7 +43,7 @@ impl Page for SelfCheckPage {
                 let compared = |it: SelfCheck| (simulation_fingerprint(it.seed, it.trials), it);
                 self.compared = Some(server.map(compared));
             }
-            // Without it, the rest is shown.
+            // Without it, the rest is still shown.
             Msg::Data(answer) => self.data = read(answer).ok(),
         }
         Vec::new()

@@ -1,4 +1,4 @@
-//! What the pages of one study have in common: its name, its state, and the way from one page to another.
+//! Common parts of a study's pages: its name, its state, and the navigation between them.
 
 use crate::pages::parts::{self, count};
 use crate::runtime::{Command, Request};
@@ -7,7 +7,7 @@ use sidestep::api::{StudySummary, routes};
 use sidestep::study::Status;
 use std::rc::Rc;
 
-/// What a link to a study says of a rehearsal: who takes part, and how much faster than real time.
+/// Query of the link to a rehearsal: a synthetic participant, and the speed.
 pub(super) const REHEARSAL: &str = "simulate=1&speed=10";
 
 /// A page of a study.
@@ -46,12 +46,12 @@ impl Tab {
     }
 }
 
-/// Tells a page whenever something that the server stores has changed.
+/// Sends a message whenever data on the server have changed.
 pub(super) fn follow<M>(then: impl Fn() -> M + 'static) -> Command<M> {
     Command::Follow { name: "changes", url: routes::CHANGES, then: Rc::new(then) }
 }
 
-/// Asks for a study's name, state and counts.
+/// Requests a study's name, state and counts.
 pub(super) fn ask<M>(
     slug: &str,
     then: impl FnOnce(crate::runtime::Answer) -> M + 'static,
@@ -59,7 +59,7 @@ pub(super) fn ask<M>(
     Command::Send(Request::get("study", routes::admin_study(slug), then))
 }
 
-/// Whether people can take part, as a word in a frame.
+/// Whether people can take part, as a badge.
 pub(super) fn status<M>(status: Status) -> Node<M> {
     let class = match status {
         Status::Open => "chip open",
@@ -68,7 +68,7 @@ pub(super) fn status<M>(status: Status) -> Node<M> {
     el("span").class(class).test_id("status").text(status.word())
 }
 
-/// The top of a study's page: its title and counts, what can be done there, and its other pages.
+/// The top of a study's page: its title and counts, actions, and its other pages.
 pub(super) fn head<M>(
     study: &StudySummary,
     current: Tab,

@@ -46,14 +46,14 @@ impl Program for Whole {
 
 type Session = testing::Session<Lab<Whole>>;
 
-/// The paper's vehicles, but for a robot that turns more slowly.
+/// The paper's vehicles, except that the robot turns more slowly.
 fn unequal() -> SceneParameters {
     let mut parameters = SceneParameters::default();
     parameters.robot.turn_rate_radps = 0.35;
     parameters
 }
 
-/// Its functions, solved once for all tests.
+/// Their functions, solved once for all tests.
 static SOLVED: LazyLock<SafetyLevels> =
     LazyLock::new(|| SafetyLevels::solve(&unequal(), &mut |_| ControlFlow::Continue(())).unwrap());
 
@@ -101,7 +101,7 @@ fn address(path: &str) -> Address {
     }
 }
 
-/// The laboratory at this address, before the server has said anything.
+/// The laboratory at this address, before any answer of the server.
 fn start(path: &str) -> Session {
     let context = PageContext { address: address(path), ..PageContext::default() };
     Session::new(Lab::open(context), BTreeMap::new())
@@ -112,7 +112,7 @@ fn signed_in(path: &str) -> Session {
     signed_in_to(path, Access::Manage)
 }
 
-/// The same with a key that may do this.
+/// The same with a key of this access.
 fn signed_in_to(path: &str, access: Access) -> Session {
     let mut session = start(path);
     session.send("session", 200, &SignedIn { signed_in: true, name: "Ada".into(), access });
@@ -126,7 +126,7 @@ fn replay(trial: &TrialDetail) -> Session {
     session
 }
 
-/// A replay of a trial with equal vehicles, whose value function has come.
+/// A replay of a trial with equal vehicles, whose value function is loaded.
 fn replay_of_equals() -> Session {
     let parameters = SceneParameters::default();
     let function = ValueFunction::Exact(parameters.game(Evader::Human).exact().unwrap());
@@ -138,13 +138,13 @@ fn replay_of_equals() -> Session {
     session
 }
 
-/// A replay that the browser solves for, with unequal vehicles.
+/// A replay with unequal vehicles, whose functions the browser must solve.
 fn replay_unsolved() -> Session {
     replay(&trial(unequal(), [None, None]))
 }
 
 impl Session {
-    /// A slider is moved to this number.
+    /// Moves a slider to this number.
     fn slide(&mut self, test_id: &str, number: f64) {
         let value = FieldValue::Number(Some(number));
         let message = self.page.view().enter(test_id, value).expect("a slider");
@@ -155,7 +155,7 @@ impl Session {
         self.hear(&Event::Address(address(path)));
     }
 
-    /// The solver hands over the function of this vehicle.
+    /// The solver returns the function of this vehicle.
     fn solved(&mut self, evader: Evader) {
         self.solver(of(evader), Solving::Solved(SOLVED.of(evader).encode()));
     }
@@ -189,7 +189,7 @@ impl Session {
     }
 }
 
-/// The name under which a vehicle's value function is asked for or solved.
+/// The name of the request or solve for a vehicle's value function.
 fn of(evader: Evader) -> &'static str {
     match evader {
         Evader::Human => "value-function-human",
@@ -197,12 +197,12 @@ fn of(evader: Evader) -> &'static str {
     }
 }
 
-/// What the first page asks for.
+/// Requests of the first page.
 const HOME: [&str; 2] = [routes::ADMIN_STUDIES, routes::DATA_CHECK];
-/// What the page of checks asks for.
+/// Requests of the page of checks.
 const CHECKS: [&str; 2] = [routes::SELF_CHECK, routes::DATA_CHECK];
 
-/// The list of studies, before there is any.
+/// An empty list of studies.
 const NO_STUDIES: &[u8] = b"[]";
 
 #[test]
@@ -342,7 +342,7 @@ fn predicted_sets_are_drawn_whole_or_step_by_step() {
         "classes":[-1,0,1],"probabilities":[0.6,0.3,0.1]}"#;
     let trained = format!(r#"{{"predictor":{predictor},"trials":7,"fallback":null}}"#);
     session.answer("predictor", 200, trained.as_bytes());
-    // How many areas each set has, from F_1 to F_5.
+    // Number of areas of each set, from F_1 to F_5.
     let areas = |session: &Session| {
         let mut counts = [0; 5];
         for shape in session.picture().unwrap().shapes() {
@@ -461,7 +461,7 @@ fn a_page_begins_while_the_server_says_who_is_there() {
         assert_eq!(session.urls(), urls);
         session
     };
-    // Nothing of it is seen before.
+    // Nothing of it is shown before.
     let mut session = begun();
     session.send("trial", 200, &trial(parameters, [None, None]));
     assert!(session.text().contains("Loading") && session.words("sign-out").is_none());
@@ -469,14 +469,15 @@ fn a_page_begins_while_the_server_says_who_is_there() {
     let ada = SignedIn { signed_in: true, name: "Ada".into(), access: Access::Read };
     session.send("session", 200, &ada);
     assert!(session.words("sign-out").is_some() && session.picture().is_some());
-    // Whoever is not signed in is asked for the key, whichever answer comes first, and is in no trouble.
+    // A user who is not signed in is asked for the key, whichever answer comes first, without an
+    // error message.
     for first in ["session", "trial"] {
         let mut session = begun();
         session.answer(first, 401, b"{}");
         assert!(session.words("key").is_some() && session.words("trouble").is_none(), "{first}");
         assert_eq!(session.urls(), Vec::<&str>::new(), "{first}");
     }
-    // Another address does not forget to ask.
+    // Going to another address does not lose the question.
     let mut session = begun();
     session.go("/lab/self-check");
     assert_eq!(session.urls(), [routes::SESSION, CHECKS[0], CHECKS[1]]);
@@ -504,7 +505,7 @@ fn levels_that_did_not_converge_are_marked() {
     settled.solved(Evader::Robot);
     assert!(settled.words("not-converged").is_none());
     assert!(settled.outlines()[0] > 0);
-    // A solve that gives up after its first sweeps.
+    // A solve that fails after its first sweeps.
     let parameters = unequal();
     let game = parameters.game(Evader::Human);
     let settings = polar::Settings::default()
@@ -527,7 +528,7 @@ fn levels_that_did_not_converge_are_marked() {
 
 #[test]
 fn the_solver_comes_to_what_the_server_has() {
-    // What the page is given to solve, solved as the worker does.
+    // The page's task, solved as the worker does.
     let session = replay_unsolved();
     for (evader, (_, game)) in Evader::ALL.into_iter().zip(session.games()) {
         let function = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();

@@ -18,22 +18,22 @@ pub(super) struct Trials {
     trials: Vec<TrialSummary>,
     next_before: Option<i64>,
     state: State,
-    /// Why trials did not come when they were last asked for.
+    /// Why the last request for trials failed.
     trouble: Option<String>,
 }
 
 enum State {
     /// Nothing can be shown yet.
     Loading,
-    /// The list is shown as far as it has come.
+    /// The list is shown as far as it is loaded.
     Listed,
-    /// The list is shown, and more of it was asked for.
+    /// The list is shown, and more of it has been requested.
     LoadingMore,
     /// There is no list, for this reason.
     Failed(String),
 }
 
-/// What the page can be told.
+/// Messages to the page.
 #[derive(Clone, Debug)]
 pub(super) enum Msg {
     /// Something has changed.
@@ -44,11 +44,11 @@ pub(super) enum Msg {
     Newest(Answer),
     /// The server listed older trials.
     Older(Answer),
-    /// Older trials are wanted.
+    /// Load older trials.
     More,
 }
 
-/// Trials that are asked for at once.
+/// Number of trials per request.
 const PAGE_LENGTH: usize = 100;
 
 impl Trials {
@@ -68,25 +68,25 @@ impl Trials {
         (page, commands)
     }
 
-    /// Asks for what is shown first.
+    /// Requests the first part of the list.
     fn ask(&self) -> Commands<Msg> {
         let url = format!("{}?limit={PAGE_LENGTH}", routes::admin_trials(&self.slug));
         let newest = Command::Send(Request::get("newest", url, Msg::Newest));
         vec![study::ask(&self.slug, Msg::Study), newest]
     }
 
-    /// Puts trials that were not shown yet before the others.
+    /// Inserts new trials before the others.
     fn newest_arrived(&mut self, page: TrialPage) {
         let newest_shown = self.trials.first().map(|trial| trial.trial_id.clone());
         let known = |trial: &TrialSummary| Some(&trial.trial_id) == newest_shown.as_ref();
         match page.trials.iter().position(known) {
             Some(new) => drop(self.trials.splice(..0, page.trials.into_iter().take(new))),
-            // All of them are new, or those shown are gone.
+            // All of them are new, or those shown no longer exist.
             None => (self.trials, self.next_before) = (page.trials, page.next_before),
         }
     }
 
-    /// What is shown stays if the server does not answer.
+    /// The list stays if the server does not answer.
     fn failed(&mut self, failure: Failure) {
         match self.state {
             State::Loading | State::Failed(_) => self.state = State::Failed(failure.sentence),
@@ -126,7 +126,7 @@ impl Page for Trials {
                 }
                 Err(failure) => self.failed(failure),
             },
-            // A second press asks for nothing more: the same rows would come twice.
+            // A second press is ignored: the same rows would be loaded twice.
             Msg::More if matches!(self.state, State::Listed) => {
                 let Some(before) = self.next_before else { return Vec::new() };
                 self.state = State::LoadingMore;

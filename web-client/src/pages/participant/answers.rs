@@ -1,4 +1,4 @@
-//! The check of understanding, the questions after the last scene, and the withdrawal.
+//! The check of understanding, the questions after the last scene, and withdrawal.
 
 use super::state::{Quiz, Stage};
 use super::{Msg, Participant, lifted};
@@ -22,7 +22,7 @@ enum Given {
 impl Participant {
     pub(super) fn checked(&mut self, form: &Form) -> Commands<Msg> {
         let Stage::Comprehension(quiz) = &mut self.stage else { return Vec::new() };
-        // Other questions are on their way.
+        // New questions are being loaded.
         if self.renews.is_some() {
             return Vec::new();
         }
@@ -69,12 +69,12 @@ impl Participant {
         if stored.after_wrong == AfterWrong::Mark {
             return Vec::new();
         }
-        // Also for somebody who looks at the instructions meanwhile.
+        // Applies also to a participant who is looking at the instructions meanwhile.
         self.renews = Some(stored.after_wrong);
         vec![self.ask_texts()]
     }
 
-    /// Other questions have come after a wrong answer.
+    /// New questions have arrived after a wrong answer.
     pub(super) fn renewed(&mut self, after_wrong: AfterWrong) {
         let Stage::Comprehension(quiz) = &self.stage else { return };
         let attempts = quiz.attempts;
@@ -138,7 +138,8 @@ impl Participant {
     }
 
     pub(super) fn ask_withdrawal(&self) -> Command<Msg> {
-        // Who has gone back to the study meanwhile may have been withdrawn all the same.
+        // A participant who has gone back to the study meanwhile may have been withdrawn
+        // nevertheless.
         if !self.is_withdrawing {
             return self.ask_progress();
         }

@@ -1,5 +1,5 @@
-//! The live picture of the instructions: an arrow to steer, and a robot that drives to and fro with its
-//! danger zone.
+//! The live picture in the instructions: an arrow to steer, and a robot with its danger zone that
+//! drives to and fro.
 
 use crate::input::{HeldKeys, KeyMap};
 use sidestep::math::PI;
@@ -11,13 +11,13 @@ use sidestep::vehicle::{Pose, TurnInput};
 /// Half the width and half the height of the picture, m.
 const HALF_M: [f64; 2] = [14.0, 5.5];
 
-/// A vehicle that leaves the picture by this far comes back on the other side, m.
+/// Distance beyond the edge at which a vehicle reappears on the other side, m.
 const OUTSIDE_M: f64 = 1.5;
 
-/// Longest time between two frames that the vehicles move in, s.
+/// Longest time step of the motion, s.
 const LONGEST_S: f64 = 0.1;
 
-/// Two vehicles that never stop and never meet their end.
+/// Two vehicles that drive forever and cannot collide.
 #[derive(Clone, Debug)]
 pub(super) struct Arena {
     parameters: SceneParameters,
@@ -33,10 +33,11 @@ impl Arena {
         Self { parameters, human, robot, last_ms: None }
     }
 
-    /// Moves both vehicles to `now_ms`. Who wants little motion moves them with the keys only.
+    /// Moves both vehicles to `now_ms`. If `calm` (reduced motion), they move only while a key is
+    /// held.
     pub(super) fn tick(&mut self, now_ms: f64, keys: &KeyMap, held: &HeldKeys, calm: bool) {
         let last_ms = self.last_ms.replace(now_ms).unwrap_or(now_ms);
-        // What is shown never goes back, so the difference is not negative.
+        // The displayed time never goes back, so the difference is not negative.
         let seconds = ((now_ms - last_ms) / 1000.0).min(LONGEST_S);
         if calm && held.is_empty() {
             return;
@@ -60,7 +61,7 @@ impl Arena {
     }
 }
 
-/// The same pose, on the other side if it has left the picture.
+/// Wraps a pose to the other side if it has left the picture.
 fn inside(mut pose: Pose) -> Pose {
     let wrap = |at: f64, half: f64| {
         let half = half + OUTSIDE_M;

@@ -10,11 +10,11 @@ use crate::json;
 use crate::runtime::{Command, Commands, Event};
 use sidestep::trial::{Flag, Phase, outcome, page_flags};
 
-/// How much longer the page waits for the browser to draw the last picture of a scene, ms. A browser that was frozen may
-/// never draw it.
+/// Extra time that the page waits for the browser to draw the last picture of a scene, ms. A
+/// browser that was frozen may never draw it.
 const UNDRAWN_MS: f64 = 3000.0;
 
-/// A countdown whose end is noticed this late, ms, begins again when the participant says so.
+/// If the end of a countdown is noticed this late, ms, the participant must start it again.
 const ASLEEP_MS: f64 = 1000.0;
 
 impl Participant {
@@ -28,7 +28,7 @@ impl Participant {
         self.stage = Stage::Instructions(Box::new(Arena::new(parameters)));
     }
 
-    /// The next trial to drive: the first that is neither stored nor waiting.
+    /// The next trial to drive: the first that is neither stored nor in the outbox.
     pub(super) fn next(&self) -> Option<&PlannedTrial> {
         self.plan.iter().find(|trial| !self.is_driven(trial))
     }
@@ -46,7 +46,8 @@ impl Participant {
         self.stored.iter().any(|id| id == trial.id())
     }
 
-    /// Sends what waits. Once all is driven, asks the questions; once all is stored, asks for the code.
+    /// Uploads the queue. Once all scenes are driven, asks the questions; once all is stored,
+    /// requests the code.
     pub(super) fn go_on(&mut self) -> Commands<Msg> {
         let awaited = self.plan.iter().find(|trial| !self.is_stored(trial)).map(PlannedTrial::id);
         let mut commands: Vec<_> = lifted(self.outbox.send(awaited)).collect();
@@ -96,7 +97,7 @@ impl Participant {
         Vec::new()
     }
 
-    /// What follows from the clock and changes more than the picture.
+    /// Handles what is due by the clock and changes more than the picture.
     pub(super) fn clock(&mut self) -> Commands<Msg> {
         match std::mem::take(&mut self.stage) {
             Stage::Countdown(trial, ends_ms, _) if self.now_ms < ends_ms => {
@@ -104,7 +105,8 @@ impl Participant {
                 self.stage = Stage::Countdown(trial, ends_ms, left_s);
                 Vec::new()
             }
-            // The computer has slept, or the page was frozen: nobody has seen the countdown.
+            // The computer has slept, or the page was frozen: the participant has not seen the
+            // countdown.
             Stage::Countdown(_, start_ms, _) if self.now_ms > start_ms + ASLEEP_MS => {
                 self.not_begun();
                 Vec::new()
@@ -119,20 +121,20 @@ impl Participant {
         }
     }
 
-    /// The countdown stops: the scene waits for another start.
+    /// Stops the countdown: the scene waits for another start.
     fn not_begun(&mut self) {
         self.stage = Stage::Ready;
         self.hint = Some("ready.not_begun");
     }
 
-    /// The countdown is over: the scene moves.
+    /// Ends the countdown: the scene starts to move.
     pub(super) fn moves(&mut self, trial: Box<PlannedTrial>, start_ms: f64) -> Commands<Msg> {
         let parameters = self.study.as_ref().map(|study| study.parameters).unwrap_or_default();
         let started_at_ms = self.context.time_origin_ms + start_ms;
         let (scene, keys) = (trial.scene.scene(), &self.steering.keys);
         let mut drive = Drive::new(parameters, &scene, start_ms, started_at_ms, keys, &self.held);
         drive.tick(self.now_ms);
-        // Written before anything can go wrong: a reload counts.
+        // Count the exposure before anything can fail: a reload counts.
         let count = match self.exposures.iter_mut().find(|(id, _)| id == trial.id()) {
             Some((_, count)) => {
                 *count += 1;
@@ -179,7 +181,7 @@ impl Participant {
         lifted(Some(keep)).chain(self.go_on()).collect()
     }
 
-    /// After the last picture of a scene.
+    /// Continues after the last picture of a scene.
     pub(super) fn after(&mut self, trial: &PlannedTrial) -> Commands<Msg> {
         let rest_after = self.study.as_ref().map_or(0, |study| study.trials.rest_after);
         let is_rest = self.next().is_some_and(|next| {
@@ -202,7 +204,7 @@ impl Participant {
         }
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.key(t_ms, code, down),
-            // Whoever was told to let go of the keys in the last second gets a new countdown.
+            // If the keys go up only in the last second, the countdown restarts.
             Stage::Countdown(_, ends_ms, left_s)
                 if !down && self.held.is_empty() && *ends_ms < t_ms + 1000.0 =>
             {
@@ -234,7 +236,7 @@ impl Participant {
     }
 
     pub(super) fn focus_lost(&mut self, t_ms: f64) -> Commands<Msg> {
-        // The scene has not moved: it waits.
+        // The scene has not moved, so it returns to its start.
         if let Stage::Countdown(..) = self.stage {
             self.not_begun();
         }

@@ -1,10 +1,10 @@
-//! The check of keyboard and screen before somebody enrols.
+//! The check of keyboard and screen before enrolment.
 
 use crate::input::{KeyMap, can_steer};
 use serde::{Deserialize, Serialize};
 use sidestep::vehicle::TurnInput;
 
-/// The keys that steer, and what is printed on them.
+/// The steering keys, and the labels printed on them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Steering {
     pub(super) keys: KeyMap,
@@ -18,27 +18,27 @@ impl Default for Steering {
     }
 }
 
-/// What the check has found so far.
+/// Results of the check so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Equipment {
-    /// Whether the key for left was pressed, and that for right.
+    /// Whether the keys for left and right were pressed.
     pub(super) left: bool,
     pub(super) right: bool,
-    /// The keys are being chosen; the one for left first, by its place and what is printed on it.
+    /// Key selection in progress: the key chosen for left, if any, as its code and label.
     pub(super) choosing: Option<Option<(String, String)>>,
-    /// The last key that was pressed cannot steer.
+    /// Whether the last key pressed cannot steer.
     pub(super) refused: bool,
-    /// The request to enrol is on its way.
+    /// Whether the request to enrol is in flight.
     pub(super) is_enrolling: bool,
-    /// When frames came, on the page's clock, ms.
+    /// Times of frames on the page's clock, ms.
     frames_ms: Vec<f64>,
 }
 
-/// Frames that are measured; the first are left out, since the page has just changed.
+/// Number of frames to measure; the first ones are left out, since the page has just changed.
 const FRAMES: usize = 70;
 const LEFT_OUT: usize = 10;
 
-/// A window of fewer CSS pixels in width or height makes small vehicles.
+/// In a window smaller than this, in CSS pixels, vehicles look small.
 const SMALL_PX: [f64; 2] = [600.0, 480.0];
 
 impl Equipment {
@@ -52,7 +52,7 @@ impl Equipment {
         self.frames_ms.len() < FRAMES
     }
 
-    /// Frames per second; none while they are measured.
+    /// Frames per second; `None` while they are being measured.
     pub(super) fn rate_hz(&self) -> Option<f64> {
         if self.is_measuring() {
             return None;
@@ -61,14 +61,14 @@ impl Equipment {
         Some(((FRAMES - 1 - LEFT_OUT) as f64 / seconds).round())
     }
 
-    /// Whether a window is too small to show the scenes well.
+    /// Whether the window is too small to show the scenes well.
     pub(super) fn is_small(screen: &[(&'static str, f64)]) -> bool {
         let side = |name: &str| screen.iter().find(|(known, _)| *known == name).map(|(_, px)| *px);
         let names = ["window_width_px", "window_height_px"];
         names.iter().zip(SMALL_PX).any(|(name, least)| side(name).is_some_and(|px| px < least))
     }
 
-    /// A key went down. Returns the steering that was chosen with it.
+    /// Handles a key press. Returns the steering keys once both are chosen.
     pub(super) fn pressed(
         &mut self,
         steering: &Steering,
@@ -100,7 +100,7 @@ impl Equipment {
     }
 }
 
-/// What is printed on a key that types no character.
+/// The label of a key that types no character.
 fn short(code: &str, key: &str) -> String {
     let arrow = match code {
         "ArrowLeft" => "←",

@@ -1,5 +1,5 @@
-//! From the link to the first page: the study, its sentences, the enrolment, and where a participant
-//! who returns goes on.
+//! From the link to the first page: the study, its texts, enrolment, and where a participant who
+//! returns continues.
 
 use super::sending::ended;
 use super::state::{PlannedTrial, Quiz, Session, Stage};
@@ -25,7 +25,7 @@ impl Participant {
             external_id: self.link.external_id(study).map(str::to_owned),
             parameters: self.link.recorded(study),
             pilot: self.link.is_pilot(),
-            // An enrolment whose answer was lost is asked for again under the same name.
+            // An enrolment whose answer was lost is repeated with the same id.
             request_id: self.context.random_name.clone(),
             locale: Some(self.texts.language.clone()),
             screen: Some(facts(&screen)),
@@ -34,12 +34,12 @@ impl Participant {
         self.ask("enrol", "POST", url, Some(json::write(&body)), Msg::Enrolled)
     }
 
-    /// Goes on once both the study and its sentences are there.
+    /// Continues once both the study and its texts have arrived.
     pub(super) fn opened(&mut self) -> Commands<Msg> {
         if self.study.is_none() || !matches!(self.stage, Stage::Loading) {
             return Vec::new();
         }
-        // With a session, both have been asked for again; its progress comes next.
+        // With a session, both have been requested again; its progress comes next.
         if !self.has_texts() || self.session.is_some() {
             return Vec::new();
         }
@@ -48,28 +48,30 @@ impl Participant {
             None => self.kept(&self.session_name()),
         };
         if self.session.is_some() {
-            // The study as the participant began it: it may have changed since.
+            // The study as the participant began it; it may have changed since.
             self.language = Some(self.texts.language.clone());
             return vec![self.ask_study(), self.ask_texts(), self.ask_progress()];
         }
         self.admit()
     }
 
-    /// Shows the first page to whoever has no session: the welcome, or why they cannot take part.
+    /// Shows the first page to a person without a session: the welcome, or why they cannot take
+    /// part.
     fn admit(&mut self) -> Commands<Msg> {
         let Some(study) = &self.study else { return Vec::new() };
         if self.link.is_incomplete(study) {
             self.stage = self.stuck("no_id");
             return Vec::new();
         }
-        // Who has an external id may have begun, or finished, in another browser: the server knows.
+        // A person with an external id may have begun or finished in another browser: only the
+        // server knows.
         let names = !self.link.is_pilot() && self.link.external_id(study).is_some();
         if names && !std::mem::replace(&mut self.is_named, true) {
             return vec![self.ask_study()];
         }
         let url = study.return_url.clone();
         self.stage = match study.admission {
-            // A pilot takes nobody's place.
+            // A pilot does not count against the number of participants.
             Admission::Full | Admission::Closed if self.link.is_pilot() => Stage::Welcome,
             Admission::Open if self.context.touch_only => Stage::Touch,
             Admission::Open => Stage::Welcome,
@@ -103,7 +105,7 @@ impl Participant {
         commands
     }
 
-    /// The session is known: it is kept, and no other tab has it.
+    /// Stores the session and claims it for this tab.
     pub(super) fn begin_session(&mut self, session: Session) -> Commands<Msg> {
         let text = json::write(&session);
         let take_over = Command::TakeOver(format!("sidestep.{}", session.participant_id));
@@ -112,7 +114,7 @@ impl Participant {
         vec![Command::Keep { name: self.session_name(), text, then }, take_over]
     }
 
-    /// Enrols, once the browser has kept under which name: after a reload, the same request is not
+    /// Enrols, after the browser has stored the request id: after a reload, the same request is not
     /// another enrolment.
     fn enrol(&mut self) -> Commands<Msg> {
         let name = self.enrolment_name();
@@ -161,7 +163,7 @@ impl Participant {
             of_phase: phase.scenes.iter().filter(|scene| scene.attempt == 1).count(),
             scene: scene.clone(),
         };
-        // Further attempts are driven after everything else.
+        // Further attempts come after all other trials.
         let (first, further): (Vec<_>, Vec<_>) =
             progress.plan.scenes().map(planned).partition(|trial| trial.scene.attempt == 1);
         self.plan = first.into_iter().chain(further).collect();
@@ -178,7 +180,7 @@ impl Participant {
             };
             self.exposures = ids.iter().filter_map(count).collect();
         }
-        // Between two scenes, this browser counts none that has begun and is not driven.
+        // The next scene has begun before: the page was reloaded during it.
         if is_first && self.next().is_some_and(|trial| self.has_begun(trial)) {
             self.hint = Some("ready.reloaded");
         }
@@ -211,7 +213,7 @@ impl Participant {
         failure: &Failure,
         ask: fn(&Self) -> Command<Msg>,
     ) -> Commands<Msg> {
-        // Without sentences, the browser's own word must do.
+        // Without texts, English is used.
         if failure.status == 404 {
             self.stage = self.stuck("not_found");
             return Vec::new();
@@ -222,16 +224,16 @@ impl Participant {
     pub(super) fn progress_failed(&mut self, failure: &Failure) -> Commands<Msg> {
         if matches!(failure.status, 401 | 404) {
             self.session = None;
-            // A personal link that is wrong says nothing of who uses this browser.
+            // An invalid personal link says nothing about the user of this browser.
             if self.link.token.take().is_some() {
                 self.stage = Stage::Loading;
-                // What was asked for on its behalf would come after the sentence about it.
+                // Answers to its requests would otherwise replace the error message.
                 let mut commands = vec![Command::Cancel("study"), Command::Cancel("texts")];
                 commands.extend(self.opened());
                 self.trouble = Some(self.say("trouble.link"));
                 return commands;
             }
-            // The server no longer knows this participant: start again, if they can.
+            // The server no longer knows this participant: start again, if possible.
             self.stage = Stage::Loading;
             let mut commands = self.admit();
             commands.push(Command::Forget(self.session_name()));
@@ -256,7 +258,7 @@ impl Participant {
                 self.hint = None;
                 let asked = self.progress.as_ref().filter(|progress| !progress.understood);
                 self.stage = match asked {
-                    // Attempts before a reload or another look at the instructions count.
+                    // Attempts before a reload, or before another look at the instructions, count.
                     Some(progress) if !self.texts.check.is_empty() => {
                         let attempts = progress.comprehension_attempts;
                         Stage::Comprehension(Quiz { attempts, ..Quiz::default() })

@@ -1,16 +1,16 @@
-//! What the address of the page says: which study, who sent the person, and whether this is a pilot.
+//! The address of the page: which study, who referred the person, and whether this is a pilot.
 
 use crate::runtime::Address;
 use sidestep::api::{Object, StudyInfo};
 use sidestep::study::is_id;
 
-/// What the address of the page says.
+/// Information in the address of the page.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Link {
     address: Address,
-    /// The study's name in addresses.
+    /// The study's slug.
     pub(super) slug: String,
-    /// The secret of a personal link, with which a person continues on another computer.
+    /// The secret of a personal link, with which a participant continues on another computer.
     pub(super) token: Option<String>,
 }
 
@@ -29,18 +29,18 @@ impl Link {
         }
     }
 
-    /// Whether a simulated participant operates the page; its scenes are then told to programs.
+    /// Whether a simulated participant operates the page; its scenes are then exposed to programs.
     pub(super) fn simulates(&self) -> bool {
         self.address.parameter("simulate").is_some()
     }
 
-    /// Whether what happens is kept apart from the study's data.
+    /// Whether the data are stored apart from the study's.
     pub(super) fn is_pilot(&self) -> bool {
         self.simulates() || self.address.parameter("pilot").is_some()
     }
 
-    /// The recruiting service's id of the person, if the address has one. A pilot may have a link whose
-    /// places are not filled in.
+    /// The recruiting service's id of the person, if the address has one. In a pilot's link the
+    /// placeholder may be unfilled.
     pub(super) fn external_id(&self, study: &StudyInfo) -> Option<&str> {
         let given = |name: &String| self.address.parameter(name).map(str::trim);
         study
@@ -50,14 +50,14 @@ impl Link {
             .find(|id| !id.is_empty() && (!self.is_pilot() || is_id(id)))
     }
 
-    /// Whether the address lacks the id that the study needs, or has one that is none, such as a place that
-    /// the recruiting service has not filled in. The server refuses the same.
+    /// Whether the external id that the study needs is missing or invalid, for example an unfilled
+    /// placeholder of the recruiting service. The server refuses the same ids.
     pub(super) fn is_incomplete(&self, study: &StudyInfo) -> bool {
         let needs_one = study.requires_external_id && !self.is_pilot();
         self.external_id(study).map_or(needs_one, |id| !is_id(id))
     }
 
-    /// The parameters that the study stores.
+    /// The query parameters that the study records.
     pub(super) fn recorded(&self, study: &StudyInfo) -> Object<String> {
         let mut recorded = Object::default();
         for name in &study.recorded_parameters {
@@ -79,13 +79,13 @@ impl Link {
         self.address.origin.clone() + &self.url()
     }
 
-    /// A personal link: whoever has it is this participant.
+    /// A personal link: anyone who has it acts as this participant.
     pub(super) fn personal(&self, token: &str) -> String {
         format!("{}{}#{CONTINUE}{token}", self.address.origin, self.address.path)
     }
 
-    /// Under which name the browser keeps who the participant is. Several people may use one browser,
-    /// and a pilot is nobody's participation; each simulated participant is one of its own.
+    /// Storage name of the participant's session. Several people may use one browser; pilots and
+    /// simulated participants have sessions of their own.
     pub(super) fn session_name(&self, study: &StudyInfo) -> String {
         let mut name = format!("sidestep.session.{}", self.slug);
         if self.is_pilot() {

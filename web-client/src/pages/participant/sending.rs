@@ -1,4 +1,4 @@
-//! What becomes of trials that are sent, and of requests that fail.
+//! Outcomes of uploads, and failed requests.
 
 use super::state::Stage;
 use super::{Msg, Participant, RETRY_MS, lifted};
@@ -6,7 +6,8 @@ use crate::outbox::{self, UploadOutcome};
 use crate::runtime::{Command, Commands, Failure};
 use crate::texts::Sentences as _;
 
-/// The end of people who cannot go on, for one of the reasons that the server gives, with where they go.
+/// The final page for people who cannot go on, for one of the server's reasons, with the address
+/// they go to.
 pub(super) fn ended(reason: &str, url: Option<String>) -> Stage {
     let (heading, why) = match reason {
         "full" => ("stuck.full", "stuck.full_why"),
@@ -40,7 +41,7 @@ impl Participant {
                 commands.push(self.ask_progress());
                 return commands;
             }
-            // It is not stored, so the participant drives it again: without it there is no code.
+            // It is not stored, so the participant repeats it: without it there is no code.
             Some(UploadOutcome::Refused(id, why)) => {
                 let is_second = self.refused.replace(id.clone()) == Some(id);
                 let why = [("why", why.as_str().into())];
@@ -63,7 +64,7 @@ impl Participant {
         commands
     }
 
-    /// Why a request brought nothing, for people.
+    /// The reason why a request failed, in the participant's language.
     pub(super) fn words(&self, failure: &Failure) -> String {
         match failure.status {
             _ if !self.has_texts() => failure.sentence.clone() + " This page keeps trying.",
@@ -73,7 +74,7 @@ impl Participant {
         }
     }
 
-    /// The end for one of the reasons that the language files know.
+    /// The final page for one of the reasons in the language files.
     pub(super) fn stuck(&self, reason: &'static str) -> Stage {
         let (heading, why) = match reason {
             "no_id" => ("stuck.no_id", "stuck.no_id_why"),
@@ -83,7 +84,7 @@ impl Participant {
         Stage::Stuck(heading, self.say(why))
     }
 
-    /// The participation ends here, for a reason that the server gave.
+    /// Ends the participation for a reason given by the server.
     pub(super) fn end(&mut self, failure: &Failure, heading: &'static str) {
         let url = failure.return_url.clone();
         self.stage = match failure.code.as_str() {
@@ -95,13 +96,13 @@ impl Participant {
         };
     }
 
-    /// Whether the study may have refused somebody whose link has no external id.
+    /// Whether the study may have refused a person because the link has no external id.
     pub(super) fn needs_id(&self) -> bool {
         self.session.is_none()
             && self.study.as_ref().is_some_and(|study| self.link.external_id(study).is_none())
     }
 
-    /// Asks again after a pause if that may help; otherwise the participation ends here.
+    /// Retries after a pause if that may help; otherwise ends the participation.
     pub(super) fn failed(
         &mut self,
         failure: &Failure,
@@ -118,8 +119,8 @@ impl Participant {
     }
 
     pub(super) fn completion_failed(&mut self, failure: &Failure) -> Commands<Msg> {
-        // The server lacks something that this page took for stored: it knows what.
-        // Or somebody else has completed the participation, and got the code.
+        // The server lacks something that this page took for stored, and reports what. Or another
+        // tab has completed the participation and got the code.
         let code = failure.code.as_str();
         let is_missing = matches!(code, "incomplete" | "unanswered" | "not_yours");
         if is_missing && !std::mem::replace(&mut self.was_incomplete, true) {
@@ -128,7 +129,7 @@ impl Participant {
         self.failed(failure, Self::ask_code, "stuck.no_code")
     }
 
-    /// Asks again what failed before.
+    /// Repeats the failed requests.
     pub(super) fn ask_again(&mut self) -> Commands<Msg> {
         let retry = std::mem::take(&mut self.retry);
         retry.into_iter().map(|ask| ask(self)).collect()

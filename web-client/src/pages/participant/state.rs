@@ -1,4 +1,4 @@
-//! Where a participant is, and what the page knows of the plan.
+//! The participant's stage in the study, and the plan.
 
 use super::arena::Arena;
 use super::equipment::Equipment;
@@ -8,20 +8,20 @@ use sidestep::api::PlannedScene;
 use sidestep::scene::JointState;
 use sidestep::trial::{Outcome, Phase};
 
-/// Who the participant is; kept in the browser.
+/// The participant's identity, stored in the browser.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Session {
     pub(super) participant_id: String,
     pub(super) token: String,
 }
 
-/// A trial of the plan, with what its phase says.
+/// A trial of the plan, with the settings of its phase.
 #[derive(Clone, Debug)]
 pub(super) struct PlannedTrial {
     pub(super) phase: Phase,
     pub(super) show_danger_zone: bool,
     pub(super) feedback: bool,
-    /// How many scenes its phase has.
+    /// Number of scenes in its phase.
     pub(super) of_phase: usize,
     pub(super) scene: PlannedScene,
 }
@@ -32,38 +32,38 @@ impl PlannedTrial {
     }
 }
 
-/// A check of understanding that was answered.
+/// An answered check of understanding.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quiz {
     pub(super) attempts: usize,
     /// The chosen answers.
     pub(super) chosen: Vec<Option<usize>>,
     pub(super) is_incomplete: bool,
-    /// The number of attempts when these questions came.
+    /// Number of attempts when these questions were drawn.
     pub(super) drawn_at: usize,
-    /// Whether all answers of the last attempt were right.
+    /// Whether all answers of the last attempt were correct.
     pub(super) is_passed: bool,
-    /// Whether right and wrong answers are marked as such.
+    /// Whether answers are marked as right or wrong.
     pub(super) is_marked: bool,
 }
 
-/// How long the last picture of a scene stays.
+/// How long the last picture of a scene is shown.
 #[derive(Clone, Copy)]
 pub(super) struct Stay {
-    /// How long it stays from when the browser draws it, ms.
+    /// Duration from when the browser draws it, ms.
     pub(super) drawn_for_ms: f64,
     /// Whether the browser has drawn it.
     pub(super) is_drawn: bool,
-    /// When the page goes on, ms.
+    /// Time at which the page continues, ms.
     pub(super) until_ms: f64,
 }
 
-/// Where the participant is.
+/// The participant's stage in the study.
 #[derive(Default)]
 pub(super) enum Stage {
     #[default]
     Loading,
-    /// Nothing can be done here: the key of the heading, and the reason.
+    /// Nothing can be done: the key of the heading, and the reason.
     Stuck(&'static str, String),
     /// A device that seems to have no keyboard.
     Touch,
@@ -71,21 +71,21 @@ pub(super) enum Stage {
     Equipment(Box<Equipment>),
     Instructions(Box<Arena>),
     Comprehension(Quiz),
-    /// Before a scene.
+    /// Waiting for the participant to start a scene.
     Ready,
     /// Between scenes.
     Rest,
-    /// A scene stands still until this time, ms. The keys must be up before it moves.
+    /// A scene stands still until this time, ms. The keys must be up before it starts.
     Countdown(Box<PlannedTrial>, f64, u32),
     Driving(Box<PlannedTrial>, Box<Drive>),
-    /// The last picture of a scene stays.
+    /// The last picture of a scene is shown.
     Over(Box<PlannedTrial>, JointState, Stay, Outcome),
-    /// The questions after the last scene; the places of those whose required answer is missing.
+    /// The questions after the last scene, with the indices of required ones without an answer.
     Questions(Vec<usize>),
     /// All scenes are driven; the last trials are being uploaded.
     Finishing,
     Done(Option<String>, Option<String>),
-    /// The participation has ended before its end: keys of heading and reason, and where to go.
+    /// The participation has ended early: keys of heading and reason, and where to go.
     Ended(&'static str, &'static str, Option<String>),
     /// Another tab has taken over.
     Elsewhere,

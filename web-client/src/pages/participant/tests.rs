@@ -24,7 +24,7 @@ use std::collections::BTreeMap;
 
 type Session = testing::Session<Participant>;
 
-/// The sentences of the English file, and nothing of the study's own.
+/// The texts of the English file, without any of the study's own.
 fn texts() -> Texts {
     let file = include_str!("../../../../static/languages/en.toml");
     let tables: BTreeMap<String, toml::Table> = toml::from_str(file).unwrap();
@@ -79,7 +79,7 @@ fn progress(stored: &[&str]) -> Progress {
     }
 }
 
-/// The page before the server has answered, in a browser that has kept this.
+/// The page before the server has answered, in a browser with `kept` stored.
 fn opened(kept: BTreeMap<String, String>, link: &str) -> Session {
     let (query, fragment) = link.split_once('#').unwrap_or((link, ""));
     let pairs = query.split('&').filter(|pair| !pair.is_empty());
@@ -103,15 +103,15 @@ fn opened(kept: BTreeMap<String, String>, link: &str) -> Session {
     Session::new(Participant::open(context), kept)
 }
 
-/// The page of a participant in a browser that has kept this, once the study is shown.
+/// The page of a participant in a browser with `kept` stored, once the study is shown.
 fn open(kept: BTreeMap<String, String>, study: &StudyConfig) -> Session {
     open_at(kept, study, "")
 }
 
 fn open_at(kept: BTreeMap<String, String>, study: &StudyConfig, link: &str) -> Session {
     let mut session = opened(kept, link);
-    // Somebody who has begun asks again, for the study as they began it; whoever has an external id asks
-    // whether they can take part.
+    // A participant who has begun requests the study again, as it was then; a person with an
+    // external id asks whether they can take part.
     while session.asked.iter().any(|request| request.name == "study") {
         session.send("study", 200, &StudyInfo::of(study, study.status.into()));
         if session.asked.iter().any(|request| request.name == "texts") {
@@ -126,7 +126,7 @@ fn welcomed() -> Session {
     open(BTreeMap::new(), &StudyConfig::default())
 }
 
-/// After the instructions.
+/// A session after the instructions.
 fn begun() -> Session {
     let mut session = welcomed();
     session.begin();
@@ -142,7 +142,7 @@ impl Session {
         self.press("continue");
     }
 
-    /// To the instructions.
+    /// Goes to the instructions.
     fn instructed(&mut self) {
         self.equipped();
         self.press("continue");
@@ -150,7 +150,7 @@ impl Session {
         self.send("progress", 200, &progress(&[]));
     }
 
-    /// Agrees, and shows that keyboard and screen are good.
+    /// Consents, and passes the check of keyboard and screen.
     fn equipped(&mut self) {
         self.press("consent");
         for code in ["ArrowLeft", "KeyD"] {
@@ -162,7 +162,8 @@ impl Session {
         }
     }
 
-    /// Drives a scene with the left key held from 3 s to 5 s, and waits until its end is shown.
+    /// Drives a scene with the left key held from 3 s to 5 s, and waits until its end has been
+    /// shown.
     fn drive(&mut self) {
         self.press("start");
         let begun = self.now_ms + COUNTDOWN_MS;
@@ -185,7 +186,7 @@ impl Session {
         }
     }
 
-    /// The upload that is on its way, which must be that of this trial.
+    /// The upload in flight, which must be that of this trial.
     fn uploaded(&self, id: &str) -> TrialUpload {
         let request = self.asked.iter().find(|request| request.name == "upload").unwrap();
         assert_eq!(request.url.split('?').next(), Some(&*routes::my_trial(id)));
@@ -199,7 +200,7 @@ impl Session {
         self.send("upload", 201, &stored);
     }
 
-    /// The completion code comes.
+    /// Delivers the completion code.
     fn completed(&mut self) {
         self.send("complete", 200, &Completed { completion_code: "ABC".into(), return_url: None });
         assert!(self.text().contains("ABC"));

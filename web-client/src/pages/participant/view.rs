@@ -1,4 +1,4 @@
-//! What a participant sees around the canvas.
+//! The participant's view around the canvas.
 
 mod around;
 mod before;
@@ -55,7 +55,7 @@ pub(super) fn page(page: &Participant) -> Node {
         .children(not_kept)
 }
 
-/// Before the sentences have come, only the browser's own progress shows that something happens.
+/// Before the texts have arrived, only the browser's own progress indicator shows activity.
 fn loading(page: &Participant) -> Node {
     let words = if page.has_texts() { page.say("page.loading") } else { "…".to_owned() };
     el("main")

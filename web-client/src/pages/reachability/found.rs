@@ -1,4 +1,4 @@
-//! A value function and the pictures of it, each made when it is first needed.
+//! A value function and its pictures, each created on first use.
 
 use sidestep::chart::{ColourStyle, Element};
 use sidestep::picture::Window;
@@ -6,20 +6,20 @@ use sidestep::reachability::{ExactValue, Nodes, ValueFunction};
 use sidestep::value_view::{AtHeading, Difference, Map, Mesh, Scale, Shown, Tubes, View, domain};
 use std::rc::Rc;
 
-/// A value function that is looked at.
+/// The current value function.
 pub(super) struct Found {
     function: ValueFunction,
-    /// How long its solve took, s.
+    /// Duration of its solve, s.
     seconds: Option<f64>,
     window: Window,
     scale: Scale,
-    /// The map that is shown, of what and of which heading, and the same as an element.
+    /// The current map, with its quantity and heading, and the same as an element.
     map: Option<(Shown, u16, Map, Element)>,
-    /// Against the closed form, if there is one and this is not it.
+    /// Difference from the closed form, if there is one and this function is not it.
     difference: Option<Difference>,
-    /// Greatest and mean error at the heading, m.
+    /// Maximum and mean error at the heading, m.
     errors_m: Option<[f64; 2]>,
-    /// Its values for tubes of any level, and the tube of the level that is shown.
+    /// Its values for tubes of any level, and the tube of the current level.
     tubes: Option<Tubes>,
     tube: Option<(f64, Rc<Mesh>)>,
     /// See [`Self::is_new`].
@@ -56,12 +56,12 @@ impl Found {
         self.window
     }
 
-    /// How far the cross-hair moves with a key, m: a hundredth of the window.
+    /// Distance that a key moves the cross-hair, m: a hundredth of the window.
     pub(super) fn key_step_m(&self) -> f64 {
         0.01 * (self.window.high[0] - self.window.low[0])
     }
 
-    /// Whether nobody asked this before.
+    /// Whether this is the first call.
     pub(super) fn is_new(&mut self) -> bool {
         std::mem::take(&mut self.is_new)
     }
@@ -75,7 +75,7 @@ impl Found {
         }
     }
 
-    /// Draws the map of a view unless that is what was drawn last.
+    /// Draws the map of a view, unless it is already drawn.
     pub(super) fn draw(&mut self, view: &View, width: f64) {
         if view.shown == Shown::Tube {
             self.draw_tube(view.level_m);
@@ -114,12 +114,12 @@ impl Found {
         self.tube = Some((level_m, Rc::new(mesh)));
     }
 
-    /// The tube that was drawn last.
+    /// The last tube drawn.
     pub(super) fn mesh(&self) -> Option<Rc<Mesh>> {
         self.tube.as_ref().map(|(_, mesh)| Rc::clone(mesh))
     }
 
-    /// The map that was drawn last.
+    /// The last map drawn.
     pub(super) fn map(&self) -> Option<&Map> {
         self.map.as_ref().map(|(.., map, _)| map)
     }
@@ -129,18 +129,18 @@ impl Found {
         self.map.as_ref().map(|(.., element)| element.clone())
     }
 
-    /// The state, m, under shares of the picture's width and height.
+    /// The state, m, at a position given as shares of the picture's width and height.
     pub(super) fn at(&self, shares: [f64; 2]) -> Option<[f64; 2]> {
         let map = self.map()?;
         map.at_px([0, 1].map(|d| shares[d] * map.drawing.size[d]))
     }
 
-    /// The errors at all headings, and greatest and mean size at the heading that is shown, m.
+    /// The errors at all headings, and their maximum and mean size at the current heading, m.
     pub(super) fn errors(&self) -> Option<(&Difference, [f64; 2])> {
         Some((self.difference.as_ref()?, self.errors_m?))
     }
 
-    /// How it was found, in words.
+    /// The method of solution, in words.
     pub(super) fn how(&self) -> String {
         match &self.function {
             ValueFunction::Exact(_) => "closed form".to_owned(),

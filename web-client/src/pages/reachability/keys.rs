@@ -1,23 +1,23 @@
-//! The keys of the page, by their places on the keyboard.
+//! The keys of the page, by code.
 
 use super::Msg;
 use crate::view::{self, el};
 use sidestep::value_view::Shown;
 
-/// What a key does.
+/// The action of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
-    /// Moves the cross-hair by so many steps to the right and up.
+    /// Moves the cross-hair by this number of steps to the right and up.
     Move([i8; 2]),
-    /// Turns the relative heading by so many degrees.
+    /// Changes the relative heading by this number of degrees.
     Turn(i16),
-    /// Makes the tube larger by so many tenths.
+    /// Enlarges the tube by this number of tenths.
     Zoom(i8),
     /// Plays optimally from the cross-hair.
     Play,
-    /// Forgets the game that was played.
+    /// Discards the game that was played.
     Forget,
-    /// Shows something else.
+    /// Shows another quantity.
     Show(Shown),
 }
 
@@ -42,13 +42,13 @@ const KEYS: [(&str, Key); 17] = [
 ];
 
 impl Key {
-    /// What the key at this place does, if it does something.
+    /// The action of the key with this code, if any.
     pub(super) fn of(code: &str) -> Option<Self> {
         KEYS.iter().find(|(known, _)| *known == code).map(|(_, key)| *key)
     }
 }
 
-/// The list of keys, folded.
+/// The collapsible list of keys.
 pub(super) fn list() -> view::Node<Msg> {
     let rows = [
         ("← → ↑ ↓", "move the cross-hair, or turn the tube"),

@@ -1,4 +1,4 @@
-//! What the page shows.
+//! The page's view.
 
 use super::found::Found;
 use super::{CANVAS, Msg, Reachability, keys};
@@ -16,11 +16,11 @@ pub(super) fn page(page: &Reachability) -> Node {
     el("main").class("reach").children([seen(page), panel(page)])
 }
 
-/// The pictures with what is chosen of them.
+/// The pictures with their controls.
 fn seen(page: &Reachability) -> Node {
     let names = [
         (Shown::Value, "V", "V at one relative heading (key 1)"),
-        (Shown::Error, "Error", "What the solver misses of the closed form (key 2)"),
+        (Shown::Error, "Error", "Error of the solver against the closed form (key 2)"),
         (Shown::Tube, "Tube", "V ≤ c over x, y and the relative heading (key 3)"),
     ];
     let switch = |(shown, words, title): (Shown, &str, &str)| {
@@ -65,11 +65,11 @@ fn seen(page: &Reachability) -> Node {
         .children(progress(page))
 }
 
-/// Why there is no picture, and what to do.
+/// The reason why there is no picture, and instructions.
 fn missing(page: &Reachability) -> Node {
     let empty = el("div").class("empty").test_id("unsolved");
     let Some(why) = &page.missing else {
-        return empty.child(el("p").class("quiet").text("The value function is on its way."));
+        return empty.child(el("p").class("quiet").text("Loading the value function."));
     };
     let empty = empty.child(el("p").attr("role", "alert").text(why.clone()));
     match page.view.chosen() {
@@ -78,7 +78,7 @@ fn missing(page: &Reachability) -> Node {
     }
 }
 
-/// How far the solve is, or the file.
+/// Progress of the solve, or of the file.
 fn progress(page: &Reachability) -> Option<Node> {
     let share = match (page.solving, &page.writing) {
         (Some((_, share)), _) => share,
@@ -104,7 +104,7 @@ fn shown(page: &Reachability, found: &Found) -> Node {
     if page.view.shown == Shown::Error && found.closed_form().is_none() {
         let why = match found.function() {
             ValueFunction::Exact(_) => {
-                "This is the closed form. Solve the game on a grid to see what the solver misses of it."
+                "This is the closed form. Solve the game on a grid to see the solver’s error against it."
             }
             ValueFunction::Sampled(samples) if samples.horizon_s().is_finite() => {
                 "There is no closed form for a finite horizon, so nothing to compare with."
@@ -115,7 +115,7 @@ fn shown(page: &Reachability, found: &Found) -> Node {
             }
         };
         let words = el("p").test_id("no-closed-form").text(why);
-        // Where a closed form serves, what a solver misses of it is one press away.
+        // For a game with a closed form, one button shows the solver's error.
         let solve = matches!(found.function(), ValueFunction::Exact(_)).then(|| {
             let polar = FieldValue::Text("polar".to_owned());
             button("solve-to-compare", Msg::Set("method", polar)).text("Solve on the polar grid")
@@ -129,11 +129,11 @@ fn shown(page: &Reachability, found: &Found) -> Node {
     pictures.child(map(page, found)).children(world(page, found))
 }
 
-/// How the tube is turned.
+/// How to turn the tube.
 const HINT: &str = "Drag it, or use the arrow keys, to turn it; the wheel, + and − change its size. Its ends at \
                     0° and 360° are the same.";
 
-/// The tube, or what stands in for it.
+/// The tube, or its substitute.
 fn tube(page: &Reachability, found: &Found) -> Node {
     let level = number(page.view.level_m);
     let words =
@@ -155,8 +155,8 @@ fn tube(page: &Reachability, found: &Found) -> Node {
                  tube cut at eight headings.",
                 fixed(ms, 0)
             ),
-            None => "This browser draws no solids now, as it has no WebGL or has lost it, so here is the \
-                     tube cut at eight headings."
+            None => "This browser cannot draw solids now, because it has no WebGL or has lost it, so here is the tube \
+                 cut at eight headings."
                 .to_owned(),
         };
         let anyway = slow.map(|_| button("insist", Msg::Insist).text("Show the solid anyway"));
@@ -186,11 +186,11 @@ fn tube(page: &Reachability, found: &Found) -> Node {
         .children(page.shows_solid().then(|| el("span").class("quiet").text(HINT)));
     let is_empty = found.mesh().is_some_and(|mesh| mesh.indices.is_empty());
     let nothing = is_empty
-        .then(|| el("p").class("quiet").test_id("no-tube").text("No state has a V so low."));
+        .then(|| el("p").class("quiet").test_id("no-tube").text("No state has a V this low."));
     el("figure").class("slice").child(solid).children(instead).children(nothing).child(heading)
 }
 
-/// The map with what lies over it, and the slider of the heading.
+/// The map with its marks, and the slider of the heading.
 fn map(page: &Reachability, found: &Found) -> Node {
     let base =
         found.element().map(|element| drawn(element).attr("aria-hidden", "true").class("base"));
@@ -199,7 +199,7 @@ fn map(page: &Reachability, found: &Found) -> Node {
         drawn(marks).attr("aria-hidden", "true").class("over")
     });
     let what = match page.view.shown {
-        Shown::Error => "What the solver misses of the closed form",
+        Shown::Error => "Error of the solver against the closed form",
         _ => "V over the pursuer’s position, seen from the evader, with labelled levels",
     };
     let picture = el("div")
@@ -225,7 +225,7 @@ fn map(page: &Reachability, found: &Found) -> Node {
     el("figure").class("slice").child(picture).child(heading).child(legend(page))
 }
 
-/// What the signs of the map mean.
+/// The legend of the map.
 fn legend(page: &Reachability) -> Node {
     let item = |sign: &str, words: &str| {
         el("li").child(el("i").class(&format!("swatch {sign}"))).child(el("span").text(words))
@@ -324,7 +324,7 @@ fn parameters(page: &Reachability) -> Node {
     ])
 }
 
-/// How the function came about, and whether it can be trusted.
+/// The origin of the function, and whether it can be trusted.
 fn origin(page: &Reachability, found: &Found) -> Node {
     let how = match found.seconds() {
         Some(seconds) => format!("{}, solved here in {} s", found.how(), fixed(seconds, 2)),
@@ -342,7 +342,7 @@ fn origin(page: &Reachability, found: &Found) -> Node {
              {moved} m, so V may be too high, above all far away.{why}"
         ))
     });
-    let state = if page.solving.is_some() { "of the game before" } else { "" };
+    let state = if page.solving.is_some() { "of the previous game" } else { "" };
     el("section")
         .child(el("p").class("quiet").test_id("origin").text(how))
         .children((!state.is_empty()).then(|| el("p").class("quiet").text(state)))
@@ -376,7 +376,7 @@ fn numbers(page: &Reachability, found: &Found) -> Node {
     let outside = (!state.inside)
         .then(|| el("p").class("quiet").text("Outside the solved grid: V is extrapolated."));
     let radius_m = found.function().game().radius_m;
-    // A finite horizon says nothing of what comes after it.
+    // The value of a finite horizon says nothing about later times.
     let within = match found.function() {
         ValueFunction::Sampled(samples) if samples.horizon_s().is_finite() => {
             format!(" for {} s", number(samples.horizon_s()))
@@ -409,16 +409,14 @@ fn numbers(page: &Reachability, found: &Found) -> Node {
         .children(game)
 }
 
-/// What came of optimal play, beside what V promised.
+/// The result of optimal play, compared with V.
 fn played(game: &Play, radius_m: f64, doubtful: &str) -> Node {
     let least = game.least_distance_m();
     let promised = game.value_m + radius_m;
     let end = match game.caught_s() {
         Some(0.0) => "It begins within the danger radius.".to_owned(),
         Some(seconds) => format!("Caught after {} s.", fixed(seconds, 1)),
-        None if game.goes_on => {
-            "The pursuer still came closer when the game was broken off.".into()
-        }
+        None if game.goes_on => "The pursuer still came closer when the game was stopped.".into(),
         None => format!("The pursuer passes after {} s.", fixed(game.closest_s(), 1)),
     };
     el("div")
@@ -432,7 +430,7 @@ fn played(game: &Play, radius_m: f64, doubtful: &str) -> Node {
         ]))
 }
 
-/// What the solver misses of the closed form.
+/// The solver's error against the closed form.
 fn errors(page: &Reachability, found: &Found) -> Option<Node> {
     if page.view.shown != Shown::Error {
         return None;

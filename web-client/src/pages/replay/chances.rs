@@ -1,5 +1,6 @@
-//! How often the predicted sets of a pane hold this participant's future: counted beside the page, over the
-//! tasks that did not train the predictor, as in the explorer. Learned sets come counted from the server.
+//! How often the predicted sets of a pane contain this participant's future. They are counted in a
+//! worker over the tasks that did not train the predictor, as in the explorer; for learned sets the
+//! server sends the counts.
 
 use super::choice::{Choice, Pane};
 use super::{Msg, Replay};
@@ -16,35 +17,36 @@ use sidestep::trial::Phase;
 use sidestep::trial_view::Playback;
 use std::rc::Rc;
 
-/// The participant's tasks: none as long as they have not come, or if they cannot be read.
+/// The participant's tasks; `None` until they have arrived, or if they cannot be read.
 #[derive(Default)]
 pub(super) struct Tasks(Option<(Drives, Vec<u8>)>);
 
 impl Tasks {
-    /// Asks for the tasks of this trial's participant. The trials of other phases are too few to count on.
+    /// Requests the tasks of this trial's participant. The other phases have too few trials to
+    /// count.
     fn ask(trial: &TrialDetail) -> Option<Command<Msg>> {
         let route = routes::admin_drives(&trial.summary.participant_id);
         let is_task = trial.summary.phase == Phase::Task;
         is_task.then(|| Command::Send(Request::get("drives", route, Msg::Drives)))
     }
 
-    /// What the server sent: the evaluators are told the same.
+    /// Parses the server's answer; the evaluators get the same bytes.
     pub(super) fn of(answer: Answer) -> Self {
         let drives = answer.ok().and_then(|it| Some((read(Ok(it.clone())).ok()?, it)));
         Self(drives)
     }
 }
 
-/// What is known of the probabilities of a pane's sets.
+/// State of the probabilities of a pane's sets.
 #[derive(Default)]
 pub(super) struct Chances {
     coverage: Coverage,
-    /// What the server has counted.
+    /// Counts from the server.
     told: Option<Probabilities>,
 }
 
 impl Chances {
-    /// What the evaluator has to be told to count for this predictor, if everything is known.
+    /// The evaluator's input to count for this predictor, once all of it is known.
     fn question(
         &mut self,
         tasks: Option<&Tasks>,
@@ -69,7 +71,7 @@ impl Chances {
         ])
     }
 
-    /// Takes what the evaluator has to say; whether that was all.
+    /// Takes a report of the evaluator. Returns whether it was the last one.
     fn take(&mut self, answer: Answer) -> bool {
         let Some(report) = self.coverage.newest(answer) else { return false };
         let is_over = report.done >= 1.0;
@@ -77,13 +79,13 @@ impl Chances {
         is_over
     }
 
-    /// What was counted for so many sets.
+    /// The counts for this number of sets.
     pub(super) fn probabilities(&self, sets: usize) -> Option<&Probabilities> {
         let counted = || self.coverage.regions(sets).map(|(regions, _)| &regions.probabilities);
         self.told.as_ref().or_else(counted)
     }
 
-    /// What the probabilities mean, or why there are none; nothing as long as that is not known.
+    /// The meaning of the probabilities, or why there are none; `None` until that is known.
     pub(super) fn words(&self, sets: usize, of: &str) -> Option<String> {
         let counted = self.probabilities(sets).map(|p| {
             format!(
@@ -99,9 +101,9 @@ impl Chances {
 }
 
 impl Replay {
-    /// Counts anew for a pane, once everything is known.
+    /// Starts counting for a pane, once its input is complete.
     pub(super) fn count(&mut self, pane: Pane) -> Commands<Msg> {
-        // The trial comes first: its tasks are asked for when there is something to count.
+        // The trial comes first: its tasks are requested only when there is something to count.
         let beside = self.beside.as_ref().map_or(&[][..], |beside| beside.playback.forecast());
         if self.tasks.is_none() && !(self.playback.forecast().is_empty() && beside.is_empty()) {
             self.tasks = Some(Tasks::default());
@@ -121,7 +123,7 @@ impl Replay {
         [Command::Cancel(name)].into_iter().chain(told).collect()
     }
 
-    /// Takes what a pane's evaluator has to say.
+    /// Takes a report of a pane's evaluator.
     pub(super) fn take_chances(&mut self, pane: Pane, answer: Answer) -> Commands<Msg> {
         let chances = match (pane, &mut self.beside) {
             (Pane::First, _) => &mut self.chances,

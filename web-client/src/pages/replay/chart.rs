@@ -15,45 +15,46 @@ type Node = view::Node<Msg>;
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 158.0;
 const FRAME: Frame = Frame { left: 0.0, top: 4.0, width: WIDTH, height: 96.0 };
-/// The line of the strip above which left turns are, and below which right turns are.
+/// Height of the line that separates left turns (above) from right turns (below) in the strip.
 const MIDDLE: f64 = 117.0;
 /// Height of the bar of a turn.
 const BAR: f64 = 8.0;
-/// The strip of predicted probabilities: from its top, left, straight and right fill its height by their
-/// shares.
+/// The strip of predicted probabilities: left, straight and right, from top to bottom, fill its
+/// height by their shares.
 const PREDICTED: [f64; 2] = [134.0, 154.0];
 const LEFT: colours::Colour = colours::HUMAN;
 const RIGHT: colours::Colour = colours::SERIES[1];
 
-/// What stays the same while time goes on, so that a frame need not make it again.
+/// The parts that do not change with time, cached between frames.
 pub(super) struct Strip {
-    /// The lines as data.
+    /// The plotted lines as data.
     lines: Chart,
-    /// All of it but the present time.
+    /// The whole chart except the current time.
     drawing: Node,
 }
 
 impl Strip {
-    /// What is known of a trial.
+    /// The chart of a trial.
     pub(super) fn new(trial: &TrialDetail, playback: &Playback) -> Self {
         let lines = lines(trial, playback);
         let drawing = draw(trial, playback, &lines);
         Self { lines, drawing }
     }
 
-    /// The chart at the present time. It stretches to its place, so that words stay outside of its drawing.
+    /// The chart at the current time. It is stretched to its place, so text is kept outside the
+    /// drawing.
     pub(super) fn view(&self, playback: &Playback) -> Node {
         let now = 100.0 * self.lines.x.share(playback.now().time_s);
         let now = el("i").class("now").attr("style", format!("left:{now:.3}%"));
         self.drawing.clone().child(now)
     }
 
-    /// What the signs mean.
+    /// The legend.
     pub(super) fn legend(&self) -> Node {
         legend(&self.lines)
     }
 
-    /// Its numbers, and the input held from each time on.
+    /// Its data, and the input held from each time on.
     pub(super) fn table(&self, trial: &TrialDetail, playback: &Playback) -> Table {
         table(trial, playback, &self.lines)
     }
@@ -131,7 +132,7 @@ fn draw(trial: &TrialDetail, playback: &Playback, chart: &Chart) -> Node {
         el("span").class(class).attr("style", style).text(words)
     };
     let top = |y: f64| format!("top:{:.2}%", 100.0 * y / HEIGHT);
-    // The unit stands at the last label alone.
+    // Only the last label carries the unit.
     let last = chart.y.ticks().count();
     let y_labels = chart.y.ticks().zip(1..).map(|(tick, n)| {
         let unit = if n == last { " m" } else { "" };

@@ -1,4 +1,4 @@
-//! What predicts in a pane of a replay, and what there is to choose from.
+//! The predictor in a pane of a replay, and the alternatives.
 
 use super::Msg;
 use crate::form::FieldValue;
@@ -19,10 +19,10 @@ use sidestep::trial_view::{Learned, Method};
 
 type Node = view::Node<Msg>;
 
-/// One of two pictures of the same moment.
+/// One of two pictures of the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pane {
-    /// The one that is always there.
+    /// The one that is always shown.
     First,
     /// The one beside it.
     Second,
@@ -37,7 +37,7 @@ impl Pane {
         }
     }
 
-    /// The name of what counts for it.
+    /// The name of its evaluator.
     pub(super) fn evaluator(self) -> &'static str {
         match self {
             Self::First => "chances",
@@ -45,7 +45,7 @@ impl Pane {
         }
     }
 
-    /// The name of something in this pane.
+    /// The id of an element in this pane.
     pub(super) fn id(self, name: &str) -> String {
         match self {
             Self::First => name.to_owned(),
@@ -58,7 +58,7 @@ impl Pane {
 pub(super) struct Choice {
     pane: Pane,
     chosen: Chosen,
-    /// What is known of it, once it is here.
+    /// Facts about the predictor, once it is loaded.
     known: Option<Known>,
     /// Why there is no predictor, if so.
     refused: Option<String>,
@@ -69,34 +69,34 @@ pub(super) struct Choice {
 /// A predictor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Chosen {
-    /// One that a link can name.
+    /// A predictor that a link can name.
     Linked(Source),
-    /// One that was opened from a file, of which no link knows.
+    /// A predictor opened from a file, which no link can name.
     File,
 }
 
-/// What is known of a predictor.
+/// Facts about a predictor.
 #[derive(Default)]
 struct Known {
     /// The number of trials that trained it.
     trials: usize,
-    /// Why it is a simple one, if it is.
+    /// Why it is a simple one, if so.
     fallback: Option<String>,
-    /// The analysis that trained it, if one did.
+    /// The analysis that trained it, if any.
     source: Option<PredictorSource>,
     /// The ids of these trials.
     trained_on: Vec<String>,
-    /// How many features it has, if it is from a file.
+    /// Number of its features, if it is from a file.
     features: usize,
-    /// How often its sets hold the future of the other tasks, if the server has counted that.
+    /// How often its sets contain the future of the other tasks, if the server has counted that.
     held: Option<Probabilities>,
 }
 
-/// How to come by a predictor.
+/// Source of a predictor.
 pub(super) enum Ask {
     /// The server has it.
     Server(Command<Msg>),
-    /// It is this.
+    /// It is known already.
     Nobody(Result<Box<Method>, String>),
 }
 
@@ -106,7 +106,7 @@ impl Choice {
         Self { pane, chosen, known: None, refused: None, unusable: None }
     }
 
-    /// How to come by the predictor.
+    /// The source of the predictor.
     pub(super) fn ask(&mut self, trial_id: &str) -> Ask {
         (self.known, self.refused) = (None, None);
         let predictor = |query: &str| {
@@ -137,7 +137,7 @@ impl Choice {
         Ask::Server(Command::Send(Request::get(pane.request(), url, then)))
     }
 
-    /// What the link names: of a file, the usual predictor.
+    /// The source for a link: for a file, the default predictor.
     pub(super) fn source(&self) -> Source {
         match &self.chosen {
             Chosen::Linked(source) => source.clone(),
@@ -145,7 +145,7 @@ impl Choice {
         }
     }
 
-    /// The choice as part of a query; empty for the usual one.
+    /// The choice as part of a query; empty for the default.
     pub(super) fn query(&self) -> String {
         let source = self.source();
         match self.pane {
@@ -155,17 +155,17 @@ impl Choice {
         }
     }
 
-    /// The ids of the trials that trained it, as far as that is known; nothing before it is here.
+    /// Ids of the trials that trained it, as far as known; `None` until it is loaded.
     pub(super) fn trained_on(&self) -> Option<&[String]> {
         self.known.as_ref().map(|known| &*known.trained_on)
     }
 
-    /// How often its sets hold the future of the other tasks, if the server has counted that.
+    /// How often its sets contain the future of the other tasks, if the server has counted that.
     pub(super) fn held(&self) -> Option<&Probabilities> {
         self.known.as_ref().and_then(|known| known.held.as_ref())
     }
 
-    /// What its probabilities are counted over.
+    /// The tasks over which its probabilities are counted.
     pub(super) fn judged_on(&self) -> &'static str {
         match &self.chosen {
             Chosen::File => "The file does not say which of them trained the predictor.",
@@ -173,7 +173,7 @@ impl Choice {
         }
     }
 
-    /// What a picture calls it.
+    /// Its caption in a picture.
     pub(super) fn caption(&self) -> String {
         match &self.chosen {
             Chosen::Linked(source) => source.caption(),
@@ -181,13 +181,13 @@ impl Choice {
         }
     }
 
-    /// Another predictor is to be used.
+    /// Chooses another predictor.
     pub(super) fn choose(&mut self, value: &FieldValue) {
         self.chosen = Chosen::Linked(Source::of("predictor", value.text()).unwrap_or_default());
         self.unusable = None;
     }
 
-    /// Takes what the server sent: the predictor or the sets, or why there are none.
+    /// Takes the server's answer: the predictor or the sets, or the reason why there are none.
     pub(super) fn arrived(&mut self, answer: Answer) -> Result<Method, String> {
         if let Chosen::Linked(Source::Way(way)) = &self.chosen
             && let Needs::Trials(_) = way.needs()
@@ -207,7 +207,8 @@ impl Choice {
         learned.map(Method::from).map_err(|invalid| invalid.to_string())
     }
 
-    /// Takes the content of a file. What is no predictor of turns changes nothing else.
+    /// Takes the content of a file. If it is not a predictor of turns, only the error message
+    /// changes.
     pub(super) fn open(&mut self, content: &FieldValue) -> Option<Learned> {
         match of_file(content.text()) {
             Ok(learned) => {
@@ -223,14 +224,14 @@ impl Choice {
         }
     }
 
-    /// There is no predictor, for this reason.
+    /// Records why there is no predictor.
     pub(super) fn refuse(&mut self, why: &str) {
         self.known = None;
         self.refused = Some(format!("No predicted sets. {why}"));
     }
 }
 
-/// A predictor of turns from the text of a predictor.json.
+/// Parses a predictor of turns from the text of a predictor.json.
 fn of_file(text: &str) -> Result<Learned, String> {
     if is_too_deep(text) {
         return Err(
@@ -263,7 +264,7 @@ fn named(analysis: &str, file: &str) -> Named {
     Named { analysis: analysis.to_owned(), file: file.to_owned() }
 }
 
-/// The control, and what is to be known of the predictor.
+/// The control, and facts about the predictor.
 pub(super) fn section(
     choice: &Choice,
     offered: &Offered,
@@ -303,7 +304,7 @@ pub(super) fn section(
 fn list(choice: &Choice, offered: &Offered, trial: &TrialDetail) -> Node {
     let pane = choice.pane;
     let entry = |way: &Way| {
-        // The usual one needs no name.
+        // The default needs no name.
         let value = if *way == Way::Earlier { "" } else { way.name() };
         let is_chosen = choice.chosen == Chosen::Linked(Source::Way(*way));
         option(value.to_owned(), is_chosen, way.label().to_owned()).attr("title", way.meaning())
@@ -324,13 +325,13 @@ fn list(choice: &Choice, offered: &Offered, trial: &TrialDetail) -> Node {
         .attr("name", pane.id("predictor"))
         .test_id(&pane.id("choose-predictor"))
         .on_input(move |value| Msg::Choose(pane, value))
-        .child(group("As the study goes".to_owned()).children(learning.iter().map(entry)))
+        .child(group("During the study".to_owned()).children(learning.iter().map(entry)))
         .child(group("Without learning".to_owned()).children(others.iter().map(entry)))
         .children(groups(offered, model.as_ref(), source, number))
         .children(file)
 }
 
-/// What the predictor is.
+/// Describes the predictor.
 fn about(choice: &Choice, known: &Known) -> Node {
     if let Some(source) = &known.source {
         return described(source);
@@ -362,7 +363,7 @@ fn about(choice: &Choice, known: &Known) -> Node {
     el("p").text(words)
 }
 
-/// What the model has to do with this trial: a warning if it was trained on it.
+/// The relation of the model to this trial: a warning if it was trained on it.
 fn note(source: &PredictorSource, pane: Pane) -> Node {
     let number = source.summary.participant;
     let words = match source.trial {

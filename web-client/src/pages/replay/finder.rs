@@ -1,4 +1,4 @@
-//! Finds a model of any analysis: study, analysis, participant, and words to search for.
+//! The model finder: study, analysis, participant, and search words.
 
 use super::Msg as Whole;
 use super::choice::Pane;
@@ -16,16 +16,16 @@ use sidestep::chart::fixed;
 
 type Node = view::Node<Whole>;
 
-/// Most models that are shown; words narrow them down.
+/// Largest number of models shown; search words narrow the list.
 const MOST: usize = 12;
 
-/// What there is, as far as it has come.
+/// State of the finder, as far as it is loaded.
 pub(super) struct Finder {
-    /// For which pane a model is looked for.
+    /// The pane that gets the model.
     pub(super) pane: Pane,
     studies: Vec<StudySummary>,
     study: String,
-    /// Analyses that are done; none before the server has answered.
+    /// Finished analyses; `None` before the server has answered.
     analyses: Option<Vec<AnalysisSummary>>,
     analysis: String,
     /// The number of a participant; empty for all.
@@ -35,27 +35,27 @@ pub(super) struct Finder {
     trouble: Option<String>,
 }
 
-/// What the finder can be told.
+/// Messages to the finder.
 #[derive(Clone, Debug)]
 pub enum Msg {
     /// The server listed the studies.
     Studies(Answer),
-    /// Look into this study.
+    /// Select this study.
     Study(FieldValue),
     /// The server listed the analyses of the study.
     Analyses(Answer),
-    /// Look into this analysis.
+    /// Select this analysis.
     Analysis(FieldValue),
-    /// Only models of this participant.
+    /// Show only models of this participant.
     Participant(FieldValue),
     /// The server listed models.
     Models(Answer),
-    /// Only models with these words.
+    /// Show only models with these words.
     Search(FieldValue),
 }
 
 impl Finder {
-    /// Looks for a model for this pane, first in this study.
+    /// Opens the finder for this pane, with this study selected.
     pub(super) fn open(pane: Pane, study: &str) -> (Self, Commands<Whole>) {
         let finder = Self {
             pane,
@@ -77,7 +77,7 @@ impl Finder {
         ask("finder-analyses", routes::admin_analyses(&self.study), Msg::Analyses)
     }
 
-    /// Models of experiment 2 do not say to which side somebody turns.
+    /// Models of experiment 2 do not predict the direction of a turn.
     fn ask_models(&mut self) -> Commands<Whole> {
         self.page = None;
         if self.analysis.is_empty() {
@@ -136,7 +136,7 @@ impl Finder {
         })
     }
 
-    /// The models that have all words that are looked for.
+    /// The models that match all search words.
     fn found<'a>(&'a self, page: &'a PredictorPage) -> impl Iterator<Item = &'a PredictorSummary> {
         page.predictors.iter().filter(|it| {
             let words = words(it).to_lowercase();
@@ -213,7 +213,7 @@ impl Finder {
         let total = self.found(page).count();
         let entry = |it: &PredictorSummary| {
             let words = format!(
-                "{}, {} % of inputs foreseen",
+                "{}, {} % of inputs predicted right",
                 words(it),
                 fixed(100.0 * it.test_accuracy, 1)
             );
@@ -247,7 +247,7 @@ impl Finder {
     }
 }
 
-/// What a model can be found by.
+/// The searchable text of a model.
 fn words(it: &PredictorSummary) -> String {
     format!("Participant {}: {}", it.participant, name(it))
 }

@@ -1,15 +1,15 @@
-//! The keys of a replay, by their places on the keyboard.
+//! The keys of a replay, by code.
 
 use super::Msg;
 use crate::view::{self, el};
 use sidestep::trial_view::view::SPEEDS;
 
-/// What a key does.
+/// The action of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
     /// Plays, or pauses.
     Play,
-    /// Goes so many steps on or back.
+    /// Moves this many steps, back if negative.
     Step(i32),
     /// Goes to the start.
     Start,
@@ -23,15 +23,15 @@ pub enum Key {
     Layer(usize),
     /// Shows or hides the legend.
     Legend,
-    /// The other colours.
+    /// Switches colours.
     Colours,
-    /// Sets within the time ahead, or after each step.
+    /// Switches between sets within the time ahead and sets after each step.
     Sets,
     /// Shows or hides the second pane.
     Beside,
 }
 
-/// Each key, what is printed on it, and what it does.
+/// Each key, its label, and its action.
 const KEYS: [(&str, &str, Key); 25] = [
     ("Space", "Space", Key::Play),
     ("ArrowLeft", "←", Key::Step(-1)),
@@ -61,13 +61,13 @@ const KEYS: [(&str, &str, Key); 25] = [
 ];
 
 impl Key {
-    /// What the key at this place does, if it does something.
+    /// The action of the key with this code, if any.
     pub(super) fn of(code: &str) -> Option<Self> {
         KEYS.iter().find(|(known, ..)| *known == code).map(|(.., key)| *key)
     }
 }
 
-/// What is printed on the key of a layer.
+/// The label of a layer's key.
 pub(super) fn of_layer(place: usize) -> Option<&'static str> {
     KEYS.iter().find(|(.., key)| *key == Key::Layer(place)).map(|(_, printed, _)| *printed)
 }
@@ -78,12 +78,12 @@ pub(super) fn speed(present: f64, by: i32) -> f64 {
     SPEEDS[(place + by).clamp(0, SPEEDS.len() as i32 - 1) as usize]
 }
 
-/// The list of keys, folded.
+/// The collapsible list of keys.
 pub(super) fn list() -> view::Node<Msg> {
     let rows = [
         ("Space", "play or pause"),
-        ("← →", "a step back or on"),
-        ("Page up, Page down", "five steps back or on"),
+        ("← →", "a step back or forward"),
+        ("Page up, Page down", "five steps back or forward"),
         ("Home, End", "the start, the end"),
         ("↑ ↓", "faster, slower"),
         ("P, N", "the previous trial, the next trial"),

@@ -1,4 +1,4 @@
-//! One or two panes of a replay: what each predicts with, and pictures of both.
+//! One or two panes of a replay: their predictors, and pictures of both.
 
 use super::chances::Chances;
 use super::choice::{Ask, Choice, Pane};
@@ -10,7 +10,7 @@ use sidestep::picture::Picture;
 use sidestep::trial_view::source::{Source, Way};
 use sidestep::trial_view::{Method, Playback, side_by_side};
 
-/// The same moment, predicted in another way.
+/// The second pane: the same instant with another prediction.
 pub(super) struct Beside {
     pub(super) choice: Choice,
     pub(super) playback: Playback,
@@ -18,11 +18,11 @@ pub(super) struct Beside {
     pub(super) chances: Chances,
 }
 
-/// What the second pane shows first: what anybody would guess.
+/// The second pane's default: the simplest guess.
 pub(super) const FIRST_BESIDE: Source = Source::Way(Way::ConstantVelocity);
 
 impl Replay {
-    /// Puts the value functions to use, once both are here.
+    /// Uses the value functions, once both are loaded.
     pub(super) fn take_safety(&mut self) {
         for pane in [Pane::First, Pane::Second] {
             let Some(safety) = self.sources.functions() else { return };
@@ -35,7 +35,7 @@ impl Replay {
         }
     }
 
-    /// The choice of a pane and what it shows, if it is shown.
+    /// The choice and playback of a pane, if it is shown.
     pub(super) fn pane(&mut self, pane: Pane) -> Option<(&mut Choice, &mut Playback)> {
         match pane {
             Pane::First => Some((&mut self.choice, &mut self.playback)),
@@ -45,9 +45,9 @@ impl Replay {
         }
     }
 
-    /// Shows the same moment beside it, predicted from this source.
+    /// Shows the second pane with a prediction from this source.
     pub(super) fn show_beside(&mut self, source: Source) -> Commands<Msg> {
-        // The trial was fit to be shown once.
+        // The trial has been shown before, so it is valid.
         let Ok(playback) = Playback::new(self.playback.recorded().clone()) else {
             return Vec::new();
         };
@@ -58,7 +58,7 @@ impl Replay {
         self.predict(Pane::Second)
     }
 
-    /// Predicts with what is chosen for this pane, once it is here.
+    /// Predicts with the choice of this pane, once it is loaded.
     pub(super) fn predict(&mut self, pane: Pane) -> Commands<Msg> {
         let trial_id = &self.trial.summary.trial_id;
         let ask = match pane {
@@ -68,7 +68,7 @@ impl Replay {
                 None => return Vec::new(),
             },
         };
-        // What is shown is never of another predictor than the chosen one.
+        // Never show sets of another predictor than the chosen one.
         if let Some((_, playback)) = self.pane(pane) {
             let _ = playback.use_method(None);
         }
@@ -81,7 +81,7 @@ impl Replay {
         }
     }
 
-    /// Predicts with this in this pane, or says why not.
+    /// Predicts with this method in this pane, or shows the error.
     pub(super) fn take(&mut self, pane: Pane, method: Result<Method, String>) {
         let Some((choice, playback)) = self.pane(pane) else { return };
         let used = method.and_then(|method| {
@@ -95,7 +95,7 @@ impl Replay {
         }
     }
 
-    /// Shows what finds a model for this pane, or hides it.
+    /// Shows or hides the model finder for this pane.
     pub(super) fn find(&mut self, pane: Pane) -> Commands<Msg> {
         if self.finder.take().is_some_and(|finder| finder.pane == pane) {
             return Vec::new();
@@ -105,7 +105,7 @@ impl Replay {
         commands
     }
 
-    /// What is seen, as a drawing.
+    /// The current picture as a drawing.
     fn drawing(&mut self) -> Drawing {
         let title = self.title();
         let Some(beside) = &mut self.beside else {

@@ -1,4 +1,4 @@
-//! What a replay shows around the canvas.
+//! The replay's view around the canvas.
 
 use super::chances::Chances;
 use super::choice::{self, Choice, Pane};
@@ -54,7 +54,7 @@ fn scene(replay: &Replay) -> Node {
         .child(picture)
 }
 
-/// What the signs mean, of both pictures if there are two.
+/// The legend, for both pictures if there are two.
 fn legend(replay: &Replay) -> Node {
     let items = match &replay.beside {
         None => replay.playback.legend(&replay.view),
@@ -76,7 +76,7 @@ fn panel(replay: &Replay) -> Node {
     let first = if both { "Predictor on the left, or above" } else { "Predictor" };
     let second = "Predictor on the right, or below";
     let chosen = |choice, heading| choice::section(choice, &replay.offered, &replay.trial, heading);
-    // It scrolls, so the keyboard must be able to reach it.
+    // It scrolls, so it must be reachable by keyboard.
     el("aside")
         .class("panel")
         .attrs(&[("tabindex", "0"), ("aria-label", "Numbers at this step")])
@@ -105,7 +105,8 @@ fn panel(replay: &Replay) -> Node {
         .child(keys::list())
 }
 
-/// How likely each next input is, if what predicts says so, and the predicted sets, once they are known.
+/// The probabilities of the next inputs, if the predictor gives them, and the predicted sets, once
+/// known.
 fn predicted(
     replay: &Replay,
     playback: &Playback,
@@ -118,7 +119,7 @@ fn predicted(
     inputs.into_iter().chain(regions).collect()
 }
 
-/// The predicted sets, and how often they hold this participant's future.
+/// The predicted sets, and how often they contain this participant's future.
 fn regions(replay: &Replay, playback: &Playback, choice: &Choice, chances: &Chances) -> Node {
     let sets = playback.set_count();
     let cells = (replay.trial.summary.phase == Phase::Task).then(|| {
@@ -142,7 +143,7 @@ fn whose(replay: &Replay) -> Node {
     let words = format!("participant {}", summary.participant_number);
     // The explorer shows tasks only.
     let explorer = (summary.phase == Phase::Task).then(|| {
-        // What a replay usually predicts with, the explorer must be told.
+        // The explorer's default predictor differs, so the link must name the replay's.
         let chosen = match replay.choice.source() {
             Source::Way(Way::Constant) | Source::Model { .. } => replay.choice.query(),
             Source::Way(_) => "predictor=earlier".to_owned(),
@@ -178,7 +179,7 @@ fn drawing(replay: &Replay) -> Node {
         ("tube".to_owned(), "within the whole time ahead".to_owned()),
         ("steps".to_owned(), "after each step".to_owned()),
     ];
-    // Before they are predicted, the list has the one that is asked for.
+    // Before the prediction is known, the list contains only the requested set.
     let asked = match style.sets {
         Sets::Step(step) if !has_sets => step..=step,
         _ => 1..=steps,
@@ -199,7 +200,7 @@ fn drawing(replay: &Replay) -> Node {
         let field = el("input")
             .attrs(&[("id", id), ("type", "text"), ("autocomplete", "off")])
             .attr("value", levels.join(","))
-            .attr("title", "Levels in metres, rising, with commas between")
+            .attr("title", "Levels in metres, increasing, separated by commas")
             .test_id(id)
             .on_input(move |value| Msg::Levels(evader, value));
         el("div").class("pair").child(label).child(field)
@@ -358,7 +359,7 @@ fn controls(replay: &Replay) -> Node {
     let saves = [save("save-svg", "SVG", Msg::SaveSvg), save("save-png", "PNG", Msg::SavePng)];
     let (title, sign) = match replay.filming {
         true => ("End the film and save it", "■ WebM"),
-        false => ("Play on from here and save a film of it: to the end, or to a pause", "WebM"),
+        false => ("Record a film from here to the end or to the next pause", "WebM"),
     };
     let film = switch("film", replay.filming, Msg::Film).attr("title", title).text(sign);
     el("div")

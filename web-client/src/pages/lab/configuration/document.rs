@@ -1,5 +1,5 @@
-//! A study as a tree of values, whose fields have paths such as `phases[0].scenes`: the same paths that the
-//! server's complaints name.
+//! A study as a tree of values, whose fields have paths such as `phases[0].scenes`: the same paths
+//! as in the server's complaints.
 
 use serde_json::{Map, Value};
 
@@ -39,12 +39,12 @@ pub(super) fn flag(study: &Value, path: &str) -> bool {
     get(study, path).and_then(Value::as_bool).unwrap_or_default()
 }
 
-/// The entries of a list; none if the field is no list.
+/// The items of a list; empty if the field is not a list.
 pub(super) fn list<'a>(study: &'a Value, path: &str) -> &'a [Value] {
     get(study, path).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
-/// Sets a field. Objects on the way are made; a place that a list does not have is not.
+/// Sets a field. Creates missing objects on the path, but no list items.
 pub(super) fn set(study: &mut Value, path: &str, new: Value) {
     let field = parts(path).try_fold(study, |value, part| match part {
         Part::Place(place) => value.get_mut(place),

@@ -1,4 +1,4 @@
-//! What a field or button of the form changes in the study.
+//! Changes to the study by a field or button of the form.
 
 use super::document::{change, get, set, text, unset};
 use serde_json::{Value, json};
@@ -6,24 +6,24 @@ use serde_json::{Value, json};
 /// A change of the study.
 #[derive(Clone, Debug)]
 pub(in crate::pages::lab) enum Edit {
-    /// A field gets a value.
+    /// Sets a field.
     Set(String, Value),
-    /// A field is removed.
+    /// Removes a field.
     Unset(String),
-    /// A question becomes one of another kind: fields of the old kind go.
+    /// Changes the kind of a question and removes the fields of the old kind.
     Kind(String, Value),
-    /// Several fields get values.
+    /// Sets several fields.
     Fill(Vec<(&'static str, Value)>),
-    /// An entry is added to a list.
+    /// Inserts an item into a list.
     Insert(String, usize, Value),
-    /// An entry is removed from a list.
+    /// Removes an item from a list.
     Remove(String, usize),
-    /// An entry changes places with the one before it.
+    /// Swaps an item with the one before it.
     MoveUp(String, usize),
 }
 
 impl Edit {
-    /// Changes the study.
+    /// Applies the change.
     pub(super) fn apply(self, study: &mut Value) {
         match self {
             Self::Set(path, value) => set(study, &path, value),
@@ -77,7 +77,7 @@ impl Edit {
     }
 }
 
-/// The right answer of a check stays the same option, wherever its place in the list goes.
+/// Keeps the right answer of a check at the same option when list items move.
 fn move_answer(study: &mut Value, list: &str, moved: impl Fn(usize) -> usize) {
     let Some(question) = list.strip_suffix(".options") else { return };
     let path = format!("{question}.answer");
@@ -86,7 +86,7 @@ fn move_answer(study: &mut Value, list: &str, moved: impl Fn(usize) -> usize) {
     }
 }
 
-/// A question after the scenes that has nothing in it yet.
+/// An empty question for after the scenes.
 pub(super) fn new_question(name: &str, kind: &str) -> Value {
     let mut question = json!({ "name": name, "kind": kind, "text": {}, "required": false });
     if kind == "choice" {
@@ -100,7 +100,7 @@ pub(super) fn new_option(value: &str) -> Value {
     json!({ "value": value, "text": {} })
 }
 
-/// A question of the check of understanding that has nothing in it yet.
+/// An empty question of the check of understanding.
 pub(super) fn new_check() -> Value {
     json!({ "text": {}, "options": [{}, {}], "answer": 0 })
 }

@@ -1,7 +1,7 @@
 //! The draft of a study, as a form and as the text of a study file.
 //!
-//! The text is the draft. The form shows what the text says, and the server writes what is entered in the form
-//! as a text.
+//! The text is the draft. The form shows the text, and the server turns input in the form back into
+//! text.
 
 use super::Msg;
 use super::document::set;
@@ -27,49 +27,50 @@ pub(in crate::pages::lab) enum Mode {
     Text,
 }
 
-/// A draft that somebody is writing.
+/// A draft that the user is editing.
 pub(super) struct Editor {
-    /// The text that the draft began with; none before it has come.
+    /// The initial text of the draft; `None` before it is loaded.
     begun: Option<String>,
     text: String,
-    /// What the text area was given. What is typed does not change it.
+    /// The text last put into the text area. Typing does not change it.
     given: String,
-    /// The draft as a form; none until the server has read the text.
+    /// The draft as a form; `None` until the server has parsed the text.
     form: Option<FormState>,
-    /// How often the form was given something: its fields are made anew each time.
+    /// Counts how often the form was filled: its fields are created anew each time.
     givings: u32,
-    /// How often the text area was. It keeps what is typed while the form follows.
+    /// Counts how often the text area was filled. It is not refilled while the user types and the
+    /// form follows.
     text_givings: u32,
     mode: Mode,
-    /// The name in addresses follows the title, until somebody enters one.
+    /// Whether the slug follows the title, until the user enters one.
     names_itself: bool,
-    /// How often something was entered; how often it had been when the server was asked last, and when it
-    /// was asked what it answered last.
+    /// Number of edits; its value at the last question to the server, and at the question answered
+    /// last.
     entered: u32,
     asked: u32,
     answered: u32,
-    /// The fields of the study in which something was wrong, without what is inside them.
+    /// Fields of the study that had errors, without nested fields; their sections stay open.
     opened: Vec<String>,
-    /// What the server says of the draft, once it has.
+    /// The server's last check of the draft.
     pub(super) checked: Option<DraftChecked>,
 }
 
-/// What the form holds.
+/// Content of the form.
 struct FormState {
-    /// The study that its fields were given.
+    /// The study that its fields were filled with.
     given: Value,
-    /// The study with what was entered.
+    /// The study with the user's input.
     study: Value,
-    /// Whether something was entered that the text does not say yet.
+    /// Whether it has input that is not in the text yet.
     is_ahead: bool,
     /// The language whose texts are shown.
     language: String,
-    /// The name of the control that takes the focus.
+    /// The name of the control that gets the focus.
     focus: String,
 }
 
 impl Editor {
-    /// Without a draft.
+    /// An editor without a draft.
     pub(super) fn new() -> Self {
         Self {
             begun: None,
@@ -88,7 +89,7 @@ impl Editor {
         }
     }
 
-    /// Begins a draft with a text.
+    /// Starts a draft with this text.
     pub(super) fn begin(&mut self, text: String) {
         self.text.clone_from(&text);
         self.begun = Some(text);
@@ -96,7 +97,7 @@ impl Editor {
         self.show_text();
     }
 
-    /// Begins the draft of a study that is to be made.
+    /// Starts the draft of a new study.
     pub(super) fn begin_new(&mut self, text: String) {
         self.begin(text);
         self.names_itself = true;
@@ -110,7 +111,7 @@ impl Editor {
         self.mode
     }
 
-    /// The draft was stored as it is.
+    /// Marks the draft as stored.
     pub(super) fn stored(&mut self) {
         self.begun = Some(self.text.clone());
     }
@@ -122,34 +123,34 @@ impl Editor {
         self.text_givings += 1;
     }
 
-    /// Whether the draft is, or may be, another than the one that was begun.
+    /// Whether the draft differs, or may differ, from the initial text.
     pub(super) fn is_changed(&self) -> bool {
         let is_ahead = || self.form.as_ref().is_some_and(|form| form.is_ahead);
         let is_other = || self.begun.as_ref() != Some(&self.text);
         self.has_begun() && (is_other() || is_ahead() || !self.is_current())
     }
 
-    /// What the study lacks, though it is valid.
+    /// Warnings about a valid study that is incomplete.
     pub(super) fn warnings(&self) -> &[Remark] {
         self.checked.as_ref().map_or(&[], |checked| &checked.warnings)
     }
 
-    /// Whether people can take part once the draft is stored.
+    /// Whether storing the draft opens the study to participants.
     pub(super) fn opens(&self) -> bool {
         self.form.as_ref().is_some_and(|form| form.study["status"] == Status::Open.word())
     }
 
-    /// Whether `checked` is about the draft as it is.
+    /// Whether `checked` is about the current draft.
     pub(super) fn is_current(&self) -> bool {
         self.answered == self.entered
     }
 
-    /// The draft as it is stored.
+    /// The request body that stores the draft.
     pub(super) fn draft(&self, base: Option<String>) -> String {
         json::write(&Draft { toml: self.text.clone(), base })
     }
 
-    /// The address that checks the draft, and what is sent there.
+    /// The URL and request body that check the draft.
     pub(super) fn check(&mut self, base: Option<String>) -> (&'static str, String) {
         self.asked = self.entered;
         match self.form.as_ref().filter(|form| form.is_ahead) {
@@ -161,7 +162,7 @@ impl Editor {
         }
     }
 
-    /// Takes what the server says of the draft. Only the answer to the last question arrives.
+    /// Takes the server's check of the draft. Only the answer to the last question arrives.
     pub(super) fn take(&mut self, mut checked: DraftChecked) {
         self.answered = self.asked;
         let is_current = self.is_current();
@@ -175,7 +176,7 @@ impl Editor {
             }
         } else if is_current && !self.form.as_ref().is_some_and(|form| form.is_ahead) {
             match checked.config.take() {
-                // Fields with the same values stay as they are.
+                // Fields with the same values stay.
                 Some(config) if self.form.as_ref().is_some_and(|form| form.study == config) => {}
                 Some(config) => self.give_form(config),
                 None => self.form = None,
@@ -215,14 +216,14 @@ impl Editor {
         }
     }
 
-    /// Takes what was entered in a field of the form.
+    /// Handles input in a field of the form.
     pub(super) fn edit(&mut self, edit: Edit) {
         if let Some(form) = &mut self.form {
             match &edit {
                 Edit::Set(path, _) if path == "slug" => self.names_itself = false,
                 Edit::Set(path, title) if path == "title" && self.names_itself => {
                     let name = name_in_addresses(title.as_str().unwrap_or_default());
-                    // Its control shows it at once.
+                    // Its control shows the input already.
                     for study in [&mut form.study, &mut form.given] {
                         name.iter().for_each(|name| set(study, "slug", name.as_str().into()));
                     }
@@ -235,7 +236,7 @@ impl Editor {
         }
     }
 
-    /// Takes what gives the form other fields; the control of that name has the focus then.
+    /// Handles an edit that changes the fields of the form, and focuses the control of that name.
     pub(super) fn rebuild(&mut self, edit: Edit, focus: String) {
         self.edit(edit);
         if let Some(form) = &mut self.form {
@@ -245,7 +246,7 @@ impl Editor {
         }
     }
 
-    /// Takes what was typed as text.
+    /// Handles typed text.
     pub(super) fn type_text(&mut self, text: &str) {
         text.clone_into(&mut self.text);
         self.names_itself = false;
@@ -310,7 +311,7 @@ impl Editor {
         Some(Form { fields, languages, is_new, givings, opened, picture })
     }
 
-    /// What the controls of the form are called, and the language whose texts it shows.
+    /// Labels of the form's controls, and the language whose texts it shows.
     pub(super) fn labels(&self, is_new: bool, may_manage: bool) -> (Vec<(String, String)>, &str) {
         self.form_of(is_new, may_manage).map_or_else(Default::default, |form| {
             form.view();
@@ -328,13 +329,14 @@ impl Editor {
             .on_input(Msg::Typed)
             .text(&self.given);
         let about = el("p").class("quiet").text(
-            "What the file does not say is as in the paper. The study guide (docs/study.md) has \
+            "Settings missing from the file are as in the paper. The study guide (docs/study.md) has \
              every field with its unit, default and range. Comments are not kept.",
         );
         el("div").class("as-text").child(about).child(area)
     }
 
-    /// How the scenes are spread. In the form, they are beside what decides them.
+    /// A picture of the distribution of scenes. The form has it beside the settings that determine
+    /// it.
     pub(super) fn picture(&self) -> Option<Node> {
         let picture = picture(self.checked.as_ref()?)?;
         let section = el("section").child(el("h2").text("Scenes")).child(picture);
@@ -342,8 +344,8 @@ impl Editor {
     }
 }
 
-/// A name in addresses for a study with this title: lower-case letters, digits and hyphens; none if the title
-/// has neither a letter nor a digit of these.
+/// A slug for a study with this title: lower-case letters, digits and hyphens; `None` if the title
+/// contains no such letters or digits.
 fn name_in_addresses(title: &str) -> Option<String> {
     let mut name = String::new();
     for letter in title.chars().flat_map(char::to_lowercase) {
@@ -370,7 +372,7 @@ fn name_in_addresses(title: &str) -> Option<String> {
     (!name.is_empty()).then(|| name.to_owned())
 }
 
-/// The most characters of a name in addresses.
+/// Largest number of characters in a slug.
 const LONGEST_NAME: usize = 64;
 
 #[cfg(test)]

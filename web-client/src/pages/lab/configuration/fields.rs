@@ -1,4 +1,4 @@
-//! The fields of the form: each has a path in the study, a label, and what the server says of it.
+//! The fields of the form: each has a path in the study, a label, and the server's remarks on it.
 
 use super::document::{flag, get, list, number, text};
 use super::{Edit, Msg};
@@ -11,26 +11,26 @@ use std::cell::RefCell;
 
 type Node = view::Node<Msg>;
 
-/// What the fields show.
+/// Data for the fields.
 pub(super) struct Fields<'a> {
-    /// The study as the form was given it. What is entered does not change it, so that nothing moves under
-    /// the cursor.
+    /// The study that the form was filled with. Input does not change it, so that nothing moves
+    /// under the cursor.
     pub(super) given: &'a Value,
-    /// The study with what was entered.
+    /// The study with the user's input.
     pub(super) study: &'a Value,
-    /// What is wrong with it.
+    /// The error in it.
     pub(super) complaint: Option<&'a Remark>,
     /// The language whose texts are shown.
     pub(super) language: &'a str,
-    /// The name of the control that takes the focus when the form has been built anew.
+    /// The name of the control that gets the focus when the form has been rebuilt.
     pub(super) focus: &'a str,
     pub(super) may_manage: bool,
-    /// What the controls are called: each one's path and label, in the order in which they were made.
+    /// Path and label of each control, in the order of their creation.
     pub(super) labels: RefCell<Vec<(String, String)>>,
 }
 
 impl Fields<'_> {
-    /// A text on one line.
+    /// A single-line text.
     pub(super) fn line(&self, path: &str, label: &str, hint: &str) -> Node {
         let input = el("input").attr("type", "text").attr("value", text(self.given, path));
         self.labelled(path, label, "", hint, entered_text(input, path))
@@ -47,14 +47,14 @@ impl Fields<'_> {
         self.labelled(path, label, unit, hint, input).class("field")
     }
 
-    /// Something that is so or not.
+    /// A check box.
     pub(super) fn tick(&self, path: &str, label: &str, hint: &str) -> Node {
         let at = path.to_owned();
         let edit = move |ticked: bool| Msg::Edit(Edit::Set(at.clone(), ticked.into()));
         self.ticked(path, label, hint, flag(self.given, path), edit)
     }
 
-    /// One of several values, with their words.
+    /// A selection among several values with labels.
     pub(super) fn choice(
         &self,
         path: &str,
@@ -78,14 +78,15 @@ impl Fields<'_> {
         el("select").children(words.iter().map(option))
     }
 
-    /// A button that changes which fields there are; `focus` names the control that has the focus then.
+    /// A button that changes the set of fields; `focus` names the control that then gets the focus.
     pub(super) fn button(&self, name: &str, edit: Edit, focus: &str) -> Node {
         let button = button(name, Msg::Rebuild(edit, focus.to_owned()));
         let button = button.attr_if(!self.may_manage, "disabled", "");
         if self.focus == name { button.focus() } else { button }
     }
 
-    /// A button that adds an entry to a list. The focus goes to the entry's field `first`, such as `.name`.
+    /// A button that adds an item to a list. The focus goes to the item's field `first`, such as
+    /// `.name`.
     pub(super) fn add(&self, to: &str, words: &str, new: Value, first: &str) -> Node {
         let at = list(self.given, to).len();
         let focus = format!("field-{to}[{at}]{first}");
@@ -93,11 +94,11 @@ impl Fields<'_> {
         el("div").class("field wide").child(add.text(words))
     }
 
-    /// Buttons that move an entry up and remove it.
+    /// Buttons that move an item up and remove it.
     pub(super) fn entry_buttons(&self, of: &str, i: usize, noun: &str) -> Node {
         let up = (i > 0).then(|| {
             let focus = format!("up-{of}[{}]", i - 1);
-            // The first entry has no such button.
+            // The first item has no such button.
             let focus = if i > 1 { focus } else { format!("remove-{of}[0]") };
             self.button(&format!("up-{of}[{i}]"), Edit::MoveUp(of.to_owned(), i), &focus)
                 .class("plain")
@@ -116,7 +117,7 @@ impl Fields<'_> {
         el("div").class("entry-buttons").children(up).child(remove)
     }
 
-    /// A check box that changes which fields there are, or what they show.
+    /// A check box that changes the set of fields or their content.
     pub(super) fn ticked(
         &self,
         path: &str,
@@ -136,7 +137,7 @@ impl Fields<'_> {
         self.with_complaint(el("div").class("field wide").child(label), path, hint)
     }
 
-    /// The kind of a question, which decides its other fields.
+    /// The kind of a question, which determines its other fields.
     pub(super) fn kind(&self, path: &str, label: &str, words: &[(&str, &str)]) -> Node {
         let at = path.to_owned();
         let select = self.select(path, words).on_input(move |entered| {
@@ -161,7 +162,7 @@ impl Fields<'_> {
         self.labelled(path, label, "", hint, input)
     }
 
-    /// A text in the language that is shown.
+    /// A text in the current language.
     pub(super) fn localised(&self, path: &str, label: &str, hint: &str) -> Node {
         let path = format!("{path}.{}", self.language);
         let input = el("input").attr("type", "text").attr("value", text(self.given, &path));
@@ -169,7 +170,7 @@ impl Fields<'_> {
         self.labelled(&path, label, "", hint, entered_translation(input, &path))
     }
 
-    /// A longer text in the language that is shown.
+    /// A longer text in the current language.
     pub(super) fn markdown(&self, path: &str, label: &str, hint: &str) -> Node {
         let path = format!("{path}.{}", self.language);
         let area = el("textarea").attr("rows", 6).attr("lang", self.language);
@@ -177,7 +178,7 @@ impl Fields<'_> {
         self.labelled(&path, label, "", hint, area)
     }
 
-    /// A fact: one text for everybody, or one in the language that is shown.
+    /// A fact: one text for all languages, or one in the current language.
     pub(super) fn fact(&self, path: &str, label: &str, hint: &str) -> Node {
         match get(self.given, path) {
             Some(Value::Object(_)) => self.localised(path, label, hint),
@@ -185,7 +186,7 @@ impl Fields<'_> {
         }
     }
 
-    /// A field with its label, its unit, a hint and what is wrong with it.
+    /// A field with its label, unit, hint and error.
     fn labelled(&self, path: &str, label: &str, unit: &str, hint: &str, input: Node) -> Node {
         self.labels.borrow_mut().push((path.to_owned(), label.to_owned()));
         let id = id(path);
@@ -221,7 +222,7 @@ impl Fields<'_> {
         }))
     }
 
-    /// What is wrong with a field or something in it, without the field's path.
+    /// The error in a field or in one nested in it, without the field's path.
     pub(super) fn complaint_within(&self, path: &str) -> Option<String> {
         let complaint = self.complaint?;
         let field = complaint.field.as_deref()?;
@@ -229,12 +230,12 @@ impl Fields<'_> {
             let rest = field.strip_prefix(path);
             rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
         };
-        // Of a text that is missing in every language, the path ends before the language.
+        // If a text is missing in every language, the path ends before the language.
         let is_missing = || is_within(&format!("{field}.{}", self.language));
         (is_within(field) || is_missing()).then(|| sentence(complaint, field))
     }
 
-    /// What is wrong with a whole section, such as `encounters`, and with none of its fields.
+    /// The error in a whole section, such as `encounters`, but in none of its fields.
     pub(super) fn complaint_about(&self, path: &str) -> Option<String> {
         let complaint = self.complaint?;
         let field = complaint.field.as_deref().filter(|field| *field == path)?;
@@ -242,19 +243,19 @@ impl Fields<'_> {
     }
 }
 
-/// What a complaint says, without the field's path.
+/// The text of a complaint, without the field's path.
 fn sentence(complaint: &Remark, field: &str) -> String {
     let mut letters = without_path(&complaint.message, field).chars();
     let first = letters.next().map(char::to_uppercase).into_iter().flatten();
     first.chain(letters).collect()
 }
 
-/// What is said of a field, without its path.
+/// A remark on a field, without its path.
 pub(super) fn without_path<'a>(said: &'a str, field: &str) -> &'a str {
     said.strip_prefix(field).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(said)
 }
 
-/// What a field is called in the form: the label of its control, or of the one that it is inside.
+/// The name of a field in the form: the label of its control, or of the enclosing one.
 pub(super) fn name_of(labels: &[(String, String)], field: &str, language: &str) -> Option<String> {
     let missing = format!("{field}.{language}");
     let mut found: Option<&(String, String)> = None;
@@ -273,13 +274,13 @@ pub(super) fn name_of(labels: &[(String, String)], field: &str, language: &str) 
     };
     let question = place("questions[").map(|n| format!("Question {n}"));
     let option = place("options[").map(|n| format!("option {n}"));
-    // The text of a question or option is named by its place alone.
+    // The text of a question or option is named only by its position.
     let label = Some(label.clone()).filter(|label| label != "Question" && label != "Option");
     let parts: Vec<String> = [question, option, label].into_iter().flatten().collect();
     Some(parts.join(", "))
 }
 
-/// A number as a study file would have it: whole where it is.
+/// A number as in a study file: an integer if it is whole.
 fn tidy(number: f64) -> Value {
     let is_whole = number.fract() == 0.0 && number.abs() < 9e15;
     if is_whole { json!(number as i64) } else { json!(number) }

@@ -12,22 +12,22 @@ use sidestep::api::DraftChecked;
 
 type Node = view::Node<Msg>;
 
-/// The form, and where its pieces come from.
+/// The form and its data.
 pub(super) struct Form<'a> {
     pub(super) fields: Fields<'a>,
     /// The languages that the server has.
     pub(super) languages: &'a [String],
-    /// Whether the study is to be made, so that it can still be named.
+    /// Whether the study is new, so that its slug can still be chosen.
     pub(super) is_new: bool,
-    /// How often the form was given a study: what was entered before is gone.
+    /// Counts how often the form was filled: the fields are created anew each time.
     pub(super) givings: u32,
-    /// The sections in which something was wrong: they stay open.
+    /// The sections that had errors: they stay open.
     pub(super) opened: &'a [String],
-    /// How the scenes are spread.
+    /// The picture of the distribution of scenes.
     pub(super) picture: Option<Node>,
 }
 
-/// A section: its heading, what it holds in a few words, the path of its fields, and those.
+/// A section: its heading, a short summary, the path of its fields, and the fields.
 struct Section {
     name: &'static str,
     path: &'static str,
@@ -36,7 +36,7 @@ struct Section {
     fields: Vec<Node>,
 }
 
-/// The phases in their order, with the number of scenes that a phase begins with.
+/// The phases in order, each with its initial number of scenes.
 const PHASES: [(&str, &str, u32); 3] =
     [("familiarisation", "Familiarisation", 6), ("practice", "Practice", 3), ("task", "Tasks", 50)];
 
@@ -105,14 +105,13 @@ impl Form<'_> {
     fn about(&self) -> Section {
         let fields = &self.fields;
         let slug = self.is_new.then(|| {
-            let hint = "In addresses: /s/NAME. Lower-case letters, digits and hyphens. It can never be \
-                        changed after the study is made.";
+            let hint = "In addresses: /s/NAME. Lower-case letters, digits and hyphens. It can never be changed after \
+                 the study is created.";
             fields.line("slug", "Name in addresses", hint)
         });
         let status = self.is_new.then(|| {
-            let hint = "Closed: you can try and rehearse the study, but nobody can take part until you \
-                        open it. Open: everybody with the link can take part as soon as the study is \
-                        made.";
+            let hint = "Closed: you can try and rehearse the study, but nobody can take part until you open it. Open: \
+                 everybody with the link can take part as soon as the study is created.";
             let choices = [("closed", "closed"), ("open", "open")];
             fields.choice("status", "The study begins", hint, &choices)
         });
@@ -138,9 +137,9 @@ impl Form<'_> {
         let title =
             fields.line("title", "Title", "The heading of the first page, in every language.");
         let hint = "For rehearsals: programs take part (sidestep simulate), and no people. Every page, \
-                    export and report says so. It stays so once somebody has taken part.";
+                    export and report says so. This cannot be changed once someone has taken part.";
         let synthetic = fields.tick("synthetic", "Synthetic participants only", hint);
-        let hint = "For yourself: it stands in the list of versions.";
+        let hint = "For your own reference, in the list of versions.";
         let label = fields.line("version", "Label of this version", hint).class("field");
         let hint = "Another number gives participants other scenes.";
         let seed = fields.number("seed", "Seed of the scenes", "", hint);
@@ -164,7 +163,7 @@ impl Form<'_> {
         let place = |phase: &str| driven.iter().position(|it| text(it, "phase") == phase);
         let rows = PHASES.iter().enumerate().map(|(i, &(phase, name, scenes))| {
             let there = place(phase);
-            // In the order of the phases, whichever are there.
+            // Keeps the order of the phases, whichever are present.
             let at = PHASES[..i].iter().filter(|(before, ..)| place(before).is_some()).count();
             let include = fields.ticked(
                 &format!("phases.{phase}"),
@@ -203,7 +202,7 @@ impl Form<'_> {
         }
     }
 
-    /// How much there is to drive.
+    /// A summary of the driving.
     fn driving(&self) -> String {
         let study = self.study();
         let phases = list(study, "phases");
@@ -406,7 +405,7 @@ impl Form<'_> {
     }
 
     fn closing(&self) -> Section {
-        let hint = "What participants read on the last page. Empty: thanks, and nothing more.";
+        let hint = "What participants read on the last page. Empty: only thanks.";
         Section {
             name: "Last page",
             path: "closing",
@@ -478,10 +477,10 @@ impl Form<'_> {
             ),
             fields.tick(
                 "recruitment.require_external_id",
-                "Nobody takes part without such an id",
+                "Require such an id",
                 "",
             ),
-            fields.names("recruitment.record", "Parameters of the link that are stored too", ""),
+            fields.names("recruitment.record", "Other parameters of the link to store", ""),
             fields.names(
                 "recruitment.return_hosts",
                 "Hosts that participants may be sent back to",
@@ -509,13 +508,13 @@ impl Form<'_> {
     }
 }
 
-/// The languages in which a study's texts can be written: those it names, else all that the server has.
+/// The languages for a study's texts: those it names, otherwise all that the server has.
 pub(super) fn offered<'a>(study: &'a Value, all: &'a [String]) -> Vec<&'a str> {
     let named: Vec<_> = list(study, "languages").iter().filter_map(Value::as_str).collect();
     if named.is_empty() { all.iter().map(String::as_str).collect() } else { named }
 }
 
-/// What follows a wrong answer to the check of understanding.
+/// Options for what follows a wrong answer in the check of understanding.
 const AFTER_WRONG: [(&str, &str); 3] = [
     ("mark", "each answer is marked as right or wrong"),
     ("renew", "other questions and orders, without saying which was wrong"),
@@ -528,7 +527,7 @@ fn scene_s(study: &Value) -> f64 {
     of("parameters.step_s") * of("parameters.steps")
 }
 
-/// How the scenes are spread.
+/// The distribution of scenes.
 pub(super) fn picture(checked: &DraftChecked) -> Option<Node> {
     let svg = checked.picture.as_ref()?;
     Some(el("div").class("design").attr("tabindex", 0).test_id("design").html(svg))

@@ -1,10 +1,11 @@
-//! The links that participants are given, for each recruiting service.
+//! The links for participants, for each recruiting service.
 
 use super::Msg;
 use crate::view::{self, el};
 use sidestep::api::StudyInfo;
 
-/// A parameter that holds a person's id, the service that fills it in, and the query of its links.
+/// For each service: the parameter with a person's id, the service's name, and the query of its
+/// links.
 const SERVICES: [(&str, &str, &str); 3] = [
     (
         "PROLIFIC_PID",
@@ -15,7 +16,7 @@ const SERVICES: [(&str, &str, &str); 3] = [
     ("workerId", "MTurk: the worker’s id at the end", "workerId="),
 ];
 
-/// A link for everybody, if the study wants no id, and one for each service whose id it takes.
+/// A link for everybody, if the study requires no id, and one for each service whose id it accepts.
 pub(super) fn links(origin: &str, study: &StudyInfo) -> view::Node<Msg> {
     let address = format!("{origin}/s/{}", study.slug);
     let everybody =

@@ -1,4 +1,4 @@
-//! What the server says of a draft, and how it is stored.
+//! The server's remarks on a draft, and the buttons that store it.
 
 use super::editor::Mode;
 use super::fields::{name_of, without_path};
@@ -9,10 +9,10 @@ use sidestep::api::{DraftChecked, Remark};
 
 type Node = view::Node<Msg>;
 
-/// The most warnings that are shown.
+/// Largest number of warnings shown.
 const MOST_WARNINGS: usize = 3;
 
-/// What is beside the draft: remarks, differences, and the buttons that store it.
+/// The part beside the draft: remarks, differences, and the buttons that store it.
 pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     let Some(checked) = &page.editor.checked else {
         return vec![el("p").class("quiet").attr("role", "status").text("Checking…")];
@@ -32,7 +32,7 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     if !page.may_manage || !page.is_changed() {
         return said;
     }
-    // What was entered last must have been checked: a form becomes a text only then.
+    // The last input must have been checked: only then has the form been turned into text.
     let is_sound = checked.complaint.is_none() && page.editor.is_current();
     let store = |words: &str| {
         button("store", Msg::Store).class("primary").attr_if(!is_sound, "disabled", "").text(words)
@@ -73,7 +73,7 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     said
 }
 
-/// What the fields are called: as in the form, if that is shown, and else as in the study file.
+/// Names of fields: as in the form, if that is shown, otherwise as in the study file.
 struct Names<'a> {
     labels: Vec<(String, String)>,
     language: &'a str,
@@ -101,7 +101,7 @@ impl<'a> Names<'a> {
     }
 }
 
-/// What is wrong or to be known, by line or by field.
+/// Errors and notes, by line or by field.
 fn remarks(checked: &DraftChecked, mode: Mode, names: &Names<'_>) -> Vec<Node> {
     let remark = |remark: &Remark| {
         let line = remark.line.filter(|_| mode == Mode::Text);
@@ -131,13 +131,13 @@ fn remarks(checked: &DraftChecked, mode: Mode, names: &Names<'_>) -> Vec<Node> {
     remarks
 }
 
-/// The differences from the present configuration.
+/// The differences from the stored configuration.
 fn changes(checked: &DraftChecked) -> Option<Node> {
     if checked.complaint.is_some() {
         return None;
     }
     if checked.changes.is_empty() {
-        return Some(el("p").class("quiet").text("It says the same as the present configuration."));
+        return Some(el("p").class("quiet").text("It is the same as the current configuration."));
     }
     let value = |value: &Option<String>| match value {
         Some(value) => el("code").text(value),

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 type Node = view::Node<Msg>;
 
-/// What an answer is, in words.
+/// The kinds of answers, in words.
 const KINDS: [(&str, &str); 3] =
     [("text", "free text"), ("choice", "one of several options"), ("scale", "a number on a scale")];
 

@@ -24,14 +24,14 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
         Status::Open => "Everybody with a link can take part.",
         Status::Closed => {
             "Nobody new can take part; participants who have begun can finish. Test runs and rehearsals \
-             are possible: they are no part of the data."
+             are possible: they are not part of the data."
         }
-        Status::Archived => "Nothing more is stored. The study can still be looked at.",
+        Status::Archived => "Nothing more is stored. The study can still be viewed.",
     };
     let choice = |status: Status, words: &str| {
-        // What is missing is not known yet.
+        // It is not known yet whether anything is missing.
         let is_early = status == Status::Open && page.editor.checked.is_none();
-        // Afterwards the present configuration is shown, so nothing that is being written is lost.
+        // The stored configuration is reloaded afterwards, so edits in progress must not be lost.
         button(&format!("set-{}", status.word()), Msg::Set(status))
             .attr_if(is_early || page.is_changed(), "disabled", "")
             .text(words)
@@ -58,7 +58,8 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
     section.children(links.map(|info| links::links(&page.origin, info)))
 }
 
-/// What is missing, while opening the study waits for a second press, which says `anyway`.
+/// The list of missing parts, while opening the study waits for a second press of the button
+/// `anyway`.
 pub(super) fn opening(page: &ConfigurationPage, anyway: Msg) -> Option<Node> {
     let missing = page.editor.warnings().iter();
     let missing = missing.map(|warning| el("li").text(&warning.message));
@@ -70,7 +71,7 @@ pub(super) fn opening(page: &ConfigurationPage, anyway: Msg) -> Option<Node> {
             .test_id("opening")
             .child(el("p").text("Before people take part, look at what is missing:"))
             .child(el("ul").children(missing))
-            .child(button("open-anyway", anyway).text("Open all the same"))
+            .child(button("open-anyway", anyway).text("Open anyway"))
             .child(button("not-yet", Msg::GoOn).class("primary").text("Not yet").focus())
     })
 }

@@ -1,4 +1,4 @@
-//! The configurations that a study has had.
+//! The earlier and current configurations of a study.
 
 use super::Msg;
 use crate::pages::parts::{self, cell};
@@ -7,7 +7,7 @@ use sidestep::api::ConfigurationVersion;
 
 type Node = view::Node<Msg>;
 
-/// The most fields that a row names.
+/// Largest number of fields named in a row.
 const MOST_NAMED: usize = 6;
 
 /// All versions, newest first.

@@ -1,32 +1,32 @@
-//! Which participants are shown, as the addresses of the page and of the server's list have it.
+//! Selection of participants, as in the addresses of the page and of the server's list.
 
 use crate::runtime::{Address, encoded};
 use sidestep::api::Stage;
 
-/// Participants on a page.
+/// Number of participants on a page.
 pub(super) const PAGE_LENGTH: u64 = 50;
 
-/// Which participants are shown, and in which order.
+/// Selection and order of participants.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Selection {
     /// Only those at this stage.
     pub(super) stage: Option<Stage>,
-    /// Only those with something to look at, by its word; all if empty.
+    /// Only those with this flag, by its word; all if empty.
     pub(super) having: String,
-    /// What was searched; all if empty.
+    /// The search text; all if empty.
     pub(super) search: String,
-    /// The word of what is sorted by; the participant's number if empty.
+    /// The word of the sort column; if empty, sorted by participant's number.
     pub(super) sort: String,
-    /// From the largest down.
+    /// Descending order.
     pub(super) descending: bool,
-    /// Participants before the page.
+    /// Number of participants before the page.
     pub(super) offset: u64,
     /// Test runs instead of participants.
     pub(super) pilots: bool,
 }
 
 impl Selection {
-    /// What the address of the page asks for.
+    /// The selection in the address of the page.
     pub(super) fn of(address: &Address) -> Self {
         let text = |name: &str| address.parameter(name).unwrap_or_default().to_owned();
         Self {
@@ -58,12 +58,12 @@ impl Selection {
         query
     }
 
-    /// Whether some participants are not shown on any page.
+    /// Whether the filters hide some participants.
     pub(super) fn is_filtered(&self) -> bool {
         self.stage.is_some() || !self.having.is_empty() || !self.search.is_empty()
     }
 
-    /// Sorts by a column, the largest first; the other way round if it is sorted like this already.
+    /// Sorts by a column in descending order, or reverses the order if it is sorted by it already.
     pub(super) fn sort_by(&mut self, column: &str) {
         self.descending = self.sort != column || !self.descending;
         self.sort = column.to_owned();

@@ -1,4 +1,4 @@
-//! The table of participants, and what its flags mean.
+//! The table of participants, and the meaning of its flags.
 
 use super::Msg;
 use super::selection::Selection;
@@ -8,7 +8,7 @@ use sidestep::api::{ParticipantPage, ParticipantSummary, Quality, Stage};
 
 type Node = view::Node<Msg>;
 
-/// Something that an experimenter should look at.
+/// A flag for the experimenter's attention.
 pub(super) struct Look {
     /// Its word in the server's list.
     pub(super) word: &'static str,
@@ -18,12 +18,12 @@ pub(super) struct Look {
     tasks: fn(&Quality) -> u32,
 }
 
-/// All of them, the gravest first.
+/// All flags, the most serious first.
 pub(super) const LOOKS: [Look; 8] = [
     Look {
         word: "same_timing",
         words: "identical timing",
-        meaning: "Keys went down and up at the very times of an earlier trial of the study, to the \
+        meaning: "Keys went down and up at exactly the times of an earlier trial of the study, to the \
                   millisecond. A program drove.",
         tasks: |quality| quality.same_timing,
     },
@@ -89,7 +89,8 @@ pub(in super::super) fn stage_words(stage: Stage) -> &'static str {
     }
 }
 
-/// The participants of a page. External ids and codes are shown to those who may download data.
+/// The participants of a page. External ids and codes are shown only to users who may download
+/// data.
 pub(super) fn table(page: &ParticipantPage, selection: &Selection, identities: bool) -> Node {
     let sort = if selection.sort.is_empty() { "number" } else { &selection.sort };
     let column = |words: &'static str, word: &'static str| {
@@ -187,7 +188,7 @@ fn row(person: &ParticipantSummary, identities: bool) -> Node {
     el("tr").key(&person.participant_id).children(cells)
 }
 
-/// What to look at, each with its number of tasks.
+/// The flags, each with its number of tasks.
 pub(in super::super) fn looks<M>(quality: &Quality) -> impl Iterator<Item = view::Node<M>> {
     LOOKS.iter().filter_map(|look| {
         let tasks = (look.tasks)(quality);
@@ -197,7 +198,7 @@ pub(in super::super) fn looks<M>(quality: &Quality) -> impl Iterator<Item = view
     })
 }
 
-/// What the names in “To look at” mean.
+/// Explains the flags in “To look at”.
 pub(super) fn meanings() -> Node {
     let meaning =
         |look: &Look| el("div").child(el("dt").text(look.words)).child(el("dd").text(look.meaning));
@@ -205,9 +206,9 @@ pub(super) fn meanings() -> Node {
         .class("meanings")
         .child(el("summary").text("What “To look at” means"))
         .child(el("p").class("quiet").text(
-            "Each number counts tasks, first and further attempts (of failed checks: answers). None is a reason to exclude \
-             anybody by itself. In doubt are participants who steered in no task or throughout \
-             each, and those with identical timing.",
+            "Each number counts tasks, first and further attempts (of failed checks: answers). None alone is a reason \
+             to exclude a participant. Participants are in doubt if they steered in no task, or throughout every task, \
+             or if their timing is identical.",
         ))
         .child(el("dl").children(LOOKS.iter().map(meaning)))
 }

@@ -1,5 +1,5 @@
-//! A trial as a small picture: both paths, the robot's danger zone where the vehicles came closest, and
-//! the inputs as a strip.
+//! A trial as a small picture: both paths, the robot's danger zone at the closest approach, and the
+//! inputs as a strip.
 
 use super::Msg;
 use crate::pages::parts;
@@ -14,7 +14,7 @@ const SIZE: [f64; 2] = [168.0, 108.0];
 /// Height of the strip of inputs, px.
 const STRIP: f64 = 10.0;
 
-/// Room around the paths, m.
+/// Margin around the paths, m.
 const MARGIN_M: f64 = 1.5;
 
 /// The picture, its numbers and a link to the replay.
@@ -40,14 +40,14 @@ pub(super) fn card(trial: &TrialPicture, danger_radius_m: f64) -> Node {
     if flags.is_empty() { item } else { item.child(el("small").class("waiting").text(flags)) }
 }
 
-/// What the pictures show.
+/// Explains the pictures.
 pub(super) fn legend() -> Node {
     let key =
         |class: &str, words: &str| el("span").class("key").child(el("i").class(class)).text(words);
     el("p")
         .class("quiet picture-legend")
         .child(key("human", "participant"))
-        .child(key("robot", "robot, with its danger zone where they came closest"))
+        .child(key("robot", "robot, with its danger zone at the closest approach"))
         .child(key("left", "left"))
         .child(key("right", "right"))
         .text("in the strip of inputs; the distance is the smallest between the two")
@@ -64,7 +64,7 @@ fn picture(trial: &TrialPicture, danger_radius_m: f64) -> Node {
     let room = height - STRIP - 4.0;
     let scale = (width / (high[0] - low[0])).min(room / (high[1] - low[1]));
     let scale = if scale.is_finite() { scale } else { 1.0 };
-    // In the middle of the picture, with y upwards.
+    // Centred in the picture, with y upwards.
     let middle = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
     let place = |[x, y]: [f64; 2]| {
         [0.5 * width + scale * (x - middle[0]), 0.5 * room - scale * (y - middle[1])]

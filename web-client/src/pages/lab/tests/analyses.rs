@@ -1,4 +1,4 @@
-//! Analyses that are started, watched and read.
+//! Starting, watching and reading analyses.
 
 use super::studies::study;
 use super::*;

@@ -1,4 +1,4 @@
-//! What predicts in a replay: baselines, files, models of other studies, and two of them side by side.
+//! Predictors in a replay: baselines, files, models of other studies, and two side by side.
 
 use super::analyses::{analysis, list};
 use super::explorer::usual;
@@ -14,7 +14,7 @@ use sidestep::trial_view::source::fitted;
 const FILE: &str = r#"{"format":"sidestep-predictor/1","kind":"constant","features":["distance"],
     "classes":[-1,0,1],"probabilities":[0.25,0.5,0.25]}"#;
 
-/// A replay with its value function and the usual predictor.
+/// A replay with its value function and the default predictor.
 fn predicted() -> Session {
     let mut session = replay_of_equals();
     session.send("predictor", 200, &trained(0.9, None));
@@ -36,7 +36,7 @@ fn baselines_need_no_server_and_are_in_the_link() {
         assert_eq!(session.link(), format!("/lab/replay/t?predictor={way}"));
         assert_eq!(session.urls().len(), asked, "{way}");
     }
-    // Nobody leaves the worst case: one set, with everything that can be reached.
+    // Every drive stays inside the worst case: one set, with every reachable state.
     let words = session.words("regions").unwrap();
     assert!(words.contains("F 1 1.00 5.33") && !words.contains("F 2"), "{words}");
     session.choose("choose-predictor", "");
@@ -125,7 +125,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
     assert_eq!(shown.canvas, "replay-beside");
     let step = shown.attributes.iter().find(|(name, _)| *name == "data-step");
     assert_eq!(step.map(|(_, value)| value.as_str()), Some("12"));
-    // The same layers, and other sets.
+    // The same layers, but other sets.
     let first = session.picture().unwrap();
     assert_eq!(first.shapes().len(), shown.shapes().len());
     let numbers = session.words("numbers-beside").unwrap();
@@ -162,7 +162,7 @@ fn two_predictors_side_by_side_have_one_clock_and_one_link() {
             assert!(svg.contains(expected), "{expected}");
         }
     }
-    // The next trial is seen in the same way.
+    // The next trial opens in the same view.
     let view = session.page.view();
     let next = view.find("next-trial").unwrap().attribute("href").unwrap();
     assert_eq!(next, "/lab/replay/after?predictor=worst-case&beside=constant");
@@ -218,7 +218,7 @@ fn models_of_other_people_and_studies_are_found_by_words() {
     assert!(session.words("finder").is_none());
 }
 
-/// Sets that are learned from six tasks, as the server sends them, with what it counted on the others.
+/// Sets learned from six tasks, as the server sends them, with its counts over the others.
 fn learned_sets(family: EmpiricalFamily) -> LearnedSets {
     let drives = usual();
     let task = |drive: &Drive| drive.trajectory(&drives.parameters).unwrap();
@@ -230,8 +230,8 @@ fn learned_sets(family: EmpiricalFamily) -> LearnedSets {
     LearnedSets { sets: fitted.sets, trials: 6, held }
 }
 
-/// Sets that are learned from recorded futures: their levels instead of ε, no probabilities of inputs, and the
-/// counts over the tasks that they did not see.
+/// Sets learned from recorded futures have levels instead of ε, no probabilities of inputs, and
+/// counts over the tasks that did not train them.
 #[test]
 fn learned_sets_say_their_levels_and_no_inputs() {
     for (family, level) in [
@@ -269,7 +269,7 @@ fn learned_sets_say_their_levels_and_no_inputs() {
             let row = format!("F {j} {:.2} {:.2}", set.level, set.area_m2);
             assert!(numbers.contains(&row), "{numbers}: {row}");
         }
-        // The picture has them where the human is: every corner of every set.
+        // The picture has them at the human's position: every corner of every set.
         let shown = beside(&session).unwrap();
         let painted = |piece: &[[f64; 2]]| {
             shown.shapes().iter().any(|shape| match shape {
@@ -280,7 +280,7 @@ fn learned_sets_say_their_levels_and_no_inputs() {
         for piece in sets.sets().iter().flat_map(|set| &set.tube).filter(|it| !it.is_empty()) {
             assert!(painted(piece), "{way}");
         }
-        // The strip has no probabilities, for they are the first pane's.
+        // The strip has no probabilities, because it shows those of the first pane.
         session.choose("choose-predictor", way);
         session.send("predictor", 200, &learned_sets(family));
         session.press("numbers-switch");
@@ -308,7 +308,7 @@ fn sets_that_cannot_be_learned_are_refused_in_a_sentence() {
     assert_eq!(right(&session).as_deref(), Some("33 %"));
 }
 
-/// Sets that are learned need no safety levels, so that they are there before those are solved.
+/// Learned sets need no safety levels, so they appear before those are solved.
 #[test]
 fn learned_sets_do_not_wait_for_safety_levels() {
     let mut session = signed_in("/lab/replay/t?predictor=empirical");

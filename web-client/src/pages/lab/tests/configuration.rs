@@ -1,4 +1,4 @@
-//! Studies that are set up in the laboratory.
+//! Setting up studies in the laboratory.
 
 use super::studies::study;
 use super::*;
@@ -45,7 +45,7 @@ fn opened(access: Access) -> Session {
 }
 
 impl Session {
-    /// Types into the study file, which is shown instead of the form.
+    /// Types into the study file, shown instead of the form.
     fn type_text(&mut self, text: &str) {
         self.press("as-text");
         let typed = self.page.view().enter("toml", FieldValue::Text(text.into()));
@@ -164,7 +164,7 @@ fn a_new_study_begins_closed_and_is_named_after_its_title() {
         (&config["slug"], &config["status"]),
         (&json!("ways-past-a-robot"), &json!("closed"))
     );
-    // A name that somebody entered stays.
+    // A slug that the user entered stays.
     session.enter("slug", FieldValue::Text("spring".into()));
     session.enter("title", FieldValue::Text("Another title".into()));
     session.enter("status", FieldValue::Text("open".into()));
@@ -193,7 +193,7 @@ fn a_study_is_closed_and_has_its_links() {
         let link = view.find(name).unwrap().attribute("href").unwrap();
         assert!(link.starts_with("/s/pilot?"), "{link}");
     }
-    // Not while something is written that would be lost.
+    // Not while there are edits that would be lost.
     session.type_text("slug = \"pilot\"\n# more");
     assert!(session.page.view().press("set-open").is_none());
 }
@@ -244,7 +244,7 @@ fn every_field_of_the_form_is_a_field_of_the_study() {
     let shown: Vec<_> =
         view.test_ids().into_iter().filter_map(|name| name.strip_prefix("field-")).collect();
     let of = |path: &str| shown.contains(&path);
-    // Lists of tables, texts by language, and sentences have no fields of their own yet.
+    // Tables in lists, texts by language, and sentences have no fields yet.
     let without = ["status", "slug", "questions", "texts", "phases", "comprehension.questions"];
     let mut leaves = Vec::new();
     paths(&config, String::new(), &mut leaves);
@@ -280,7 +280,7 @@ fn the_form_becomes_a_study_file_and_the_file_a_form() {
     session.enter("consent.investigator", FieldValue::Text("Ada".into()));
     session.enter("parameters.human.speed_mps", number(1.5));
     assert!(session.guarded);
-    // The text does not say it yet.
+    // The text does not contain it yet.
     assert!(session.page.view().press("store").is_none());
     let sent = session.sent();
     assert_eq!(sent["phases"][2]["scenes"], 20);
@@ -298,7 +298,7 @@ fn the_form_becomes_a_study_file_and_the_file_a_form() {
     let mut config = serde_json::to_value(StudyConfig::default()).unwrap();
     config["title"] = json!("Typed");
     let checked = DraftChecked { config: Some(config), ..sound(vec![change()]) };
-    // The text area that is being typed in stays, with what was typed in it.
+    // The text area in use stays, with its text.
     let area =
         |view: crate::view::Node<_>| view.find("toml").unwrap().identity().map(str::to_owned);
     let typed_in = area(session.page.view());

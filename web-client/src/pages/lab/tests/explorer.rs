@@ -1,4 +1,4 @@
-//! The explorer of predicted sets, with an evaluator that runs here.
+//! The explorer of predicted sets, with an evaluator that runs in the test.
 
 mod beside;
 
@@ -56,7 +56,7 @@ fn arrived(path: &str) -> Session {
     session
 }
 
-/// The same, with the predictor that is trained here and everything counted.
+/// The same, with the predictor trained here and all tasks counted.
 fn opened(path: &str) -> Session {
     let mut session = arrived(path);
     session.evaluate("evaluator");
@@ -70,14 +70,14 @@ impl Session {
         (0..).map_while(area).collect()
     }
 
-    /// The link, once it is up to date.
+    /// The link, after its update.
     fn linked(&mut self) -> String {
         self.wake("link");
         self.visited.last().cloned().unwrap_or_default()
     }
 }
 
-/// The predictor that the command line trains on the same tasks, the tasks, and how it splits them.
+/// The command line's predictor for the same tasks, the tasks, and their split.
 fn at_the_command_line<T>(
     work: impl FnOnce(Prediction<'_, PredictedHuman<'_>>, &Parts, &[Trajectory]) -> T,
 ) -> T {
@@ -99,7 +99,7 @@ fn at_the_command_line<T>(
     work(Prediction::new(&drives.parameters, &human), &parts, &trajectories)
 }
 
-/// How often it finds the future inside the sets.
+/// The command line's counts of how often the future is inside the sets.
 fn counted_at_the_command_line(file: &ShfrsFile) -> Vec<String> {
     at_the_command_line(|prediction, parts, trajectories| {
         let sample = parts.sample(trajectories);
@@ -182,7 +182,7 @@ fn what_a_link_names_and_the_explorer_lacks_is_told() {
         ("features=xyz", "no feature set xyz: expected one of usual, hrd, hr"),
         ("count=some", "counts some: expected count=all"),
         ("sets=99", "predicted for 10 steps: shown are those after step 10"),
-        ("trial=none", "no task of this participant"),
+        ("trial=none", "not a task of this participant"),
         ("epsilon=0,1", "no use for epsilon in its link: expected trial, count, T, eps, k, tau"),
         ("predictor=nonsense&count=some", "no predictor nonsense"),
         ("predictor=nonsense&count=some", "counts some"),
@@ -205,7 +205,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
         ("2,2,1,1,1,1,1,1,1,4", "k of step 10: expected a whole number from 1 to 3, found 4", true),
         ("2,2", "k: expected 10 entries, found 2 entries", true),
         ("2,2,1,1,1,1,1,1,1,1", "", true),
-        // What cannot be read changes nothing.
+        // Unreadable input changes nothing.
         ("2;2", "k: expected whole numbers", false),
     ] {
         session.choose("k", k);
@@ -222,7 +222,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
             "{k}"
         );
     }
-    // So it is with a link.
+    // The same holds for a link.
     let link = "/lab/explorer/p?T=20&eps=0.59,0.39,1";
     let mut session = opened(link);
     let said = session.words("complaint").unwrap();
@@ -233,7 +233,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
         "Nothing is predicted with these settings."
     );
     assert!(session.page.view().find("tune").unwrap().attribute("disabled").is_some());
-    // A slider moves its neighbours, so it mends them.
+    // A slider pushes its neighbours, which resolves the conflict.
     session.slide("epsilon-1", 0.6);
     session.evaluate("evaluator");
     assert_eq!(session.words("complaint"), None);
@@ -245,7 +245,8 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     let mut session = opened("/lab/explorer/p");
     session.press("preset-0");
     assert_eq!((session.words("complaint"), session.areas()), (None, before.0));
-    // One step and a hundred can be predicted; a hundred cannot be counted on tasks of fifty.
+    // Both one step and a hundred can be predicted; a hundred cannot be counted on tasks of fifty
+    // steps.
     session.slide("steps", 1.0);
     session.evaluate("evaluator");
     assert!(session.words("p-0").unwrap().contains("0."));
@@ -254,7 +255,7 @@ fn wrong_settings_are_told_beside_the_control_and_have_no_numbers() {
     let said = session.words("not-counted").unwrap();
     assert!(said.contains("Steps ahead, T: expected at most 50"), "{said}");
     assert!(session.areas()[4].parse::<f64>().unwrap() > 100.0);
-    // Nor can sets of which the last does not hold everything.
+    // Nor can sets whose last one does not contain everything.
     session.slide("steps", 10.0);
     session.slide("epsilon-4", 0.5);
     session.evaluate("evaluator");
@@ -280,7 +281,7 @@ fn a_newer_question_takes_the_place_of_an_older_one() {
     for hundredths in 1..=300 {
         session.slide("epsilon-0", f64::from(hundredths % 15) / 100.0);
     }
-    // The evaluator answers the last of three hundred questions alone, and the link changes once.
+    // The evaluator answers only the last of three hundred questions, and the link changes once.
     session.evaluate("evaluator");
     let (evaluation, _) = session.evaluators.get_mut("evaluator").unwrap();
     assert!(!evaluation.work(&mut |_| {}) && evaluation.report().is_none());
@@ -299,7 +300,7 @@ fn settings_go_into_a_file_and_come_back() {
     assert_eq!(name, "shfrs-settings.json");
     let file: ShfrsFile = serde_json::from_slice(&content).unwrap();
     assert_eq!((file.steps, file.tau), (2, Some(0.3)));
-    // A preset leaves the roll-outs as they are. What is wrong cannot be saved.
+    // A preset leaves the roll-outs unchanged. Invalid settings cannot be saved.
     session.choose("rollout", "paper");
     session.press("preset-1");
     session.press("save");
@@ -356,7 +357,7 @@ fn models_of_an_analysis_count_what_did_not_train_them() {
     session.evaluate("evaluator");
     assert!(session.words("counted-words").unwrap().contains("of 12 tasks"));
     assert!(session.linked().contains("analysis=a&file=model.json"));
-    // So is one with other actions, or other features.
+    // The same holds for one with other actions or features.
     let five =
         Predictor::constant(FeatureSet::none(), vec![-2, -1, 0, 1, 2], vec![0.2; 5]).unwrap();
     let five = TrainedPredictor { predictor: PredictorFile::from(&five), ..answer.clone() };
@@ -372,7 +373,7 @@ fn models_of_an_analysis_count_what_did_not_train_them() {
         assert!(said.contains(words), "{said}");
         assert!(session.areas().iter().all(|area| area == "—"));
     }
-    // A model that is gone is told, and there are no sets of another one.
+    // For a model that no longer exists an error is shown, and no sets of another one.
     session.choose("choose-predictor", "a/other.json");
     session.answer("predictor", 404, br#"{"code":"not_found","message":"there is no such model"}"#);
     assert!(session.words("refused").unwrap().contains("no such model"));
@@ -397,7 +398,7 @@ fn what_cannot_be_explored_is_told_in_a_sentence() {
     assert!(said.contains("T: expected a whole number from 1 to 100, found 1000"), "{said}");
     assert_eq!(session.seen("data-trial"), "t0");
     let session = opened("/lab/explorer/p?trial=foreign");
-    assert!(session.words("misread").unwrap().contains("no task of this participant"));
+    assert!(session.words("misread").unwrap().contains("not a task of this participant"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Taking a study's data away.
+//! Exporting a study's data.
 
 use super::studies::study;
 use super::*;

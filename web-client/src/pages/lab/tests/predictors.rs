@@ -1,4 +1,4 @@
-//! The models of an analysis: listed, and chosen in a replay.
+//! The models of an analysis: listed, and used in a replay.
 
 use super::analyses::{analysis, detail, list};
 use super::*;
@@ -33,7 +33,7 @@ pub(super) fn page(predictors: Vec<PredictorSummary>, total: u64) -> PredictorPa
     PredictorPage { predictors, total, choices }
 }
 
-/// The page of an analysis that is done, with these models.
+/// The page of a finished analysis with these models.
 fn listed(path: &str, models: &PredictorPage) -> Session {
     let mut session = signed_in(path);
     session.send("analysis", 200, &detail(AnalysisState::Done));
@@ -59,7 +59,7 @@ fn models_are_filtered_and_paged_by_the_server() {
     let asked = "/api/v1/admin/analyses/a1/predictors?limit=20";
     assert_eq!(session.urls().last().unwrap(), &format!("{asked}&offset=20"));
     assert_eq!(session.visited.last().unwrap(), "/lab/analyses/a1?offset=20");
-    // Another filter begins at the first page.
+    // Another filter returns to the first page.
     session.choose("only-participant", "2");
     session.choose("only-model", "dt");
     session.choose("only-experiment", "1");
@@ -68,9 +68,9 @@ fn models_are_filtered_and_paged_by_the_server() {
     assert_eq!(session.urls().last().unwrap(), &format!("{asked}&{query}"));
     assert_eq!(session.visited.last().unwrap(), &format!("/lab/analyses/a1?{query}"));
     session.send("predictors", 200, &page(Vec::new(), 0));
-    assert!(session.words("no-predictors").unwrap().contains("No model fits"));
+    assert!(session.words("no-predictors").unwrap().contains("No model matches"));
 
-    // The address is all that it takes.
+    // The address alone is enough.
     let session = listed(&format!("/lab/analyses/a1?{query}"), &page(vec![model("dt", 1, 2)], 1));
     let view = session.page.view();
     let chosen = |test_id: &str| {
@@ -96,7 +96,7 @@ fn an_analysis_without_models_says_what_to_do() {
     let nothing = PredictorPage { choices: PredictorChoices::default(), ..page(Vec::new(), 0) };
     session.send("predictors", 200, &nothing);
     assert!(session.words("no-predictors").unwrap().contains("start the analysis again"));
-    // A list that did not come is said, and one that did stays.
+    // If a list fails to load, an error is shown, and the previous list stays.
     let mut session = signed_in("/lab/analyses/a1");
     session.send("analysis", 200, &detail(AnalysisState::Done));
     session.unreachable("predictors");
@@ -111,7 +111,7 @@ fn an_analysis_without_models_says_what_to_do() {
     assert!(session.words("predictors").is_none());
 }
 
-/// A predictor that always says the same: right with this probability.
+/// A predictor with constant output: right with this probability.
 pub(super) fn trained(
     right: f64,
     source: Option<(PredictorSummary, TrialUse)>,
@@ -131,12 +131,13 @@ pub(super) fn trained(
 
 const LR: &str = "a1/models/lr-1-hrd-1.json";
 
-/// Addresses of the requests for a predictor without an answer.
+/// Addresses of the unanswered requests for a predictor.
 fn asked(session: &Session) -> Vec<&str> {
     session.urls().into_iter().filter(|url| url.contains("/predictor")).collect()
 }
 
-/// A replay with the usual predictor, in a study whose newest analysis has two models of the participant.
+/// A replay with the default predictor, in a study whose newest analysis has two models of the
+/// participant.
 fn replay_with_models() -> Session {
     let mut session = replay_of_equals();
     session.send("predictor", 200, &trained(0.9, None));
@@ -151,7 +152,7 @@ fn replay_with_models() -> Session {
     session
 }
 
-/// How likely a right turn is said to be.
+/// The displayed probability of a right turn.
 pub(super) fn right(session: &Session) -> Option<String> {
     let words = session.words("prediction")?;
     let mut words = words.split_whitespace().skip_while(|word| *word != "right").skip(1);
@@ -184,7 +185,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
         "{warning}"
     );
 
-    // Back to the one of the study.
+    // Back to the study's predictor.
     session.choose("choose-predictor", "");
     assert_eq!(session.link(), "/lab/replay/t?t=2.4");
     assert_eq!(asked(&session), [routes::admin_predictor("t")]);
@@ -237,7 +238,7 @@ fn a_predictor_that_is_gone_or_of_no_use_says_so() {
         let said = session.words("refused").unwrap();
         assert!(said.contains("No predicted sets.") && said.contains(words), "{said}");
         assert!(session.words("prediction").is_none() && session.words("regions").is_none());
-        // And it can be changed.
+        // It can be changed, too.
         session.choose("choose-predictor", "");
         session.send("predictor", 200, &trained(0.9, None));
         assert!(session.words("refused").is_none());
@@ -257,7 +258,7 @@ fn without_analyses_a_replay_says_where_they_are_made() {
     let mut session = replay_of_equals();
     session.unreachable("analyses");
     assert!(session.words("no-models").unwrap().contains("cannot be reached"));
-    // The usual predictor works all the same.
+    // The default predictor still works.
     session.send("predictor", 200, &trained(0.9, None));
     assert_eq!(right(&session).as_deref(), Some("90 %"));
 }

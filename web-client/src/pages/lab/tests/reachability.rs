@@ -15,7 +15,7 @@ impl Session {
         self.visited.last().cloned().unwrap_or_default()
     }
 
-    /// A pointer does something at these shares of an element.
+    /// A pointer action at these shares of an element.
     fn point(&mut self, test_id: &str, at: [f32; 2], does: Does) {
         let value = FieldValue::Pointing(Pointing { at, does });
         self.tell(self.page.view().enter(test_id, value).unwrap());
@@ -33,7 +33,7 @@ impl Session {
     }
 }
 
-/// What the solver finds for a game, as a draft.
+/// The solver's draft solution of a game.
 fn solved(game: PursuitGame, method: Method) -> Vec<u8> {
     let task = crate::task::Task {
         method: Some(method),
@@ -48,7 +48,7 @@ fn equal_vehicles_are_shown_at_once_in_closed_form() {
     let session = signed_in(PATH);
     assert!(session.solving.is_empty());
     assert!(session.words("origin").unwrap().contains("closed form"));
-    // Head on, 2 m aside, where the paper's human has passed the point of no return.
+    // Head on, 2 m aside: the paper's human is past the point of no return.
     let expected = ExactLevel::at([8.0, 2.0, std::f64::consts::PI]);
     assert!(session.number("V").starts_with(&sidestep::chart::fixed(expected, 3)));
     assert!(session.words("verdict").unwrap().contains("can force a collision"));
@@ -59,7 +59,7 @@ fn equal_vehicles_are_shown_at_once_in_closed_form() {
     }
 }
 
-/// V of the page's usual game.
+/// V of the page's default game.
 struct ExactLevel;
 
 impl ExactLevel {
@@ -75,7 +75,7 @@ fn unequal_vehicles_are_solved_beside_the_page() {
     assert_eq!(session.games(), [(SOLVE, unequal().game(Evader::Human))]);
     session.solver(SOLVE, Solving::Done(0.42));
     assert_eq!(session.words("solved-percent").as_deref(), Some("42 %"));
-    // Another change takes the place of the solve that is under way.
+    // Another change replaces the solve in progress.
     session.choose("accuracy", "draft");
     assert_eq!(session.solving.len(), 1);
     assert_eq!(session.words("solved-percent").as_deref(), Some("0 %"));
@@ -114,7 +114,7 @@ fn values_that_are_not_valid_are_named_and_change_nothing() {
     assert!(session.words("map").is_some());
     session.choose("radius", "3");
     assert_eq!(session.words("misread"), None);
-    // What does not go together is said in the words of the command line.
+    // An invalid combination gives the command line's error message.
     session.choose("method", "exact");
     session.choose("evader-speed", "1");
     let why = session.words("unsolved").unwrap();
@@ -159,12 +159,12 @@ fn pointers_and_keys_read_numbers_and_play() {
     assert!(session.words("world").is_some());
     session.type_key("Escape");
     assert_eq!(session.words("played"), None);
-    // A press plays from there; outside of the axes it does nothing.
+    // A press starts a game there; outside the axes it does nothing.
     session.point("map", [0.0, 0.0], Does::Press);
     assert_eq!(session.words("played"), None);
     session.point("map", [0.3, 0.4], Does::Press);
     assert!(session.words("played").is_some());
-    // What V promises is kept: the difference is less than a few centimetres.
+    // Play achieves V: the difference is less than a few centimetres.
     let words = session.words("played").unwrap();
     let difference = words.rsplit("difference").next().unwrap().trim().replace(" m", "");
     assert!(difference.replace('−', "-").parse::<f64>().unwrap().abs() < 0.03, "{words}");
@@ -235,7 +235,7 @@ fn the_tube_turns_and_has_a_substitute() {
     session.choose("level", "-3");
     assert!(session.words("no-tube").is_some());
     session.choose("level", "0");
-    // Without graphics there are slices, until they are back.
+    // Without graphics it shows slices, until they are restored.
     let tell = session.page.solid().unwrap().then;
     session.tell(tell(false));
     assert!(session.page.solid().is_none());

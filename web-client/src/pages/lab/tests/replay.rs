@@ -1,4 +1,4 @@
-//! The player of a replay: keys, links, and what can be saved.
+//! The player of a replay: keys, links, and files to save.
 
 use super::explorer::{exact, usual};
 use super::*;
@@ -38,7 +38,7 @@ impl Session {
         found.map(|(_, value)| value.clone()).unwrap()
     }
 
-    /// The link, once it is brought up to date.
+    /// The link, after its update.
     pub(super) fn link(&mut self) -> &str {
         if self.timers.iter().any(|(name, ..)| *name == "link") {
             self.wake("link");
@@ -66,7 +66,7 @@ fn keys_step_play_and_change_the_speed() {
     session.key("ArrowUp");
     session.key("ArrowUp");
     assert_eq!(session.link(), "/lab/replay/t?speed=4");
-    // It plays four times as fast, and shows where it is.
+    // It plays four times as fast, and shows its position.
     session.at(1000.0).key("Space");
     session.at(1500.0).frame();
     assert_eq!(session.seen("data-step"), "10");
@@ -78,7 +78,7 @@ fn keys_step_play_and_change_the_speed() {
     session.at(9000.0).key("Space");
     session.at(20_000.0).frame();
     assert_eq!((session.seen("data-step").as_str(), session.page.wants_frames()), ("50", false));
-    // Other keys are the browser's.
+    // Other keys belong to the browser.
     assert!(!session.page.owns_key("Tab") && !session.page.owns_key("KeyX"));
 }
 
@@ -114,7 +114,7 @@ fn a_link_that_is_not_valid_says_what_is_wrong() {
     let mut session = opened("/lab/replay/t?t=3.4&hr=1,0");
     let said = session.words("misread").unwrap();
     assert!(said.contains("hr: expected 1 to 8 rising levels"), "{said}");
-    // So does a field; what was there stays.
+    // The same holds for a field, whose previous value stays.
     session.choose("levels-hr", "0,1");
     assert_eq!(session.words("misread"), None);
     session.choose("levels-hr", "many");
@@ -130,7 +130,7 @@ fn a_link_to_a_step_beyond_the_predicted_ones_shows_the_last_and_says_so() {
     assert!(session.link().contains("sets=10"), "{}", session.link());
     assert!(session.words("legend").unwrap().contains("after 2.0 s"));
     assert_eq!(opened("/lab/replay/t?sets=10").words("misread"), None);
-    // Another complaint stays.
+    // The other error message stays.
     let unknown = opened("/lab/replay/t?row=yes&times=5").words("misread").unwrap();
     assert!(unknown.contains("no use for times in its link: expected t, speed, show"), "{unknown}");
     let both = opened("/lab/replay/t?speed=3&sets=5").words("misread").unwrap();
@@ -179,7 +179,7 @@ fn trials_follow_one_after_the_other() {
     session.at(20_000.0).frame();
     let next = session.visited.last().map(String::as_str);
     assert_eq!(next, Some("/lab/replay/after?colours=safe&row=yes"));
-    // It plays as soon as it is there.
+    // It plays as soon as it is loaded.
     assert!(opened("/lab/replay/after?row=yes").page.wants_frames());
 }
 
@@ -237,7 +237,8 @@ fn a_film_lasts_as_long_as_it_plays() {
     assert_eq!(session.films_ended.len(), 2, "there is nothing to end any more");
 }
 
-/// How often the paper's sets hold the future in tasks that did not train this predictor, counted directly.
+/// How often the paper's sets contain the future in tasks that did not train this predictor,
+/// counted directly.
 fn counted(predictor: &Predictor, unseen: &[Drive], parameters: &SceneParameters) -> Vec<String> {
     let safety = SafetyLevels { human: exact(), robot: exact() };
     let human = PredictedHuman::new(predictor, &safety, parameters).unwrap();
@@ -277,7 +278,7 @@ fn sets_say_how_often_they_hold_the_future() {
     assert!(words.contains("492 windows of 12 tasks"), "{words}");
     assert!(session.evaluators.is_empty(), "it is not needed any more");
 
-    // With another predictor the count begins anew, without the tasks that trained it.
+    // With another predictor counting restarts, without the tasks that trained it.
     session.choose("choose-predictor", "a1/models/m.json");
     assert_eq!(session.words("p-0"), None, "there are no sets either");
     let trained = PREDICTOR.replace("\"trials\":7", "\"trials\":2,\"trained_on\":[\"t0\",\"t5\"]");
@@ -288,7 +289,7 @@ fn sets_say_how_often_they_hold_the_future() {
     assert_eq!(shown(&session), counted(&predictor, &unseen, &drives.parameters));
     assert!(session.words("p-words").unwrap().contains("of 10 tasks"));
 
-    // The worst case is one set, which nobody leaves.
+    // The worst case is one set, and every drive stays inside it.
     session.choose("choose-predictor", "worst-case");
     session.evaluate("chances");
     let [only] = &shown(&session)[..] else { panic!("one set") };

@@ -1,4 +1,4 @@
-//! The check of understanding, the questions, and the withdrawal.
+//! The check of understanding, the questions, and withdrawal.
 
 use super::*;
 
@@ -46,7 +46,7 @@ fn understanding_is_checked_before_the_scenes() {
     session.send("check", 200, &open);
     assert!(session.text().contains("Please choose another answer."));
     assert!(session.text().contains("You can try 2 more times."));
-    // Another look at the instructions brings no attempt back.
+    // Another look at the instructions does not restore attempts.
     session.press("again");
     session.press("continue");
     assert!(session.text().contains("You can try 2 more times."));
@@ -60,7 +60,7 @@ fn understanding_is_checked_before_the_scenes() {
     assert!(session.words("start").is_some());
 }
 
-/// Which questions of a form are marked because they lack an answer.
+/// For each question of a form, whether it is marked because it lacks an answer.
 fn marked(session: &Session, form: &str) -> Vec<bool> {
     let view = session.page.view();
     let questions = view.find(form).unwrap().children.iter().filter_map(|child| match child {
@@ -127,7 +127,7 @@ fn questions_come_after_the_scenes() {
     session.send("progress", 200, &Progress { answered: false, ..progress(&["t0"]) });
     session.press("start");
     session.pass(COUNTDOWN_MS + 11_000.0);
-    // The last trial is still on its way.
+    // The last trial is still being sent.
     let fill = |fields: &[(&str, &str)]| {
         let field =
             |&(name, value): &(&str, &str)| (name.to_owned(), FieldValue::Text(value.into()));
@@ -168,7 +168,7 @@ fn stopping_keeps_or_deletes() {
         session.press("back");
         session.press("stop");
         if button == "withdraw-keep" {
-            // What is kept is sent first.
+            // Stored trials are sent first.
             assert!(session.words("saved").unwrap().contains("1 scene not sent yet"));
             assert_eq!(session.page.view().press(button).map(drop), None);
             session.wake("upload-retry");
@@ -179,7 +179,8 @@ fn stopping_keeps_or_deletes() {
         assert_eq!(withdrawal.unwrap().url, url);
         session.send("withdraw", 200, &Withdrawn { return_url: Some("https://r/".into()) });
         assert!(session.words("ended").unwrap().contains(words));
-        // Whose data are deleted leaves nothing here; the others find this end again.
+        // If the data are deleted, nothing is left in the browser; otherwise the participant
+        // returns to this page.
         let kept: Vec<_> = session.kept.keys().map(String::as_str).collect();
         let expected: &[_] =
             if button == "withdraw-keep" { &["sidestep.session.default"] } else { &[] };
@@ -188,7 +189,7 @@ fn stopping_keeps_or_deletes() {
     }
 }
 
-/// The check of understanding when the study has other questions after a wrong answer.
+/// The check of understanding of a study with new questions after a wrong answer.
 #[test]
 fn after_a_wrong_answer_other_questions_come() {
     for after_wrong in [AfterWrong::Renew, AfterWrong::Reread] {
@@ -220,7 +221,8 @@ fn after_a_wrong_answer_other_questions_come() {
         let stored = ComprehensionStored { screened_out: false, after_wrong, return_url: None };
         answer(&mut session, "1");
         session.send("check", 200, &stored);
-        // Nothing says which answer was wrong, and nothing is counted before other questions have come.
+        // The page does not reveal which answer was wrong, and counts nothing until new questions
+        // have arrived.
         answer(&mut session, "0");
         assert_eq!(session.urls(), ["/api/v1/studies/default/texts"]);
         assert!(

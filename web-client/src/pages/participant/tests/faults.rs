@@ -1,4 +1,4 @@
-//! Requests that fail on the way, links that are wrong, and a computer that sleeps.
+//! Network failures, invalid links, and a computer that sleeps.
 
 use super::*;
 
@@ -79,7 +79,7 @@ fn a_withdrawal_is_sent_until_it_is_stored_unless_the_person_goes_back() {
 
 #[test]
 fn a_link_that_is_wrong_leaves_the_participation_of_this_browser_alone() {
-    // In a browser that nobody has used.
+    // In an unused browser.
     let mut stranger = opened(BTreeMap::new(), "#continue=forged");
     stranger.send("study", 200, &StudyInfo::of(&StudyConfig::default(), Status::Open.into()));
     stranger.send("texts", 200, &texts());

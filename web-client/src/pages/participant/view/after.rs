@@ -1,4 +1,4 @@
-//! After the scenes: questions, sending, the completion code; and every other end.
+//! After the scenes: questions, uploads, the completion code; and every other end.
 
 use super::Node;
 use super::around::{alert, button, card, menu, paragraph, primary, quiet, unanswered};
@@ -108,7 +108,7 @@ pub(super) fn done(page: &Participant, code: Option<&str>, url: Option<&str>) ->
         .children(debrief)
 }
 
-/// The link back to where the person came from, or that the page may be closed.
+/// The link back to the recruiting service, or a notice that the page may be closed.
 fn way_back(url: Option<&str>, words: &str, close: &str) -> Node {
     match url {
         Some(url) => el("p")
@@ -133,7 +133,7 @@ pub(super) fn elsewhere(page: &Participant) -> Node {
 }
 
 pub(super) fn withdrawal(page: &Participant) -> Node {
-    // The server keeps what it has: what is still here is sent first.
+    // The server keeps the data that it has, so unsent trials are sent first.
     let keep = button("withdraw-keep", Msg::Withdraw(false), &page.say("withdraw.keep")).attr_if(
         !page.outbox.is_empty(),
         "disabled",

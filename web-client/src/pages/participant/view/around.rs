@@ -1,4 +1,4 @@
-//! What several of the participant's pages show alike.
+//! Parts shared by the participant's pages.
 
 use super::Node;
 use crate::pages::participant::state::Stage;
@@ -26,12 +26,12 @@ pub(super) fn button(test_id: &str, message: Msg, words: &str) -> Node {
     parts::button(test_id, message).text(words)
 }
 
-/// The button that goes on.
+/// The main button.
 pub(super) fn primary(test_id: &str, message: Msg, words: &str) -> Node {
     button(test_id, message, words).class("primary")
 }
 
-/// A sentence with keys in it: `{left}`, `{right}` and `{space}` look like keys.
+/// A sentence with keys in it: `{left}`, `{right}` and `{space}` are styled as keys.
 pub(super) fn keyed(page: &Participant, tag: &'static str, key: &str) -> Node {
     let sentence = page.say(key);
     let mut node = el(tag);
@@ -57,17 +57,17 @@ pub(super) fn keyed(page: &Participant, tag: &'static str, key: &str) -> Node {
     node.text(rest)
 }
 
-/// What to know about the last scene, or the last answers.
+/// A hint about the last scene, or the last answers.
 pub(super) fn hint(page: &Participant) -> Option<Node> {
     page.hint.map(|key| alert("hint", &page.say(key)))
 }
 
-/// That a question lacks its answer.
+/// A note that a question lacks its answer.
 pub(super) fn unanswered(page: &Participant) -> Node {
     el("small").class("trouble").text(page.say("page.unanswered"))
 }
 
-/// The languages to choose from, if there are several.
+/// The list of languages, if there are several.
 pub(super) fn languages(page: &Participant) -> Option<Node> {
     let offered = &page.texts.offered;
     if offered.len() < 2 {
@@ -88,7 +88,7 @@ pub(super) fn languages(page: &Participant) -> Option<Node> {
     Some(el("div").class("languages").child(select))
 }
 
-/// What a participant may want besides going on: another language, another computer, to stop.
+/// Further options for the participant: another language, another computer, withdrawal.
 pub(super) fn menu(page: &Participant) -> Node {
     let mut offers = el("div").children(languages(page));
     let drives = matches!(page.stage, Stage::Ready | Stage::Rest);

@@ -13,10 +13,10 @@ use sidestep::api::{CheckForm, StudyInfo};
 use sidestep::study::PhaseConfig;
 use sidestep::trial::Phase;
 
-/// What a participant needs between two scenes, s.
+/// Estimated time between two scenes, s.
 const BETWEEN_S: f64 = 3.0;
 
-/// What a participant needs for the consent text, the checks and the instructions, s, and for a question.
+/// Estimated time for the consent text, the checks and the instructions, s, and for a question.
 const READING_S: f64 = 150.0;
 const QUESTION_S: f64 = 15.0;
 
@@ -61,7 +61,7 @@ pub(super) fn welcome(page: &Participant) -> Node {
             .child(el("h2").text(page.say("welcome.facts")))
             .child(el("dl").class("facts").children(page.texts.facts.iter().map(fact)))
     });
-    // No focus on the button that agrees: a key that scrolls must not agree.
+    // The consent button gets no focus: a key that scrolls must not consent.
     card(&study.title)
         .children(languages(page))
         .child(el("p").class("lead").text(page.say("welcome.lead")))
@@ -175,7 +175,7 @@ pub(super) fn instructions(page: &Participant) -> Node {
         .child(menu(page))
 }
 
-/// In which scenes the danger zone is drawn.
+/// The key of the sentence that says in which scenes the danger zone is drawn.
 fn zone_words(study: &StudyInfo) -> &'static str {
     let shown = |phase: &&PhaseConfig| phase.show_danger_zone;
     let shown: Vec<_> = study.phases.iter().filter(shown).map(|phase| phase.phase).collect();
@@ -233,7 +233,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     let missing = quiz.is_incomplete.then(|| alert("missing", &page.say("comprehension.missing")));
     let submit = el("button").class("primary").attr("type", "submit").test_id("submit");
     let again = page.say("comprehension.again");
-    // Other questions are another page: it begins at its top, and is read from there.
+    // New questions are a new page, which begins at its top.
     card(&heading)
         .key(quiz.drawn_at)
         .children(hint(page))
@@ -252,7 +252,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
         .child(menu(page))
 }
 
-/// A researcher's or standard sentence about the study.
+/// A researcher's or standard sentence, filled with facts of the study.
 fn filled(study: &StudyInfo, page: &Participant, sentence: &str) -> String {
     page.texts.fill(sentence, &[("radius", study.parameters.danger_radius_m.into())])
 }

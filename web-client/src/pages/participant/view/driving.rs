@@ -1,4 +1,4 @@
-//! The scenes, what is said before them, and the rests between them.
+//! The scenes, the hints before them, and the rests between them.
 
 use super::Node;
 use super::around::{card, hint, keyed, menu, paragraph, primary};
@@ -20,7 +20,7 @@ fn phase_words(page: &Participant, trial: &PlannedTrial) -> String {
     page.texts.get(key, &[("i", place.into()), ("n", trial.of_phase.into())])
 }
 
-/// What to know before this scene.
+/// Hints before this scene.
 fn hints(page: &Participant, trial: &PlannedTrial) -> Vec<String> {
     if trial.scene.attempt > 1 {
         return vec![page.say("ready.why_again")];
@@ -123,7 +123,7 @@ pub(super) fn scene(
     el("div").class("stage").child(bar(page, Some(trial))).child(field).child(keys(page))
 }
 
-/// What the keys do, and which one is held.
+/// The functions of the keys, and which one is held.
 fn keys(page: &Participant) -> Node {
     let turn = page.held.turn(&page.steering.keys);
     let moves = matches!(page.stage, Stage::Driving(..) | Stage::Countdown(..));
@@ -135,7 +135,7 @@ fn keys(page: &Participant) -> Node {
             .child(el("kbd").text(printed))
             .text(format!(" {}", page.say(words)))
     };
-    // Names beside moving vehicles would draw the eye away from them: here they are to be found.
+    // Names beside moving vehicles would distract, so they are shown here.
     let name = |of: &str, tail: &str, name: &str| el("b").class(of).text(tail).text(name);
     el("footer").class("keys").attr("aria-hidden", "true").children([
         name("human", "●▸ ", &page.names[0]),

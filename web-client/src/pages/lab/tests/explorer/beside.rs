@@ -1,4 +1,4 @@
-//! Areas and tuning, beside the counting.
+//! Areas and tuning, in parallel with counting.
 
 use super::*;
 use crate::evaluation::CONFIDENCE;
@@ -10,14 +10,14 @@ use sidestep::shfrs::tuning::{Tuned, TuningSettings, candidates, tune};
 
 const ONE: WindowChoice = WindowChoice::RandomOne { seed: 0 };
 
-/// The explorer with everything counted and compared.
+/// The explorer after counting and comparing.
 fn compared(path: &str) -> Session {
     let mut session = opened(path);
     session.evaluate("comparer");
     session
 }
 
-/// The settings that the controls have.
+/// The settings in the controls.
 fn settings(session: &mut Session) -> ShfrsFile {
     session.press("save");
     serde_json::from_slice(&session.files.pop().unwrap().1).unwrap()
@@ -33,7 +33,7 @@ fn areas_are_those_of_the_command_line() {
         let compared = [Compared::Shfrs(choice)].into_iter().chain(Compared::BASELINES);
         let family = |it: Compared| it.family(prediction, &sample.training, 10).unwrap();
         let mut families: Vec<_> = compared.map(family).collect();
-        // Three tasks calibrate, which is enough for no other of the usual coverages.
+        // Three tasks calibrate, too few for the other default coverages.
         let settings = ParetoSettings::new(vec![0.75], CONFIDENCE, ONE, 10, POINTS).unwrap();
         pareto(&mut families, &sample.calibration, &sample.test, &settings).unwrap()
     });
@@ -50,7 +50,7 @@ fn areas_are_those_of_the_command_line() {
             rest = &rest[place + word.len()..];
         }
     }
-    // A chart and a name for each, once.
+    // One chart and one name for each family.
     let panels = session.words("panels").unwrap();
     assert!(expected.curves.iter().all(|curve| panels.matches(&curve.family).count() == 1));
 }
@@ -68,7 +68,7 @@ fn only_moves_that_matter_compare_again() {
     };
     assert!(idle(&mut session));
     assert_eq!(session.words("areas-twin"), before);
-    // Hundreds of others ask once, when the last of them has been counted.
+    // After hundreds of changes it asks once, when counting for the last one is done.
     for i in 0..300_u32 {
         session.slide("steps", f64::from(4 + i % 6));
         assert!(idle(&mut session));
@@ -77,7 +77,7 @@ fn only_moves_that_matter_compare_again() {
     assert!(!idle(&mut session), "a new question");
     session.evaluate("comparer");
     assert_ne!(session.words("areas-twin"), before);
-    // A question that is being answered is dropped at the next move.
+    // A question in progress is dropped at the next change.
     session.slide("up-to-2", 3.0);
     session.evaluate("evaluator");
     session.slide("up-to-2", 4.0);
@@ -104,7 +104,7 @@ fn tuning_is_that_of_the_command_line() {
         session.choose("guarantee", word);
         session.slide("aim", p);
         if word == "pac" {
-            // pⁿ ≤ 0.05 needs five tasks; three are left to calibrate with.
+            // pⁿ ≤ 0.05 needs five tasks; only three calibrate.
             let said = session.words("lacking").unwrap();
             assert!(
                 said.contains("takes 5 tasks") && said.contains("3 of those are for calibration"),
@@ -129,7 +129,7 @@ fn tuning_is_that_of_the_command_line() {
         ] {
             assert!(found.contains(&words), "{words} in {found}");
         }
-        // The controls have what was found, to the last bit.
+        // The controls get the tuned settings, to the last bit.
         let settings = settings(&mut session).settings(3).unwrap();
         assert_eq!(settings.epsilon()[0], expected.epsilon);
         assert_eq!((settings.choice(), settings.rollout()), (&expected.choice, Rollout::Base));
@@ -153,7 +153,7 @@ fn a_move_stops_tuning_and_what_was_found_comes_back() {
     assert_eq!(session.words("in-use"), None);
     session.press("use-found");
     assert!(session.words("in-use").is_some() && settings(&mut session).begins_with(&found));
-    // Another predictor needs its own.
+    // Another predictor needs its own tuning.
     session.choose("choose-predictor", "constant");
     assert_eq!(session.words("found"), None);
 }
@@ -175,7 +175,7 @@ fn too_few_tasks_are_told_in_a_sentence() {
     }
     assert!(session.page.view().find("leave-tasks-aside").is_none());
     assert!(session.words("p-4").unwrap().contains("1.000"));
-    // A predictor that trained on almost all of them leaves too few; another one leaves enough.
+    // A predictor trained on almost all tasks leaves too few; another one leaves enough.
     let mut session = arrived("/lab/explorer/p?trial=t11&predictor=earlier");
     let predictor = Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], vec![0.2, 0.5, 0.3]);
     let answer = TrainedPredictor {
