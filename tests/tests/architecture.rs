@@ -195,8 +195,8 @@ fn the_browser_is_touched_in_its_adapters_alone() {
 
 #[test]
 fn every_layer_is_in_the_table() {
-    let table = read("shared/src/playback/layers.rs");
-    for path in files("shared/src/playback", ".rs") {
+    let table = read("shared/src/trial_view/layers.rs");
+    for path in files("shared/src/trial_view", ".rs") {
         if !read(&path).contains("fn paint(playback: &mut Playback") {
             continue;
         }
