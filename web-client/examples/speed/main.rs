@@ -36,7 +36,7 @@ fn measured(group: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Erro
         "value" => value::measure(&mut figures)?,
         "shfrs" => shfrs::measure(&mut figures)?,
         "evaluation" => shfrs::evaluate(&mut figures)?,
-        "playback" => trial_view::measure(&mut figures)?,
+        "playback" => playback::measure(&mut figures)?,
         other => return Err(format!("unknown group {other:?}").into()),
     }
     Ok(serde_json::to_string(&figures.seconds)?)
