@@ -43,7 +43,7 @@ pub struct Browser {
 
 /// How long a page may stay unchanged while a test waits for a change: far longer than needed, so
 /// that a test that waits this long has failed.
-const PATIENCE: Duration = Duration::from_secs(30);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Timeout for the start of the browser and for its commands, such as loading a page.
 const ANSWERS: Duration = Duration::from_secs(180);

@@ -17,7 +17,7 @@ const NOBODY: u32 = 65_534;
 const USER: &str = "app";
 
 /// Timeout until it accepts connections, or has stopped.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Whether a commit waits for the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

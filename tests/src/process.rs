@@ -114,7 +114,7 @@ pub async fn interrupted(args: &[&str], signal: &str, is_due: impl Fn() -> bool)
     let kill = format!("kill -{signal} {process}");
     let killed = std::process::Command::new("sh").args(["-c", &kill]).status();
     assert!(killed.is_ok_and(|status| status.success()), "{kill}");
-    let output = tokio::time::timeout(Duration::from_secs(60), child.wait_with_output()).await;
+    let output = tokio::time::timeout(Duration::from_secs(300), child.wait_with_output()).await;
     output.expect("it ends").expect("its output")
 }
 

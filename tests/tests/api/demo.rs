@@ -12,7 +12,7 @@ use sidestep_tests::{Address, Answer, Driver, Folder, Process, Server, behind, r
 use std::time::Duration;
 
 /// Long enough for any machine.
-const PATIENCE: Duration = Duration::from_secs(120);
+const PATIENCE: Duration = Duration::from_secs(600);
 
 /// A server with the demonstration, filled; its analysis may still be running.
 async fn filled() -> Server {

@@ -19,7 +19,7 @@ const ROLE: &str = "sidestep";
 const LASTS: Duration = Duration::from_millis(700);
 
 /// Timeout for storing everything after it.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// A fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

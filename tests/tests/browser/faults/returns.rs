@@ -14,7 +14,7 @@ phases = [{ phase = "task", scenes = 2 }]
 
 [trials]
 countdown_s = 5
-end_s = 10.0
+end_s = 5.0
 rest_after = 1
 
 [[questions]]
@@ -146,7 +146,7 @@ async fn whoever_comes_back_goes_on_as_the_same_person_at_every_page() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_rest_is_over_when_the_page_comes_back_and_the_next_scene_waits() {
-    let study = STUDY.replace("end_s = 10.0", "end_s = 0.0");
+    let study = STUDY.replace("end_s = 5.0", "end_s = 0.0");
     let server = Server::with_client(&study).await;
     let mut person = Person::new(Away::Reload, &server).await;
     person.tab.press("consent").await;
