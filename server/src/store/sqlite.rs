@@ -90,6 +90,9 @@ impl Sqlite {
         if named.is_log_alone() {
             return Err(OpenError::LogAlone { database: name(), log: named.log().to_owned() });
         }
+        if let Some(stray) = named.stray_log() {
+            return Err(unusable(named.stray_reason(&stray)));
+        }
         // The index that a killed process left behind shows how many frames the log had.
         let index = || Index::read(&File::open(named.index()).ok()?, false);
         if let Some(why) = mark::misplaced(&named, index).map_err(disk)? {
@@ -273,7 +276,8 @@ impl Sqlite {
 
     /// Why nothing is stored any more, if stored data could not be rescued either.
     pub(super) fn unrescued(&self) -> Option<StoreError> {
-        self.original.check().err().filter(|_| self.original.lacks_rescue())
+        let gone = || self.original.check().err().filter(|_| self.original.lacks_rescue());
+        self.original.lost().or_else(gone)
     }
 
     pub(super) fn observed(&self) -> &Commits {
@@ -330,6 +334,7 @@ impl Sqlite {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::FileExt;
 
     /// After a disk error, the writer closes its connection; it has none when the file is deleted then.
     #[tokio::test(flavor = "multi_thread")]
@@ -358,41 +363,116 @@ mod tests {
         assert_eq!(rescued.read(kept).unwrap(), 1);
     }
 
+    async fn with_rows(file: &DatabaseFile, keys: std::ops::Range<u32>) -> Sqlite {
+        let db = Sqlite::open(file.clone(), Purpose::Alone).unwrap();
+        add_rows(&db, keys).await;
+        db
+    }
+
+    async fn add_rows(db: &Sqlite, keys: std::ops::Range<u32>) {
+        for key in keys {
+            let add = "INSERT INTO study_config (hash, json) VALUES ($1, $2)";
+            let json = format!("{{\"text\": \"{}\"}}", "x".repeat(9_000));
+            let add = move |db: &Connection| Ok(db.execute(add, [key.to_string(), json])?);
+            db.write(Lane::Request, add).await.unwrap();
+        }
+    }
+
+    fn rows(db: &Connection) -> Result<i64, StoreError> {
+        Ok(db.query_row("SELECT count(*) FROM study_config", [], |row| row.get(0))?)
+    }
+
+    /// By the list in the index SQLite writes the log back, by the hash table it reads.
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_log_whose_index_was_overwritten_is_not_written_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: String| DatabaseFile::at(&folder.path().join(name));
+        let (list, table) = (136, 16_384);
+        for (name, at, junk) in [
+            ("zeroed", list, vec![0; 400]),
+            ("other pages", list + 8, vec![3; 400]),
+            ("no table", table, vec![0; 16_384]),
+            ("other table", table, vec![7; 16_384]),
+        ] {
+            let file = of(format!("{name}.db"));
+            let db = with_rows(&file, 0..30).await;
+            // Compared once, and the log does not change any more.
+            db.original.check_all().unwrap();
+            let index = File::options().write(true).open(file.index()).unwrap();
+            index.write_all_at(&junk, at).unwrap();
+            assert!(db.original.check_all().is_err(), "{name}");
+            db.close();
+            // In this process, SQLite would go on with the same index.
+            let copy = of(format!("copy of {name}.db"));
+            std::fs::copy(file.path(), copy.path()).unwrap();
+            std::fs::copy(file.log(), copy.log()).unwrap();
+            let db = Sqlite::open(copy, Purpose::Alone).unwrap();
+            assert_eq!(db.read(rows).unwrap(), 30, "{name}");
+        }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_deleted_file_with_a_damaged_page_is_rescued_as_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = DatabaseFile::at(&folder.path().join("study.db"));
+        let db = with_rows(&file, 0..30).await;
+        connection::write_back(&connection::writing(file.path()).unwrap()).unwrap();
+        add_rows(&db, 30..40).await;
+        let open = File::options().write(true).open(file.path()).unwrap();
+        let (length, at) = (open.metadata().unwrap().len(), open.metadata().unwrap().modified());
+        open.write_all_at(&vec![0xff; length as usize / 3], length / 3).unwrap();
+        open.set_modified(at.unwrap()).unwrap();
+        std::fs::remove_file(file.path()).unwrap();
+        let begun = std::time::Instant::now();
+        while db.original.rescued().is_none() {
+            assert!(begun.elapsed() < Duration::from_secs(60), "nothing is rescued");
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        db.close();
+        let rescued = DatabaseFile::at(&db.original.rescued().unwrap());
+        assert_eq!(std::fs::metadata(rescued.path()).unwrap().len(), length);
+        assert!(rescued.has_log() && db.unrescued().is_none());
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_log_beside_a_link_is_not_ignored() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
+        with_rows(&of("far.db"), 0..3).await.close();
+        std::os::unix::fs::symlink("far.db", of("near.db").path()).unwrap();
+        Sqlite::open(of("near.db"), Purpose::Read).unwrap();
+        let log = folder.path().join("near.db-wal");
+        std::fs::write(&log, b"a log").unwrap();
+        for purpose in [Purpose::Read, Purpose::Alone, Purpose::Change] {
+            let said = Sqlite::open(of("near.db"), purpose).unwrap_err().to_string();
+            assert!(said.contains("near.db-wal is a log beside a symbolic link"), "{said}");
+        }
+        let copy = folder.path().join("copy.db");
+        assert!(copy_damaged(of("near.db").path(), &copy).is_err());
+        assert_eq!(std::fs::read(log).unwrap(), b"a log");
+    }
+
     /// While the log is written back, and after a crash or in a copy made then, the file mixes two states.
     #[tokio::test(flavor = "multi_thread")]
     async fn a_torn_file_is_read_with_its_own_log_and_changed_with_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
         let bytes = |path: &Path| std::fs::read(path).unwrap();
-        let grow = async |db: &Sqlite, keys: std::ops::Range<u32>| {
-            for key in keys {
-                let add = "INSERT INTO study_config (hash, json) VALUES ($1, $2)";
-                let json = format!("{{\"text\": \"{}\"}}", "x".repeat(9_000));
-                let add = move |db: &Connection| Ok(db.execute(add, [key.to_string(), json])?);
-                db.write(Lane::Request, add).await.unwrap();
-            }
-        };
-        let db = Sqlite::open(of("study.db"), Purpose::Alone).unwrap();
-        grow(&db, 0..8).await;
+        let db = with_rows(&of("study.db"), 0..8).await;
         let [old, log] = [of("study.db").path(), of("study.db").log()].map(bytes);
         connection::write_back(&connection::writing(of("study.db").path()).unwrap()).unwrap();
         let new = bytes(of("study.db").path());
         let (mark, place) = mark::by_sqlite(&of("study.db")).unwrap().unwrap();
         let (same, found) = mark::by_bytes(&of("study.db")).unwrap().unwrap();
         assert_eq!((same, found.offset, found.length), (mark, place.offset, place.length));
-        grow(&db, 8..16).await;
+        add_rows(&db, 8..16).await;
         let later = bytes(of("study.db").log());
         assert!(later[..] != log[..] && new.len() > old.len());
-        let another = Sqlite::open(of("another.db"), Purpose::Alone).unwrap();
-        grow(&another, 0..8).await;
+        let _another = with_rows(&of("another.db"), 0..8).await;
         let others = bytes(of("another.db").log());
         // Pages are written in order; here up to the one with the mark.
         let written = place.offset as usize + place.length;
         let torn = [&new[..written], old.get(written..).unwrap_or(&[])].concat();
-        let kept = |db: &Connection| {
-            let count = "SELECT count(*) FROM study_config";
-            Ok(db.query_row(count, [], |row| row.get::<_, i64>(0))?)
-        };
         for (name, log, words) in [
             ("own.db", &log, None),
             ("later.db", &later, Some("not whole together")),
@@ -404,12 +484,12 @@ mod tests {
             assert!(mark::of_file(&copy).unwrap().is_some(), "{name}");
             if words.is_none() {
                 assert_eq!(
-                    Sqlite::open(copy.clone(), Purpose::Read).unwrap().read(kept).unwrap(),
+                    Sqlite::open(copy.clone(), Purpose::Read).unwrap().read(rows).unwrap(),
                     8
                 );
             }
             match (Sqlite::open(copy.clone(), Purpose::Alone), words) {
-                (Ok(db), None) => assert_eq!(db.read(kept).unwrap(), 8),
+                (Ok(db), None) => assert_eq!(db.read(rows).unwrap(), 8),
                 (Err(error), Some(words)) => {
                     assert!(error.to_string().contains(words), "{name}: {error}");
                     assert!(bytes(copy.path()) == torn && bytes(copy.log()) == *log, "{name}");

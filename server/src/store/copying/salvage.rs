@@ -312,12 +312,28 @@ impl Reader<'_> {
         Ok(rows)
     }
 
+    /// Reports trials that were counted when they were stored, and are no longer there.
+    fn lose_uncounted(&self, id: &str, there: usize) -> Result<(), StoreError> {
+        let query = "SELECT stored FROM tally WHERE participant_id = $1";
+        let stored = self.db.query_row(query, [id], |row| row.get::<_, i64>(0));
+        let gone = stored.ok().and_then(|stored| usize::try_from(stored).ok());
+        match gone.unwrap_or(0).saturating_sub(there) {
+            0 => Ok(()),
+            gone => self.lose(
+                "trial",
+                format!("({gone} of participant {id})"),
+                "counted when it was stored, and no longer there",
+            ),
+        }
+    }
+
     /// A participant with all readable rows; none if their own row is lost.
     fn participant(&mut self, id: &str) -> Result<Option<RowsCopy>, StoreError> {
         match rows_copy(self.db, PARTICIPANT_TABLES, id) {
             Err(StoreError::Corrupt(_)) | Ok(None) => {}
             Ok(Some(copy)) => {
                 self.seen.extend(copy.keys("trial").map(str::to_owned));
+                self.lose_uncounted(id, copy.keys("trial").count())?;
                 return Ok(Some(copy));
             }
             Err(error) => return Err(error),

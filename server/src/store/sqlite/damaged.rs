@@ -27,6 +27,9 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
         return Err(io::Error::other("a server uses it; stop the server first"));
     }
     let (source, copy) = (DatabaseFile::at(from), DatabaseFile::at(to));
+    if let Some(stray) = source.stray_log() {
+        return Err(io::Error::other(source.stray_reason(&stray)));
+    }
     let mut out = private::new_file(to)?;
     io::copy(&mut file, &mut out)?;
     let page = mark::page_length(&file).unwrap_or(PAGE);

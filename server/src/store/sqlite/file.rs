@@ -80,6 +80,28 @@ impl DatabaseFile {
                 || names.map(|entry| Self::at(&entry.path())).any(|other| is_twin(&other)))
     }
 
+    /// The log beside a symbolic link, if there is one. SQLite never reads it: it looks beside the file that the link names.
+    pub(super) fn stray_log(&self) -> Option<PathBuf> {
+        if !std::fs::symlink_metadata(&self.path).is_ok_and(|link| link.is_symlink()) {
+            return None;
+        }
+        let mut stray = self.path.clone().into_os_string();
+        stray.push("-wal");
+        let is_there = std::fs::metadata(&stray).is_ok_and(|log| log.len() > 0)
+            && identity(Path::new(&stray)).ok() != identity(&self.log).ok();
+        is_there.then(|| stray.into())
+    }
+
+    /// What to do about [`Self::stray_log`].
+    pub(super) fn stray_reason(&self, stray: &Path) -> String {
+        format!(
+            "{} is a log beside a symbolic link, and SQLite looks for the log beside the file itself: if it belongs to the \
+             file, stop all servers and move it to {}; otherwise move it away",
+            stray.display(),
+            self.log.display()
+        )
+    }
+
     /// Whether there is a log without its database. SQLite would delete it.
     pub(super) fn is_log_alone(&self) -> bool {
         std::fs::metadata(&self.path).map_or(true, |file| file.len() == 0) && self.has_log()

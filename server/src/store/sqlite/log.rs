@@ -4,6 +4,7 @@
 //! checksum is wrong, as after a power failure, and silently overwrites the rest.
 
 use std::fs::File;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::os::unix::fs::FileExt;
 use std::path::Path;
@@ -141,6 +142,8 @@ impl Index {
     const HEADER: usize = 136;
     /// Number of frames of a block; the first block has fewer because of the header.
     const FRAMES: usize = 4096;
+    /// Number of slots of a block's hash table.
+    const SLOTS: usize = 8192;
 
     /// Reads an index that a connection has initialised. It may be written concurrently.
     pub(super) fn read(file: &File, is_whole: bool) -> Option<Self> {
@@ -163,18 +166,46 @@ impl Index {
         })
     }
 
-    /// Whether the frame with this number, from 1, may have this page, as far as the index tells.
+    /// Whether the frame with this number, from 1, may have this page, as far as the index tells: its list of pages has
+    /// it, by which SQLite writes the log back, and its hash table leads to it, by which SQLite reads.
     pub(super) fn may_have(&self, frame: u64, page: u32) -> bool {
         let first = Self::FRAMES - Self::HEADER / 4;
-        let Some(at) = usize::try_from(frame).ok().filter(|_| frame <= self.frames) else {
+        let Some(at) = usize::try_from(frame).ok().filter(|at| *at > 0 && frame <= self.frames)
+        else {
             return true;
         };
-        let offset = match at.checked_sub(first + 1) {
-            None => Self::HEADER + 4 * (at - 1),
-            Some(at) => (1 + at / Self::FRAMES) * Self::PART + 4 * (at % Self::FRAMES),
+        // The block; the place of its list; the frame's number in the block, from 1.
+        let (block, list, number) = match at.checked_sub(first + 1) {
+            None => (0, Self::HEADER, at),
+            Some(at) => {
+                let block = (1 + at / Self::FRAMES) * Self::PART;
+                (block, block, at % Self::FRAMES + 1)
+            }
         };
-        let found = self.bytes.get(offset..offset + 4).and_then(|found| found.try_into().ok());
-        found.is_none_or(|found| u32::from_ne_bytes(found) == page)
+        let Some(block) = self.bytes.get(block..block + Self::PART).map(|of| (of, list - block))
+        else {
+            return true;
+        };
+        let (block, list) = block;
+        let has = |number: usize| {
+            let at = list + 4 * (number - 1);
+            block[at..at + 4] == page.to_ne_bytes()
+        };
+        let slot = |at: usize| {
+            let at = Self::PART / 2 + 2 * at;
+            usize::from(u16::from_ne_bytes([block[at], block[at + 1]]))
+        };
+        // As SQLite: the product of the page's number and a prime, then the next slots up to an empty one.
+        let begin = page.wrapping_mul(383) as usize;
+        let mut slots = (0..Self::SLOTS).map(|step| slot(begin.wrapping_add(step) % Self::SLOTS));
+        has(number) && slots.find(|found| *found == number || *found == 0) == Some(number)
+    }
+
+    /// A hash of everything but the header, which readers and write-backs change.
+    pub(super) fn fingerprint(&self) -> u64 {
+        let mut hash = DefaultHasher::new();
+        self.bytes.get(Self::HEADER..).hash(&mut hash);
+        hash.finish()
     }
 }
 

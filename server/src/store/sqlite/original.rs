@@ -51,8 +51,8 @@ pub(super) struct Original {
     log: Mutex<Seen>,
     /// Whether the log is what SQLite wrote.
     has_log: AtomicBool,
-    /// When the log was last written to, as of the last time that it was read completely.
-    log_read: Mutex<Option<SystemTime>>,
+    /// The log and its index when they were last compared.
+    log_read: Mutex<Option<LogRead>>,
     /// Each index of the log that was open here, locked. None is ever closed: that would release
     /// SQLite's locks on it.
     indices: Mutex<Vec<(Identity, File)>>,
@@ -60,7 +60,12 @@ pub(super) struct Original {
     goes_elsewhere: AtomicBool,
     /// The rescued copy, while the file is not usable.
     rescued: Mutex<Option<PathBuf>>,
+    /// Why the file was not usable at the end, if its data were not rescued.
+    lost: OnceLock<StoreError>,
 }
+
+/// When a log was last written to, and the fingerprint of its index.
+type LogRead = (SystemTime, Option<u64>);
 
 /// State of a log.
 #[derive(Clone, Copy, Debug, Default)]
@@ -112,6 +117,7 @@ impl Original {
             indices: Mutex::default(),
             goes_elsewhere: AtomicBool::new(false),
             rescued: Mutex::default(),
+            lost: OnceLock::new(),
         })
     }
 
@@ -165,8 +171,9 @@ impl Original {
     pub(super) fn check_all(&self) -> Result<(), StoreError> {
         self.check_with_log()?;
         let written = std::fs::metadata(self.file.log()).and_then(|log| log.modified()).ok();
+        let now = written.map(|at| (at, self.index(true).map(|index| index.fingerprint())));
         let mut read = self.log_read.lock().unwrap_or_else(PoisonError::into_inner);
-        if written.is_some() && *read == written {
+        if now.is_some() && *read == now {
             return Ok(());
         }
         let log = mark::misplaced(&self.file, || self.index(true));
@@ -178,7 +185,7 @@ impl Original {
                  what is left"
             });
         }
-        *read = written;
+        *read = now;
         self.check()
     }
 
@@ -235,7 +242,7 @@ impl Original {
             self.has_log.store(false, Ordering::Relaxed);
             self.changed.get_or_init(|| {
                 "separated from the index (-shm) of its write-ahead log, which was overwritten; stop the server and keep all \
-                 files: the next start reads everything from them"
+                 files: the next start reads everything from them, and says so if the log was overwritten, too"
             });
         }
     }
@@ -318,6 +325,10 @@ impl Original {
 
     /// Makes SQLite check for damage, at first and after another process has written to the file in place.
     fn check_in_place(&self) {
+        // SQLite deletes the log of a file that was emptied.
+        if self.check_with_log().is_err() {
+            return;
+        }
         let is_over = self.written.try_lock().is_ok_and(|mut looked| self.look(&mut looked));
         if !self.is_suspected.swap(false, Ordering::Relaxed) && !is_over {
             return;
@@ -429,6 +440,16 @@ impl Original {
             None => !self.is_in_place() || log(),
             Some(rescued) => is_log(&rescued) && !self.is_in_place(),
         }
+    }
+
+    /// Records at the end why the data could not be rescued.
+    pub(super) fn note_lost(&self, error: StoreError) {
+        let _ = self.lost.set(error);
+    }
+
+    /// Why nothing was stored at the end, if the data could not be rescued.
+    pub(super) fn lost(&self) -> Option<StoreError> {
+        self.lost.get().cloned()
     }
 
     /// Copies the content of the open file, wherever its name is now, into another file.

@@ -309,8 +309,11 @@ impl Thread {
                 Next::EmptyLog => self.empty_log(),
                 Next::Rescue => self.rescue(),
                 Next::Stop => {
-                    if self.original.check_all().is_err() {
+                    if let Err(error) = self.original.check_all() {
                         self.rescue();
+                        if self.original.lacks_rescue() {
+                            self.original.note_lost(error);
+                        }
                         // Closing it would delete the log, which may belong to another file, or be
                         // the only copy.
                         std::mem::forget(self.db.take());
@@ -430,7 +433,14 @@ impl Thread {
         for name in self.original.rescue_names() {
             let (unfinished, name) = (ended(&name, ".part"), ended(&name, end));
             let written = match open {
-                Some(open) => rescue_all(open, &unfinished),
+                Some(open) => match rescue_all(open, &unfinished) {
+                    // A damaged page stops SQLite; 'sidestep salvage' reads the others.
+                    Err(StoreError::Corrupt(_)) if !is_in_place => {
+                        let _ = std::fs::remove_file(&unfinished);
+                        self.rescue_file(&unfinished, &name)
+                    }
+                    written => written,
+                },
                 None if is_in_place => self.rescue_log(&unfinished),
                 None => self.rescue_file(&unfinished, &name),
             };
