@@ -100,13 +100,13 @@ impl Store {
         .await
     }
 
-    /// Number of stored trials of a participant; 0 if the participant was deleted.
-    pub async fn stored_trials(&self, participant_id: &str) -> Result<i64, StoreError> {
+    /// Number of stored trials of a participant, as they were counted; none if the participant was deleted.
+    pub async fn stored_trials(&self, participant_id: &str) -> Result<Option<i64>, StoreError> {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| {
             let query = "SELECT stored FROM tally WHERE participant_id = $1";
             let stored = db.prepare_cached(query)?.query_row([participant_id], |row| row.get(0));
-            Ok(stored.optional()?.unwrap_or(0))
+            Ok(stored.optional()?)
         })
         .await
     }

@@ -435,4 +435,15 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     db.execute(&delete).await.unwrap();
     let steps = server.export("default").await;
     assert_eq!(steps.lines().filter(|line| line.ends_with(",1")).count(), 50);
+
+    // A count that is too low hides no trial, and is told.
+    db.execute("UPDATE tally SET task = task - 1 WHERE number = 2").await.unwrap();
+    let out = folder.name("counted");
+    let counted = run(&["export", "--database", &database, "--out", &out]).await;
+    assert!(
+        counted.code == Some(1)
+            && counted.err.contains("2 trials are stored, and 1 were counted"),
+        "{counted:?}"
+    );
+    assert_eq!(folder::rows(folder.path("counted/trials.csv")).len(), 6);
 }

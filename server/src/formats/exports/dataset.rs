@@ -130,6 +130,6 @@ async fn read(store: &Store, entry: &RosterEntry) -> Result<Person, ExportError>
     if person.count().is_some_and(|count| count < expected) {
         return Err(ExportError::Changed { participant: entry.number });
     }
-    person.keep_first(expected);
+    person.keep_counted();
     Ok(person)
 }

@@ -17,6 +17,8 @@ pub(super) struct Person {
     unreadable: Option<String>,
     /// Number of stored trials that cannot be found: damage hides them.
     hidden: usize,
+    /// Number of trials that were never counted: their count is damaged.
+    uncounted: usize,
 }
 
 impl Person {
@@ -28,13 +30,18 @@ impl Person {
             Err(error) => return Err(error),
         };
         let stored = usize::try_from(entry.trials.iter().sum::<i64>()).unwrap_or(0);
-        let mut hidden = 0;
-        if unreadable.is_none() && trials.len() < stored {
-            // Unless they were deleted meanwhile.
-            let left = usize::try_from(store.stored_trials(&entry.id).await?).unwrap_or(0);
-            hidden = stored.min(left).saturating_sub(trials.len());
+        let (mut hidden, mut uncounted) = (0, 0);
+        if unreadable.is_none()
+            && trials.len() != stored
+            // Otherwise they were deleted meanwhile.
+            && let Some(now) = store.stored_trials(&entry.id).await?
+        {
+            let now = usize::try_from(now).unwrap_or(0);
+            hidden = stored.min(now).saturating_sub(trials.len());
+            // Those that arrived meanwhile are counted by now.
+            uncounted = trials.len().saturating_sub(stored.max(now));
         }
-        Ok(Self { number: entry.number, stored, trials, unreadable, hidden })
+        Ok(Self { number: entry.number, stored, trials, unreadable, hidden, uncounted })
     }
 
     /// Number of stored trials, if known.
@@ -42,9 +49,9 @@ impl Person {
         self.unreadable.is_none().then_some(self.trials.len() + self.hidden)
     }
 
-    /// Drops all but the first trials of the plan.
-    pub(super) fn keep_first(&mut self, count: usize) {
-        self.trials.truncate(count);
+    /// Drops the trials that arrived after the others had been counted.
+    pub(super) fn keep_counted(&mut self) {
+        self.trials.truncate(self.stored + self.uncounted);
     }
 
     /// Their readable trials, numbered by place in the plan. So (participant, trial) identifies a
@@ -81,6 +88,11 @@ impl Person {
                 format!("of {stored} stored trials, {hidden} cannot be found by their scenes");
             of(None, hidden, &what, false)
         });
-        trials.chain(unreadable).chain(hidden)
+        let uncounted = (self.uncounted > 0).then(|| {
+            let (stored, there) = (self.stored, self.trials.len());
+            let what = format!("{there} trials are stored, and {stored} were counted");
+            of(None, self.uncounted, &what, true)
+        });
+        trials.chain(unreadable).chain(hidden).chain(uncounted)
     }
 }
