@@ -1,6 +1,7 @@
 //! A cache of cells in a folder, keyed by a hash of their inputs.
 
 use crate::formats::atomic_file;
+use crate::support::private;
 use sha2::{Digest, Sha256};
 use sidestep::comparison::Cache;
 use sidestep::comparison::cell::Cell;
@@ -19,12 +20,12 @@ pub struct FolderCache {
 }
 
 impl FolderCache {
-    /// A cache in `folder`, which is created if it does not exist.
+    /// A cache in `folder`, which is created, private, if it does not exist.
     ///
     /// # Errors
     /// The disk's error.
     pub fn open(folder: &Path) -> io::Result<Self> {
-        fs::create_dir_all(folder)?;
+        private::make_folder(folder)?;
         Ok(Self { folder: folder.to_owned(), used: Mutex::default() })
     }
 

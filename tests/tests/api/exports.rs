@@ -441,8 +441,7 @@ async fn what_is_damaged_is_named_and_marked_and_the_rest_is_exported() {
     let out = folder.name("counted");
     let counted = run(&["export", "--database", &database, "--out", &out]).await;
     assert!(
-        counted.code == Some(1)
-            && counted.err.contains("2 trials are stored, and 1 were counted"),
+        counted.code == Some(1) && counted.err.contains("2 trials are stored, and 1 were counted"),
         "{counted:?}"
     );
     assert_eq!(folder::rows(folder.path("counted/trials.csv")).len(), 6);
