@@ -175,7 +175,7 @@ def test_an_obstacle_that_leaves_little_of_v_warns(plane, recwarn):
         sidestep.hj_solve(plane, double_integrator, PUSH, None, [[-1, 1]], None, strip, 0.1, avoid=avoid, kind=kind)
 
     for kind in ("tube", "set"):
-        said = r"avoid: the obstacle keeps V at -0\.001 or more, .*as low as -0\.5.*an indicator at least as high as the target is deep, ±0\.5"
+        said = r"avoid: the obstacle keeps V at -0\.001 or more; .*as low as -0\.5.*an indicator at least as high as the target is deep, ±0\.5"
         with pytest.warns(UserWarning, match=said):
             solved(kind, np.where(distance < 0, -1e-3, 1e-3))
         recwarn.clear()

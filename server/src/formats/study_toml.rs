@@ -269,7 +269,7 @@ mod tests {
         after(6, &least, &["questions[0].from", "-1000 to 1000"]);
         let equal = "kind = \"choice\"\noptions = [{ value = \"a\", text = { en = \"A\" } },\n\
                      { value = \"b\", text = { en = \" A\" } }]";
-        after(7, &question(equal), &["questions[0].options[1].text.en", "another text"]);
+        after(7, &question(equal), &["questions[0].options[1].text.en", "a text that differs"]);
         after(
             4,
             "[[questions]]\nname = \"q\"\ntext = { en = \"{zzz}?\" }\nkind = \"text\"",
@@ -277,7 +277,7 @@ mod tests {
         );
         let check = "[[comprehension.questions]]\ntext = { en = \"{radius}?\" }\nanswer = 0\n\
                      options = [{ en = \"1\" }, { en = \"1 \" }]";
-        after(5, check, &["comprehension.questions[0].options[1].en", "another text"]);
+        after(5, check, &["comprehension.questions[0].options[1].en", "a text that differs"]);
         // No scene fits.
         let none = "[encounters]\nmin_start_distance_m = 900.0\nmax_start_distance_m = 1000.0";
         after(2, none, &["encounters: "]);

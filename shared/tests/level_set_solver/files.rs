@@ -39,7 +39,7 @@ fn other_bytes_are_refused_by_name() {
         refused(&bytes)
     };
     // The checksums are of the original bytes.
-    let damaged = |name: &str| format!("{name}: expected bytes with the checksum");
+    let damaged = |name: &str| format!("{name}: expected bytes that match the archive's checksum");
     assert!(changed(b"npz/1", b"npz/2").starts_with(&damaged("meta")));
     assert!(
         changed(b"value.npy", b"other.npy").starts_with("value: expected an array of this name")

@@ -152,7 +152,10 @@ fn who_cannot_be_fitted_is_left_out_and_the_others_are_compared() {
 
     study.people[0].data.values.fill(f64::NAN);
     let nobody = study.run(&settings, &Counting::default(), &go_on).unwrap_err().to_string();
-    assert!(nobody.contains("somebody") && nobody.contains("2: svm_rbf on hrd"), "{nobody}");
+    assert!(
+        nobody.contains("a participant with usable data") && nobody.contains("2: svm_rbf on hrd"),
+        "{nobody}"
+    );
 }
 
 #[test]

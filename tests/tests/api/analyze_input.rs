@@ -119,7 +119,7 @@ async fn who_cannot_be_learned_from_is_named_and_left_out() {
     let alone = written(&folder, "alone.csv", &header, &some_trials(&["1"], 4).1);
     let (code, _, said) = analyze(&["--trials", &alone], &out).await;
     assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("participants: expected somebody"), "{said}");
+    assert!(said.contains("participants: expected a participant with usable data"), "{said}");
 }
 
 #[tokio::test]

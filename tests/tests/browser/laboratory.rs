@@ -149,7 +149,7 @@ async fn a_replay_is_filmed() {
 
     tab.run("delete window.MediaRecorder").await;
     tab.press("film").await;
-    tab.until_says("unfilmed", "cannot film").await;
+    tab.until_says("unfilmed", "cannot record films").await;
     tab.is_well().await;
     browser.close().await;
 }

@@ -262,6 +262,7 @@ async fn a_study_is_made_in_the_form() {
 
     // Another number, for later participants; nothing is lost by accident.
     tab.until(&Tab::at("design")).await;
+    tab.until(&Tab::at("field-phases[1].scenes")).await;
     tab.enter("field-phases[1].scenes", "10").await;
     tab.until_says("changes", "phases[1].scenes").await;
     tab.run("window.confirm = () => { window.wasAsked = true; return false; }").await;

@@ -91,7 +91,8 @@ async fn what_is_no_file_of_one_name_is_refused_with_the_reason() {
     run(&["simulate", "--participants", "1", "--seed", "1", "--out", &trials]).await.json();
     let import = ["import", "--study", "imported", "--trials", &trials];
     let (saved, new) = (folder.name("saved.db"), folder.database("new.db"));
-    for (name, word) in [("dangling.db", "a link"), ("folder.db", "directory"), ("pipe.db", "pipe")]
+    for (name, word) in
+        [("dangling.db", "a symbolic link"), ("folder.db", "directory"), ("pipe.db", "pipe")]
     {
         let database = folder.database(name);
         for args in [&serve[..], &import, &["check"], &["backup", "--out", &saved]] {

@@ -120,7 +120,7 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
 
     // Its graphics context is lost and restored.
     tab.run("window.loss = graphics.getExtension('WEBGL_lose_context'), loss.loseContext()").await;
-    tab.until_says("no-graphics", "draws no solids now").await;
+    tab.until_says("no-graphics", "cannot draw solids now").await;
     take(&tab, "reachability-no-graphics").await;
     tab.run("loss.restoreContext()").await;
     tab.until(&format!("!{}", Tab::at("no-graphics"))).await;
@@ -144,7 +144,7 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     // A browser without graphics.
     tab.before_pages("window.withoutGraphics = true").await;
     tab.reload().await;
-    tab.until_says("no-graphics", "draws no solids now").await;
+    tab.until_says("no-graphics", "cannot draw solids now").await;
     assert!(count_pixels(&tab.picture("tube-without-graphics").await, ROBOT) > 100);
     tab.is_well().await;
     browser.close().await;

@@ -196,7 +196,7 @@ fn a_link_that_is_not_valid_is_named() {
         ("driver", "nobody", "unknown driver"),
         ("show", "moon", "moon"),
         ("colours", "all", "all"),
-        ("seed", "2", "no use for seed in its link"),
+        ("seed", "2", "does not use seed in its link"),
     ] {
         let session = opened(&[(name, value)]);
         let said = session.words("misread").unwrap();

@@ -180,12 +180,12 @@ fn what_a_link_names_and_the_explorer_lacks_is_told() {
     for (query, expected) in [
         ("predictor=nonsense", "no predictor nonsense: expected here, earlier, constant"),
         ("features=xyz", "no feature set xyz: expected one of usual, hrd, hr"),
-        ("count=some", "counts some: expected count=all"),
-        ("sets=99", "predicted for 10 steps: shown are those after step 10"),
+        ("count=some", "count=some: expected count=all"),
+        ("sets=99", "predictions cover 10 steps: showing those after step 10"),
         ("trial=none", "not a task of this participant"),
-        ("epsilon=0,1", "no use for epsilon in its link: expected trial, count, T, eps, k, tau"),
+        ("epsilon=0,1", "does not use epsilon in its link: expected trial, count, T, eps, k, tau"),
         ("predictor=nonsense&count=some", "no predictor nonsense"),
-        ("predictor=nonsense&count=some", "counts some"),
+        ("predictor=nonsense&count=some", "has count=some"),
     ] {
         let words = said(query).unwrap_or_default();
         assert!(words.contains(expected), "{query}: {words}");

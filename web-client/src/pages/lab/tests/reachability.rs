@@ -138,7 +138,7 @@ fn a_link_holds_the_whole_view() {
     assert!(said.contains("The link is not valid: psi: expected whole degrees"), "{said}");
     assert!(broken.text().contains("180°"));
     let unknown = signed_in(&format!("{PATH}?radii=2")).words("misread").unwrap();
-    assert!(unknown.contains("no use for radii in its link: expected evader-speed"), "{unknown}");
+    assert!(unknown.contains("does not use radii in its link: expected evader-speed"), "{unknown}");
 }
 
 #[test]
@@ -181,7 +181,7 @@ fn a_finite_horizon_is_not_played() {
     };
     let bytes = task.solved(&mut |_| ControlFlow::Continue(())).unwrap();
     session.solver(SOLVE, Solving::Solved(bytes));
-    assert!(session.words("no-play").unwrap().contains("expected inf for optimal play"));
+    assert!(session.words("no-play").unwrap().contains("expected inf: optimal play"));
     session.type_key("Digit2");
     assert!(session.words("no-closed-form").unwrap().contains("finite horizon"));
 }

@@ -126,13 +126,19 @@ fn a_link_that_is_not_valid_says_what_is_wrong() {
 fn a_link_to_a_step_beyond_the_predicted_ones_shows_the_last_and_says_so() {
     let mut session = opened("/lab/replay/t?sets=99");
     let said = session.words("misread").unwrap();
-    assert!(said.contains("after step 99") && said.contains("predicted for 10 steps"), "{said}");
+    assert!(
+        said.contains("after step 99") && said.contains("predictions cover 10 steps"),
+        "{said}"
+    );
     assert!(session.link().contains("sets=10"), "{}", session.link());
     assert!(session.words("legend").unwrap().contains("after 2.0 s"));
     assert_eq!(opened("/lab/replay/t?sets=10").words("misread"), None);
     // The other error message stays.
     let unknown = opened("/lab/replay/t?row=yes&times=5").words("misread").unwrap();
-    assert!(unknown.contains("no use for times in its link: expected t, speed, show"), "{unknown}");
+    assert!(
+        unknown.contains("does not use times in its link: expected t, speed, show"),
+        "{unknown}"
+    );
     let both = opened("/lab/replay/t?speed=3&sets=5").words("misread").unwrap();
     assert!(both.contains("speed"), "{both}");
 }
