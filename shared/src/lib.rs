@@ -8,7 +8,7 @@
 //! | save and load a value function | [`ValueFunction::encode`](reachability::ValueFunction::encode) and `decode`; for NumPy, one way: [`npz`](reachability::npz::npz) | |
 //! | save and load a predictor | [`PredictorFile`](predict::PredictorFile), as JSON | |
 //! | a custom game | [`ControlAffine`](reachability::ControlAffine) or [`Game`](reachability::Game), [`cartesian::solve`](reachability::cartesian::solve) | `own_game` |
-//! | learn a person's next input | [`train`](participant::train), [`Predictor`](predict::Predictor) | `train` |
+//! | learn a person's next input | [`train`](learn::participant::train), [`Predictor`](predict::Predictor) | `train` |
 //! | where can a person be? | sets to draw: [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |
 //! | the exact set under bounds, and whether it contains a state | [`ReachableSet`](reach::ReachableSet) | below |
 //! | sets that contain the next drive with a stated probability | [`tune`](shfrs::tuning::tune) | `tune` |
