@@ -1,6 +1,7 @@
 //! Long work in the background: value functions of studies, and analyses.
 
 pub mod fit_cache;
+pub mod model_index;
 pub mod frames;
 pub mod children;
 pub mod safety;

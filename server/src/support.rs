@@ -6,4 +6,3 @@ pub mod threads;
 pub mod secrets;
 pub(crate) mod private;
 pub mod bytes;
-pub mod observed;

@@ -49,10 +49,10 @@ mod tests {
     use crate::jobs::analysis::limits::Limits;
     use crate::languages::Languages;
     use crate::languages::library::Library;
+    use crate::observed::Observed;
     use crate::store::overview::Counts;
     use crate::store::tests::begun;
     use crate::store::{Purpose, Store};
-    use crate::support::observed::Observed;
     use axum::body::Body;
     use axum::http::request::Builder;
     use axum::http::{Request, header};

@@ -1,6 +1,5 @@
 //! An analysis, from a recording to its numbers, for the command and the server.
 
-pub mod index;
 pub mod limits;
 pub mod process;
 pub mod worker;

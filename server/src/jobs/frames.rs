@@ -3,7 +3,7 @@
 //! A message is JSON, with a binary attachment for data that JSON would inflate. Both are preceded
 //! by their lengths, as two little-endian 32-bit integers. Both ends are the same program.
 
-use super::analysis::index::{IndexedModel, IndexedTask};
+use super::model_index::{IndexedModel, IndexedTask};
 use crate::database_check::Report;
 use crate::support::bytes::{pack_inputs, pack_states, unpack_inputs, unpack_states};
 use serde::de::DeserializeOwned;

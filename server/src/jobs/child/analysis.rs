@@ -2,8 +2,8 @@
 
 use super::{Server, end_with_stdin};
 use crate::jobs::analysis::compute;
-use crate::jobs::analysis::index::{TrialIds, models, tasks};
 use crate::jobs::frames::{self, FromChild, ToChild};
+use crate::jobs::model_index::{TrialIds, models, tasks};
 use crate::{report, study_recording};
 use flate2::Compression;
 use flate2::read::GzDecoder;
