@@ -168,12 +168,21 @@ impl IntoResponse for ApiError {
                 answer
             }
             Self::Unavailable(error) => {
+                const LATER: &str = "nothing was stored, try again later";
                 let (code, message) = match error {
-                    StoreError::Busy => ("busy", "too many requests are waiting"),
-                    _ => ("storage", "the server cannot store anything now"),
+                    StoreError::Busy => ("busy", format!("too many requests are waiting; {LATER}")),
+                    StoreError::Corrupt(_) => {
+                        let advice = "run 'sidestep check' on the server";
+                        (
+                            "storage",
+                            format!(
+                                "the database is damaged, and the server cannot read what this request needs; {advice}"
+                            ),
+                        )
+                    }
+                    _ => ("storage", format!("the server cannot store anything now; {LATER}")),
                 };
                 tracing::warn!(%error, "answered with 503");
-                let message = format!("{message}; nothing was stored, try again later");
                 let status = StatusCode::SERVICE_UNAVAILABLE;
                 let mut answer = Self::new(status, code, message).into_response();
                 let seconds = HeaderValue::from(retry_after_s(&error));

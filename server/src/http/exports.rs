@@ -20,6 +20,7 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use futures_util::TryStreamExt;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::Action;
@@ -101,7 +102,9 @@ pub async fn export(
         }
         let entry = me.does(Action::Exported, Some(&slug), Some("trials as CSV".to_owned()));
         app.store.note(entry).await?;
-        let steps = Body::from_stream(exports::stream(app.store.clone(), study));
+        let steps = exports::stream(app.store.clone(), study);
+        let steps = steps.inspect_err(|error| tracing::warn!(%error, "an export was interrupted"));
+        let steps = Body::from_stream(steps);
         let steps = me.while_valid(app.store.clone(), steps);
         let name = format!("{slug}-trials.csv");
         return Ok((file(&name, "text/csv; charset=utf-8"), steps).into_response());

@@ -91,8 +91,13 @@ fn of_sqlite(error: &dyn DatabaseError) -> StoreError {
         Some(5 | 6) => StoreError::Locked,
         // FULL.
         Some(13) => StoreError::Full,
-        // PERM, NOMEM, READONLY, INTERRUPT, IOERR, CANTOPEN, PROTOCOL.
-        Some(3 | 7..=10 | 14 | 15) => StoreError::Unavailable(message),
+        // READONLY, IOERR, CANTOPEN: also if a file that SQLite keeps beside the database is missing.
+        Some(8 | 10 | 14) => StoreError::Unavailable(format!(
+            "{message}: the disk fails, or this user may not write to the file or its folder, or -wal or -shm beside the file \
+             was deleted or replaced"
+        )),
+        // PERM, NOMEM, INTERRUPT, PROTOCOL.
+        Some(3 | 7 | 9 | 15) => StoreError::Unavailable(message),
         // CORRUPT, NOTADB.
         Some(11 | 26) => StoreError::Corrupt(message),
         _ => StoreError::Defect(message),

@@ -177,11 +177,10 @@ pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
 
 /// Repairs the parts of a damaged SQLite file that are the same in every database of this version:
 /// the text of the schema, the mark, and the table of migrations. The mark came with the last
-/// migration, so a file that has one is of this version. `db` may write the schema; `like` is a
-/// connection to an empty file, for comparison.
+/// migration, so a file that has one is of this version. `db` may write the schema; `like` has all
+/// migrations and no data.
 pub(super) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
     const MARK: &str = "mark";
-    apply(like)?;
     let [found, known] = [schema(db)?, schema(like)?];
     if found.iter().all(|(_, [_, name, ..])| name != MARK) {
         return Ok(db.batch("PRAGMA writable_schema = RESET")?);
@@ -194,6 +193,12 @@ pub(super) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
         )?;
     }
     db.batch("PRAGMA writable_schema = RESET")?;
+    for [kind, _, _, text] in missing(&found, &known) {
+        if kind == "index" {
+            // A query reads the whole table if the index cannot be made.
+            let _ = db.batch(text);
+        }
+    }
     let is_lost = |table: &str| {
         let mut read = db.prepare_cached(&format!("SELECT * FROM {table}"))?;
         let rows =
@@ -238,6 +243,47 @@ fn schema(db: &Connection) -> sql::Result<Vec<Words>> {
     statement.query_map([], row)?.collect()
 }
 
+/// The definitions of `known` whose names `found` does not have.
+fn missing<'a>(found: &[Words], known: &'a [Words]) -> Vec<&'a [String; 4]> {
+    let has = |name: &String| found.iter().any(|(_, [_, found, ..])| found == name);
+    let known = known.iter().map(|(_, words)| words);
+    known.filter(|[_, name, _, text]| !has(name) && !text.is_empty()).collect()
+}
+
+/// The definitions of tables that a damaged file has lost; none if it has a table that no database
+/// of this version has.
+pub(super) fn missing_tables(db: &Connection, like: &Connection) -> sql::Result<Vec<[String; 4]>> {
+    let [found, known] = [schema(db)?, schema(like)?];
+    let is_table = |[kind, name, ..]: &[String; 4]| kind == "table" && !name.starts_with("sqlite_");
+    let is_ours = |(_, words): &Words| {
+        !is_table(words) || is_older(words) || known.iter().any(|(_, known)| known == words)
+    };
+    let tables = missing(&found, &known).into_iter().filter(|words| is_table(words)).cloned();
+    Ok(if found.iter().all(is_ours) { tables.collect() } else { Vec::new() })
+}
+
+/// Puts these definitions of tables back into the schema, each with its root page.
+pub(super) fn put_tables_back(
+    db: &Connection,
+    tables: &[[String; 4]],
+    roots: &[u32],
+) -> sql::Result<()> {
+    for ([kind, name, table, text], root) in tables.iter().zip(roots) {
+        db.execute(
+            "INSERT INTO sqlite_schema (type, name, tbl_name, rootpage, sql) VALUES ($1, $2, $3, $4, $5)",
+            params![kind, name, table, i64::from(*root), text],
+        )?;
+    }
+    Ok(())
+}
+
+/// Whether this is the table of migrations as earlier versions created it, with other SQL text.
+fn is_older([_, name, _, text]: &[String; 4]) -> bool {
+    let columns =
+        ["version", "description", "installed_on", "success", "checksum", "execution_time"];
+    name == TABLE && columns.iter().all(|column| text.contains(column))
+}
+
 /// Rows of a schema that differ from `known`, each with its replacement: the row with the same
 /// name, or the same text, or else the only missing one.
 fn renewed(found: &[Words], known: &[Words]) -> Vec<Words> {
@@ -245,12 +291,6 @@ fn renewed(found: &[Words], known: &[Words]) -> Vec<Words> {
     let is_missing = |known: &[String; 4]| found.iter().all(|(_, words)| words != known);
     let missing: Vec<_> =
         known.iter().map(|(_, words)| words).filter(|it| is_missing(it)).collect();
-    // Earlier versions created the table of migrations with other SQL text.
-    let columns =
-        ["version", "description", "installed_on", "success", "checksum", "execution_time"];
-    let is_older = |[_, name, _, text]: &[String; 4]| {
-        name == TABLE && columns.iter().all(|column| text.contains(column))
-    };
     let odd = found.iter().filter(|(_, words)| !is_known(words) && !is_older(words));
     let odd: Vec<_> = odd.collect();
     let was = |[kind, name, _, text]: &[String; 4]| {

@@ -90,8 +90,8 @@ impl Sqlite {
         if named.is_log_alone() {
             return Err(OpenError::LogAlone { database: name(), log: named.log().to_owned() });
         }
-        if let Some(stray) = named.stray_log() {
-            return Err(unusable(named.stray_reason(&stray)));
+        if let Some(reason) = named.misleading() {
+            return Err(unusable(reason));
         }
         // The index that a killed process left behind shows how many frames the log had.
         let index = || Index::read(&File::open(named.index()).ok()?, false);
@@ -450,6 +450,38 @@ mod tests {
         let copy = folder.path().join("copy.db");
         assert!(copy_damaged(of("near.db").path(), &copy).is_err());
         assert_eq!(std::fs::read(log).unwrap(), b"a log");
+    }
+
+    /// SQLite would write the pages of the journal into the database, which are those of another one.
+    #[tokio::test]
+    async fn a_rollback_journal_is_not_applied() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str| DatabaseFile::at(&folder.path().join(name));
+        with_rows(&of("other.db"), 0..3).await.close();
+        let other = connection::open(
+            &sqlx::sqlite::SqliteConnectOptions::new()
+                .filename(of("other.db").path())
+                .journal_mode(sqlx::sqlite::SqliteJournalMode::Delete),
+        )
+        .unwrap();
+        other
+            .batch("BEGIN; PRAGMA cache_spill = 1; PRAGMA cache_size = 1; DELETE FROM study")
+            .unwrap();
+        other.batch("CREATE TABLE filler AS SELECT randomblob(100000) AS bytes").unwrap();
+        let journal = std::fs::read(folder.path().join("other.db-journal")).unwrap();
+        assert!(journal.len() > 1000);
+        with_rows(&of("study.db"), 0..3).await.close();
+        let before = std::fs::read(of("study.db").path()).unwrap();
+        let beside = folder.path().join("study.db-journal");
+        std::fs::write(&beside, journal).unwrap();
+        for purpose in [Purpose::Read, Purpose::Alone, Purpose::Change] {
+            let said = Sqlite::open(of("study.db"), purpose).unwrap_err().to_string();
+            assert!(said.contains("study.db-journal is a rollback journal"), "{said}");
+        }
+        assert!(std::fs::read(of("study.db").path()).unwrap() == before && beside.exists());
+        // SQLite leaves an empty journal, or one without its beginning, when a transaction has ended.
+        std::fs::write(&beside, [0; 512]).unwrap();
+        Sqlite::open(of("study.db"), Purpose::Alone).unwrap().close();
     }
 
     /// While the log is written back, and after a crash or in a copy made then, the file mixes two states.

@@ -9,7 +9,7 @@ use super::columns::{ACCESS_TABLES, ANALYSIS_TABLES, PARTICIPANT_TABLES, Table};
 use super::rows::{Rows, insert, read, read_where};
 use super::{CopyTarget, RowsCopy, StudyCopy, rows_copy, study_copy, versions};
 use crate::store::lanes::Lock;
-use crate::store::sql::{Connection, params};
+use crate::store::sql::{Connection, OptionalExtension, params};
 use crate::store::{Store, StoreError};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -389,12 +389,18 @@ impl Reader<'_> {
         let own = db.query_row(own, [study_id], |row| {
             Ok((row.get::<_, String>(0)?, row.get::<_, i64>(1)?))
         });
-        let own = self.unless_lost("study", slug, own.map_err(StoreError::from))?;
         let versions = self.unless_lost("study_version", slug, versions(db, study_id))?;
         let mut versions = versions.unwrap_or_default();
-        // The last version has the same data as the row.
-        let last = versions.last().map(|(_, hash, at_ms, _)| (hash.clone(), *at_ms));
-        let Some((config_hash, created_at_ms)) = own.or(last) else { return Ok(None) };
+        let (config_hash, created_at_ms) = match (own.map_err(StoreError::from), &versions[..]) {
+            // The versions have the same data as the row.
+            (Err(StoreError::Corrupt(_)), [(_, _, created_at_ms, _), ..]) => {
+                (versions[versions.len() - 1].1.clone(), *created_at_ms)
+            }
+            (own, _) => match self.unless_lost("study", slug, own)? {
+                Some(own) => own,
+                None => return Ok(None),
+            },
+        };
         if versions.is_empty() {
             versions.push((1, config_hash.clone(), created_at_ms, false));
         }
@@ -413,20 +419,27 @@ impl Reader<'_> {
         let (mut functions, mut safety) = (BTreeMap::new(), Vec::new());
         for (hash, _) in &configs {
             let of = || {
-                let query = "SELECT evader, value_function_id, octets FROM safety_function \
-                             JOIN value_function ON id = value_function_id WHERE config_hash = $1";
+                let query =
+                    "SELECT evader, value_function_id FROM safety_function WHERE config_hash = $1";
                 let mut statement = db.prepare_cached(query)?;
                 let rows = statement.query_map([hash], |row| {
-                    Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?, row.get(2)?))
+                    Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?))
                 })?;
                 Ok::<_, StoreError>(rows.collect::<Result<Vec<_>, _>>()?)
             };
             let key = format!("of configuration {hash}");
-            for (evader, id, octets) in
-                self.unless_lost("value_function", &key, of())?.into_iter().flatten()
+            for (evader, id) in
+                self.unless_lost("safety_function", &key, of())?.into_iter().flatten()
             {
-                safety.push((hash.clone(), evader, id.clone()));
-                functions.insert(id, octets);
+                let query = "SELECT octets FROM value_function WHERE id = $1";
+                let octets = db.query_row(query, [&id], |row| row.get::<_, Vec<u8>>(0)).optional();
+                let octets = octets.map_err(StoreError::from).and_then(|octets| {
+                    octets.ok_or_else(|| StoreError::corrupt("there is only a reference to it"))
+                });
+                if let Some(octets) = self.unless_lost("value_function", &id, octets)? {
+                    safety.push((hash.clone(), evader, id.clone()));
+                    functions.insert(id, octets);
+                }
             }
         }
         let last_trial = match self.last("trial") {

@@ -27,8 +27,8 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
         return Err(io::Error::other("a server uses it; stop the server first"));
     }
     let (source, copy) = (DatabaseFile::at(from), DatabaseFile::at(to));
-    if let Some(stray) = source.stray_log() {
-        return Err(io::Error::other(source.stray_reason(&stray)));
+    if let Some(reason) = source.misleading() {
+        return Err(io::Error::other(reason));
     }
     let mut out = private::new_file(to)?;
     io::copy(&mut file, &mut out)?;
@@ -37,7 +37,7 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
     if source.has_log() {
         if mark::of_file(&copy).is_err() {
             // The mark must be readable, since it identifies the file's own log.
-            trees::mend(&copy, page)?;
+            trees::mend(&copy, page, None)?;
         }
         io::copy(&mut File::open(source.log())?, &mut private::new_file(copy.log())?)?;
         let index = || Index::read(&File::open(source.index()).ok()?, false);
@@ -67,14 +67,16 @@ pub fn copy_damaged(from: &Path, to: &Path) -> io::Result<Vec<(String, &'static 
     }
     // The last page may be incomplete.
     out.set_len(out.metadata()?.len().next_multiple_of(page as u64))?;
-    trees::mend(&copy, page)?;
+    let like = to.with_extension("like");
+    private::new_file(&like)?;
+    let like = connection::migrating(&like).ok();
+    let like = like.filter(|like| migrations::apply(like).is_ok());
+    trees::mend(&copy, page, like.as_ref())?;
     // The rest, if it cannot be renewed here, is left to the reader of the file.
     if !copy.is_empty()
         && let Ok(db) = connection::mending(to)
     {
-        let like = to.with_extension("like");
-        private::new_file(&like)?;
-        if let Ok(like) = connection::migrating(&like) {
+        if let Some(like) = like {
             let _ = migrations::renew(&db, &like);
         }
         let _ = connection::renew_indices(&db);

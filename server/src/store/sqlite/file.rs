@@ -4,13 +4,16 @@ use crate::store::error::StoreError;
 use crate::support::private;
 use rustix::fs::{Access, StatVfs, StatVfsMountFlags, access, statvfs};
 use std::fs::{File, TryLockError};
-use std::io;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
 
 /// The first bytes of every SQLite file.
 pub const MAGIC: &[u8; 16] = b"SQLite format 3\0";
+
+/// The first bytes of a rollback journal.
+const JOURNAL: [u8; 8] = [0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7];
 
 /// Free space, bytes, below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
@@ -56,9 +59,13 @@ impl DatabaseFile {
     /// The file at a path.
     pub(in crate::store) fn at(path: &Path) -> Self {
         // SQLite keeps the log beside the target file, even if the path is a symbolic link.
-        let mut log = path.canonicalize().unwrap_or_else(|_| path.to_owned()).into_os_string();
-        log.push("-wal");
-        Self { path: path.to_owned(), log: log.into() }
+        let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        Self { path: path.to_owned(), log: with_end(&target, "-wal") }
+    }
+
+    /// The file that SQLite keeps beside this one under its name and this end.
+    fn beside(&self, end: &str) -> PathBuf {
+        with_end(&self.path.canonicalize().unwrap_or_else(|_| self.path.clone()), end)
     }
 
     /// Whether the log is not empty: a server uses the file, or exited without closing it.
@@ -80,26 +87,32 @@ impl DatabaseFile {
                 || names.map(|entry| Self::at(&entry.path())).any(|other| is_twin(&other)))
     }
 
-    /// The log beside a symbolic link, if there is one. SQLite never reads it: it looks beside the file that the link names.
-    pub(super) fn stray_log(&self) -> Option<PathBuf> {
-        if !std::fs::symlink_metadata(&self.path).is_ok_and(|link| link.is_symlink()) {
-            return None;
+    /// Why SQLite would misread the files beside this one, and what to do: a log beside a symbolic
+    /// link, which SQLite ignores; or a rollback journal, which SQLite writes into the file even if
+    /// it belongs to another one.
+    pub(super) fn misleading(&self) -> Option<String> {
+        let is_filled = |path: &Path| std::fs::metadata(path).is_ok_and(|file| file.len() > 0);
+        let log = with_end(&self.path, "-wal");
+        let is_link = std::fs::symlink_metadata(&self.path).is_ok_and(|link| link.is_symlink());
+        if is_link && is_filled(&log) && identity(&log).ok() != identity(&self.log).ok() {
+            return Some(format!(
+                "{} is a log beside a symbolic link, and SQLite looks for the log beside the file itself: if it belongs to \
+                 the file, stop all servers and move it to {}; otherwise move it away",
+                log.display(),
+                self.log.display()
+            ));
         }
-        let mut stray = self.path.clone().into_os_string();
-        stray.push("-wal");
-        let is_there = std::fs::metadata(&stray).is_ok_and(|log| log.len() > 0)
-            && identity(Path::new(&stray)).ok() != identity(&self.log).ok();
-        is_there.then(|| stray.into())
-    }
-
-    /// What to do about [`Self::stray_log`].
-    pub(super) fn stray_reason(&self, stray: &Path) -> String {
-        format!(
-            "{} is a log beside a symbolic link, and SQLite looks for the log beside the file itself: if it belongs to the \
-             file, stop all servers and move it to {}; otherwise move it away",
-            stray.display(),
-            self.log.display()
-        )
+        let journal = self.beside("-journal");
+        let mut magic = [0; 8];
+        let is_journal = File::open(&journal).and_then(|mut file| file.read_exact(&mut magic));
+        (is_journal.is_ok() && magic == JOURNAL).then(|| {
+            format!(
+                "{} is a rollback journal, which SQLite would write into the database; Sidestep uses none: if another \
+                 program was interrupted while it changed this file, open the file with that program first; otherwise \
+                 the journal belongs to another database: move it away",
+                journal.display()
+            )
+        })
     }
 
     /// Whether there is a log without its database. SQLite would delete it.
@@ -153,10 +166,7 @@ impl DatabaseFile {
 
     /// The index of the write-ahead log.
     pub(super) fn index(&self) -> PathBuf {
-        let mut index =
-            self.path().canonicalize().unwrap_or_else(|_| self.path.clone()).into_os_string();
-        index.push("-shm");
-        index.into()
+        self.beside("-shm")
     }
 
     /// The identities of the files that are now at the paths of the log and its index; none for a missing file.
@@ -281,6 +291,12 @@ impl Copied {
             }
         }
     }
+}
+
+fn with_end(path: &Path, end: &str) -> PathBuf {
+    let mut path = path.as_os_str().to_owned();
+    path.push(end);
+    path.into()
 }
 
 fn identity(path: &Path) -> Result<Identity, StoreError> {

@@ -12,29 +12,53 @@ use self::columns::{Table, tables};
 use self::page::{
     HEADER, INNER, LEAF, below, header_in, inner, is_ascending, rows_in, types, varint,
 };
+use super::connection;
 use super::file::{DatabaseFile, MAGIC};
+use crate::store::migrations;
+use crate::store::sql::{self, Connection};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 
 /// Rebuilds the trees of a file that have lost a page. The file has no log. In the rebuilt trees,
-/// missing rows refer to a page that SQLite reports as damaged.
+/// missing rows refer to a page that SQLite reports as damaged. If the schema has lost a page, its
+/// tables are put back as they are in the database `like`, which has all migrations.
 ///
 /// # Errors
 /// If the file cannot be read or written.
-pub(super) fn mend(named: &DatabaseFile, page: usize) -> io::Result<()> {
+pub(super) fn mend(named: &DatabaseFile, page: usize, like: Option<&Connection>) -> io::Result<()> {
     let file = File::options().read(true).write(true).open(named.path())?;
     let mut pages = Pages::of(&file, page)?;
     if pages.count == 0 {
         return Ok(());
     }
-    pages.mend(&[Table::of_schema()])?;
+    let schema = [Table::of_schema()];
+    if pages.mend(&schema)?
+        && let Some(like) = like
+    {
+        // SQLite itself reports the file's damage if this fails.
+        let _ = put_back(named, &mut pages, like);
+        pages = Pages::of(&file, page)?;
+        pages.mend(&schema)?;
+    }
     match tables(named) {
-        Ok(tables) => pages.mend(&tables),
+        Ok(tables) => pages.mend(&tables).map(drop),
         // SQLite itself reports the file's damage.
         Err(_) => Ok(()),
     }
+}
+
+/// Puts back the lost definitions of tables, each with an empty root page: the table has lost all
+/// its pages. The implicit indices of their constraints are not put back: SQLite reports them as
+/// damaged, and so a query does not take an empty index for an empty table.
+fn put_back(named: &DatabaseFile, pages: &mut Pages<'_>, like: &Connection) -> sql::Result<()> {
+    let missing = migrations::missing_tables(&connection::mending(named.path())?, like)?;
+    let lost = vec![0; pages.size];
+    let roots = missing.iter().map(|_| pages.append(&lost)).collect::<io::Result<Vec<_>>>();
+    let roots = roots.and_then(|roots| pages.write_header().map(|()| roots));
+    let Ok(roots) = roots else { return Ok(()) };
+    migrations::put_tables_back(&connection::mending(named.path())?, &missing, &roots)
 }
 
 /// The rows of a tree from the end of the previous part up to `last`.
@@ -108,8 +132,8 @@ impl<'a> Pages<'a> {
         Ok(self.count)
     }
 
-    /// Rebuilds the trees of these tables, if any of their pages are lost.
-    fn mend(&mut self, tables: &[Table]) -> io::Result<()> {
+    /// Rebuilds the trees of these tables, if any of their pages are lost. Returns whether any are.
+    fn mend(&mut self, tables: &[Table]) -> io::Result<bool> {
         let mut damaged = Vec::new();
         for table in tables {
             let mut parts = Vec::new();
@@ -119,7 +143,7 @@ impl<'a> Pages<'a> {
             }
         }
         if damaged.is_empty() {
-            return self.write_header();
+            return self.write_header().map(|()| false);
         }
         let strays = self.strays()?;
         let mut found: Vec<Vec<&Stray>> = damaged.iter().map(|_| Vec::new()).collect();
@@ -128,9 +152,10 @@ impl<'a> Pages<'a> {
                 found[at].push(stray);
             }
         }
-        if damaged[0].0.root == 1 && found[0].is_empty() {
+        let (first, parts) = &damaged[0];
+        if first.root == 1 && found[0].is_empty() && parts.iter().all(|part| part.page.is_none()) {
             // Perhaps it is not a database at all.
-            return Ok(());
+            return Ok(false);
         }
         let lost = self.append(&vec![0; self.size])?;
         for ((table, parts), strays) in damaged.iter().zip(&found) {
@@ -141,7 +166,7 @@ impl<'a> Pages<'a> {
             }
             self.build(table.root, pages)?;
         }
-        self.write_header()
+        self.write_header().map(|()| true)
     }
 
     /// The parts of the tree below a page, whose rows end with `last`.
@@ -276,7 +301,6 @@ fn filled(parts: &[Part], strays: &[&Stray], lost: u32) -> Vec<(i64, u32)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::connection;
     use super::super::log::PAGE;
     use super::*;
     use std::collections::BTreeSet;
@@ -361,7 +385,7 @@ mod tests {
     fn compare(path: &Path, content: &[u8], what: &str) -> usize {
         std::fs::write(path, content).unwrap();
         let file = DatabaseFile::at(path);
-        mend(&file, PAGE).unwrap();
+        mend(&file, PAGE, None).unwrap();
         let (read, left) = (names(&file), left(content));
         assert!(read == left, "{what}: {} of {}", read.len(), left.len());
         left.len()
