@@ -268,10 +268,11 @@ pub(super) fn put_tables_back(
     tables: &[[String; 4]],
     roots: &[u32],
 ) -> sql::Result<()> {
-    for ([kind, name, table, text], root) in tables.iter().zip(roots) {
+    // SQLite reads the schema in the order of its rows, and a table must come before its indices.
+    for (([kind, name, table, text], root), rowid) in tables.iter().zip(roots).zip(-1000..) {
         db.execute(
-            "INSERT INTO sqlite_schema (type, name, tbl_name, rootpage, sql) VALUES ($1, $2, $3, $4, $5)",
-            params![kind, name, table, i64::from(*root), text],
+            "INSERT INTO sqlite_schema (rowid, type, name, tbl_name, rootpage, sql) VALUES ($1, $2, $3, $4, $5, $6)",
+            params![rowid, kind, name, table, i64::from(*root), text],
         )?;
     }
     Ok(())
