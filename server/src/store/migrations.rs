@@ -1,8 +1,12 @@
 //! Migrations of both databases: all missing ones are applied in one transaction, or none.
 
+mod renewal;
+
+pub(super) use renewal::{put_back, renew};
+
 use super::error::StoreError;
 use super::misfit::Misfit;
-use super::sql::{self, Connection, params};
+use super::sql::{self, Connection};
 use sha2::{Digest, Sha256, Sha384};
 use sqlx::migrate::{Migrate, MigrateError, Migration, MigrationType, Migrator};
 use sqlx::{
@@ -175,133 +179,15 @@ pub(super) fn apply(db: &Connection) -> Result<(), Failure> {
     )?
 }
 
-/// Repairs the parts of a damaged SQLite file that are the same in every database of this version:
-/// the text of the schema, the mark, and the table of migrations. The mark came with the last
-/// migration, so a file that has one is of this version. `db` may write the schema; `like` has all
-/// migrations and no data.
-pub(super) fn renew(db: &Connection, like: &Connection) -> Result<(), Failure> {
-    const MARK: &str = "mark";
-    let [found, known] = [schema(db)?, schema(like)?];
-    if found.iter().all(|(_, [_, name, ..])| name != MARK) {
-        return Ok(db.batch("PRAGMA writable_schema = RESET")?);
-    }
-    for (rowid, words) in renewed(&found, &known) {
-        let [kind, name, table, sql] = words;
-        db.execute(
-            "UPDATE sqlite_schema SET type = $2, name = $3, tbl_name = $4, sql = NULLIF($5, '') WHERE rowid = $1",
-            params![rowid, kind, name, table, sql],
-        )?;
-    }
-    db.batch("PRAGMA writable_schema = RESET")?;
-    for [kind, _, _, text] in missing(&found, &known) {
-        if kind == "index" {
-            // A query reads the whole table if the index cannot be made.
-            let _ = db.batch(text);
-        }
-    }
-    let is_lost = |table: &str| {
-        let mut read = db.prepare_cached(&format!("SELECT * FROM {table}"))?;
-        let rows =
-            read.query_map([], |_| Ok(())).and_then(Iterator::collect::<sql::Result<Vec<_>>>);
-        Ok::<_, sql::Error>(rows.is_err_and(|error| matches!(error.into(), StoreError::Corrupt(_))))
-    };
-    let is_other = matches!(check(db), Err(Failure::Misfit(Misfit::Other(_))));
-    let lost = [is_lost(MARK)?, is_lost(TABLE)? || is_other];
-    for (table, is_lost) in [MARK, TABLE].into_iter().zip(lost) {
-        if is_lost {
-            db.batch(&format!(
-                "PRAGMA writable_schema = ON; DELETE FROM sqlite_schema WHERE tbl_name = '{table}'; \
-                 PRAGMA writable_schema = RESET"
-            ))?;
-        }
-    }
-    if let ([true, _], Some((.., made))) = (lost, SQLITE.last()) {
-        db.batch(made)?;
-    }
-    if lost[1] {
-        let known = Migrator::with_migrations(SQLITE.iter().copied().map(migration).collect());
-        let adopted = SQLITE.iter().map(|(version, ..)| *version).collect();
-        let missing = Missing { known, adopted };
-        db.with_link(
-            async |db| missing.apply::<Sqlite>(db, "BEGIN IMMEDIATE", None, None).await,
-            async |_| Ok(()),
-        )??;
-    }
-    Ok(())
-}
-
-/// A row of a schema: its number, and the type, name, table and SQL text of an object.
-type Words = (i64, [String; 4]);
-
-fn schema(db: &Connection) -> sql::Result<Vec<Words>> {
-    let text = |column: &str| format!("CAST(coalesce({column}, '') AS TEXT)");
-    let columns = ["type", "name", "tbl_name", "sql"].map(text).join(", ");
-    let mut statement =
-        db.prepare_cached(&format!("SELECT rowid, {columns} FROM sqlite_schema"))?;
-    let row =
-        |row: &sql::Row| Ok((row.get(0)?, [row.get(1)?, row.get(2)?, row.get(3)?, row.get(4)?]));
-    statement.query_map([], row)?.collect()
-}
-
-/// The definitions of `known` whose names `found` does not have.
-fn missing<'a>(found: &[Words], known: &'a [Words]) -> Vec<&'a [String; 4]> {
-    let has = |name: &String| found.iter().any(|(_, [_, found, ..])| found == name);
-    let known = known.iter().map(|(_, words)| words);
-    known.filter(|[_, name, _, text]| !has(name) && !text.is_empty()).collect()
-}
-
-/// The definitions of tables that a damaged file has lost; none if it has a table that no database
-/// of this version has.
-pub(super) fn missing_tables(db: &Connection, like: &Connection) -> sql::Result<Vec<[String; 4]>> {
-    let [found, known] = [schema(db)?, schema(like)?];
-    let is_table = |[kind, name, ..]: &[String; 4]| kind == "table" && !name.starts_with("sqlite_");
-    let is_ours = |(_, words): &Words| {
-        !is_table(words) || is_older(words) || known.iter().any(|(_, known)| known == words)
-    };
-    let tables = missing(&found, &known).into_iter().filter(|words| is_table(words)).cloned();
-    Ok(if found.iter().all(is_ours) { tables.collect() } else { Vec::new() })
-}
-
-/// Puts these definitions of tables back into the schema, each with its root page.
-pub(super) fn put_tables_back(
-    db: &Connection,
-    tables: &[[String; 4]],
-    roots: &[u32],
-) -> sql::Result<()> {
-    // SQLite reads the schema in the order of its rows, and a table must come before its indices.
-    for (([kind, name, table, text], root), rowid) in tables.iter().zip(roots).zip(-1000..) {
-        db.execute(
-            "INSERT INTO sqlite_schema (rowid, type, name, tbl_name, rootpage, sql) VALUES ($1, $2, $3, $4, $5, $6)",
-            params![rowid, kind, name, table, i64::from(*root), text],
-        )?;
-    }
-    Ok(())
-}
-
-/// Whether this is the table of migrations as earlier versions created it, with other SQL text.
-fn is_older([_, name, _, text]: &[String; 4]) -> bool {
-    let columns =
-        ["version", "description", "installed_on", "success", "checksum", "execution_time"];
-    name == TABLE && columns.iter().all(|column| text.contains(column))
-}
-
-/// Rows of a schema that differ from `known`, each with its replacement: the row with the same
-/// name, or the same text, or else the only missing one.
-fn renewed(found: &[Words], known: &[Words]) -> Vec<Words> {
-    let is_known = |words: &[String; 4]| known.iter().any(|(_, known)| known == words);
-    let is_missing = |known: &[String; 4]| found.iter().all(|(_, words)| words != known);
-    let missing: Vec<_> =
-        known.iter().map(|(_, words)| words).filter(|it| is_missing(it)).collect();
-    let odd = found.iter().filter(|(_, words)| !is_known(words) && !is_older(words));
-    let odd: Vec<_> = odd.collect();
-    let was = |[kind, name, _, text]: &[String; 4]| {
-        let same_name = missing.iter().find(|it| it[1] == *name);
-        let same_text = || missing.iter().find(|it| !text.is_empty() && it[3] == *text);
-        let only = || missing.iter().find(|it| it[0] == *kind).filter(|_| odd.len() == 1);
-        let any = || missing.first().filter(|_| odd.len() == 1 && missing.len() == 1);
-        same_name.or_else(same_text).or_else(only).or_else(any).map(|it| (*it).clone())
-    };
-    odd.iter().filter_map(|(rowid, words)| Some((*rowid, was(words)?))).collect()
+/// Creates the table of migrations in a SQLite file that has all of them.
+fn record_all(db: &Connection) -> Result<(), Failure> {
+    let known = Migrator::with_migrations(SQLITE.iter().copied().map(migration).collect());
+    let adopted = SQLITE.iter().map(|(version, ..)| *version).collect();
+    let missing = Missing { known, adopted };
+    db.with_link(
+        async |db| missing.apply::<Sqlite>(db, "BEGIN IMMEDIATE", None, None).await,
+        async |_| Ok(()),
+    )?
 }
 
 fn files(db: &Connection) -> Files {

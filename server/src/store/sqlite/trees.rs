@@ -21,6 +21,9 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 
+/// More than the number of tables.
+const MOST_TABLES: usize = 100;
+
 /// Rebuilds the trees of a file that have lost a page. The file has no log. In the rebuilt trees,
 /// missing rows refer to a page that SQLite reports as damaged. If the schema has lost a page, its
 /// tables are put back as they are in the database `like`, which has all migrations.
@@ -49,16 +52,17 @@ pub(super) fn mend(named: &DatabaseFile, page: usize, like: Option<&Connection>)
     }
 }
 
-/// Puts back the lost definitions of tables, each with an empty root page: the table has lost all
-/// its pages. The implicit indices of their constraints are not put back: SQLite reports them as
-/// damaged, and so a query does not take an empty index for an empty table.
+/// Puts back the lost part of the schema.
 fn put_back(named: &DatabaseFile, pages: &mut Pages<'_>, like: &Connection) -> sql::Result<()> {
-    let missing = migrations::missing_tables(&connection::mending(named.path())?, like)?;
-    let lost = vec![0; pages.size];
-    let roots = missing.iter().map(|_| pages.append(&lost)).collect::<io::Result<Vec<_>>>();
-    let roots = roots.and_then(|roots| pages.write_header().map(|()| roots));
-    let Ok(roots) = roots else { return Ok(()) };
-    migrations::put_tables_back(&connection::mending(named.path())?, &missing, &roots)
+    let (blank, first) = (vec![0; pages.size], pages.count + 1);
+    let appended = (0..MOST_TABLES).try_for_each(|_| pages.append(&blank).map(drop));
+    match appended.and_then(|()| pages.write_header()) {
+        Ok(()) => {
+            let db = connection::mending(named.path())?;
+            migrations::put_back(&db, like, first..pages.count + 1)
+        }
+        Err(_) => Ok(()),
+    }
 }
 
 /// The rows of a tree from the end of the previous part up to `last`.
