@@ -45,37 +45,38 @@ pub use upload::{KeyEvent, TrialStored, TrialUpload};
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
-/// Version of everything in this module; a client built for another version must reload.
+/// Version of the interface. A client built for another version must reload.
 pub const SCHEMA_VERSION: u32 = 2;
 
-/// Largest request body, bytes. A trial is about 10,000.
+/// Maximum size of a request body (bytes). A trial has about 10,000 bytes.
 pub const MAX_BODY_BYTES: usize = 262_144;
 
-/// Most key events of a trial: far more than the fastest typing in ten seconds.
+/// Maximum number of key events in a trial. Even the fastest typing in ten seconds produces far
+/// fewer.
 pub const MAX_KEY_EVENTS: usize = 2_000;
 
-/// Shortest request id of an enrolment, bytes.
+/// Minimum length of an enrolment's request id (bytes).
 pub const MIN_REQUEST_ID_BYTES: usize = 16;
 
-/// Longest keyboard key name, external id or locale, characters.
+/// Maximum length (characters) of a keyboard key's name, an external id or a locale.
 pub const MAX_NAME_CHARS: usize = 128;
 
-/// Most URL parameters of an enrolment.
+/// Maximum number of URL parameters in an enrolment.
 pub const MAX_PARAMETERS: usize = 20;
 
-/// Most page events of a trial.
+/// Maximum number of page events in a trial.
 pub const MAX_PAGE_EVENTS: usize = 1_000;
 
-/// Largest free-form object (screen, display) as JSON, bytes.
+/// Maximum size of a free-form object (screen, display) as JSON (bytes).
 pub const MAX_OBJECT_BYTES: usize = 8_192;
 
 /// Body of every error response.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Problem {
-    /// A stable code for programs.
+    /// Stable error code, for programs.
     pub code: String,
-    /// A sentence for people.
+    /// Error message, for people.
     pub message: String,
     /// The field that caused the error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -114,7 +115,7 @@ fn first() -> u32 {
     1
 }
 
-// serde passes a reference.
+// Serde passes a reference to `skip_serializing_if`.
 #[expect(clippy::trivially_copy_pass_by_ref)]
 fn is_first(count: &u32) -> bool {
     *count == 1

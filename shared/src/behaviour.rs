@@ -9,7 +9,7 @@ use crate::vehicle::TurnInput;
 use crate::vehicle::dubins::relative_state;
 use serde::Serialize;
 
-/// Number of parts of a participant's tasks, to show how behaviour changes.
+/// Number of consecutive parts of a participant's tasks, to show how behaviour changes.
 pub const PARTS: usize = 5;
 
 /// Confidence level of intervals.
@@ -22,11 +22,12 @@ pub struct TaskBehaviour {
     pub trial: u64,
     /// Whether the human was in the robot's danger zone at any time.
     pub in_danger: bool,
-    /// Smallest distance between the vehicles, m.
+    /// Smallest distance between the vehicles (m).
     pub closest_m: f64,
-    /// Whether the robot was to the left of the human in the closest recorded state.
+    /// Whether the robot was to the left of the human in the recorded state with the smallest
+    /// distance.
     pub robot_on_left: bool,
-    /// The first turn; none if the human drove straight on.
+    /// The first turn; `None` if the human never turned.
     pub onset: Option<Onset>,
     /// Share of steps in which the human turned, from 0 to 1.
     pub turning: f64,
@@ -35,9 +36,9 @@ pub struct TaskBehaviour {
 /// When and how a participant starts to steer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Onset {
-    /// Time after the start of the scene, s.
+    /// Time after the start of the scene (s).
     pub time_s: f64,
-    /// Distance between the vehicles, m.
+    /// Distance between the vehicles (m).
     pub distance_m: f64,
     /// Whether the human turns left.
     pub to_left: bool,
@@ -75,26 +76,27 @@ pub struct BehaviourSummary {
     pub tasks: usize,
     /// Number of tasks in which the human was in the danger zone.
     pub in_danger: usize,
-    /// Mean of the smallest distance, m.
+    /// Mean over the tasks of the smallest distance (m).
     pub closest_m: f64,
-    /// Smallest distance of all, m.
+    /// Smallest distance in any of the tasks (m).
     pub least_m: f64,
     /// Number of tasks in which the human turned at all.
     pub steered: usize,
     /// Of these, the number in which the first turn was to the left.
     pub to_left: usize,
-    /// Number of tasks in which the robot was to the left of the human when closest.
+    /// Number of tasks in which the robot was to the left of the human when the vehicles were
+    /// closest.
     pub robot_on_left: usize,
-    /// Mean time of the first turn, s, over the tasks that have one.
+    /// Mean time of the first turn (s), over the tasks with a turn.
     pub onset_s: Option<f64>,
-    /// Mean distance between the vehicles at the first turn, m.
+    /// Mean distance between the vehicles at these first turns (m).
     pub onset_distance_m: Option<f64>,
     /// Mean share of steps in which the human turned, from 0 to 1.
     pub turning: f64,
 }
 
 impl BehaviourSummary {
-    /// Summarises these tasks; none without tasks.
+    /// Summarises these tasks. Returns `None` if there are no tasks.
     #[must_use]
     pub fn of(tasks: &[TaskBehaviour]) -> Option<Self> {
         let count = |is: &dyn Fn(&TaskBehaviour) -> bool| tasks.iter().filter(|of| is(of)).count();
@@ -116,7 +118,7 @@ impl BehaviourSummary {
         })
     }
 
-    /// The tally of tasks in the danger zone.
+    /// The number of tasks in the danger zone, and of all tasks.
     fn danger(&self) -> Tally {
         Tally { hits: self.in_danger, of: self.tasks }
     }
@@ -127,11 +129,11 @@ impl BehaviourSummary {
 pub struct PersonBehaviour {
     /// The participant's name or number in the data.
     pub name: String,
-    /// Each task, in order.
+    /// The participant's tasks, in order.
     pub tasks: Vec<TaskBehaviour>,
     /// Summary of all tasks.
     pub all: BehaviourSummary,
-    /// Summary of each of [`PARTS`] equal parts of the tasks, in order; none for an empty part.
+    /// Summary of each of [`PARTS`] equal parts of the tasks, in order; `None` for an empty part.
     pub parts: Vec<Option<BehaviourSummary>>,
 }
 
@@ -140,7 +142,7 @@ pub struct PersonBehaviour {
 pub struct Behaviour {
     /// Each participant with at least one task.
     pub people: Vec<PersonBehaviour>,
-    /// Summary of all participants' tasks; none without tasks.
+    /// Summary of all participants' tasks; `None` if there are no tasks.
     pub all: Option<BehaviourSummary>,
     /// Share of all tasks in which the human was in the danger zone, with a 95 % interval that
     /// counts the tasks of one participant as a single observation.
@@ -151,7 +153,7 @@ pub struct Behaviour {
 }
 
 impl Behaviour {
-    /// The behaviour in these participants' trials, which are tasks.
+    /// The behaviour in these participants' trials. All trials must be tasks.
     #[must_use]
     pub fn of<'a>(
         parameters: &SceneParameters,
@@ -183,8 +185,8 @@ impl Behaviour {
         Self { danger, danger_of_people, all: BehaviourSummary::of(&tasks), people }
     }
 
-    /// For each of [`PARTS`] parts of the tasks, the numbers of the participants for whom `value`
-    /// returns one, and their mean (0 if there are none).
+    /// For each of the [`PARTS`] parts of the tasks, returns the numbers that `value` returns for
+    /// the participants, and their mean (0 if there are no numbers).
     pub fn by_part(
         &self,
         value: impl Fn(&BehaviourSummary) -> Option<f64>,
@@ -206,7 +208,8 @@ mod tests {
     use crate::trial::{Phase, simulate};
     use crate::vehicle::Pose;
 
-    /// Head-on from 20 m, offset by 1 m: the human drives `inputs`, then straight on.
+    /// A head-on encounter from 20 m, offset by 1 m. The human drives `inputs` and then straight
+    /// on.
     fn driven(number: u64, inputs: &[TurnInput]) -> RecordedTrial {
         let parameters = SceneParameters::default();
         let mut all = vec![TurnInput::Straight; parameters.steps];

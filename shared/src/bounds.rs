@@ -10,7 +10,7 @@ use crate::scene::{JointState, SceneParameters};
 use core::fmt;
 use serde::{Deserialize, Serialize};
 
-/// Lowest and highest turn rate of each coming step, rad/s.
+/// Lowest and highest turn rate of each future step (rad/s).
 #[derive(Debug, PartialEq)]
 pub struct InputBounds {
     lo: Vec<f64>,
@@ -63,13 +63,13 @@ impl InputBounds {
         self.lo.len()
     }
 
-    /// Lowest turn rate of each step, rad/s.
+    /// Lowest turn rate of each step (rad/s).
     #[must_use]
     pub fn lo(&self) -> &[f64] {
         &self.lo
     }
 
-    /// Highest turn rate of each step, rad/s.
+    /// Highest turn rate of each step (rad/s).
     #[must_use]
     pub fn hi(&self) -> &[f64] {
         &self.hi
@@ -88,12 +88,12 @@ fn check_range(field: &str, (low, high): (f64, f64)) -> Result<(), Invalid> {
 /// The learned function G: the probability of each human action, given the joint states so far.
 /// It must be deterministic.
 pub trait ActionModel {
-    /// The turn rate of each action, rad/s, in any order; at least one.
+    /// The turn rate of each action (rad/s), in any order. There is at least one action.
     fn actions(&self) -> &[f64];
 
-    /// Writes the probability of each action to `out`. `history` has every joint state from the
-    /// beginning of the trial, including predicted ones. It ends with the state in which the action
-    /// is taken and is never empty.
+    /// Writes the probability of each action to `out`. `history` contains every joint state since
+    /// the beginning of the trial, including predicted states. It ends with the state in which the
+    /// action is taken and is never empty.
     fn probabilities(&self, history: &[JointState], out: &mut [f64]);
 }
 
@@ -107,19 +107,19 @@ impl<M: ActionModel + ?Sized> ActionModel for &M {
     }
 }
 
-/// Speeds and turn rates of both vehicles in roll-outs. A turn rate is a range, rad/s, that need
+/// Speeds and turn rates of both vehicles in roll-outs. A turn rate is a range (rad/s), which need
 /// not be symmetric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// The human's speed, m/s.
+    /// The human's speed (m/s).
     pub human_speed_mps: f64,
     /// Lowest and highest turn rate of the human, u_min and u_max.
     pub human_turn_rate: (f64, f64),
-    /// The robot's speed, m/s.
+    /// The robot's speed (m/s).
     pub robot_speed_mps: f64,
     /// Lowest and highest turn rate of the robot.
     pub robot_turn_rate: (f64, f64),
-    /// Length of a step, s.
+    /// Length of a step (s).
     pub step_s: f64,
 }
 
@@ -154,19 +154,19 @@ impl From<&SceneParameters> for Motion {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum ActionChoice {
-    /// The k most likely at each coming step, and every action that ties with the k-th.
+    /// The k most likely actions at each future step, and every action that ties with the k-th.
     TopK(Vec<usize>),
-    /// Those with P(a) ≥ min(τ, max P).
+    /// The actions with P(a) ≥ min(τ, max P).
     Adaptive {
         /// The probability threshold τ, in (0, 1].
         tau: f64,
-        /// Number of coming steps.
+        /// Number of future steps.
         steps: usize,
     },
 }
 
 impl ActionChoice {
-    /// Number of coming steps, T.
+    /// Number of future steps, T.
     #[must_use]
     pub fn steps(&self) -> usize {
         match self {
@@ -176,7 +176,7 @@ impl ActionChoice {
     }
 }
 
-/// `k = 3 3 2 1 …` or `τ = 0.1`.
+/// Formats the rule as `k = 3 3 2 1 …` or `τ = 0.1`.
 impl fmt::Display for ActionChoice {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -196,7 +196,7 @@ impl fmt::Display for ActionChoice {
 pub enum Rollout {
     /// The bounds of F_1, widened by ε_1, as printed in the paper.
     Paper,
-    /// The bounds before widening: regions are then guaranteed to grow with ε_1.
+    /// The bounds before widening. Regions are then guaranteed to grow with ε_1.
     Base,
 }
 
@@ -220,19 +220,19 @@ pub struct BoundsSettings {
     actions: usize,
 }
 
-/// The turn rate of the paper's human, rad/s, for which its ε are chosen.
+/// The turn rate of the paper's human (rad/s), for which the paper's ε are chosen.
 const PAPERS_TURN_RATE_RADPS: f64 = 0.5;
 
-/// Scales the paper's widenings ε, rad/s, to a human of this turn rate. The last one, twice the
-/// turn rate, admits every turn.
+/// Scales the paper's widenings ε (rad/s) to a human with this turn rate. The last widening is
+/// twice the turn rate and admits every turn.
 #[must_use]
 pub fn in_proportion(epsilon: &[f64], turn_rate_radps: f64) -> Vec<f64> {
     epsilon.iter().map(|epsilon| epsilon * (turn_rate_radps / PAPERS_TURN_RATE_RADPS)).collect()
 }
 
 impl BoundsSettings {
-    /// Settings for `epsilon.len()` sets (rad/s, ascending from ≥ 0) over the
-    /// steps of `choice`, for a model of `actions` actions.
+    /// Settings for `epsilon.len()` sets over the steps of `choice`, for a model with `actions`
+    /// actions. `epsilon` must be ≥ 0 and ascending (rad/s).
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -277,13 +277,13 @@ impl BoundsSettings {
         Ok(Self { epsilon, choice, rollout, actions })
     }
 
-    /// The number of steps ahead, T.
+    /// The number of future steps, T.
     #[must_use]
     pub fn steps(&self) -> usize {
         self.choice.steps()
     }
 
-    /// The widening of each set, rad/s.
+    /// The widening of each set (rad/s).
     #[must_use]
     pub fn epsilon(&self) -> &[f64] {
         &self.epsilon

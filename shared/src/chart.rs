@@ -1,9 +1,10 @@
 //! Charts as data, with one renderer for pages, reports and files.
 //!
-//! A [`Chart`] has two axes and layers, all in the units of its axes. [`Chart::draw`] turns it into
-//! a [`Drawing`]: lines, areas and words in pixels. [`Drawing::svg`] writes it as a standalone
-//! file; [`Drawing::element`] returns a tree of SVG elements, which a page can turn into DOM nodes.
-//! [`Chart::table`] has the same numbers as a table, and [`Chart::legend`] explains the signs.
+//! A [`Chart`] has two axes, and layers in the units of these axes. [`Chart::draw`] turns it into a
+//! [`Drawing`]: lines, areas and text in pixels. [`Drawing::svg`] writes it as a standalone file;
+//! [`Drawing::element`] returns a tree of SVG elements, which a page can turn into DOM nodes.
+//! [`Chart::table`] returns the same numbers as a table, and [`Chart::legend`] explains the
+//! symbols.
 //!
 //! ```
 //! use sidestep::chart::{Axis, Chart, Mark, Series, colours};
@@ -18,8 +19,9 @@
 //! assert_eq!(chart.table().rows[1], ["4", "3.1"]);
 //! ```
 //!
-//! A page that scales a plot and sets its labels itself takes the ticks from [`Axis::ticks`] (each
-//! with its fraction of the axis) and draws only [`Chart::layers`] with [`Chart::draw_layers`].
+//! A page that scales a plot and places its labels itself takes the ticks from [`Axis::ticks`]
+//! (each with its position as a fraction of the axis). It draws only [`Chart::layers`], with
+//! [`Chart::draw_layers`].
 
 pub mod colours;
 mod drawing;

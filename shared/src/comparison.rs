@@ -3,8 +3,8 @@
 //! For every participant, feature set, model and experiment, [`run()`] trains a model, with
 //! hyper-parameters chosen by cross-validation over whole trials, and tests it on the participant's
 //! last tasks. From these cells [`analyse`] computes every number that a report prints: the paper's
-//! tables, the tests of differences, the ablation, calibration, roll-outs and findings. All of it
-//! is bit-for-bit independent of the order of rows and participants and of the number of threads.
+//! tables, the tests of differences, the ablation, calibration, roll-outs and findings. All results
+//! are bit-for-bit independent of the order of rows and participants and of the number of threads.
 
 pub mod metrics;
 pub mod split;

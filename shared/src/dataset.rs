@@ -9,7 +9,8 @@ use crate::scene::JointState;
 use crate::vehicle::TurnInput;
 use std::collections::HashMap;
 
-/// Upper bound on features, each in its unit, so that sums of many squares cannot overflow.
+/// Upper bound on the absolute value of a feature, in the feature's unit. It keeps sums of many
+/// squares from overflowing.
 const LARGEST_FEATURE: f64 = 1e9;
 
 fn is_usable(feature: f64) -> bool {
@@ -21,11 +22,11 @@ fn is_usable(feature: f64) -> bool {
 pub struct Dataset {
     /// The columns.
     pub features: FeatureSet,
-    /// The rows, each as long as `features`.
+    /// The rows, concatenated. Each row is as long as `features`.
     pub values: Vec<f64>,
     /// The label of each row.
     pub labels: Vec<TurnInput>,
-    /// The trial of each row, from 0. Rows of one trial must never be split between training and
+    /// The index of each row's trial, from 0. Rows of one trial must never be split between training and
     /// testing.
     pub trials: Vec<usize>,
 }
@@ -34,7 +35,7 @@ impl Dataset {
     /// The rows of a participant's trials, with all features.
     ///
     /// # Errors
-    /// [`Fault`] for a trial with a feature above 10⁹, which is impossible in a real drive.
+    /// [`Fault`] for a trial with a feature beyond ±10⁹, which is impossible in a real drive.
     pub fn of(participant: &RecordedParticipant, safety: &SafetyLevels) -> Result<Self, Fault> {
         let trials = participant.trials.iter().map(|trial| (&trial.inputs[..], &trial.states[..]));
         let data = Self::from_trials(&FeatureSet::all(), safety, trials);
@@ -120,7 +121,7 @@ impl Dataset {
     }
 }
 
-/// A step of a participant's trial: name, number of the trial, and step.
+/// A step of a participant's trial: the participant's name, the trial's number, and the step.
 pub type StepKey = (String, u64, u64);
 
 /// Features of one step that were computed elsewhere.
@@ -134,7 +135,7 @@ pub struct GivenRow {
     pub values: Vec<f64>,
 }
 
-/// Externally computed features that replace computed ones.
+/// Features that were computed elsewhere and replace the features computed here.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GivenFeatures {
     /// The features of each row.
@@ -146,11 +147,11 @@ pub struct GivenFeatures {
 }
 
 impl GivenFeatures {
-    /// Overwrites these features in `data`, the rows of `participant`.
+    /// Overwrites these features in `data`, which contains the rows of `participant`.
     ///
     /// # Errors
-    /// [`Fault`] for the participant's first invalid row, a step without a row, or a row whose
-    /// label differs from the step's input.
+    /// [`Fault`] for the participant's first invalid row, for a step without a row, or for a row
+    /// whose label differs from the step's input.
     pub fn replace(
         &self,
         participant: &RecordedParticipant,

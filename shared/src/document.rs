@@ -1,6 +1,7 @@
 //! Deserializes documents (JSON, TOML, queries) into typed values. A document that does not fit
-//! yields an [`Invalid`]: field, expected, found. It is built from the parts of serde's errors, so no
-//! code parses a parser's messages, except for numbers that are too large.
+//! yields an [`Invalid`] with the field, the expected value and the value found. This error is
+//! built from the parts of Serde's errors, so no code parses a parser's messages, except for
+//! numbers that are too large.
 
 mod nearest;
 
@@ -18,29 +19,29 @@ use serde_json::Value;
 /// Why a text could not be parsed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Unread {
-    /// It is not JSON: the parser's message, with line and column.
+    /// The text is not JSON. This is the parser's message, with line and column.
     #[error("{0}")]
     NotJson(String),
-    /// It is JSON, but does not match the type.
+    /// The text is JSON, but does not match the type.
     #[error(transparent)]
     Invalid(#[from] Invalid),
 }
 
-/// Deepest accepted nesting of lists and objects. Documents are a few levels deep; a hundred
+/// Maximum accepted nesting depth of lists and objects. Documents are a few levels deep; a hundred
 /// thousand nested brackets would overflow the stack.
 const DEEPEST: usize = 64;
 
-/// Whether the lists and objects of a text are nested more than 64 deep, which no document needs and
-/// which could overflow the stack of a recursive parser.
+/// Whether lists and objects of a text are nested more than 64 levels deep. No document needs this
+/// depth, and it could overflow the stack of a recursive parser.
 #[must_use]
 pub fn is_too_deep(text: &str) -> bool {
     nesting(text) > DEEPEST
 }
 
-/// Parses one JSON value of type `T`, with nothing after it.
+/// Parses one JSON value of type `T`. The text must have nothing after it.
 ///
 /// # Errors
-/// [`Unread`]; the whole text is checked for JSON syntax first, so the error for a malformed text
+/// [`Unread`]. The whole text is first checked for JSON syntax, so the error for a malformed text
 /// does not depend on the order of its faults.
 pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     if is_too_deep(text) {
@@ -52,8 +53,8 @@ pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     };
     serde_json::from_str::<IgnoredAny>(text).map_err(|e| Unread::NotJson(e.to_string()))?;
     let mut reader = serde_json::Deserializer::from_str(text);
-    // JSON's grammar allows numbers that a double cannot hold and lone surrogates ("\ud800") that a
-    // string cannot. Only the parser's message distinguishes them.
+    // JSON's grammar allows numbers that a double cannot hold, and lone surrogates ("\ud800") that
+    // a string cannot hold. Only the parser's message distinguishes the two.
     let value: Value = serde_path_to_error::deserialize(&mut reader).map_err(|e| {
         if !e.inner().to_string().starts_with("number out of range") {
             return Unread::NotJson(e.inner().to_string());
@@ -68,11 +69,11 @@ pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     }
 }
 
-/// Parses one JSON object as a `T`, with nothing after it. (serde would also accept a list of the
-/// fields in order.)
+/// Parses one JSON object as a `T`. The text must have nothing after it. (Serde would also accept a
+/// list of the fields in order.)
 ///
 /// # Errors
-/// As for [`from_json`], and [`Invalid`] for a value that is not an object.
+/// The errors of [`from_json`], and [`Invalid`] for a value that is not an object.
 pub fn object_from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     if text.trim_start().starts_with('{') {
         return from_json(text);
@@ -101,7 +102,7 @@ fn nesting(text: &str) -> usize {
 /// Converts a value to a `T`.
 ///
 /// # Errors
-/// [`Invalid`] naming the field within the value; the empty field is the value itself.
+/// [`Invalid`] naming the field within the value. An empty name stands for the value itself.
 pub fn from_value<T: DeserializeOwned>(value: &Value) -> Result<T, Invalid> {
     serde_path_to_error::deserialize(Node(value)).map_err(|error| {
         let path = error.path().to_string();
@@ -172,7 +173,7 @@ impl<'de> Deserializer<'de> for Node<'de> {
         visitor.visit_newtype_struct(self)
     }
 
-    /// A variant's name, or an object whose only field is the name.
+    /// Accepts a variant's name, or an object whose only field is the name.
     fn deserialize_enum<V: Visitor<'de>>(
         self,
         _: &'static str,
@@ -195,10 +196,10 @@ impl<'de> Deserializer<'de> for Node<'de> {
     }
 }
 
-/// Most characters of an unknown name that an error shows.
+/// Maximum number of characters of an unknown name that an error shows.
 const MOST_SHOWN: usize = 60;
 
-/// Carries an [`Invalid`] through serde.
+/// Carries an [`Invalid`] through Serde.
 #[derive(Debug)]
 struct Misfit(Invalid);
 
@@ -211,7 +212,7 @@ impl fmt::Display for Misfit {
 impl core::error::Error for Misfit {}
 
 impl serde::de::Error for Misfit {
-    /// Restores the parts of an [`Invalid`].
+    /// Recovers the parts of an [`Invalid`] from its text.
     fn custom<T: fmt::Display>(message: T) -> Self {
         let text = format!("{message:#}");
         let mut parts = text.splitn(3, SEPARATOR);
@@ -237,7 +238,7 @@ impl serde::de::Error for Misfit {
         Self(Invalid::new("", one_of(expected), format!("{variant:?}")))
     }
 
-    /// The path ends with the field.
+    /// Leaves the field empty, because the path already ends with it.
     fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
         let meant = did_you_mean(field, expected.iter().copied());
         let expected = format!("one of the fields {}", one_of(expected));
@@ -250,7 +251,7 @@ impl serde::de::Error for Misfit {
     }
 }
 
-/// Describes a visitor's expectation in the document's terms; serde names Rust types.
+/// Describes a visitor's expectation in the document's terms, because Serde names Rust types.
 fn expectation(expected: &dyn Expected) -> String {
     let expected = expected.to_string();
     let entries = ["an array of length ", "a tuple of size "];
@@ -277,7 +278,8 @@ fn finding(found: Unexpected<'_>) -> String {
         Unexpected::Bool(flag) => flag.to_string(),
         Unexpected::Unsigned(number) => number.to_string(),
         Unexpected::Signed(number) => number.to_string(),
-        // 3.0 is not a whole number in TOML; printed as `3`, the error would contradict itself.
+        // 3.0 is not a whole number in TOML. If it were printed as `3`, the error would contradict
+        // itself.
         Unexpected::Float(number) if number.fract() == 0.0 => format!("{number}.0"),
         Unexpected::Float(number) => number.to_string(),
         Unexpected::Str(text) => format!("{text:?}"),
@@ -296,7 +298,7 @@ fn found_value(value: &Value) -> String {
     }
 }
 
-/// `a, b or c`.
+/// Joins words as in `a, b or c`.
 fn one_of(words: &[&str]) -> String {
     match words {
         [] => "nothing".to_owned(),
@@ -321,7 +323,7 @@ pub fn decimal(text: &str) -> Option<f64> {
     }
     let digit = |number: u64, byte: u8| 10 * number + u64::from(byte - b'0');
     let number = whole.bytes().chain(part.bytes()).fold(0, digit);
-    // Both are exact, so the quotient is the nearest double.
+    // Both numbers are exact, so the quotient is the nearest double.
     let divisor = (0..part.len()).fold(1u64, |power, _| 10 * power);
     Some(sign * (number as f64 / divisor as f64))
 }

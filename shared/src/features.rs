@@ -1,5 +1,5 @@
-//! The inputs of predictors: features of the joint states so far (all in `features/table.rs`), and
-//! ordered sets of features.
+//! The inputs of predictors: features of the joint states so far (`features/table.rs` defines all
+//! of them), and ordered sets of features.
 
 mod table;
 
@@ -12,8 +12,8 @@ use crate::scene::{Evader, JointState, SceneParameters};
 use core::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
 
-/// The human's past turns. A model with them has memory, so in a roll-out it can hold a key and
-/// release it.
+/// The human's past turns. A model with these features has memory, so in a roll-out it can hold a
+/// key and release it.
 const HISTORY: [&str; 3] = ["turned_1", "turned_2", "turned_5"];
 
 /// The name of the largest set: both safety levels, distance, the body frame and the human's past
@@ -26,11 +26,11 @@ pub const HISTORY_SET: &str = "hrd_body_history";
 pub struct FeatureSet(Vec<usize>);
 
 impl FeatureSet {
-    /// The paper's sets: B with safety levels and distance by letter (`hrd`, `hr`,
-    /// `hd`, `rd`, `h`, `r`, `d`), or B alone (the empty word).
+    /// The paper's sets: B with the safety levels and the distance that the letters select (`hrd`,
+    /// `hr`, `hd`, `rd`, `h`, `r`, `d`), or B alone (the empty string).
     ///
     /// # Errors
-    /// [`Invalid`] for another letter, a repeated letter or another order.
+    /// [`Invalid`] for any other letter, a repeated letter or letters in another order.
     pub fn subset(letters: &str) -> Result<Self, Invalid> {
         let base = ["abs_dx", "abs_dy", "dpsi", "cos_dpsi", "sin_dpsi"];
         let mut names: Vec<&str> = base.to_vec();
@@ -51,7 +51,7 @@ impl FeatureSet {
         Self::of(&names)
     }
 
-    /// Features by name, in the order given.
+    /// Features by name, in the given order.
     ///
     /// # Errors
     /// [`Invalid`] for an empty list, an unknown name or a repeated name.
@@ -78,10 +78,10 @@ impl FeatureSet {
         Ok(Self(chosen))
     }
 
-    /// [`HISTORY_SET`].
+    /// The set [`HISTORY_SET`].
     ///
     /// # Errors
-    /// Never: the table has these names.
+    /// Never, because the table has these names.
     pub fn with_history() -> Result<Self, Invalid> {
         let mut names: Vec<String> = Self::subset("hrd")?.into();
         names.extend(["robot_ahead", "robot_left"].iter().chain(&HISTORY).map(|&n| n.to_owned()));
@@ -105,14 +105,14 @@ impl FeatureSet {
         self.0.iter().map(|&index| &FEATURES[index])
     }
 
-    /// The first feature that depends on the game, if any does.
+    /// The first feature that depends on the game, if any.
     pub fn of_game(&self) -> Option<&'static Feature> {
         self.features().find(|feature| matches!(feature.compute, Compute::FromGame(_)))
     }
 
-    /// The safety levels that these features need: those of `parameters` if a feature depends on
-    /// the game. Otherwise those of two identical vehicles, which no feature uses and which need no
-    /// solve.
+    /// The safety levels that these features need. If a feature depends on the game, they are the
+    /// safety levels of `parameters`. Otherwise they are those of two identical vehicles, which no
+    /// feature uses and which need no solve.
     ///
     /// # Errors
     /// The errors of [`SafetyLevels::solve`].
@@ -128,15 +128,16 @@ impl FeatureSet {
     }
 
     /// Writes the features to `row`, which must have the length of the set. `history` contains the
-    /// joint states from the start of the trial to now, one per step; it must not be empty.
+    /// joint states from the start of the trial to the current one, one per step. It must not be
+    /// empty.
     pub fn compute_into(&self, history: &[JointState], safety: &SafetyLevels, row: &mut [f64]) {
         for (feature, value) in self.features().zip(row) {
             *value = feature.value(history, safety);
         }
     }
 
-    /// The same, given the previous state's row if there is one. Features that look back to the
-    /// start of the trial then cost no more than others.
+    /// Like [`Self::compute_into`], but starts from the row of the previous state, if there is one.
+    /// Features that look back to the start of the trial then cost no more than the others.
     pub fn compute_after(
         &self,
         before: Option<&[f64]>,
@@ -164,8 +165,8 @@ impl FeatureSet {
         self.features().any(|of| of.name == level || of.name.starts_with(slopes))
     }
 
-    /// The number of states that the features need, including the current one; only the last states
-    /// of a longer history matter. None if a feature looks back to the start of the drive.
+    /// The number of states that the features need, including the current state. Earlier states of
+    /// a longer history do not matter. `None` if a feature looks back to the start of the drive.
     #[must_use]
     pub fn states_needed(&self) -> Option<usize> {
         let needed = |of: &Feature| match of.name {
@@ -266,7 +267,7 @@ mod tests {
         assert_eq!(solved, Err(SolveError::Cancelled));
     }
 
-    /// For each feature alone: [`FeatureSet::states_needed`] states are necessary and sufficient.
+    /// For each feature alone, [`FeatureSet::states_needed`] states are necessary and sufficient.
     #[test]
     fn features_look_back_as_far_as_they_say() {
         let parameters = SceneParameters::default();
@@ -274,7 +275,7 @@ mod tests {
         let (human, robot) = (Pose::new(0.0, 0.0, 0.4), Pose::new(9.0, 1.0, 3.0));
         let mut history = vec![JointState { human, robot }];
         for step in 0..30 {
-            // Never straight, so that each step counts.
+            // The human never drives straight on, so that each step counts.
             let input = if step % 3 == 0 { TurnInput::Right } else { TurnInput::Left };
             history.push(history[step].advance(&parameters, input, 0.17 + 0.01 * step as f64));
         }

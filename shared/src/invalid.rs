@@ -2,11 +2,11 @@
 
 use core::fmt;
 
-/// A rejected value: the field, the expected value and the value found. Every parser of this crate
-/// returns it, so that HTTP, the command line and files report all three.
+/// A rejected value, with its field, the expected value and the value found. Every parser of this
+/// crate returns this error, so that HTTP, the command line and files report all three parts.
 ///
-/// The format `{:#}` separates the parts by [`SEPARATOR`], so that a caller can recover them from an
-/// error that contains only text, such as serde's.
+/// The format `{:#}` separates the parts by [`SEPARATOR`], so that a caller can recover them from
+/// an error that contains only text, such as Serde's error.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct Invalid {
     /// Path of the field, as in the input: `states[17].human`.
@@ -53,7 +53,7 @@ impl Invalid {
     }
 }
 
-/// Longer names and values are truncated: those in a file may have any length.
+/// Longer names and values are truncated, because those in a file may have any length.
 const MOST_SIGNS: usize = 400;
 
 /// Truncates a long text.
@@ -65,11 +65,11 @@ fn short(mut text: String) -> String {
     text
 }
 
-/// Longer numbers are shortened. An f64 has at most 17 significant digits, besides a sign, a point
-/// and some zeros.
+/// Longer numbers are shortened. An f64 has at most 17 significant digits, besides a sign, a
+/// decimal point and some zeros.
 const MOST_DIGITS: usize = 24;
 
-/// Writes a number of hundreds of digits as 1e300; returns anything else unchanged.
+/// Writes a number with hundreds of digits in the form 1e300. Returns any other text unchanged.
 fn brief(found: String) -> String {
     if found.len() <= MOST_DIGITS {
         return found;
@@ -109,13 +109,14 @@ pub fn all_finite(field: &str, values: &[f64]) -> Result<(), Invalid> {
     wrong.map_or(Ok(()), |i| finite(&format!("{field}[{i}]"), values[i]).map(|_| ()))
 }
 
-/// Upper bound of the numbers in a model: sums of products of three of them stay finite.
+/// Upper bound on the absolute value of a number in a model. Sums of products of three such numbers
+/// stay finite.
 const MOST_OF_MODEL: f64 = 1e100;
 
 /// Accepts a number of a model that is small enough for its products to stay finite.
 ///
 /// # Errors
-/// [`Invalid`] for a number beyond 10¹⁰⁰.
+/// [`Invalid`] for a number beyond ±10¹⁰⁰, and for NaN.
 pub fn moderate(field: &str, value: f64) -> Result<(), Invalid> {
     // NaN is in no range.
     if (-MOST_OF_MODEL..=MOST_OF_MODEL).contains(&value) {
@@ -127,7 +128,7 @@ pub fn moderate(field: &str, value: f64) -> Result<(), Invalid> {
 /// Accepts a list of numbers that [`moderate`] accepts.
 ///
 /// # Errors
-/// [`Invalid`] naming the first one beyond 10¹⁰⁰.
+/// [`Invalid`] naming the first number that [`moderate`] rejects.
 pub fn all_moderate(field: &str, values: &[f64]) -> Result<(), Invalid> {
     (0_usize..).zip(values).try_for_each(|(i, &value)| match moderate(field, value) {
         Err(invalid) => Err(Invalid { field: format!("{field}[{i}]"), ..invalid }),

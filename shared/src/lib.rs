@@ -4,23 +4,24 @@
 //! # Where to begin
 //! | task | type or function | example |
 //! |---|---|---|
-//! | how dangerous is a state, and which turn is best? | [`PursuitGame`](reachability::PursuitGame) and [`solve`](reachability::solve()); twins: [`ExactValue`](reachability::ExactValue) | `value` |
-//! | save and load a value function | [`ValueFunction::encode`](reachability::ValueFunction::encode) and `decode`; for NumPy, one way: [`npz`](reachability::npz::npz) | |
+//! | how dangerous is a state, and which turn is best? | [`PursuitGame`](reachability::PursuitGame) and [`solve`](reachability::solve()); for identical vehicles: [`ExactValue`](reachability::ExactValue) | `value` |
+//! | save and load a value function | [`ValueFunction::encode`](reachability::ValueFunction::encode) and `decode`; export to NumPy: [`npz`](reachability::npz::npz) | |
 //! | save and load a predictor | [`PredictorFile`](predict::PredictorFile), as JSON | |
 //! | a custom game | [`ControlAffine`](reachability::ControlAffine) or [`Game`](reachability::Game), [`cartesian::solve`](reachability::cartesian::solve) | `own_game` |
 //! | learn a person's next input | [`train`](learn::participant::train), [`Predictor`](predict::Predictor) | `train` |
 //! | where can a person be? | sets to draw: [`ShfrsPredictor`](shfrs::ShfrsPredictor); bounds alone: [`input_bounds`](bounds::input_bounds) | `online` |
 //! | the exact set under bounds, and whether it contains a state | [`ReachableSet`](reach::ReachableSet) | below |
 //! | sets that contain the next drive with a stated probability | [`tune`](shfrs::tuning::tune) | `tune` |
-//! | is a plan clear of the person, in a robot's loop? | [`OnlinePredictor`](clearance::OnlinePredictor), [`Plan`](clearance::Plan), [`CoverageBounds`](clearance::CoverageBounds) | `plan` |
+//! | in a robot's control loop, is a plan clear of the person? | [`OnlinePredictor`](clearance::OnlinePredictor), [`Plan`](clearance::Plan), [`CoverageBounds`](clearance::CoverageBounds) | `plan` |
 //! | the state of a game from two poses | [`relative_state`](vehicle::dubins::relative_state) | |
 //!
 //! Examples: `cargo run --release -p sidestep --example value`.
 //!
 //! # Model of the human
-//! A Dubins car: a point that moves at constant speed v and turns at a rate of at most ω. Reachable sets, SHFRS and
-//! clearances hold only for this model, not for a human who stops or walks at another speed. Guarantees are calibrated
-//! on trajectories of this model; recorded tracks of pedestrians do not follow it and are rejected
+//! The human is modelled as a Dubins car: a point that moves at constant speed v and turns at a
+//! rate of at most ω. Reachable sets, SHFRS and clearances hold only for this model, not for a
+//! human who stops or walks at another speed. Guarantees are calibrated on trajectories of this
+//! model. Recorded tracks of pedestrians do not follow it and are rejected
 //! ([`Trajectory::check`](shfrs::window::Trajectory::check)).
 //!
 //! # Features
@@ -31,16 +32,18 @@
 //! | `study` (default) | experiments with people: studies, synthetic participants, the paper's comparison, replays, charts and the server's wire types; includes `learn` |
 //! | `openapi` | JSON schemas of the wire types; includes `study` |
 //!
-//! A robot's planner needs none: `sidestep = { version = "0.1", default-features = false }`.
+//! A robot's planner needs none of these features: `sidestep = { version = "0.1", default-features
+//! = false }`.
 //!
 //! # Conventions
-//! SI units and radians. World frame: x to the right, y up, heading counter-clockwise from +x and
-//! wrapped to (−π, π]. A *relative state* is the pursuer's pose in the evader's frame (x ahead, y to
-//! the left). Time steps are integers; seconds appear only in interfaces. A turn to the left is
-//! positive.
+//! All quantities are in SI units and radians. World frame: x to the right, y up, heading
+//! counter-clockwise from +x and wrapped to (−π, π]. A *relative state* is the pursuer's pose in
+//! the evader's frame (x ahead, y to the left). A turn to the left is positive. Time steps are
+//! integers; seconds appear only in interfaces.
 //!
 //! # Glossary
-//! Code, files and documents use one word for each idea. Types have capital letters.
+//! Code, files and documents use one word for each idea. Names of types begin with a capital
+//! letter.
 //!
 //! | word | meaning |
 //! |---|---|
@@ -58,12 +61,12 @@
 //! | Flag | evidence about a trial that an analyst should know; it never changes the trial |
 //! | Recording | the trials of participants, with their origin |
 //! | Trajectory | the part of a trial that predictions need: joint states, and the turn rates between them |
-//! | Window | a part of a trajectory on which a prediction is made and judged |
+//! | Window | a part of a trajectory on which a prediction is made and evaluated |
 //! | danger zone | the disc of radius R_c around the robot |
 //! | PursuitGame | an evader, a pursuer and a radius; the evader maximises the least distance, the pursuer minimises it |
-//! | ValueFunction | V of a game: the least distance under optimal play, less the radius, m |
+//! | ValueFunction | V of a game: the least distance under optimal play, minus the radius (m) |
 //! | SafetyLevels | V_HR (the human evades) and V_RH (the robot evades); at ≤ 0 m the other vehicle can force a collision |
-//! | level set | the curve on which V has one value |
+//! | level set | the curve on which V has a given value |
 //! | row | one step of a trial, as features and a label |
 //! | feature | a number computed from the joint states so far; a predictor's input |
 //! | label, class | the input of a step, as the number that a predictor learns |
@@ -73,14 +76,14 @@
 //! | roll-out | a simulation of the coming steps whose inputs are predictions |
 //! | InputBounds | lowest and highest turn rate of each coming step (Algorithm 1) |
 //! | extremal | a path whose end is on the boundary of a reachable set (Pontryagin's principle) |
-//! | switching time | when the turn rate of an extremal changes from one bound to the other |
-//! | front, rear | the parts of the boundary that the paths reach that get farthest, and that get least far |
+//! | switching time | the time at which the turn rate of an extremal changes from one bound to the other |
+//! | front, rear | the parts of the boundary that are reached by the paths that get farthest (front) or least far (rear) |
 //! | ReachableSet | every state that is reachable under input bounds |
 //! | tube | every position that is reachable at any instant of the steps ahead |
 //! | SHFRS | stochastic human forward reachable sets: nested reachable sets with probabilities |
-//! | region | a nested set without the set inside it |
+//! | region | a nested set minus the set inside it |
 //! | Family | predicted sets that grow with a level (for SHFRS the level is ε) |
-//! | score | the least level whose set contains a window's trajectory |
+//! | score | the smallest level whose set contains a window's trajectory |
 //! | coverage | the share of windows whose trajectory a set contains |
 //! | Plan | the robot's planned poses, step by step |
 //! | footprint | the ground that the robot covers |

@@ -43,8 +43,8 @@ pub fn wrap_positive(angle: f64) -> f64 {
     if !(0.0..TAU).contains(&wrapped) { 0.0 } else { wrapped }
 }
 
-/// A power of two near `value` > 0: `value` divided by it is between 0.7 and 1.5. Division by a power
-/// of two does not round.
+/// A power of two near `value` > 0. `value` divided by this power is between 0.7 and 1.5. Division
+/// by a power of two has no rounding error.
 #[must_use]
 pub fn power_of_two_near(value: f64) -> f64 {
     let mut power = 1.0;
@@ -61,7 +61,7 @@ pub fn power_of_two_near(value: f64) -> f64 {
 #[must_use]
 pub fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-2 {
-        // Series: the next term is below 3·10⁻²² of the result here.
+        // Taylor series. The next term is below 3·10⁻²² of the result here.
         let x2 = x * x;
         1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0))
     } else {
@@ -69,8 +69,8 @@ pub fn sinc(x: f64) -> f64 {
     }
 }
 
-/// A random generator that gives the same numbers for a seed on every platform (ChaCha with 8
-/// rounds).
+/// A random number generator that returns the same numbers for a seed on every platform (ChaCha
+/// with 8 rounds).
 #[derive(Clone, Debug)]
 pub struct SeededRng(ChaCha8Rng);
 

@@ -1,7 +1,7 @@
 //! Parallelism: threads and SIMD lanes.
 //!
-//! Neither changes a bit of any result: each cell is computed independently of the others, from
-//! arrays that are read-only meanwhile, by IEEE operations in a fixed order.
+//! Neither changes a bit of any result. Each cell is computed independently of the others, with
+//! IEEE operations in a fixed order, from arrays that are read-only during the computation.
 
 use crate::invalid::Invalid;
 
@@ -14,14 +14,15 @@ pub fn default_threads() -> usize {
     return 1;
 }
 
-/// The threads of one solve.
+/// The worker threads of one solve.
 pub(super) struct Workers {
     #[cfg(not(target_arch = "wasm32"))]
     pool: Option<rayon::ThreadPool>,
 }
 
 impl Workers {
-    /// `threads` workers. A single worker is the caller's own thread, also if the system cannot start threads.
+    /// Creates `threads` workers. A single worker runs on the caller's thread, and so does all work
+    /// if the system cannot start threads.
     pub(super) fn new(threads: usize) -> Self {
         #[cfg(not(target_arch = "wasm32"))]
         {
@@ -56,7 +57,8 @@ impl Workers {
     }
 }
 
-/// Calls `work(item)` for each of `items` on all available threads; returns the results in order.
+/// Calls `work(item)` for each of `items` on all available threads, and returns the results in
+/// order.
 ///
 /// # Errors
 /// The error of the first item, in list order, for which `work` fails.
@@ -74,8 +76,8 @@ pub(crate) fn parallel_map<T: Sync, R: Send, E: Send>(
     items.iter().map(work).collect()
 }
 
-/// Calls `work(inputs, outputs)` for corresponding chunks, of `part` entries, of two lists of one
-/// length, on all available threads.
+/// Calls `work(inputs, outputs)` on all available threads, for corresponding chunks of `part`
+/// entries of two lists of the same length.
 pub(crate) fn parallel_parts<A: Sync, B: Send>(
     inputs: &[A],
     outputs: &mut [B],
@@ -104,11 +106,11 @@ pub(crate) trait Kernel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Lanes {
-    /// 128 bits: available on every machine.
+    /// 128 bits, available on every machine.
     Bits128,
-    /// 256 bits: AVX2.
+    /// 256 bits (AVX2).
     Bits256,
-    /// 512 bits: AVX-512.
+    /// 512 bits (AVX-512).
     Bits512,
 }
 
@@ -157,8 +159,9 @@ pub(crate) fn in_widest_lanes(kernel: impl Kernel) {
 
 /// Runs `kernel` with the widest lanes of this machine that are no wider than `most`.
 pub(crate) fn in_lanes(most: Lanes, kernel: impl Kernel) {
-    // A browser replaces a function by optimised code between two calls, never during one. Inlined into its
-    // caller, which runs once, the kernel would stay ten times as slow for the whole first solve.
+    // A browser switches a function to optimised code between two calls, never during a call. If
+    // the kernel were inlined into its caller, which runs once, it would stay ten times as slow for
+    // the whole first solve.
     #[inline(never)]
     fn called(kernel: impl Kernel) {
         kernel.run();

@@ -1,6 +1,6 @@
-//! Pictures of the world: shapes in metres, and the camera that maps metres to pixels. A browser paints
-//! them on a canvas; [`Picture::drawing`] converts them to a drawing for files. Colours and pens are those
-//! of charts.
+//! Pictures of the world: shapes in metres, and the camera that maps metres to pixels. A browser
+//! paints them on a canvas; [`Picture::drawing`] converts them to a drawing for files. Colours and
+//! pens are the same as in charts.
 
 pub mod stage;
 mod painting;
@@ -14,13 +14,13 @@ use core::fmt::{Display, Write as _};
 use core::ops::Range;
 use std::rc::Rc;
 
-/// Something to draw. Positions are world coordinates, m; widths and dashes of pens are CSS pixels. The
-/// picture stores corners and ends of lines in a reused buffer; see [`Picture::points`].
+/// A shape to draw. Positions are world coordinates (m); widths and dashes of pens are in CSS
+/// pixels. The picture stores the points of paths in a reused buffer; see [`Picture::points`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// A line through points. A NaN point lifts the pen.
     Path {
-        /// Its points.
+        /// The range of its points.
         points: Range<usize>,
         /// Whether the last point is joined to the first one.
         closed: bool,
@@ -33,7 +33,7 @@ pub enum Shape {
     Disc {
         /// Its centre.
         centre: [f64; 2],
-        /// Its radius, m.
+        /// Its radius (m).
         radius_m: f64,
         /// Fill colour.
         fill: Ink,
@@ -49,11 +49,11 @@ pub enum Shape {
         /// Its colour.
         colour: Colour,
     },
-    /// Words below a position.
+    /// Text below a position.
     Label {
         /// The position.
         at: [f64; 2],
-        /// The words.
+        /// The text.
         text: Rc<str>,
         /// Colour.
         colour: Colour,
@@ -62,7 +62,7 @@ pub enum Shape {
     Square {
         /// Its centre.
         centre: [f64; 2],
-        /// Its side, m.
+        /// Its side (m).
         side_m: f64,
         /// Its colour.
         colour: Colour,
@@ -72,21 +72,21 @@ pub enum Shape {
 /// The mark at a vehicle's exact position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tail {
-    /// A dot: the human.
+    /// A dot, for the human.
     Dot,
-    /// A square: the robot.
+    /// A square, for the robot.
     Square,
 }
 
-/// Length of a vehicle's arrow, m.
+/// Length of a vehicle's arrow (m).
 pub const VEHICLE_LENGTH_M: f64 = 1.9;
 
 /// A rectangle of the world that must be visible.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Window {
-    /// Lower left corner, m.
+    /// Lower left corner (m).
     pub low: [f64; 2],
-    /// Upper right corner, m.
+    /// Upper right corner (m).
     pub high: [f64; 2],
 }
 
@@ -107,13 +107,13 @@ impl Window {
     }
 }
 
-/// Maps metres to CSS pixels, with the same scale along both axes, y up.
+/// Maps metres to CSS pixels, with y upwards and the same scale along both axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Pixels per metre.
     pub scale: f64,
     origin_px: [f64; 2],
-    /// Width and height of the canvas, CSS pixels.
+    /// Width and height of the canvas (CSS pixels).
     pub size_px: [f64; 2],
 }
 
@@ -130,13 +130,13 @@ impl Camera {
         Self { scale, origin_px, size_px }
     }
 
-    /// Converts a point of the world, m, to a position on the canvas, px.
+    /// Converts a point of the world (m) to a position on the canvas (px).
     #[must_use]
     pub fn to_px(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.origin_px[0] + self.scale * x, self.origin_px[1] - self.scale * y]
     }
 
-    /// Converts a position on the canvas, px, to a point of the world, m.
+    /// Converts a position on the canvas (px) to a point of the world (m).
     #[must_use]
     pub fn to_world(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [(x - self.origin_px[0]) / self.scale, (self.origin_px[1] - y) / self.scale]
@@ -150,7 +150,7 @@ pub struct Picture {
     pub canvas: &'static str,
     /// The part of the world that must be visible.
     pub window: Window,
-    /// In order of painting.
+    /// The shapes, in order of painting.
     shapes: Vec<Shape>,
     /// The points of all shapes, concatenated.
     points: Vec<[f64; 2]>,
@@ -194,7 +194,7 @@ impl Picture {
         &self.shapes
     }
 
-    /// The points of one of its shapes, m.
+    /// The points of a path (m).
     #[must_use]
     pub fn points(&self, of: &Range<usize>) -> &[[f64; 2]] {
         self.points.get(of.clone()).unwrap_or_default()

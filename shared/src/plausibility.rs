@@ -2,8 +2,9 @@
 //! recorded inputs explain the human's turns.
 //!
 //! Files from other programs need not replay bit for bit: keys may be sampled more than once per
-//! step, and numbers may be rounded. The conditions here are therefore only necessary ones: every
-//! drive at constant speed within the vehicle's turn rate meets them, even rounded to three decimals.
+//! step, and numbers may be rounded. Therefore the conditions here are only necessary: every drive
+//! at constant speed within the vehicle's turn rate meets them, even after rounding to three
+//! decimals.
 
 #[cfg(feature = "study")]
 mod recorded;
@@ -16,18 +17,19 @@ use crate::math::{PI, asin, atan2, hypot, sinc, wrap_angle};
 use crate::scene::{JointState, SceneParameters};
 use crate::vehicle::{Pose, VehicleModel};
 
-/// Largest error of a number through rounding to three decimals and single precision, m or rad.
+/// Largest error (m or rad) of a number that was rounded to three decimals and single precision.
 const ROUNDING: f64 = 5e-4 + 1e-6;
 
-/// Largest error of the distance between two rounded positions, m.
+/// Largest error of the distance between two rounded positions (m).
 const DISTANCE_ROUNDING: f64 = 2.0 * core::f64::consts::SQRT_2 * ROUNDING;
 
 /// Checks that the human's vehicle of `parameters` can have driven `states`, and that it turned at
-/// `turn_rates[i]`, rad/s, in step i. There is one more state than turn rates. The robot's motion is not
-/// checked.
+/// `turn_rates[i]` (rad/s) in step i. There is one more state than turn rates. The robot's motion
+/// is not checked.
 ///
 /// # Errors
-/// [`Invalid`] for the first step that the human cannot have driven, or whose turn rate does not match the headings.
+/// [`Invalid`] for the first step that the human cannot have driven, or whose turn rate does not
+/// match the headings.
 pub fn check_drive(
     parameters: &SceneParameters,
     states: &[JointState],
@@ -48,7 +50,7 @@ pub fn check_drive(
             let expected = format!("{rate:.4} rad/s, by which the human turns in this step");
             return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
         }
-        // Headings do not show turns of more than half a turn per step.
+        // Headings cannot reveal a turn of more than half a circle per step.
         if held.abs() > most * (1.0 + 1e-9) + 2.0 * ROUNDING / parameters.step_s {
             let expected = format!("a turn rate of at most {most} rad/s to either side");
             return Err(Invalid::new(format!("turn_rates[{step}]"), expected, held));
@@ -57,11 +59,11 @@ pub fn check_drive(
     Ok(())
 }
 
-/// Checks that the human's vehicle of `parameters` can have driven one step, to within a millimetre and a milliradian,
-/// as [`check_drive`] does.
+/// Checks that the human's vehicle of `parameters` can have driven one step, to within a millimetre
+/// and a milliradian, as [`check_drive`] does.
 ///
 /// # Errors
-/// [`Invalid`] that names the wrong fields among x, y and psi.
+/// [`Invalid`] naming the invalid fields among x, y and psi.
 pub fn check_step(parameters: &SceneParameters, from: Pose, to: Pose) -> Result<(), Invalid> {
     StepLimits::of(parameters.human, parameters.step_s).check(from, to)
 }
@@ -73,25 +75,25 @@ pub fn check_step(parameters: &SceneParameters, from: Pose, to: Pose) -> Result<
 pub enum Departure {
     /// The human moved at another speed, or stood still.
     Speed {
-        /// The distance between the two positions divided by the step length, m/s.
+        /// The distance between the two positions divided by the step length (m/s).
         measured_mps: f64,
-        /// The speed of the vehicle, m/s.
+        /// The speed of the vehicle (m/s).
         vehicle_mps: f64,
     },
     /// The human did not move in the direction of the headings.
     Heading {
-        /// The heading that does not fit, rad.
+        /// The heading that does not fit (rad).
         psi_rad: f64,
-        /// The direction of the motion, rad.
+        /// The direction of the motion (rad).
         direction_rad: f64,
-        /// Whether both headings fit if read as degrees.
+        /// Whether both headings fit if they are read as degrees.
         in_degrees: bool,
     },
     /// The human turned faster than the vehicle can.
     Turn {
-        /// The turn divided by the step length, rad/s.
+        /// The turn divided by the step length (rad/s).
         measured_radps: f64,
-        /// The largest turn rate of the vehicle, rad/s.
+        /// The largest turn rate of the vehicle (rad/s).
         vehicle_radps: f64,
     },
 }
@@ -121,8 +123,8 @@ impl core::fmt::Display for Departure {
     }
 }
 
-/// Why the human's vehicle of `parameters` cannot have driven a step; `None` if it can, to within a millimetre and a
-/// milliradian, as for [`check_step`]. Does not allocate.
+/// Why the human's vehicle of `parameters` cannot have driven a step. Returns `None` if it can, to
+/// within a millimetre and a milliradian, as for [`check_step`]. Does not allocate.
 #[must_use]
 pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<Departure> {
     let vehicle = parameters.human;
@@ -143,9 +145,9 @@ pub fn departure(parameters: &SceneParameters, from: Pose, to: Pose) -> Option<D
 
 /// Limits of a vehicle's motion in one step.
 struct StepLimits {
-    /// Path length, m.
+    /// Path length (m).
     way_m: f64,
-    /// Its largest turn, rad.
+    /// Largest turn (rad).
     turn_rad: f64,
 }
 
@@ -155,7 +157,7 @@ impl StepLimits {
         Self { way_m: vehicle.speed_mps.abs() * step_s, turn_rad }
     }
 
-    /// Accepts the poses before and after a step. The error names the wrong fields among x, y and
+    /// Checks the poses before and after a step. The error names the invalid fields among x, y and
     /// psi.
     fn check(&self, from: Pose, to: Pose) -> Result<(), Invalid> {
         let Some(fault) = self.fault(from, to) else { return Ok(()) };
@@ -183,15 +185,15 @@ impl StepLimits {
     fn fault(&self, from: Pose, to: Pose) -> Option<Fault> {
         let half = 0.5 * self.turn_rad;
         let moved = hypot(to.x - from.x, to.y - from.y);
-        // Among all paths of this length, the tightest circle has the shortest chord, up to a whole
-        // turn.
+        // For turns of up to a full circle, the tightest circle has the shortest chord of all paths
+        // of this length.
         let chord = if half < PI { self.way_m * sinc(half) } else { 0.0 };
         if moved < chord - DISTANCE_ROUNDING || moved > self.way_m + DISTANCE_ROUNDING {
             return Some(Fault::Way { moved });
         }
         let turned = wrap_angle(to.psi - from.psi).abs();
-        // Among all paths, the tightest circle deviates most from the headings, up to a sixth of a
-        // turn.
+        // For turns of up to a sixth of a circle, the tightest circle deviates most from the
+        // headings.
         let most = half + ROUNDING + asin((DISTANCE_ROUNDING / moved).min(1.0));
         let direction = atan2(to.y - from.y, to.x - from.x);
         let leads = |psi: f64| wrap_angle(direction - psi).abs() <= most;
@@ -207,11 +209,12 @@ impl StepLimits {
 
 /// Why a vehicle cannot have driven a step.
 enum Fault {
-    /// The distance between the positions, m.
+    /// The distance between the positions (m).
     Way { moved: f64 },
-    /// A heading and the direction of the motion, rad; whether both headings fit if read as degrees.
+    /// A heading and the direction of the motion (rad), and whether both headings fit if read as
+    /// degrees.
     Heading { psi: f64, direction: f64, in_degrees: bool },
-    /// The change of the heading, rad.
+    /// The change of the heading (rad).
     Turn { turned: f64 },
 }
 

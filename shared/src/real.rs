@@ -3,8 +3,9 @@
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// f32 or f64, with the operations that the kernels need. All are correctly rounded IEEE operations
-/// and none is fused with another, so every lane width, thread count and machine gives the same bits.
+/// f32 or f64, with the operations that the kernels need. All operations are correctly rounded IEEE
+/// operations, and none is fused with another, so every lane width, thread count and machine gives
+/// the same bits.
 pub trait Real:
     Copy
     + PartialOrd
@@ -23,26 +24,26 @@ pub trait Real:
     const ZERO: Self;
     /// ½.
     const HALF: Self;
-    /// The nearest number of this type.
+    /// The number of this type that is nearest to `value`.
     fn from_f64(value: f64) -> Self;
-    /// The same number, exactly.
+    /// The same number as an f64, without rounding.
     fn to_f64(self) -> f64;
     /// |self|.
     #[must_use]
     fn abs(self) -> Self;
-    /// The largest power of two that is at most `self`, which is not negative, and its reciprocal:
-    /// products with them do not round. Below the smallest normal number the power is 0; a
-    /// reciprocal that would be below it is 0.
+    /// The largest power of two that is at most `self` ≥ 0, and its reciprocal. Products with the
+    /// two have no rounding error. Below the smallest normal number, the power is 0; a reciprocal
+    /// that would be below this number is 0.
     #[must_use]
     fn power_of_two(self) -> [Self; 2];
-    /// The larger of the two. A plain comparison, which is one instruction in any lane width;
-    /// unlike `f64::max`, it returns `other` if either is NaN.
+    /// The larger of the two numbers. This is a plain comparison, which is one instruction in any
+    /// lane width. Unlike `f64::max`, it returns `other` if either number is NaN.
     #[must_use]
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
         if self > other { self } else { other }
     }
-    /// The smaller of the two.
+    /// The smaller of the two numbers.
     #[must_use]
     #[inline(always)]
     fn smaller(self, other: Self) -> Self {
@@ -70,7 +71,8 @@ macro_rules! real {
             }
             #[inline(always)]
             fn power_of_two(self) -> [Self; 2] {
-                // The bits of the exponent alone; those of a number and its reciprocal add up to twice those of 1.
+                // Only the bits of the exponent. For a number and its reciprocal, they add up to
+                // twice those of 1.
                 let power = self.to_bits() & <$type>::INFINITY.to_bits();
                 let reciprocal = (2 * <$type>::to_bits(1.0)).wrapping_sub(power);
                 [power, reciprocal].map(<$type>::from_bits)

@@ -27,9 +27,9 @@ pub struct Recording {
 pub struct Provenance {
     /// The file or study.
     pub origin: Origin,
-    /// Why the trials, or some of them, are known to be synthetic; `None` for trials of people.
+    /// How the trials, or some of them, are known to be synthetic; `None` for trials of people.
     pub synthetic: Option<String>,
-    /// Whether only some of them are known to be synthetic.
+    /// Whether only some of the trials are known to be synthetic.
     pub is_mixed: bool,
 }
 
@@ -56,9 +56,9 @@ impl fmt::Display for Origin {
 pub struct RecordedParticipant {
     /// The participant's name or number in the data.
     pub name: String,
-    /// The line of their first row, in a file.
+    /// The line of the participant's first row, in a file.
     pub line: Option<u64>,
-    /// In the order of phases, then of numbers.
+    /// The trials, in the order of phases, then of numbers.
     pub trials: Vec<RecordedTrial>,
     /// Whether the data say that the participant is synthetic.
     pub marked_synthetic: bool,
@@ -67,35 +67,37 @@ pub struct RecordedParticipant {
 /// One driven scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedTrial {
-    /// The line of its first row, in a file.
+    /// The line of the trial's first row, in a file.
     pub line: Option<u64>,
     /// The trial's number, unique within the participant.
     pub number: u64,
     /// The phase of the study that it belongs to.
     pub phase: Phase,
-    /// 1; 2 if the scene was driven again because its first trial was interrupted.
+    /// Attempt number: 1, or 2 if the scene was driven again because its first trial was
+    /// interrupted.
     pub attempt: u32,
-    /// Its id, where it has one.
+    /// Its id, if it has one.
     pub trial_id: Option<String>,
     /// The input held in each step.
     pub inputs: Vec<TurnInput>,
-    /// The joint state before each step, and the one after the last step.
+    /// The joint states before each step and after the last step.
     pub states: Vec<JointState>,
-    /// When the trial started by the participant's clock, ms since 1970, if known.
+    /// Start of the trial on the participant's clock (ms since 1970), if known.
     pub started_at_ms: Option<f64>,
-    /// When each input was sampled, ms after the start, if known.
+    /// When each input was sampled (ms after the start), if known.
     pub sampled_at_ms: Option<Vec<f64>>,
     /// Its flags.
     pub flags: Vec<Flag>,
 }
 
 impl RecordedParticipant {
-    /// Drops every trial that is not a task: only tasks are analysed.
+    /// Drops every trial that is not a task, because only tasks are analysed.
     pub fn keep_tasks(&mut self) {
         self.trials.retain(|trial| trial.phase == Phase::Task);
     }
 
-    /// Keeps one trial of each scene that was driven again: the first uninterrupted one, otherwise the first.
+    /// Keeps one trial of each scene that was driven again: the first uninterrupted trial, or the
+    /// first trial if all were interrupted.
     pub fn keep_one_attempt(&mut self) {
         let again: Vec<usize> =
             (0..self.trials.len()).filter(|&i| self.trials[i].attempt > 1).collect();
@@ -118,7 +120,7 @@ impl RecordedParticipant {
     }
 }
 
-/// Counts the trials with each flag. Omits the flag for imported trials, which casts no doubt.
+/// Counts the trials with each flag. Omits [`Flag::Imported`], which casts no doubt on a trial.
 #[must_use]
 pub fn flagged<'a>(
     participants: impl IntoIterator<Item = &'a RecordedParticipant>,
@@ -134,9 +136,9 @@ pub fn flagged<'a>(
 /// A fault in a participant's data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// The wrong line, in a file.
+    /// The invalid line, in a file.
     pub line: Option<u64>,
-    /// Field, expected and found.
+    /// The field, the expected value and the value found.
     pub what: Invalid,
 }
 
@@ -152,19 +154,20 @@ impl fmt::Display for Fault {
 pub struct Exclusion {
     /// The participant's name or number in the data.
     pub participant: String,
-    /// Why they are excluded.
+    /// The reason for the exclusion.
     pub reason: String,
-    /// The wrong line of the file, if it is a single one.
+    /// The invalid line of the file, if there is a single one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u64>,
-    /// The line of their first row, if all rows together are the reason. It depends on the order of
-    /// the rows, which must not change the files of an analysis, so only messages contain it.
+    /// The line of the participant's first row, if all their rows together are the reason. It
+    /// depends on the order of the rows, which must not change the files of an analysis. Therefore
+    /// only messages contain it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_line: Option<u64>,
 }
 
 impl Exclusion {
-    /// An exclusion without a wrong line.
+    /// An exclusion that does not name an invalid line.
     #[must_use]
     pub fn new(participant: &str, reason: String) -> Self {
         Self { participant: participant.to_owned(), reason, line: None, first_line: None }
@@ -182,7 +185,7 @@ impl Exclusion {
         Self { line: fault.line, ..Self::new(participant, fault.what.to_string()) }
     }
 
-    /// The reason, with the wrong line.
+    /// The reason, with the invalid line.
     #[must_use]
     pub fn why(&self) -> String {
         match self.line {

@@ -1,6 +1,6 @@
 //! Safety levels: how safe the human and the robot are from each other in a joint state. Each level
-//! is the value function, in m, of the game in which one evades and the other pursues; at ≤ 0 m the
-//! other vehicle can force a collision.
+//! is the value (m) of the game in which one vehicle evades and the other pursues. If it is ≤ 0,
+//! the pursuer can force a collision.
 
 mod quality;
 
@@ -10,8 +10,8 @@ use crate::reachability::{Options, Progress, PursuitGame, SolveError, ValueFunct
 use crate::scene::{Evader, JointState, SceneParameters};
 use core::ops::ControlFlow;
 
-/// The value function of `game`: the closed form if there is one, otherwise a solution with the
-/// settings shared by server and browser, so that both obtain the same bytes.
+/// The value function of `game`: the closed form if there is one, otherwise a numerical solution.
+/// Server and browser use the same settings, so both obtain the same bytes.
 ///
 /// # Errors
 /// [`SolveError`] if the game cannot be solved, or if `progress` cancels the solve.
@@ -35,7 +35,7 @@ pub struct SafetyLevels {
 }
 
 impl SafetyLevels {
-    /// Solves both games of these vehicles, or only one if it serves both roles.
+    /// Solves both games of these vehicles, or only one game if both are equal.
     ///
     /// # Errors
     /// The errors of [`value_function`].
@@ -59,13 +59,13 @@ impl SafetyLevels {
         }
     }
 
-    /// V_HR of a state, m.
+    /// V_HR of a state (m).
     #[must_use]
     pub fn human_level(&self, state: &JointState) -> f64 {
         self.human.value(state.robot_seen_by_human())
     }
 
-    /// V_RH of a state, m.
+    /// V_RH of a state (m).
     #[must_use]
     pub fn robot_level(&self, state: &JointState) -> f64 {
         self.robot.value(state.human_seen_by_robot())

@@ -1,4 +1,5 @@
-//! Proportions with confidence intervals, and tails of the beta, binomial and normal distributions.
+//! Proportions with confidence intervals, and tail probabilities of the beta, binomial and normal
+//! distributions.
 //!
 //! The incomplete beta function comes from the crate `special` (Algorithms AS 63 and AS 109), which
 //! computes with `libm` and therefore returns the same bits on every platform.
@@ -10,7 +11,8 @@ use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use special::{Beta as _, Error as _};
 
-/// A proportion with its confidence interval. All three numbers are from 0 to 1, low ≤ value ≤ high.
+/// A proportion with its confidence interval. All three numbers are from 0 to 1, and low ≤ value ≤
+/// high.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Estimate {
@@ -33,9 +35,9 @@ impl Estimate {
 /// The number of windows of one trajectory that have some property.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Windows with the property.
+    /// Number of windows with the property.
     pub hits: usize,
-    /// All windows of the trajectory.
+    /// Number of all windows of the trajectory.
     pub of: usize,
 }
 
@@ -51,15 +53,15 @@ pub fn open_probability(field: &str, value: f64) -> Result<f64, Invalid> {
     }
 }
 
-/// P(X ≤ x) of a beta distribution with parameters a, b > 0: 0 for x < 0, 1 for x > 1.
-/// Relative error about 10⁻¹³ for parameters in the hundreds, 10⁻¹⁰ for 10⁵.
+/// P(X ≤ x) of a beta distribution with parameters a, b > 0. It is 0 for x < 0 and 1 for x > 1. The
+/// relative error is about 10⁻¹³ for parameters in the hundreds, and 10⁻¹⁰ for 10⁵.
 #[must_use]
 pub fn beta_cdf(x: f64, a: f64, b: f64) -> f64 {
     // Rounding may put the result slightly outside [0, 1].
     x.clamp(0.0, 1.0).inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
 }
 
-/// The x for which [`beta_cdf`] is `probability`, from 0 to 1.
+/// The quantile function: the x in [0, 1] for which [`beta_cdf`] is `probability`.
 #[must_use]
 pub fn beta_quantile(probability: f64, a: f64, b: f64) -> f64 {
     let probability = probability.clamp(0.0, 1.0);
@@ -69,13 +71,13 @@ pub fn beta_quantile(probability: f64, a: f64, b: f64) -> f64 {
     probability.inv_inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
 }
 
-/// Algorithm AS 109 has an absolute error of 10⁻³⁰: below this probability it loses digits, and at
+/// Algorithm AS 109 has an absolute error of 10⁻³⁰. Below this probability it loses digits, and at
 /// 10⁻²⁰⁰ it does not terminate.
 const LEAST_OF_NEWTON: f64 = 1e-18;
 
-/// The largest number in [0, 1] for which a monotone predicate is false.
+/// The largest number in [0, 1] for which a monotone predicate is false, by bisection.
 fn bisected(holds: impl Fn(f64) -> bool) -> f64 {
-    // Non-negative numbers are ordered like their bits, so halving the bits keeps the relative
+    // Non-negative numbers are ordered like their bits, so bisecting the bits keeps the relative
     // error small.
     let (mut no, mut yes) = (0.0_f64.to_bits(), 1.0_f64.to_bits());
     while yes - no > 1 {
@@ -106,9 +108,9 @@ pub fn binomial_at_least(hits: usize, of: usize, probability: f64) -> f64 {
 }
 
 /// The exact confidence interval of a proportion after `hits` in `of` independent trials (Clopper
-/// and Pearson, Biometrika 1934). It covers the true proportion with at least the given
-/// `confidence`, in (0, 1), with equal error bounds on both sides. Counts may be fractional,
-/// because effective sample sizes are; 0 ≤ `hits` ≤ `of`. Without trials the interval is [0, 1].
+/// and Pearson, Biometrika 1934). Its coverage is at least `confidence`, which must be in (0, 1);
+/// the error bounds are the same on both sides. Counts may be fractional, because effective sample
+/// sizes are; 0 ≤ `hits` ≤ `of`. Without trials, the interval is [0, 1].
 #[must_use]
 pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
     let tail = 0.5 * (1.0 - confidence);
@@ -118,24 +120,24 @@ pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
     (low, high)
 }
 
-/// The proportion of windows with some property, given the tally of each trajectory. Its interval
-/// assumes that *trajectories* are independent, but nothing about windows within one: it is
+/// The proportion of windows with some property, given the tally of each trajectory. The interval
+/// assumes that *trajectories* are independent, but assumes nothing about windows within one. It is
 /// [`clopper_pearson`] at the effective sample size n* = (Σw_i)²/Σw_i² of trajectories with w_i
 /// windows (Kish, Survey Sampling, 1965), as if all windows of a trajectory agreed. If all
-/// trajectories have equally many windows, n* is the number of trajectories; if each has one
+/// trajectories have equally many windows, n* is the number of trajectories. If each has one
 /// window, the interval is exact.
 ///
-/// Korn and Graubard (Survey Methodology 24, 1998) give a narrower interval: they estimate the
+/// Korn and Graubard (Survey Methodology 24, 1998) give a narrower interval. They estimate the
 /// agreement between windows from the variance between trajectories. If a few trajectories miss in
-/// all their windows and the others almost never, samples contain too few of the first kind: in
-/// simulations with 30 trajectories that interval covered 0.75 instead of 0.90, with 300 still only
-/// 0.87. The interval here covered in all simulations, but it is wider than necessary if windows of
-/// a trajectory hardly agree.
+/// all their windows and the others almost never miss, samples contain too few of the former. In
+/// simulations, the coverage of that interval was 0.75 instead of 0.90 with 30 trajectories, and
+/// still 0.87 with 300. The interval here had its nominal coverage in all simulations, but it is
+/// wider than necessary if windows of a trajectory hardly agree.
 ///
-/// Without windows the proportion is unknown: value 0 in [0, 1].
+/// Without windows, the proportion is unknown: the value is 0 and the interval is [0, 1].
 ///
 /// # Errors
-/// [`Invalid`] if `confidence` is not in (0, 1), or there are more hits than windows.
+/// [`Invalid`] if `confidence` is not in (0, 1), or if a tally has more hits than windows.
 pub fn share(tallies: &[Tally], confidence: f64) -> Result<Estimate, Invalid> {
     open_probability("confidence", confidence)?;
     if let Some(i) = tallies.iter().position(|tally| tally.hits > tally.of) {
@@ -158,18 +160,18 @@ pub fn share(tallies: &[Tally], confidence: f64) -> Result<Estimate, Invalid> {
 /// population and assumes nothing else. It is Student's interval of the mean after adding half a
 /// person with share 0 and half a person with share 1, clamped to [0, 1].
 ///
-/// Without the two halves, people who nearly all have the same small share would make the interval
-/// too short. In simulations with 5 to 50 people of 10 or 50 tasks, with mean shares of 0.03 to 0.5
-/// and similar or different people, Student's interval of 95 % covered in 84 to 94 % on average and
-/// in 50 % at worst, the bootstrap in 76 to 93 % and 48 %, Korn and Graubard's with their degrees
-/// of freedom in 95 to 97 % and 73 %. This interval covered in at least 95 % of each case, and is a
-/// fifth to a half shorter than that of [`share`]. If all shares are 0 or 1, and seldom 1, it
-/// covers less: 91 % with a mean of 0.1 and 24 people.
+/// Without these two halves, the interval would be too short if nearly all people have the same
+/// small share. In simulations with 5 to 50 people of 10 or 50 tasks, with mean shares of 0.03 to
+/// 0.5 and similar or different people, Student's 95 % interval covered in 84 to 94 % on average
+/// and in 50 % at worst, the bootstrap in 76 to 93 % and 48 %, and Korn and Graubard's interval
+/// with their degrees of freedom in 95 to 97 % and 73 %. The interval here covered in at least 95 %
+/// in each case, and it is a fifth to a half shorter than the interval of [`share`]. If all shares
+/// are 0 or 1, and seldom 1, it covers less: 91 % with a mean of 0.1 and 24 people.
 ///
-/// Without people the share is unknown: value 0 in [0, 1].
+/// Without people, the share is unknown: the value is 0 and the interval is [0, 1].
 ///
 /// # Errors
-/// [`Invalid`] if `confidence` is not in (0, 1), or a share is not in [0, 1].
+/// [`Invalid`] if `confidence` is not in (0, 1), or if a share is not in [0, 1].
 pub fn mean_share(shares: &[f64], confidence: f64) -> Result<Estimate, Invalid> {
     open_probability("confidence", confidence)?;
     if let Some(i) = shares.iter().position(|share| !(0.0..=1.0).contains(share)) {
@@ -221,7 +223,8 @@ mod tests {
         assert_eq!(mean_share(&[0.5], 1.0).unwrap_err().field, "confidence");
     }
 
-    /// A fifth of the people are often in danger, the others rarely: 0.2 · 0.6 + 0.8 · 0.05.
+    /// A fifth of the people are often in danger, the others rarely. The mean is 0.2 · 0.6 + 0.8 ·
+    /// 0.05.
     #[test]
     fn the_interval_over_people_covers_where_few_differ_from_all_others() {
         let (mut rng, draws, truth) = (SeededRng::new(11), 2000, 0.16);
@@ -236,12 +239,12 @@ mod tests {
                 found.low <= truth && truth <= found.high
             };
             let covered = (0..draws).filter(covers).count() as f64 / draws as f64;
-            // Two standard errors.
+            // 0.01 is two standard errors.
             assert!(covered > 0.95 - 0.01, "{people}: {covered}");
         }
     }
 
-    /// Each quantile x and P(X ≤ x), by mpmath with 30 digits.
+    /// Each quantile x and P(X ≤ x), computed by mpmath with 30 digits.
     #[test]
     fn beta_meets_values_of_thirty_digits() {
         let cases = [
@@ -314,8 +317,8 @@ mod tests {
         }
     }
 
-    /// No hits in n: 1 − (α/2)^{1/n}, for small α about 3.7/n (3/n one-sided). 8 of 10 and 15 of
-    /// 20: the intervals in every textbook.
+    /// For no hits in n, the upper end is 1 − (α/2)^{1/n}, about 3.7/n for α = 5 % (3/n one-sided).
+    /// For 8 of 10 and 15 of 20, the expected intervals are in every textbook.
     #[test]
     fn clopper_pearson_meets_its_tables() {
         for n in [1.0, 10.0, 100.0, 3000.0] {
@@ -335,7 +338,7 @@ mod tests {
     }
 
     /// The coverage of [`share`]'s interval over seeded draws of `trajectories`. In a proportion
-    /// `alike` of them all windows agree; in the others they are independent.
+    /// `alike` of the trajectories, all windows agree; in the others, they are independent.
     fn coverage(draws: usize, trajectories: usize, truth: f64, alike: f64) -> f64 {
         let mut rng = SeededRng::new(5);
         let mut covered = 0;

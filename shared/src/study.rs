@@ -32,8 +32,8 @@ pub struct StudyConfig {
     pub version: String,
     /// Whether people can take part. Default: open.
     pub status: Status,
-    /// Whether the participants are synthetic: such a study admits no people and is marked on every page
-    /// and in every export. Default: false.
+    /// Whether the participants are synthetic. Such a study admits no people and is marked on every
+    /// page and in every export. Default: false.
     pub synthetic: bool,
     /// The languages that participants can choose from; the first is the fallback. Default: every
     /// language that the server offers and in which all texts of the study are available, English
@@ -43,8 +43,8 @@ pub struct StudyConfig {
     pub parameters: SceneParameters,
     /// The encounters from which scenes are drawn.
     pub encounters: EncounterRange,
-    /// Seed of the scenes, 0 to 4 294 967 295: with another seed, the participants of the same study
-    /// get other scenes. Default: 0.
+    /// Seed of the scenes, 0 to 4 294 967 295. With another seed, the participants of the same
+    /// study get other scenes. Default: 0.
     pub seed: u32,
     /// The phases that a participant drives, in order.
     pub phases: Vec<PhaseConfig>,
@@ -73,14 +73,14 @@ pub enum Status {
     /// Everyone with the link can take part.
     #[default]
     Open,
-    /// No new participants; participants who have begun can finish.
+    /// New participants are refused; participants who have begun can finish.
     Closed,
     /// Nobody can take part.
     Archived,
 }
 
 impl Status {
-    /// All of them.
+    /// All statuses.
     pub const ALL: [Self; 3] = [Self::Open, Self::Closed, Self::Archived];
 
     /// The word in study files and in JSON.
@@ -99,14 +99,15 @@ impl Status {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PhaseConfig {
-    /// Its name.
+    /// The phase.
     pub phase: Phase,
     /// Number of scenes, 1 to 1000.
     pub scenes: usize,
     /// Whether the danger zone is drawn around the robot. Default: false.
     #[serde(default)]
     pub show_danger_zone: bool,
-    /// Whether the page tells the participant after each scene if they stayed out of the danger zone. Default: false.
+    /// Whether the page tells the participant after each scene whether they stayed out of the
+    /// danger zone. Default: false.
     #[serde(default)]
     pub feedback: bool,
 }
@@ -147,11 +148,11 @@ impl Default for StudyConfig {
     }
 }
 
-/// Most scenes in one phase; an hour of driving is 360.
+/// Maximum number of scenes in one phase. An hour of driving is 360 scenes.
 const MAX_SCENES: usize = 1000;
 
 impl StudyConfig {
-    /// Accepts a valid configuration.
+    /// Checks the whole configuration.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -247,7 +248,8 @@ impl StudyConfig {
         Ok(())
     }
 
-    /// Accepts texts whose only placeholder is `{radius}`, in the check of understanding.
+    /// Checks the placeholders of all texts. Only the check of understanding may have one:
+    /// `{radius}`.
     fn check_places(&self) -> Result<(), Invalid> {
         for (field, texts) in self.localised() {
             for (language, text) in &texts.0 {
@@ -293,17 +295,18 @@ impl StudyConfig {
         texts
     }
 
-    /// Whether a new participant, synthetic or a person, can take part. Data of people never mix with
-    /// data marked as synthetic.
+    /// Whether a new participant, synthetic or a person, can take part. A study marked as synthetic
+    /// does not admit people.
     #[must_use]
     pub fn admits(&self, synthetic: bool) -> bool {
         self.status == Status::Open && (synthetic || !self.synthetic)
     }
 
-    /// Accepts a configuration that replaces this one in a study with `participants` participants.
+    /// Checks that `new` can replace this configuration in a study with `participants`
+    /// participants.
     ///
     /// # Errors
-    /// [`Invalid`] if people and synthetic participants would mix.
+    /// [`Invalid`] if people and synthetic participants would be mixed.
     pub fn check_successor(&self, new: &Self, participants: u64) -> Result<(), Invalid> {
         if self.synthetic == new.synthetic || participants == 0 {
             return Ok(());
@@ -338,7 +341,7 @@ impl StudyConfig {
     /// participants. The same study and place give the same scenes on every platform.
     ///
     /// # Errors
-    /// As [`Self::plan`].
+    /// The errors of [`Self::plan`].
     pub fn stratified(
         &self,
         place: u64,

@@ -1,12 +1,12 @@
 //! Synthetic participants: simulated drivers of the study's vehicle, built from published
 //! models, for testing software.
 //!
-//! Version 1 of the participant model of the project's learning reference: a delayed, noisy
-//! leaky accumulator (after Markkula 2014) of three drives from studies of people walking:
+//! This is version 1 of the participant model of the project's learning reference. A delayed, noisy
+//! leaky accumulator (after Markkula 2014) integrates three drives from studies of walking people:
 //! minimum predicted distance (Olivier et al. 2012), constancy of bearing (Cutting, Vishton and
-//! Braren 1995; Ondřej et al. 2010) and a repeller of distance and angle (Fajen and Warren
-//! 2003). The model never sees a safety level. Each person's parameters are a modelling choice, not
-//! a measurement: results on these drives say nothing about people.
+//! Braren 1995; Ondřej et al. 2010) and a repeller of distance and angle (Fajen and Warren 2003).
+//! The model never sees a safety level. Each person's parameters are a modelling choice, not a
+//! measurement, so results on these drives say nothing about people.
 
 mod stream;
 mod person;
@@ -25,11 +25,11 @@ use crate::vehicle::{Pose, TurnInput, VehicleModel, dubins};
 use decision::Decision;
 use stream::Stream;
 
-/// When the vehicle follows the keys.
+/// When the vehicle responds to the keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keys {
     /// Immediately. Keys change within steps, so the states cannot be replayed from one input per
-    /// step; headings are not wrapped.
+    /// step. Headings are not wrapped.
     Free,
     /// At the start of each step, as in the study: the states are exactly those of
     /// [`JointState::advance`].
@@ -39,7 +39,7 @@ pub enum Keys {
 /// A change of the held key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeyChange {
-    /// Time after the start of the scene, ms.
+    /// Time after the start of the scene (ms).
     pub at_ms: f64,
     /// The input from that time on.
     pub input: TurnInput,
@@ -50,19 +50,19 @@ pub struct KeyChange {
 pub struct SyntheticDrive {
     /// The key held at the start of each step.
     pub inputs: Vec<TurnInput>,
-    /// The states before each step and after the last.
+    /// The states before each step and after the last step.
     pub states: Vec<JointState>,
-    /// When each input was sampled: the start of its step, ms after the scene's start.
+    /// When each input was sampled: the start of its step (ms after the scene's start).
     pub sampled_at_ms: Vec<f64>,
-    /// Every key change, in order of time; no key is held before the first change.
+    /// Every key change, in chronological order. No key is held before the first change.
     pub key_changes: Vec<KeyChange>,
 }
 
-/// Interval between updates of perception and decision, s; rounded so that it divides a step
+/// Interval between updates of perception and decision (s). It is rounded so that it divides a step
 /// evenly.
 const TICK_S: f64 = 0.05;
 
-/// Maximum number of ticks in a step; steps longer than 50 s have longer ticks.
+/// Maximum number of ticks in a step. Steps longer than 50 s have longer ticks.
 const MAX_TICKS: f64 = 1000.0;
 
 /// One person of a seed's population.
@@ -75,15 +75,16 @@ pub struct SyntheticParticipant {
 }
 
 impl SyntheticParticipant {
-    /// Person `number`, from 0, of `seed`'s population. A person does not depend on the size of the
+    /// Person `number` (from 0) of `seed`'s population. A person does not depend on the size of the
     /// population.
     #[must_use]
     pub fn new(seed: u64, number: u64) -> Self {
         Self { seed, number, person: Person::draw(&mut Stream::of_person(seed, number)) }
     }
 
-    /// Draws the scene of trial `trial`, from 0, of the paper's study as the reference does, and
-    /// drives it. With [`Keys::Free`] and seed 20180918 the result is the reference's drive.
+    /// Draws the scene of trial `trial` (from 0) of the paper's study in the same way as the
+    /// reference, and drives it. With [`Keys::Free`] and seed 20180918, the result is the
+    /// reference's drive.
     #[must_use]
     pub fn own_trial(&self, trial: u64, keys: Keys) -> (Scene, SyntheticDrive) {
         let parameters = SceneParameters::default();
@@ -125,7 +126,7 @@ impl SyntheticParticipant {
         }
     }
 
-    /// Drives a given scene, as trial `trial` of this person.
+    /// Drives a given scene as trial `trial` of this person.
     #[must_use]
     pub fn drive(
         &self,
@@ -179,7 +180,8 @@ impl SyntheticParticipant {
                 };
             }
             if keys == Keys::Clock {
-                // The whole step at once: the sum of its ticks may differ in the last digit.
+                // Advances the whole step at once, because the sum of its ticks may differ in the
+                // last digit.
                 state = begin.advance(parameters, held, parameters.step_s);
             }
             drive.inputs.push(held);

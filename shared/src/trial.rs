@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 pub enum Phase {
     /// Getting used to the keys and the vehicle.
     Familiarisation,
-    /// Scenes like the tasks, not analysed.
+    /// Scenes like the tasks, but not analysed.
     Practice,
     /// The analysed scenes.
     Task,
@@ -41,14 +41,15 @@ impl Phase {
         }
     }
 
-    /// The phase of that word.
+    /// The phase with this word.
     #[must_use]
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|phase| phase.word() == word)
     }
 }
 
-/// Simulates `inputs` from `start`: the states before each step and after the last, one more than inputs.
+/// Simulates `inputs` from `start`. Returns the states before each step and after the last step,
+/// one more than inputs.
 #[must_use]
 pub fn simulate(
     parameters: &SceneParameters,
@@ -65,17 +66,17 @@ pub fn simulate(
     states
 }
 
-/// A comparison of recorded states with those replayed from the inputs.
+/// A comparison of recorded states with the states replayed from the inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Replay {
     /// Whether all numbers agree bit for bit.
     pub exact: bool,
-    /// Index of the first state that differs.
+    /// Index of the first state that differs, if any.
     pub first_difference: Option<usize>,
-    /// Largest distance between a recorded and a replayed position, m.
+    /// Largest distance between a recorded and a replayed position (m).
     pub max_position_error_m: f64,
-    /// Largest difference between a recorded and a replayed heading, rad.
+    /// Largest difference between a recorded and a replayed heading (rad).
     pub max_heading_error_rad: f64,
 }
 
@@ -111,7 +112,7 @@ pub fn verify(
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Outcome {
-    /// Smallest distance between the vehicles, m.
+    /// Smallest distance between the vehicles (m).
     pub closest_m: f64,
     /// First step in which the human was in the danger zone, if any.
     pub first_step_in_danger: Option<usize>,
@@ -119,11 +120,11 @@ pub struct Outcome {
     pub avoidance: Option<(usize, usize)>,
 }
 
-/// Upper bound of the rounding error of a distance between coordinates of at most
-/// [`Pose::MOST`](crate::vehicle::Pose::MOST), m.
+/// Upper bound on the rounding error of a distance between coordinates of at most
+/// [`Pose::MOST`](crate::vehicle::Pose::MOST) (m).
 const ROUNDING_M: f64 = 1e-6;
 
-/// The outcome of `inputs` along `states` (one more than inputs).
+/// The outcome of `inputs` along `states`. There is one more state than inputs.
 #[must_use]
 pub fn outcome(
     parameters: &SceneParameters,
@@ -160,10 +161,10 @@ pub fn outcome(
     Outcome { closest_m, first_step_in_danger, avoidance }
 }
 
-/// An input sampled later than this, ms, marks a trial as interrupted.
+/// A trial with an input sampled later than this (ms) is marked as interrupted.
 pub const INTERRUPTED_MS: f64 = 100.0;
 
-/// A median frame rate below this is flagged, Hz.
+/// A median frame rate below this is flagged (Hz).
 pub const LOW_FRAME_RATE_HZ: f64 = 30.0;
 
 /// An event of the page during a scene.
@@ -192,14 +193,15 @@ pub enum PageEventKind {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PageEvent {
-    /// Time after the scene's start, ms.
+    /// Time after the scene's start (ms).
     pub t_ms: f64,
     /// Type of the event.
     pub kind: PageEventKind,
 }
 
-/// The flags from the page's record of a trial. `exposures` counts how often the scene was shown,
-/// including this time; `frame_gap_median_ms` is the median time between frames, if known.
+/// The flags from the page's record of a trial. `exposures` is the number of times that the scene
+/// was shown, including this time; `frame_gap_median_ms` is the median time between frames, if
+/// known.
 #[must_use]
 pub fn page_flags(
     parameters: &SceneParameters,
@@ -234,8 +236,9 @@ pub fn page_flags(
     .collect()
 }
 
-/// Largest unflagged difference between the time at which an input was sampled and its due time, ms. Both
-/// are relative to the scene's start if the page recorded it, otherwise to the first sample.
+/// Largest difference between the time at which an input was sampled and its due time that is not
+/// flagged (ms). Both times are relative to the scene's start if the page recorded it, otherwise to
+/// the first sample.
 pub const LATE_SAMPLE_MS: f64 = 50.0;
 
 /// The flags of a trial in the assigned `scene`.
@@ -298,7 +301,8 @@ mod tests {
         };
         check(&due, 1, &[], Some(16.7), &[]);
         check(&stalled, 1, &[], None, &[Flag::LateSample, Flag::Interrupted]);
-        // Late relative to the scene's start, though by little more than the first sample.
+        // Sample 20 is late relative to the scene's start, but only by 30 ms more than the first
+        // sample.
         let mut late = due.clone();
         late[0] += 30.0;
         late[20] += 60.0;
@@ -354,7 +358,7 @@ mod tests {
         assert_eq!(serde_json::from_str::<Vec<JointState>>(&text).unwrap(), states);
     }
 
-    /// The reference implementation: samples every step.
+    /// The reference implementation, which samples every step.
     fn plain_outcome(
         parameters: &SceneParameters,
         inputs: &[TurnInput],

@@ -1,5 +1,5 @@
-//! Playback of a trial: the vehicles' positions and the predictions at any time of it, and a picture
-//! of both. Pages, files and commands show the same picture.
+//! Playback of a trial: the vehicles' positions and the predictions at any time of the trial, and a
+//! picture of both. Pages, files and commands show the same picture.
 
 pub mod style;
 mod curves;
@@ -48,13 +48,13 @@ pub struct Recorded {
     pub scene: Scene,
     /// The input held in each step.
     pub inputs: Vec<TurnInput>,
-    /// The joint state before each step, and the one after the last step.
+    /// The joint states before each step and after the last step.
     pub states: Vec<JointState>,
 }
 
 impl Recorded {
-    /// The window that shows the trial and its goal, extended by the distance `reach_m` around each
-    /// position of the human, m.
+    /// The window that shows the trial and its goal, and everything within `reach_m` (m) of each
+    /// position of the human.
     fn window(&self, reach_m: f64) -> Window {
         let goal = self.scene.goal;
         let begin = Window { low: goal, high: goal }.including(goal, MARGIN_M);
@@ -66,7 +66,7 @@ impl Recorded {
     }
 }
 
-/// A learned function G and the settings for predicting sets with it.
+/// A learned function G, and the settings for predicting sets with it.
 #[derive(Clone, Debug)]
 pub struct Learned {
     /// The function.
@@ -83,16 +83,17 @@ pub struct Playback {
     recorded: Recorded,
     window: Window,
     safety: Option<SafetyLevels>,
-    /// V_HR and V_RH of each state, m.
+    /// V_HR and V_RH of each state (m).
     levels: Vec<[f64; 2]>,
     method: Option<Method>,
-    /// The probabilities at the start of each step, once computed, if the method has any.
+    /// The probabilities at the start of each step, once computed and if the method has any.
     forecast: Vec<Probabilities>,
     now: Now,
     /// The states up to now.
     history: Vec<JointState>,
     predictor: ShfrsPredictor,
-    /// The current probabilities, once computed; then the predictor's sets are current, too.
+    /// The current probabilities, once computed. If they are present, the predictor's sets are
+    /// current, too.
     probabilities: Option<Probabilities>,
     curves: Curves,
     /// Label of the scale bar.
@@ -104,22 +105,22 @@ pub struct Playback {
 /// A moment of the trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Now {
-    /// Time into the trial, s.
+    /// Time since the start of the trial (s).
     pub time_s: f64,
-    /// The current step; the number of steps at the end.
+    /// The current step; at the end of the trial, the number of steps.
     pub step: usize,
     /// The poses of both vehicles.
     pub state: JointState,
 }
 
-/// Margin around everything in a trial, m.
+/// Margin around everything in a trial (m).
 const MARGIN_M: f64 = 3.5;
 
 impl Playback {
     /// A trial at its start.
     ///
     /// # Errors
-    /// [`Invalid`] unless there is one state more than inputs.
+    /// [`Invalid`] unless there is exactly one more state than inputs.
     pub fn new(recorded: Recorded) -> Result<Self, Invalid> {
         let Recorded { inputs, states, .. } = &recorded;
         one_more(inputs, states)?;
@@ -159,17 +160,18 @@ impl Playback {
         self.window = window;
     }
 
-    /// Enlarges the window to fit the trial, its goal, and sets that extend `steps` steps ahead of the human.
+    /// Enlarges the window to fit the trial, its goal, and sets that extend `steps` steps ahead of
+    /// the human.
     pub fn make_room(&mut self, steps: usize) {
         let SceneParameters { human, step_s, .. } = self.recorded.parameters;
         self.window = self.recorded.window(human.speed_mps * step_s * steps as f64);
     }
 
-    /// Updates a trial that is under way to the inputs and states driven so far. The last recorded step
+    /// Updates a trial that is being driven to the inputs and states so far. The last recorded step
     /// may have changed.
     ///
     /// # Errors
-    /// [`Invalid`] unless there is one state more than inputs; otherwise as for
+    /// [`Invalid`] unless there is exactly one more state than inputs, and the errors of
     /// [`Self::use_learned`].
     pub fn record(&mut self, inputs: &[TurnInput], states: &[JointState]) -> Result<(), Invalid> {
         one_more(inputs, states)?;
@@ -192,7 +194,7 @@ impl Playback {
         self.safety.as_ref()
     }
 
-    /// V_HR and V_RH of each state, m; empty until the safety levels are set.
+    /// V_HR and V_RH of each state (m). Empty until the safety levels are set.
     #[must_use]
     pub fn levels(&self) -> &[[f64; 2]] {
         &self.levels
@@ -216,7 +218,8 @@ impl Playback {
         }
     }
 
-    /// The predicted probabilities at the start of each step; empty until computed, or if the method has none.
+    /// The predicted probabilities at the start of each step. Empty until they are computed, or if
+    /// the method has none.
     #[must_use]
     pub fn forecast(&self) -> &[Probabilities] {
         &self.forecast
@@ -228,13 +231,14 @@ impl Playback {
         self.now
     }
 
-    /// The predicted probabilities at this moment, once computed, if the method has any.
+    /// The predicted probabilities at this moment, once computed and if the method has any.
     #[must_use]
     pub fn probabilities(&self) -> Option<&Probabilities> {
         self.probabilities.as_ref()
     }
 
-    /// The predicted sets at this moment, from the smallest to the largest; empty until predicted.
+    /// The predicted sets at this moment, from the smallest to the largest. Empty until they are
+    /// predicted.
     pub fn sets<'a>(&'a self) -> impl DoubleEndedIterator<Item = PredictedSet<'a>> {
         let learned = self.probabilities.iter().flat_map(move |_| &self.predictor.shfrs().sets);
         let placed = |it: &'a EmpiricalSets| {
@@ -244,7 +248,7 @@ impl Playback {
         learned.map(PredictedSet::from).chain(empirical)
     }
 
-    /// The number of predicted sets at this moment; 0 until predicted.
+    /// The number of predicted sets at this moment; 0 until they are predicted.
     #[must_use]
     pub fn set_count(&self) -> usize {
         match self.empirical() {
@@ -253,13 +257,14 @@ impl Playback {
         }
     }
 
-    /// Length of the trial, s.
+    /// Length of the trial (s).
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.recorded.inputs.len() as f64 * self.recorded.parameters.step_s
     }
 
-    /// Whether the solve of this vehicle's safety level ended before it converged, so that the level proves nothing.
+    /// Whether the solve of this vehicle's safety level ended before it converged, so that the
+    /// level proves nothing.
     #[must_use]
     pub fn is_doubtful(&self, evader: Evader) -> bool {
         self.safety.as_ref().is_some_and(|safety| safety.of(evader).unsettled_m().is_some())
@@ -268,7 +273,7 @@ impl Playback {
     /// Sets the safety levels.
     ///
     /// # Errors
-    /// As for [`Self::use_learned`].
+    /// The errors of [`Self::use_learned`].
     pub fn use_safety(&mut self, safety: SafetyLevels) -> Result<(), Invalid> {
         self.safety = Some(safety);
         self.curves = Curves::default();
@@ -278,10 +283,10 @@ impl Playback {
         self.foresee()
     }
 
-    /// Sets the function that predicts; `None` turns prediction off.
+    /// Sets the learned function that predicts; `None` turns prediction off.
     ///
     /// # Errors
-    /// As for [`Self::use_method`].
+    /// The errors of [`Self::use_method`].
     pub fn use_learned(&mut self, learned: Option<Learned>) -> Result<(), Invalid> {
         self.use_method(learned.map(Method::Learned))
     }
@@ -289,7 +294,8 @@ impl Playback {
     /// Sets the prediction method; `None` turns prediction off.
     ///
     /// # Errors
-    /// [`Invalid`] if a function gives no probability for each input; then prediction is off.
+    /// [`Invalid`] if a function does not give a probability for each input. Prediction is then
+    /// off.
     pub fn use_method(&mut self, method: Option<Method>) -> Result<(), Invalid> {
         self.forecast.clear();
         self.probabilities = None;
@@ -297,7 +303,7 @@ impl Playback {
         self.foresee()
     }
 
-    /// Sets the settings for predicting sets, if the method is a function.
+    /// Sets the settings for predicting sets, if the method is a learned function.
     pub fn use_settings(&mut self, settings: ShfrsSettings) {
         if let Some(Method::Learned(learned)) = &mut self.method {
             learned.settings = settings;
@@ -334,14 +340,14 @@ impl Playback {
         Ok(())
     }
 
-    /// Goes to the view's time and computes the predictions that it shows.
+    /// Moves to the view's time and computes the predictions that the view shows.
     ///
     /// # Errors
-    /// The errors of [`ShfrsPredictor::predict`]; then nothing is predicted.
+    /// The errors of [`ShfrsPredictor::predict`]. Nothing is predicted then.
     pub fn go(&mut self, view: &View) -> Result<(), Invalid> {
         let Recorded { parameters, inputs, states, .. } = &self.recorded;
         let time_s = view.time_s.clamp(0.0, self.duration_s());
-        // The tolerance assigns a time at a whole number of steps to that step despite rounding.
+        // Rounding errors must not assign a time at a whole number of steps to the step before.
         const ROUNDING: f64 = 1e-9;
         let step = ((time_s / parameters.step_s + ROUNDING) as usize).min(inputs.len());
         let within_s = (time_s - step as f64 * parameters.step_s).max(0.0);
@@ -406,7 +412,8 @@ impl Playback {
         items
     }
 
-    /// Steps ahead of the predictions; the paper's number if there are none.
+    /// Number of steps that the predictions look ahead; the paper's number if there are no
+    /// predictions.
     #[must_use]
     pub fn steps_ahead(&self) -> usize {
         match &self.method {
@@ -416,16 +423,16 @@ impl Playback {
         }
     }
 
-    /// The area of a set's tube as a share of the worst case: the area that the human's vehicle can reach
-    /// in the same time.
+    /// The area of a set's tube as a share of the worst case, which is the area that the human's
+    /// vehicle can reach in the same time.
     #[must_use]
     pub fn share_of_worst_case(&self, set: &PredictedSet<'_>) -> f64 {
         let worst = worst_case_area_m2(&self.recorded.parameters, self.steps_ahead());
-        // A polygon can exceed its set by its accuracy.
+        // A polygon can exceed its set by up to the polygon's accuracy.
         worst.map_or(1.0, |worst| (set.area_m2 / worst).min(1.0))
     }
 
-    /// Horizon of the predictions, s.
+    /// Horizon of the predictions (s).
     #[must_use]
     pub fn seconds_ahead(&self) -> f64 {
         self.steps_ahead() as f64 * self.recorded.parameters.step_s
@@ -457,10 +464,10 @@ fn probabilities(
     [TurnInput::Left, TurnInput::Straight, TurnInput::Right].map(of)
 }
 
-/// Steps ahead in the paper.
+/// Number of steps ahead in the paper.
 const USUAL_STEPS: usize = 10;
 
-/// A predictor of turns has a class per direction.
+/// A predictor of turns has one class per direction.
 const MOST_CLASSES: usize = 3;
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Views of a value function: their links, maps at one relative heading, and optimal play from a state.
 //!
-//! Maps are in the evader's frame: the evader at the origin heads along +x, the pursuer is at (x, y) m with
-//! the heading ψ relative to the evader's.
+//! Maps are in the evader's frame: the evader is at the origin and heads along +x; the pursuer is
+//! at (x, y) (m), and ψ is its heading relative to the evader's heading.
 
 mod view;
 mod scale;

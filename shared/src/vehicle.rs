@@ -6,34 +6,35 @@ use crate::invalid::{Invalid, positive};
 use crate::math::wrap_angle;
 use serde::{Deserialize, Serialize};
 
-/// Position, m, and heading, rad counter-clockwise from +x in (−π, π].
-/// On the wire: `[x, y, psi]`.
+/// A position (m) and a heading in (−π, π] (rad, counter-clockwise from +x). Serialized as
+/// `[x, y, psi]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(from = "[f64; 3]", into = "[f64; 3]")]
 pub struct Pose {
-    /// To the right, m.
+    /// To the right (m).
     pub x: f64,
-    /// Up, m.
+    /// Up (m).
     pub y: f64,
-    /// Heading ψ, rad.
+    /// Heading ψ (rad).
     pub psi: f64,
 }
 
 impl Pose {
-    /// A pose with its heading wrapped.
+    /// A pose; the heading is wrapped to (−π, π].
     #[must_use]
     pub fn new(x: f64, y: f64, psi: f64) -> Self {
         Self { x, y, psi: wrap_angle(psi) }
     }
 
-    /// The position, m.
+    /// The position (m).
     #[must_use]
     pub fn position(&self) -> [f64; 2] {
         [self.x, self.y]
     }
 
-    /// The largest accepted coordinate, m or rad. Far beyond it, distances overflow.
+    /// The largest accepted magnitude of a coordinate (m or rad). Far beyond it, distances
+    /// overflow.
     pub const MOST: f64 = 1e6;
 
     /// Accepts a pose whose three coordinates are at most [`Self::MOST`] in magnitude.
@@ -50,7 +51,7 @@ impl Pose {
     /// Accepts one coordinate of a pose.
     ///
     /// # Errors
-    /// [`Invalid`] naming it.
+    /// [`Invalid`] naming the coordinate.
     pub fn checked(field: &str, value: f64) -> Result<f64, Invalid> {
         if value.abs() <= Self::MOST {
             return Ok(value);
@@ -61,7 +62,7 @@ impl Pose {
 }
 
 impl From<[f64; 3]> for Pose {
-    /// Does not wrap the heading: a stored state must survive a round trip bit for bit.
+    /// Does not wrap the heading, because a stored state must survive a round trip bit for bit.
     fn from([x, y, psi]: [f64; 3]) -> Self {
         Self { x, y, psi }
     }
@@ -73,7 +74,7 @@ impl From<Pose> for [f64; 3] {
     }
 }
 
-/// The turn that the held key requests for one step. On the wire: −1, 0, 1.
+/// The turn that the held key requests for one step. Serialized as −1, 0 or 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "i64", into = "i8")]
 pub enum TurnInput {
@@ -104,7 +105,7 @@ impl TurnInput {
     /// Every input, in ascending order of turn rate.
     pub const ALL: [Self; 3] = [Self::Right, Self::Straight, Self::Left];
 
-    /// −1, 0 or 1.
+    /// The sign of the turn rate: −1, 0 or 1.
     #[must_use]
     pub fn sign(self) -> i8 {
         match self {
@@ -114,7 +115,7 @@ impl TurnInput {
         }
     }
 
-    /// Its word on pages and in reports.
+    /// The word for this input on pages and in reports.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -149,9 +150,9 @@ impl TryFrom<i64> for TurnInput {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct VehicleModel {
-    /// Speed v, m/s.
+    /// Speed v (m/s).
     pub speed_mps: f64,
-    /// Largest turn rate ω, rad/s.
+    /// Largest turn rate ω (rad/s).
     pub turn_rate_radps: f64,
 }
 
@@ -166,19 +167,19 @@ impl VehicleModel {
         Ok(())
     }
 
-    /// The turn rate of an input, rad/s.
+    /// The turn rate of an input (rad/s).
     #[must_use]
     pub fn turn_rate(&self, input: TurnInput) -> f64 {
         f64::from(input.sign()) * self.turn_rate_radps
     }
 
-    /// Lowest and highest turn rate, rad/s.
+    /// Lowest and highest turn rate (rad/s).
     #[must_use]
     pub fn turn_range(&self) -> (f64, f64) {
         (-self.turn_rate_radps, self.turn_rate_radps)
     }
 
-    /// The pose after `seconds` s under `input`.
+    /// The pose after `seconds` of `input`.
     #[must_use]
     pub fn advance(&self, pose: Pose, input: TurnInput, seconds: f64) -> Pose {
         dubins::arc(pose, self.speed_mps, self.turn_rate(input), seconds)

@@ -8,16 +8,16 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Access {
-    /// Look at studies, participants, trials and analyses.
+    /// View studies, participants, trials and analyses.
     Read,
-    /// Also download all data: exports, and the table of participants.
+    /// Also download all data, as exports or as the table of participants.
     Export,
-    /// Also change and delete: studies, pilots, analyses and keys.
+    /// Also change and delete studies, pilots, analyses and keys.
     Manage,
 }
 
 impl Access {
-    /// All levels, from the lowest.
+    /// All levels, lowest first.
     pub const ALL: [Self; 3] = [Self::Read, Self::Export, Self::Manage];
 
     /// The word in JSON and in the database.
@@ -35,15 +35,15 @@ impl Access {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Session {
-    /// Always true: without a session the server responds with 401.
+    /// Always true, because without a session the server responds with 401.
     pub signed_in: bool,
     /// The name of the key that signed in.
     pub name: String,
-    /// Access level of that key.
+    /// Access level of this key.
     pub access: Access,
 }
 
-/// Longest name of a key, characters.
+/// Maximum length of a key's name (characters).
 const MAX_KEY_NAME_CHARS: usize = 64;
 
 /// The request for a new key.
@@ -51,7 +51,8 @@ const MAX_KEY_NAME_CHARS: usize = 64;
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NewKey {
-    /// User of the key, such as `Ada` or `nightly export`: 1 to 64 characters, unique among keys.
+    /// Name of the user of the key, such as `Ada` or `nightly export`. It has 1 to 64 characters
+    /// and is unique among keys.
     #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = 64)))]
     pub name: String,
     /// Access level.
@@ -59,7 +60,7 @@ pub struct NewKey {
 }
 
 impl NewKey {
-    /// Accepts a name of visible characters.
+    /// Checks the length and the characters of the name.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -80,21 +81,21 @@ impl NewKey {
     }
 }
 
-/// A key in the list of keys. The key itself is stored as a hash only.
+/// An entry in the list of keys. The server stores only a hash of the key itself.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct KeySummary {
     /// Id in URLs.
     pub id: i64,
-    /// User of the key.
+    /// Name of the user of the key.
     pub name: String,
     /// Access level.
     pub access: Access,
-    /// When it was created, ms since 1970.
+    /// When the key was created (ms since 1970).
     pub created_at_ms: i64,
-    /// When it was last used, to the minute, ms since 1970; absent if never.
+    /// When the key was last used (ms since 1970), to the minute. Absent if it was never used.
     pub last_used_at_ms: Option<i64>,
-    /// When it was revoked, ms since 1970; absent while it is valid.
+    /// When the key was revoked (ms since 1970). Absent while it is valid.
     pub revoked_at_ms: Option<i64>,
 }
 
@@ -102,9 +103,9 @@ pub struct KeySummary {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct KeyMade {
-    /// Its entry in the list.
+    /// The new key's entry in the list of keys.
     pub key: KeySummary,
-    /// The key itself; no later response contains it.
+    /// The key itself. No later response contains it.
     pub secret: String,
 }
 
@@ -154,7 +155,7 @@ pub enum Action {
 }
 
 impl Action {
-    /// All of them.
+    /// All actions.
     pub const ALL: [Self; 18] = [
         Self::SignedIn,
         Self::KeyMade,
@@ -206,27 +207,27 @@ impl Action {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AuditEntry {
-    /// Its number; later entries have higher ones.
+    /// Sequence number. Later entries have higher numbers.
     pub sequence: i64,
-    /// When, ms since 1970.
+    /// Time of the action (ms since 1970).
     pub at_ms: i64,
     /// The name of the key.
     pub who: String,
     /// The action.
     pub action: Action,
-    /// The study, if it concerns one.
+    /// The study that the action concerns, if any.
     pub study: Option<String>,
-    /// The action's subject, if it has one.
+    /// The subject of the action, if any.
     pub subject: Option<String>,
 }
 
-/// A page of the audit trail, newest first.
+/// A page of the audit trail, newest entry first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AuditPage {
     /// The entries of this page.
     pub entries: Vec<AuditEntry>,
-    /// Pass as `before` for the next page; absent on the last.
+    /// Pass as `before` for the next page; absent on the last page.
     pub next_before: Option<i64>,
 }
 

@@ -1,4 +1,5 @@
-//! Analyses on the server: requested by a [`Request`], queued, run and stored.
+//! Analyses on the server. A client sends a [`Request`]; the server queues and runs it and stores
+//! the results.
 
 use crate::comparison::Request;
 use crate::recording::Exclusion;
@@ -27,7 +28,7 @@ pub enum AnalysisState {
 }
 
 impl AnalysisState {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 6] =
         [Self::Queued, Self::Running, Self::Done, Self::Failed, Self::Cancelled, Self::Withdrawn];
 
@@ -61,16 +62,16 @@ impl AnalysisState {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisProgress {
-    /// Pieces of work that are done.
+    /// Number of work items that are done.
     pub done: u64,
-    /// All pieces of work; they take about the same time.
+    /// Total number of work items. All items take about the same time.
     pub of: u64,
-    /// Estimated time left, s; absent before anything is computed.
+    /// Estimated remaining time (s). Absent until something has been computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_s: Option<f64>,
 }
 
-/// The outcome of an analysis in brief.
+/// Summary of the results of an analysis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisResult {
@@ -78,24 +79,26 @@ pub struct AnalysisResult {
     pub participants: usize,
     /// Excluded participants, with reasons.
     pub excluded: Vec<ExcludedParticipant>,
-    /// The number of compared trials with each flag that casts doubt on them, by its word.
+    /// Number of compared trials with each flag that casts doubt on a trial, by the flag's word.
     pub flagged: BTreeMap<String, usize>,
-    /// Compared participants whose trials equal those of another participant.
+    /// Compared participants whose trials are identical to the trials of another participant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub same_trials: Vec<String>,
     /// The quality of both safety levels over the compared steps; absent in analyses of an earlier
     /// version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyQuality>,
-    /// Rows of cells.csv; the better SVM's row repeats another.
+    /// Number of rows of cells.csv. Rows of the better SVM repeat other rows.
     pub cells: usize,
-    /// Models that were trained and tested; absent in analyses of an earlier version.
+    /// Number of models that were trained and tested. Absent in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub models: Option<usize>,
-    /// The version of Sidestep that computed it; absent in analyses of an earlier version.
+    /// The version of Sidestep that computed the analysis. Absent in analyses of an earlier
+    /// version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
-    /// The study's versions under which the compared participants enrolled; empty in analyses of an earlier version.
+    /// Versions of the study under which the compared participants enrolled. Empty in analyses of
+    /// an earlier version.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub study_versions: Vec<u32>,
     /// SHA-256 of the trials that were compared; absent in analyses of an earlier version.
@@ -105,7 +108,7 @@ pub struct AnalysisResult {
     /// analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accuracies: Vec<MeanAccuracy>,
-    /// Why the data are known to be synthetic, if they are.
+    /// How the data are known to be synthetic; null if they are not.
     pub synthetic: Option<String>,
 }
 
@@ -115,11 +118,11 @@ pub struct AnalysisResult {
 pub struct MeanAccuracy {
     /// The model: `svm`, `dt` or `lr`.
     pub model: String,
-    /// 1: right, straight or left; 2: turn or not.
+    /// 1: right, straight or left; 2: turn or no turn.
     pub experiment: u8,
     /// The name of the feature set.
     pub features: String,
-    /// Share of the test steps predicted right, in per cent.
+    /// Share of the test steps predicted correctly (per cent).
     pub percent: f64,
 }
 
@@ -129,7 +132,7 @@ pub struct MeanAccuracy {
 pub struct ExcludedParticipant {
     /// The participant's number in the study.
     pub participant: String,
-    /// Why they are excluded.
+    /// The reason for the exclusion.
     pub reason: String,
 }
 
@@ -143,7 +146,7 @@ impl From<&Exclusion> for ExcludedParticipant {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisSummary {
-    /// The analysis.
+    /// Id of the analysis.
     pub id: String,
     /// The study's name in URLs.
     pub study: String,
@@ -154,22 +157,22 @@ pub struct AnalysisSummary {
     /// Its progress; absent unless it is running.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub progress: Option<AnalysisProgress>,
-    /// When it was requested, ms since 1970.
+    /// When the analysis was requested (ms since 1970).
     pub created_at_ms: i64,
-    /// When it began, ms since 1970.
+    /// When the analysis began (ms since 1970).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub started_at_ms: Option<i64>,
-    /// When it ended, ms since 1970.
+    /// When the analysis ended (ms since 1970).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended_at_ms: Option<i64>,
-    /// Why it failed.
+    /// Why the analysis failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
-    /// Its outcome in brief, once it is done.
+    /// Summary of its results, once it is done.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub result: Option<AnalysisResult>,
-    /// Whether the study's data have changed since it began: trials were added, or participants excluded
-    /// or included. False until it is done.
+    /// Whether the study's data have changed since the analysis began: trials were added, or
+    /// participants were excluded or included. False until the analysis is done.
     #[serde(default)]
     pub stale: bool,
 }
@@ -180,18 +183,18 @@ pub struct AnalysisSummary {
 pub struct AnalysisPage {
     /// The analyses of this page.
     pub analyses: Vec<AnalysisSummary>,
-    /// Pass as `before` for the next page; absent on the last.
+    /// Pass as `before` for the next page; absent on the last page.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub next_before: Option<i64>,
 }
 
-/// A file of an analysis, under the name that `sidestep analyze` gives it.
+/// A file of an analysis, with the name that `sidestep analyze` gives it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisFile {
     /// File name, such as `report.html` or `models/lr-1-hrd-1.json`.
     pub name: String,
-    /// Size, bytes.
+    /// Size (bytes).
     pub octets: u64,
 }
 
@@ -199,9 +202,9 @@ pub struct AnalysisFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisDetail {
-    /// As in the list.
+    /// The fields of its list entry.
     #[serde(flatten)]
     pub summary: AnalysisSummary,
-    /// Sorted by name; empty unless it is done.
+    /// The files, sorted by name. Empty unless the analysis is done.
     pub files: Vec<AnalysisFile>,
 }

@@ -1,4 +1,4 @@
-//! A study's configuration as experimenters edit it: the text of a study file.
+//! A study's configuration as experimenters edit it, that is, as the text of a study file.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -11,10 +11,10 @@ pub struct Configuration {
     pub study: String,
     /// SHA-256 of the configuration.
     pub hash: String,
-    /// The configuration as a study file (TOML): only the differences from the paper's protocol,
-    /// without comments.
+    /// The configuration as a study file (TOML). It contains only the differences from the paper's
+    /// protocol, and no comments.
     pub toml: String,
-    /// People who enrolled in the study under any configuration; without pilots.
+    /// Number of people who enrolled in the study under any configuration, without pilots.
     pub participants: u64,
     /// All configurations of the study, newest first; the first is the current one.
     pub versions: Vec<ConfigurationVersion>,
@@ -24,21 +24,23 @@ pub struct Configuration {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ConfigurationVersion {
-    /// Its number within the study, from 1.
+    /// Its number within the study, counted from 1.
     pub number: u32,
     /// SHA-256 of the configuration that people enrolled under. A study that returns to an earlier
-    /// configuration has two versions with the same hash; opening or closing it creates no version.
+    /// configuration has two versions with the same hash. Opening or closing a study creates no
+    /// version.
     pub hash: String,
     /// The experimenter's label: `version` in the study file.
     pub label: String,
-    /// Start of its use for new participants, ms since 1970.
+    /// When the study began to use it for new participants (ms since 1970).
     pub since_ms: i64,
-    /// People who enrolled under it; without pilots. If the configuration was used again later, they count
-    /// in its last version.
+    /// Number of people who enrolled under it, without pilots. If the study used this configuration
+    /// again later, they count in its last version.
     pub participants: u64,
     /// The configuration as a study file (TOML).
     pub toml: String,
-    /// Paths of the fields in which it differs from the version before it; none for the first.
+    /// Paths of the fields in which it differs from the previous version. Empty for the first
+    /// version.
     pub changed: Vec<String>,
 }
 
@@ -49,8 +51,8 @@ pub struct ConfigurationVersion {
 pub struct Draft {
     /// The text (TOML).
     pub toml: String,
-    /// The hash of the configuration that was edited; absent for a new study. If the study's
-    /// configuration has changed since, the draft is not stored.
+    /// The hash of the configuration that was edited. Absent for a new study. If the study's
+    /// configuration has changed since then, the draft is not stored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
 }
@@ -63,7 +65,7 @@ pub struct FormDraft {
     /// The study: an object with the fields of a study file, as in [`DraftChecked`]. Missing fields
     /// default to the paper's values.
     pub config: Value,
-    /// As in [`Draft`].
+    /// See [`Draft::base`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
 }
@@ -72,10 +74,10 @@ pub struct FormDraft {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Remark {
-    /// The line, from 1; absent for a form whose values cannot be written as a study file.
+    /// Line number, from 1. Absent for a form whose values cannot be written as a study file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub line: Option<usize>,
-    /// The field, such as `phases[0].scenes`; absent if the text is not TOML.
+    /// The field, such as `phases[0].scenes`. Absent if the text is not TOML.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
     /// A sentence that names the field.
@@ -105,19 +107,20 @@ pub struct DraftChecked {
     pub complaint: Option<Remark>,
     /// Warnings for the experimenter.
     pub warnings: Vec<Remark>,
-    /// The differences from the current configuration of the study of this name; empty for a new study.
+    /// The differences from the current configuration of the study with the draft's name. Empty for
+    /// a new study.
     pub changes: Vec<Change>,
-    /// The study as a form shows it: an object with all fields of a study file. Also present if the draft
-    /// has an error, unless it could not be parsed as a study.
+    /// The study as a form shows it: an object with all fields of a study file. It is present even
+    /// if the draft has an error, unless the draft could not be parsed as a study.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub config: Option<Value>,
-    /// The study file (TOML) generated from a form; absent for a draft that is a text.
+    /// The study file (TOML) generated from a form. Absent if the draft was a text.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub toml: Option<String>,
     /// The languages that this server offers.
     #[serde(default)]
     pub languages: Vec<String>,
-    /// The distribution of its scenes, as SVG.
+    /// The distribution of the study's scenes, as SVG.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture: Option<String>,
 }

@@ -8,7 +8,7 @@ use crate::trial_view::Recorded;
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 
-/// The tasks of one participant, one attempt at each scene: those that analyses use.
+/// The tasks of one participant that analyses use: one attempt at each scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Drives {
@@ -23,7 +23,8 @@ pub struct Drives {
     /// Why an experimenter excluded the participant from analyses; absent if not excluded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub excluded: Option<String>,
-    /// Whether this is a program, not a person; see [`ParticipantDetail`](super::ParticipantDetail).
+    /// Whether the participant is a program and not a person; see
+    /// [`ParticipantDetail`](super::ParticipantDetail).
     #[serde(default)]
     pub synthetic: bool,
     /// Vehicles, danger radius and clock of the tasks.
@@ -32,7 +33,7 @@ pub struct Drives {
     pub value_function_hr: Option<String>,
     /// Id of the value function V_RH; null while the server has none.
     pub value_function_rh: Option<String>,
-    /// In the order of the plan.
+    /// The tasks, in the order of the plan.
     pub tasks: Vec<Drive>,
 }
 
@@ -40,7 +41,7 @@ pub struct Drives {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Drive {
-    /// The trial.
+    /// Id of the trial.
     pub trial_id: String,
     /// The scene in words, such as `task 3`.
     pub words: String,
@@ -48,7 +49,8 @@ pub struct Drive {
     pub scene: Scene,
     /// The input held in each step: `L`, `S` or `R`.
     pub inputs: String,
-    /// States before each step and after the last: x (m), y (m) and heading (rad) of the human, then of the robot.
+    /// States before each step and after the last step. Each has x (m), y (m) and heading (rad) of
+    /// the human, then of the robot.
     pub states: Vec<[f64; 6]>,
 }
 
@@ -86,7 +88,7 @@ impl Drive {
         self.inputs.chars().map(input).collect()
     }
 
-    /// The joint state before each step, and the one after the last step.
+    /// The joint states before each step and after the last step.
     #[must_use]
     pub fn states(&self) -> Vec<JointState> {
         let state = |&[x, y, psi, a, b, c]: &[f64; 6]| JointState {

@@ -24,26 +24,27 @@ pub struct StudySummary {
     pub slug: String,
     /// Name shown to people.
     pub title: String,
-    /// Whether it accepts participants.
+    /// Whether the study is open, closed or archived.
     pub status: Status,
     /// Whether its participants are synthetic.
     #[serde(default)]
     pub synthetic: bool,
-    /// People who enrolled or were imported, without pilots.
+    /// Number of people who enrolled or were imported, without pilots.
     pub participants: u64,
-    /// Of these, those with a completion code.
+    /// Number of these people who have a completion code.
     pub complete: u64,
-    /// Of these, those under way for whom the server stored something in the last ten minutes.
+    /// Number of these people who are still taking part and for whom the server stored data in the
+    /// last ten minutes.
     pub active: u64,
-    /// Of these, those whose data should be checked: they steered in no task or in every step of each,
-    /// or their key times repeat those of an earlier trial, as if a program had driven. Without those
-    /// already excluded.
+    /// Number of these people whose data should be checked: they steered in no task, steered in
+    /// every step of every task, or have the same key times as an earlier trial, as if a program
+    /// had driven. People who are already excluded do not count.
     pub doubtful: u64,
-    /// Their stored trials.
+    /// Number of stored trials of these people.
     pub trials: u64,
-    /// Pilots.
+    /// Number of pilots.
     pub pilots: u64,
-    /// When data of a participant were last stored, ms since 1970; absent if never.
+    /// When the server last stored data of a participant (ms since 1970). Absent if it never did.
     pub last_seen_at_ms: Option<i64>,
 }
 
@@ -61,7 +62,7 @@ pub struct PilotsDeleted {
 pub struct TrialPage {
     /// The trials of this page.
     pub trials: Vec<TrialSummary>,
-    /// Pass as `before` for the next page; absent on the last.
+    /// Pass as `before` for the next page; absent on the last page.
     pub next_before: Option<i64>,
 }
 
@@ -69,9 +70,9 @@ pub struct TrialPage {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialSummary {
-    /// The trial.
+    /// Id of the trial.
     pub trial_id: String,
-    /// The participant who drove it.
+    /// Id of the participant who drove it.
     pub participant_id: String,
     /// The participant's number within the study, from 1.
     pub participant_number: i64,
@@ -79,10 +80,11 @@ pub struct TrialSummary {
     pub phase: Phase,
     /// Index within its phase, from 0.
     pub index: usize,
-    /// 1; 2 if the scene was driven again because its first trial was interrupted.
+    /// Attempt number: 1, or 2 if the scene was driven again because its first trial was
+    /// interrupted.
     #[serde(default = "first", skip_serializing_if = "is_first")]
     pub attempt: u32,
-    /// When the server stored it, ms since 1970.
+    /// When the server stored the trial (ms since 1970).
     pub received_at_ms: i64,
     /// Its outcome.
     pub outcome: Outcome,
@@ -98,8 +100,8 @@ impl TrialSummary {
     }
 }
 
-/// Display name of a scene: its phase, its number in the phase from 1, and the attempt, if it is not the
-/// first. `index` counts from 0.
+/// Display name of a scene: its phase, its number in the phase (from 1) and, if it is not the first
+/// attempt, the attempt. `index` counts from 0.
 #[must_use]
 pub fn scene_words(phase: Phase, index: usize, attempt: u32) -> String {
     let scene = format!("{} {}", phase.word(), index + 1);
@@ -109,8 +111,8 @@ pub fn scene_words(phase: Phase, index: usize, attempt: u32) -> String {
     }
 }
 
-/// Heading of a trial on pages and in figures: its study, the participant's number, the scene in words, and
-/// whether a program drove.
+/// Heading of a trial on pages and in figures: the study, the participant's number, the scene in
+/// words, and a mark if a program drove.
 #[must_use]
 pub fn trial_heading(study: &str, number: i64, scene: &str, synthetic: bool) -> String {
     let mark = if synthetic { " (synthetic)" } else { "" };
@@ -121,7 +123,7 @@ pub fn trial_heading(study: &str, number: i64, scene: &str, synthetic: bool) -> 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialDetail {
-    /// As in the list.
+    /// The fields of its list entry.
     #[serde(flatten)]
     pub summary: TrialSummary,
     /// The study's name in URLs.
@@ -136,25 +138,27 @@ pub struct TrialDetail {
     pub scene: Scene,
     /// The input held in each step.
     pub inputs: Vec<TurnInput>,
-    /// Before each step, and after the last.
+    /// The states before each step and after the last step.
     pub states: Vec<JointState>,
-    /// The differences between the states and the replay of the inputs.
+    /// The differences between the uploaded states and a replay of the inputs.
     pub replay: Replay,
     /// Id of the value function V_HR; null while the server has none.
     pub value_function_hr: Option<String>,
     /// Id of the value function V_RH; null while the server has none.
     pub value_function_rh: Option<String>,
-    /// The previous stored trial: of the same participant, otherwise the last one of the participant with
-    /// the next lower number; null for the first. Pilots have their own sequence.
+    /// Id of the previous stored trial of the participant or, if there is none, of the last trial
+    /// of the participant with the next lower number. Null for the first trial. Pilots have their
+    /// own sequence.
     #[serde(default)]
     pub previous: Option<String>,
-    /// The next stored trial, likewise; null for the last.
+    /// Id of the next stored trial, chosen in the same way. Null for the last trial.
     #[serde(default)]
     pub next: Option<String>,
 }
 
 impl TrialDetail {
-    /// Id of the value function of `evader`; none while the server has none.
+    /// Id of the value function of the game in which `evader` evades; `None` while the server has
+    /// none.
     #[must_use]
     pub fn value_function(&self, evader: Evader) -> Option<&str> {
         match evader {
@@ -164,7 +168,7 @@ impl TrialDetail {
     }
 }
 
-/// The fingerprint of a computer's simulation.
+/// The fingerprint of the simulation on one computer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct SelfCheck {
@@ -172,7 +176,7 @@ pub struct SelfCheck {
     pub seed: u64,
     /// Number of random trials.
     pub trials: usize,
-    /// SHA-256 of all their states.
+    /// SHA-256 of the states of all these trials.
     pub fingerprint: String,
 }
 
@@ -181,24 +185,25 @@ pub struct SelfCheck {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DataCheckState {
-    /// Not yet run since the server started.
+    /// The check has not run since the server started.
     #[default]
     Waiting,
-    /// It is running; the previous findings remain.
+    /// The check is running; the findings are still the previous ones.
     Running,
-    /// It is done.
+    /// The check is done.
     Done,
-    /// It failed, or its backup could not be written.
+    /// The check failed, or its backup could not be written.
     Failed,
 }
 
-/// Findings of the server's last data check: of the database file, and of every stored trial by replaying it.
+/// Findings of the server's last data check, which checks the database file and replays every
+/// stored trial.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct DataCheck {
     /// State of the check.
     pub state: DataCheckState,
-    /// When it ended, ms since 1970; null before the first.
+    /// When the check ended (ms since 1970). Null before the first check.
     pub at_ms: Option<i64>,
     /// The number of trials that were replayed; null before the first check.
     pub trials: Option<u64>,
@@ -206,7 +211,7 @@ pub struct DataCheck {
     pub fault_count: u64,
     /// Descriptions of the first faults.
     pub faults: Vec<String>,
-    /// Why it failed, if it did.
+    /// Why the check failed, if it did.
     pub message: Option<String>,
     /// The newest backup in the folder of this server.
     pub backup: Option<Backup>,
@@ -216,10 +221,10 @@ pub struct DataCheck {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Backup {
-    /// The name of its file, in the folder of `serve --backups`.
+    /// File name, within the folder of `serve --backups`.
     pub name: String,
-    /// When it was completed, ms since 1970.
+    /// When the backup was completed (ms since 1970).
     pub at_ms: i64,
-    /// Size, bytes.
+    /// Size (bytes).
     pub bytes: u64,
 }

@@ -12,13 +12,13 @@ use std::marker::PhantomData;
 pub struct Object<V>(Vec<(String, V)>);
 
 impl<V> Object<V> {
-    /// The value of a name.
+    /// The value of the member with this name.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&V> {
         self.place(name).ok().map(|place| &self.0[place].1)
     }
 
-    /// Sets the value of a name.
+    /// Sets the value of the member with this name, or adds the member.
     pub fn insert(&mut self, name: String, value: V) {
         match self.place(&name) {
             Ok(place) => self.0[place].1 = value,
@@ -26,7 +26,7 @@ impl<V> Object<V> {
         }
     }
 
-    /// Names and values, in the order of the names.
+    /// Iterates over names and values, sorted by name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &V)> {
         self.0.iter().map(|(name, value)| (name.as_str(), value))
     }

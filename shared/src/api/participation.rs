@@ -13,7 +13,7 @@ use crate::vehicle::Pose;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Body of the result of the check of understanding.
+/// Request body with the result of the check of understanding.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -39,7 +39,8 @@ pub struct ComprehensionStored {
     pub return_url: Option<String>,
 }
 
-/// Body of the answers to the questions after the last scene. `V` is the type of an answer: any JSON on the server.
+/// Request body with the answers to the questions after the last scene. `V` is the type of an
+/// answer: any JSON on the server.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -48,8 +49,8 @@ pub struct ComprehensionStored {
     schemars(rename = "Answers", description = "Answers to the questions after the last scene.")
 )]
 pub struct Answers<V = Value> {
-    /// Keyed by question name: a string for a text, an option's value for a choice, a whole number for
-    /// a scale. Unanswered questions are absent.
+    /// The answers by question name. An answer is a string for a text, an option's value for a
+    /// choice, and a whole number for a scale. Unanswered questions are absent.
     pub answers: Object<V>,
 }
 
@@ -62,7 +63,7 @@ pub struct Withdrawn {
     pub return_url: Option<String>,
 }
 
-/// Body of an enrolment. `V` is the type of the screen facts, as in
+/// Request body of an enrolment. `V` is the type of the facts about the screen, as in
 /// [`TrialUpload`](super::TrialUpload).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
@@ -72,10 +73,11 @@ pub struct Withdrawn {
     schemars(rename = "Enrolment", description = "Body of an enrolment.")
 )]
 pub struct Enrolment<V = Value> {
-    /// The participant agreed to take part; must be true.
+    /// Whether the participant agreed to take part. Must be true.
     #[cfg_attr(feature = "openapi", schemars(extend("const" = true)))]
     pub consent: bool,
-    /// The person's id at the recruiting service; the same id resumes the participation.
+    /// The person's id at the recruiting service. Enrolling again with the same id resumes the
+    /// participation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(
         feature = "openapi",
@@ -85,15 +87,16 @@ pub struct Enrolment<V = Value> {
         )
     )]
     pub external_id: Option<String>,
-    /// Secret idempotency key that the client generates for this enrolment, such as a random UUID:
-    /// a retry after a lost response returns the same participant.
+    /// Secret idempotency key that the client generates for this enrolment, such as a random UUID.
+    /// A retry after a lost response returns the same participant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = MAX_NAME_CHARS)))]
     pub request_id: Option<String>,
     /// URL parameters that the study stores, by name.
     #[serde(default, skip_serializing_if = "Object::is_empty")]
     pub parameters: Object<String>,
-    /// A pilot: stored separately from the data; its completion code begins with `PILOT-`, and it has no return URL.
+    /// Whether this is a pilot. A pilot is stored separately from the data, its completion code
+    /// begins with `PILOT-`, and it has no return URL.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub pilot: bool,
     /// Language in which the participant read the consent text, such as `en` or `zh-CN`.
@@ -106,7 +109,7 @@ pub struct Enrolment<V = Value> {
 }
 
 impl<V: Serialize> Enrolment<V> {
-    /// Accepts an enrolment with consent and valid texts.
+    /// Checks that the participant consented and that all fields are valid.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -155,7 +158,7 @@ pub struct Enrolled {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Plan {
-    /// In order.
+    /// The phases, in order.
     pub phases: Vec<PlannedPhase>,
 }
 
@@ -174,7 +177,7 @@ pub struct PlannedPhase {
     pub phase: Phase,
     /// Whether the danger zone is drawn around the robot.
     pub show_danger_zone: bool,
-    /// In order.
+    /// The scenes, in order.
     pub scenes: Vec<PlannedScene>,
 }
 
@@ -186,14 +189,15 @@ pub struct PlannedScene {
     pub trial_id: String,
     /// Index within its phase, from 0.
     pub index: usize,
-    /// 1; 2 if the scene is driven again because its first trial was interrupted.
+    /// Attempt number: 1, or 2 if the scene is driven again because its first trial was
+    /// interrupted.
     #[serde(default = "first", skip_serializing_if = "is_first")]
     pub attempt: u32,
-    /// The human's vehicle at the start.
+    /// Pose of the human's vehicle at the start.
     pub human: Pose,
-    /// The robot at the start.
+    /// Pose of the robot at the start.
     pub robot: Pose,
-    /// The robot's goal, m.
+    /// The robot's goal (m).
     pub goal: [f64; 2],
 }
 
@@ -217,17 +221,17 @@ pub struct Progress {
     pub plan: Plan,
     /// Ids of the stored trials, in the plan's order.
     pub stored: Vec<String>,
-    /// The next trial; absent when all are stored.
+    /// Id of the next trial. Absent when all trials are stored.
     pub next: Option<String>,
-    /// The code, once the participation is complete.
+    /// The completion code, once the participation is complete.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub completion_code: Option<String>,
-    /// Return URL once the participation is complete, if the study sets one; without the code if this
-    /// token may not see it.
+    /// Return URL, once the participation is complete, if the study sets one. It lacks the
+    /// completion code if this token may not see the code.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
-    /// Whether the participation is complete. If this token was obtained with the external id alone,
-    /// the code is absent even then.
+    /// Whether the participation is complete. If this token was obtained with the external id
+    /// alone, the completion code is absent even then.
     #[serde(default)]
     pub complete: bool,
     /// Whether the check of understanding was passed.
@@ -242,7 +246,8 @@ pub struct Progress {
     /// Whether this is a pilot.
     #[serde(default)]
     pub pilot: bool,
-    /// Whether this token may withdraw the participation; a token obtained with the external id alone may not.
+    /// Whether this token may withdraw the participation. A token obtained with the external id
+    /// alone may not.
     #[serde(default)]
     pub may_withdraw: bool,
 }
@@ -251,7 +256,7 @@ pub struct Progress {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Completed {
-    /// Proof that every trial is stored.
+    /// The completion code: proof that every trial is stored.
     pub completion_code: String,
     /// Return URL with the code, if the study sets one.
     #[serde(default, skip_serializing_if = "Option::is_none")]

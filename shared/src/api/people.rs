@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
-    /// Enrolled, before the first scene: reads instructions.
+    /// Has enrolled and reads the instructions before the first scene.
     Joined,
     /// The next scene is a familiarisation scene.
     Familiarisation,
@@ -19,7 +19,8 @@ pub enum Stage {
     Practice,
     /// The next scene is a task.
     Task,
-    /// All scenes are stored, but the participation is not complete: answers questions.
+    /// All scenes are stored, but the participation is not complete; the participant answers the
+    /// questions.
     Closing,
     /// Has a completion code.
     Complete,
@@ -32,7 +33,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// All of them, in the order of a participation.
+    /// All stages, in the order of a participation.
     pub const ALL: [Self; 9] = [
         Self::Joined,
         Self::Familiarisation,
@@ -62,7 +63,8 @@ impl Stage {
     }
 }
 
-/// Data quality: counts of the participant's stored tasks, including further attempts, and of wrong answers.
+/// Data quality: counts over the participant's stored tasks, including repeated attempts, and
+/// failed checks of understanding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Quality {
@@ -78,9 +80,10 @@ pub struct Quality {
     pub always_steered: u32,
     /// Tasks in which the human entered the danger zone.
     pub danger_entered: u32,
-    /// Tasks whose key events have exactly the times of an earlier trial of the study: a program drove.
+    /// Tasks whose key events have exactly the same times as an earlier trial of the study, so a
+    /// program drove.
     pub same_timing: u32,
-    /// Wrong answers to the check of understanding.
+    /// Failed attempts at the check of understanding.
     #[serde(default)]
     pub failed_checks: u32,
 }
@@ -89,32 +92,33 @@ pub struct Quality {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ParticipantSummary {
-    /// The participant.
+    /// Id of the participant.
     pub participant_id: String,
     /// Their number within the study, from 1; pilots are numbered separately.
     pub number: i64,
     /// Whether this is a pilot.
     pub pilot: bool,
-    /// The recruiting service's id, unchanged; only for keys with export access.
+    /// The participant's id at the recruiting service, unchanged. Only for keys with export access.
     pub external_id: Option<String>,
     /// Their stage.
     pub stage: Stage,
-    /// The completion code, if they completed; only for keys with export access.
+    /// The completion code, if the participation is complete. Only for keys with export access.
     pub completion_code: Option<String>,
     /// Number of their attempts at the check of understanding.
     pub comprehension_attempts: u32,
-    /// Whether they passed it.
+    /// Whether they passed the check.
     pub understood: bool,
-    /// Stored trials.
+    /// Number of stored trials.
     pub stored: u32,
-    /// Planned scenes, including further attempts.
+    /// Number of planned scenes, including repeated attempts.
     pub planned: u32,
-    /// Driven trials still queued in the participant's browser when the server last stored one.
+    /// Number of driven trials that were still queued in the participant's browser when the server
+    /// last stored a trial.
     #[serde(default)]
     pub waiting: u32,
-    /// When they enrolled, ms since 1970.
+    /// When they enrolled (ms since 1970).
     pub enrolled_at_ms: i64,
-    /// When the server last stored data of them, ms since 1970.
+    /// When the server last stored data of this participant (ms since 1970).
     pub last_seen_at_ms: i64,
     /// Data quality.
     pub quality: Quality,
@@ -128,7 +132,7 @@ pub struct ParticipantSummary {
 pub struct ExcludedBy {
     /// The reason, in the experimenter's words.
     pub reason: String,
-    /// When they were excluded, ms since 1970.
+    /// When they were excluded (ms since 1970).
     pub at_ms: i64,
     /// The name of the key that excluded them.
     pub who: String,
@@ -142,7 +146,7 @@ pub struct Note {
     pub id: i64,
     /// The text.
     pub text: String,
-    /// When it was written, ms since 1970.
+    /// When it was written (ms since 1970).
     pub at_ms: i64,
     /// The name of the key that wrote it.
     pub who: String,
@@ -169,7 +173,7 @@ pub struct NewExclusion {
 }
 
 impl NewNote {
-    /// Accepts a text of visible characters.
+    /// Checks that the text has a valid length and no control characters except newlines.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -179,7 +183,7 @@ impl NewNote {
 }
 
 impl NewExclusion {
-    /// Accepts a reason of one line.
+    /// Checks that the reason has a valid length and no control characters.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -204,11 +208,11 @@ fn check_text(field: &str, text: &str, most: usize, also: fn(char) -> bool) -> R
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialPicture {
-    /// As in lists.
+    /// The fields of its list entry.
     #[serde(flatten)]
     pub summary: TrialSummary,
-    /// Positions of the human's vehicle at every second step, including the first and the last: x and y,
-    /// m, rounded to centimetres, in the scene's frame.
+    /// Positions of the human's vehicle at every second step, including the first and the last: x
+    /// and y (m) in the scene's frame, rounded to centimetres.
     pub human: Vec<[f64; 2]>,
     /// Positions of the robot at the same times.
     pub robot: Vec<[f64; 2]>,
@@ -220,36 +224,36 @@ pub struct TrialPicture {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ParticipantDetail {
-    /// As in the list.
+    /// The fields of the list entry.
     #[serde(flatten)]
     pub summary: ParticipantSummary,
     /// The study's name in URLs.
     pub study: String,
     /// SHA-256 of the configuration under which they enrolled.
     pub configuration: String,
-    /// Whether this is a program, not a person: their study has only synthetic participants, or a
-    /// trial reports that a program drove.
+    /// Whether this is a program and not a person. It is a program if the study has only synthetic
+    /// participants or if a trial reports that a program drove.
     #[serde(default)]
     pub synthetic: bool,
-    /// Version number of this configuration within the study; absent if the study never had it.
+    /// Version number of this configuration within the study. Absent if the study never used it.
     #[serde(default)]
     pub configuration_number: Option<u32>,
     /// The experimenter's label of this configuration.
     #[serde(default)]
     pub configuration_label: String,
-    /// Radius of the danger zone, m.
+    /// Radius of the danger zone (m).
     pub danger_radius_m: f64,
-    /// When they withdrew, ms since 1970.
+    /// When they withdrew (ms since 1970).
     pub withdrawn_at_ms: Option<i64>,
     /// Whether their data were deleted.
     pub data_deleted: bool,
-    /// Their answers by question name; only for keys with export access.
+    /// Their answers by question name. Only for keys with export access.
     pub answers: BTreeMap<String, Value>,
-    /// The recorded URL parameters of their link; only for keys with export access.
+    /// The recorded URL parameters of their link. Only for keys with export access.
     pub parameters: BTreeMap<String, String>,
     /// Why they are excluded from analyses, if they are.
     pub exclusion: Option<ExcludedBy>,
-    /// Oldest first.
+    /// The notes, oldest first.
     pub notes: Vec<Note>,
     /// The stored trials in the order of the plan.
     pub trials: Vec<TrialPicture>,
@@ -261,7 +265,7 @@ pub struct ParticipantDetail {
 pub struct StageCount {
     /// The stage.
     pub stage: Stage,
-    /// Their number, regardless of the page's filter.
+    /// The number of participants, regardless of the page's filter.
     pub participants: u64,
 }
 

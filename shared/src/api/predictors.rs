@@ -1,4 +1,4 @@
-//! Predictors: the models of analyses, and those of replays.
+//! Predictors: the models that analyses trained, and the models that replays use.
 
 use crate::predict::PredictorFile;
 use crate::shfrs::baselines::EmpiricalSets;
@@ -9,23 +9,25 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PredictorSummary {
-    /// Its file in the analysis: a `predictor.json`.
+    /// Name of its file in the analysis. The file is a `predictor.json`.
     pub file: String,
     /// The number of the participant whose tasks trained it.
     pub participant: i64,
     /// The kind of model, such as `svm_rbf`, `dt` or `lr`; `svm` is the better of two SVMs.
     pub model: String,
-    /// 1: right, straight or left; 2: turn or not.
+    /// 1: right, straight or left; 2: turn or no turn.
     pub experiment: u8,
     /// The name of the feature set.
     pub features: String,
-    /// The names of the features in it.
+    /// The names of the features in this set.
     pub columns: Vec<String>,
-    /// Share of steps predicted right, mean over the folds of cross-validation, from 0 to 1.
+    /// Cross-validation accuracy: the mean over folds of the share of steps predicted correctly,
+    /// from 0 to 1.
     pub cv_accuracy: f64,
-    /// Share of the steps of the test tasks predicted right, from 0 to 1.
+    /// Test accuracy: the share of the test tasks' steps predicted correctly, from 0 to 1.
     pub test_accuracy: f64,
-    /// The participant's last stored task, for a replay with this model; absent if there is none.
+    /// Id of the participant's last stored task, for a replay with this model. Absent if there is
+    /// none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub newest_task: Option<String>,
 }
@@ -44,7 +46,7 @@ pub struct PredictorChoices {
     pub features: Vec<String>,
 }
 
-/// A page of the models of an analysis, participant by participant.
+/// A page of the models of an analysis, grouped by participant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PredictorPage {
@@ -52,7 +54,8 @@ pub struct PredictorPage {
     pub predictors: Vec<PredictorSummary>,
     /// Number of models that match the filter, on all pages.
     pub total: u64,
-    /// All options of the analysis, regardless of the filter; empty unless it is done.
+    /// All filter options of the analysis, regardless of the current filter. Empty unless the
+    /// analysis is done.
     pub choices: PredictorChoices,
 }
 
@@ -64,25 +67,26 @@ pub struct TrainedPredictor {
     pub predictor: PredictorFile,
     /// The number of trials that it was trained on.
     pub trials: usize,
-    /// Why the learned model could not be used; absent if it was.
+    /// Why the learned model could not be used. Absent if it was used.
     pub fallback: Option<String>,
-    /// The ids of these trials: on them, accuracy is overestimated.
+    /// The ids of the trials that it was trained on. Accuracy is overestimated on them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trained_on: Vec<String>,
-    /// The analysis that trained it; absent if it was trained on the participant's earlier trials.
+    /// The analysis that trained the predictor. Absent if it was trained on the participant's
+    /// earlier trials.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<PredictorSource>,
 }
 
-/// Sets that are learned from a participant's earlier trials.
+/// Sets learned from a participant's earlier trials.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct LearnedSets {
     /// The sets.
     pub sets: EmpiricalSets,
-    /// The number of trials that they are learned from.
+    /// The number of trials from which the sets were learned.
     pub trials: usize,
-    /// Their coverage on the participant's other tasks; null if there are none.
+    /// The coverage of the sets on the participant's other tasks; null if there are no other tasks.
     pub held: Option<Probabilities>,
 }
 
@@ -90,11 +94,11 @@ pub struct LearnedSets {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PredictorSource {
-    /// The analysis.
+    /// Id of the analysis.
     pub analysis: String,
     /// Its study's name in URLs.
     pub study: String,
-    /// As in the list of the analysis.
+    /// The model's entry in the analysis's list of models.
     #[serde(flatten)]
     pub summary: PredictorSummary,
     /// How the training used the trial.
@@ -106,14 +110,14 @@ pub struct PredictorSource {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum TrialUse {
-    /// The trial is one of those that trained it.
+    /// The model was trained on the trial.
     Trained,
-    /// The trial was held back to test it.
+    /// The trial was held out to test the model.
     HeldOut,
-    /// The model is of the participant who drove, but the analysis did not use the trial.
+    /// The model belongs to the participant who drove, but the analysis did not use the trial.
     Unused,
-    /// The model is of another participant of the study.
+    /// The model belongs to another participant of the study.
     OtherParticipant,
-    /// The analysis is of another study.
+    /// The analysis belongs to another study.
     OtherStudy,
 }

@@ -21,9 +21,9 @@ pub const ME: &str = "/api/v1/participants/me";
 pub const COMPREHENSION: &str = "/api/v1/participants/me/comprehension";
 /// The answers to the questions after the last scene.
 pub const ANSWERS: &str = "/api/v1/participants/me/answers";
-/// The end of a participation.
+/// Completion of a participation.
 pub const COMPLETE: &str = "/api/v1/participants/me/complete";
-/// A trial's upload.
+/// Upload of a trial.
 #[must_use]
 pub fn my_trial(trial_id: &str) -> String {
     format!("/api/v1/participants/me/trials/{trial_id}")
@@ -68,7 +68,7 @@ pub const ADMIN_DRAFTS: &str = "/api/v1/admin/drafts";
 pub const ADMIN_FORM_DRAFTS: &str = "/api/v1/admin/drafts/form";
 /// Server-sent events: one for every change of stored data.
 pub const CHANGES: &str = "/api/v1/admin/changes";
-/// The participants of a study, without the query for the format.
+/// The participants of a study (without the query string for the format).
 #[must_use]
 pub fn admin_participants(slug: &str) -> String {
     format!("/api/v1/admin/studies/{slug}/participants")
@@ -118,7 +118,7 @@ pub fn admin_trial(trial_id: &str) -> String {
 pub fn admin_predictor(trial_id: &str) -> String {
     format!("/api/v1/admin/trials/{trial_id}/predictor")
 }
-/// Sets learned from this participant's earlier trials, without the query for the family.
+/// Sets learned from this participant's earlier trials (without the query string for the family).
 #[must_use]
 pub fn admin_sets(trial_id: &str) -> String {
     format!("/api/v1/admin/trials/{trial_id}/sets")
@@ -138,7 +138,7 @@ pub fn admin_analysis(id: &str) -> String {
 pub fn cancel_analysis(id: &str) -> String {
     format!("/api/v1/admin/analyses/{id}/cancel")
 }
-/// The models of an analysis, without the query for filters.
+/// The models of an analysis (without the query string for filters).
 #[must_use]
 pub fn analysis_predictors(id: &str) -> String {
     format!("/api/v1/admin/analyses/{id}/predictors")
@@ -156,8 +156,8 @@ pub const DOCS: &str = "/api/docs";
 pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
 /// The findings of the server's last data check, and its last backup.
 pub const DATA_CHECK: &str = "/api/v1/admin/data-check";
-/// A study's data, without the query for format and filters; the default is its steps as one CSV
-/// file.
+/// A study's data (without the query string for format and filters). The default is the study's
+/// steps as one CSV file.
 #[must_use]
 pub fn exports(slug: &str) -> String {
     format!("/api/v1/admin/studies/{slug}/export")

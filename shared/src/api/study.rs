@@ -19,19 +19,19 @@ pub struct StudyInfo {
     pub parameters: SceneParameters,
     /// The phases and their scenes.
     pub phases: Vec<PhaseConfig>,
-    /// Whether the requesting person can take part; without an external id, whether a new person
-    /// can.
+    /// Whether the requesting person can take part. If the request has no external id: whether a
+    /// new person can take part.
     pub admission: Admission,
     /// URL for people who cannot take part, if the study sets one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_url: Option<String>,
     /// The course of every trial.
     pub trials: TrialSettings,
-    /// After this many attempts at the check of understanding with a wrong answer, the participation
-    /// ends; 0: never.
+    /// Number of failed attempts at the check of understanding after which the participation ends.
+    /// 0 means that there is no limit.
     pub comprehension_attempts: usize,
-    /// Whether the check of understanding is drawn for each participant; if so, the client fetches the
-    /// texts again after enrolment.
+    /// Whether the questions of the check of understanding are drawn for each participant. If so,
+    /// the client fetches the texts again after enrolment.
     #[serde(default)]
     pub draws_check: bool,
     /// URL parameters that may hold the person's external id.
@@ -104,19 +104,21 @@ pub struct Texts {
     pub language: String,
     /// The languages to choose from.
     pub offered: Vec<Language>,
-    /// The sentences of the page by key, such as `welcome.lead`. `{name}` is filled in by the page.
+    /// The sentences of the page by key, such as `welcome.lead`. The page fills in placeholders
+    /// such as `{name}`.
     pub sentences: Object<String>,
-    /// The researcher's consent text, as HTML without scripts; absent if the study has none.
+    /// The researcher's consent text, as HTML without scripts. Absent if the study has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub consent: Option<String>,
-    /// Facts about the study by key (`investigator`, `institution`, `contact`, `ethics`, `retention`);
-    /// only those that the researcher gave.
+    /// Facts about the study by key (`investigator`, `institution`, `contact`, `ethics`,
+    /// `retention`). Facts that the researcher did not give are missing.
     pub facts: Vec<(String, String)>,
-    /// The check of understanding; empty if there is none.
+    /// The check of understanding. Empty if the study has none.
     pub check: Vec<CheckForm>,
     /// The questions after the last scene.
     pub questions: Vec<QuestionForm>,
-    /// What the study was about, as HTML without scripts; absent if the study has none.
+    /// The debriefing (what the study was about), as HTML without scripts. Absent if the study has
+    /// none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub debrief: Option<String>,
 }
@@ -135,7 +137,7 @@ pub struct Language {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct CheckForm {
-    /// The question; `{name}` is filled in by the page as in sentences.
+    /// The question. The page fills in placeholders such as `{name}`, as in sentences.
     pub text: String,
     /// The answers.
     pub options: Vec<String>,
@@ -155,12 +157,12 @@ pub struct QuestionForm {
     pub text: String,
     /// Whether it must be answered.
     pub required: bool,
-    /// Values and texts of a choice's options.
+    /// The value and the text of each option of a choice.
     pub options: Vec<(String, String)>,
     /// Lowest and highest number of a scale.
     pub range: (i64, i64),
-    /// Labels of the lowest and highest number.
+    /// Labels of the lowest and of the highest number.
     pub ends: (String, String),
-    /// Longest text, characters.
+    /// Maximum length of a text (characters).
     pub max_chars: usize,
 }

@@ -10,22 +10,22 @@ use crate::vehicle::TurnInput;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// A key that went down or up.
+/// A key press or release.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct KeyEvent {
-    /// Time after the scene's start, ms; negative for keys that were already held.
+    /// Time after the scene's start (ms). Negative for keys that were already held.
     pub t_ms: f64,
-    /// The key's name, such as `ArrowLeft`; `blur` when the window lost focus.
+    /// The key's name, such as `ArrowLeft`, or `blur` when the window lost focus.
     #[cfg_attr(feature = "openapi", schemars(length(max = MAX_NAME_CHARS)))]
     pub key: String,
-    /// Down or up.
+    /// Whether the key went down.
     pub down: bool,
 }
 
-/// Body of a trial's upload. `V` is the type of the display facts: any JSON on the server, numbers in
-/// the client that measures them.
+/// Request body of a trial's upload. `V` is the type of the facts about the display: any JSON on
+/// the server, numbers in the client that measures them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -34,22 +34,22 @@ pub struct KeyEvent {
     schemars(rename = "TrialUpload", description = "Body of a trial's upload.")
 )]
 pub struct TrialUpload<V = Value> {
-    /// Start of the scene by the participant's clock, ms since 1970. A wrong clock is flagged.
+    /// Start of the scene on the participant's clock (ms since 1970). A wrong clock is flagged.
     pub started_at_ms: f64,
     /// The input held in each step.
     pub inputs: Vec<TurnInput>,
-    /// The states as shown: before each step, and after the last.
+    /// The states as the participant saw them: before each step and after the last step.
     pub states: Vec<JointState>,
-    /// When each input was actually sampled, ms after the scene's start.
+    /// When each input was actually sampled (ms after the scene's start).
     pub sampled_at_ms: Vec<f64>,
-    /// Key events, in order of time.
+    /// Key events, in chronological order.
     #[cfg_attr(feature = "openapi", schemars(length(max = MAX_KEY_EVENTS)))]
     pub key_events: Vec<KeyEvent>,
-    /// Page events during the scene, in order of time.
+    /// Page events during the scene, in chronological order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[cfg_attr(feature = "openapi", schemars(length(max = MAX_PAGE_EVENTS)))]
     pub page_events: Vec<PageEvent>,
-    /// Number of times the scene was shown to the participant, including this one.
+    /// Number of times that the scene was shown to the participant, including this time.
     #[serde(default = "first", skip_serializing_if = "is_first")]
     #[cfg_attr(feature = "openapi", schemars(range(min = 1)))]
     pub exposures: u32,
@@ -58,9 +58,9 @@ pub struct TrialUpload<V = Value> {
 }
 
 impl<V: Serialize> TrialUpload<V> {
-    /// Accepts a body that can be a trial of this study: the right number of steps, states that can be drawn,
-    /// and nothing beyond the size limits. Anything else unusual is evidence, which
-    /// [`flags`](crate::trial::flags) and [`Record`](crate::trial::Record) flag.
+    /// Checks that this can be a trial of the study: it has the right number of steps, its states
+    /// can be drawn, and it respects the size limits. Anything else that is unusual is evidence,
+    /// which [`flags`](crate::trial::flags) and [`Record`](crate::trial::Record) flag.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -104,8 +104,8 @@ impl<V: Serialize> TrialUpload<V> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialStored {
-    /// The trial.
+    /// Id of the trial.
     pub trial_id: String,
-    /// The next trial; absent after the last.
+    /// Id of the next trial. Absent after the last trial.
     pub next: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! Algorithm 1 itself.
+//! Algorithm 1 of the paper.
 
 use super::{ActionChoice, ActionModel, BoundsSettings, InputBounds, Motion, Rollout};
 use crate::invalid::Invalid;
@@ -11,16 +11,16 @@ use crate::vehicle::dubins;
 pub struct PredictedBounds {
     /// The bounds of each set F_j.
     pub sets: Vec<InputBounds>,
-    /// The bounds before widening, of each step, rad/s.
+    /// The bounds of each step before widening (rad/s).
     pub raw: Vec<(f64, f64)>,
-    /// The T + 1 states of the roll-out along the low bounds, the present one first.
+    /// The T + 1 states of the roll-out along the low bounds, starting with the present state.
     pub low: Vec<JointState>,
-    /// The T + 1 states of the roll-out along the high bounds, the present one first.
+    /// The T + 1 states of the roll-out along the high bounds, starting with the present state.
     pub high: Vec<JointState>,
 }
 
-/// Algorithm 1 of the paper with its buffers: after a first run, runs with no more states, steps,
-/// sets and actions do not allocate.
+/// Algorithm 1 of the paper with reusable buffers. After a first run, runs with no more states,
+/// steps, sets and actions do not allocate.
 #[derive(Clone, Debug, Default)]
 pub struct Algorithm1 {
     /// Past and predicted states, along the low and along the high bounds.
@@ -31,11 +31,12 @@ pub struct Algorithm1 {
 }
 
 impl Algorithm1 {
-    /// Bounds on the human's turn rate for each coming step and each set.
+    /// Bounds on the human's turn rate for each future step and each set.
     ///
-    /// `history` is every joint state of the trial up to now, at least one. `robot_action` returns the robot's
-    /// turn rate, rad/s, from the states so far (`getRobotAction`); like the model, it is evaluated along both
-    /// roll-outs and must be deterministic. Indices count from the present step.
+    /// `history` contains every joint state of the trial up to now, at least one. `robot_action`
+    /// (`getRobotAction`) returns the robot's turn rate (rad/s) from the states so far. Like the
+    /// model, it is evaluated along both roll-outs and must be deterministic. Step indices count
+    /// from the present step.
     ///
     /// # Errors
     /// [`Invalid`] if there is no state; a coordinate is not finite; a field of `motion` is
@@ -54,7 +55,7 @@ impl Algorithm1 {
         self.start(history, settings.epsilon.len());
         for i in 0..settings.steps() {
             let mut raw = self.likely.range(model, &self.low, settings, i)?;
-            // While the roll-outs are the same, so are their likely actions.
+            // While both roll-outs are equal, their likely actions are equal too.
             let differ = self.low != self.high;
             if differ {
                 let other = self.likely.range(model, &self.high, settings, i)?;
@@ -110,7 +111,7 @@ impl Algorithm1 {
     }
 }
 
-/// [`Algorithm1::run`] once, for the vehicles of `parameters`.
+/// Runs [`Algorithm1::run`] once, for the vehicles of `parameters`.
 ///
 /// # Errors
 /// The errors of [`Algorithm1::run`].
@@ -175,7 +176,7 @@ fn advance(path: &mut Vec<JointState>, human_turn: f64, robot_turn: f64, motion:
     }
 }
 
-/// Largest deviation of the sum of probabilities from 1.
+/// Largest accepted deviation of the sum of probabilities from 1.
 const SUM_TOLERANCE: f64 = 1e-6;
 
 /// Finds the likely actions (getTopKPredictedHumanActions).
@@ -186,7 +187,7 @@ struct LikelyActions {
 }
 
 impl LikelyActions {
-    /// Lowest and highest turn rate among the likely actions at coming step `i`.
+    /// Lowest and highest turn rate among the likely actions at future step `i`.
     fn range(
         &mut self,
         model: &impl ActionModel,
@@ -278,7 +279,7 @@ mod tests {
         assert_eq!(raw([0.4, 0.2, 0.4], 1), (-0.5, 0.5));
         assert_eq!(raw([0.6, 0.2, 0.2], 2), (-0.5, 0.5));
         assert_eq!(raw([0.2, 0.6, 0.2], 1), (0.0, 0.0));
-        // The second likeliest has probability 0, so all actions tie with it.
+        // The second most likely action has probability 0, so all actions tie with it.
         assert_eq!(raw([1.0, 0.0, 0.0], 2), (-0.5, 0.5));
         // Thirds, rounded in different directions by a file or a softmax.
         for last in [0.3333333333333334, 1.0 / 3.0, 0.3333333333333332] {
@@ -292,7 +293,7 @@ mod tests {
         let adaptive = |p, tau| run(p, &[0.0], ActionChoice::Adaptive { tau, steps: 1 }).raw[0];
         assert_eq!(adaptive([0.1, 0.6, 0.3], 0.25), (0.0, 0.5));
         assert_eq!(adaptive([0.05, 0.9, 0.05], 0.25), (0.0, 0.0));
-        // If no action reaches τ, the most likely one counts, with its ties.
+        // If no action reaches τ, the most likely action counts, and so do its ties.
         assert_eq!(adaptive([0.5, 0.3, 0.2], 1.0), (-0.5, -0.5));
         assert_eq!(adaptive([0.4, 0.2, 0.4], 0.9), (-0.5, 0.5));
         // 0.1 + 0.2 is 0.30000000000000004.
@@ -332,7 +333,7 @@ mod tests {
             input_bounds(&history, &parameters, &model, toward, &settings.unwrap()).unwrap();
         assert!(found.low[4].human.y < 0.0 && found.high[4].human.y > 0.0);
         let turned = |path: &[JointState]| crate::math::wrap_angle(path[4].robot.psi - 3.0);
-        // At first both roll-outs are in the same state: y = 0 counts as left.
+        // At first both roll-outs are in the same state, where y = 0 counts as left.
         assert!((turned(&found.high) - 0.4).abs() < 1e-12, "{}", turned(&found.high));
         assert!((turned(&found.low) + 0.2).abs() < 1e-12, "{}", turned(&found.low));
     }

@@ -9,20 +9,20 @@ pub struct Axis {
     pub name: String,
     /// Its unit; may be empty.
     pub unit: String,
-    /// The numbers at its ends: left and right, or bottom and top.
+    /// The values at its ends: left and right, or bottom and top.
     pub ends: [f64; 2],
     /// Whether the scale is logarithmic.
     pub logarithmic: bool,
     /// Whether its ticks are categories, centred at 0.5, 1.5, ….
     pub of_categories: bool,
-    /// The ticks: numbers with their labels.
+    /// The ticks: values with their labels.
     pub labels: Vec<(f64, String)>,
 }
 
 /// A tick of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tick {
-    /// The number, in the axis's unit.
+    /// Its value, in the axis's unit.
     pub value: f64,
     /// Its position: 0 at the start of the axis, 1 at its end.
     pub share: f64,
@@ -39,7 +39,7 @@ impl Axis {
         Self::ticked(name, unit, ends, multiples(ends, step, 1.0))
     }
 
-    /// A linear axis that covers `range`, widened to round numbers, with at most `most` + 1 steps.
+    /// A linear axis over `range` widened to round numbers, with at most `most` + 1 steps.
     #[must_use]
     pub fn round(name: &str, unit: &str, range: [f64; 2], most: usize) -> Self {
         let [low, high] = proper(range);
@@ -50,8 +50,8 @@ impl Axis {
         Self::ticked(name, unit, ends, multiples(ends, step, 1.0))
     }
 
-    /// A time axis, s. Ticks are round numbers of seconds, minutes or hours, depending on the
-    /// duration.
+    /// A time axis whose ends are in seconds. Ticks are round numbers of seconds, minutes or hours,
+    /// depending on the duration.
     #[must_use]
     pub fn time(name: &str, ends_s: [f64; 2], most: usize) -> Self {
         let ends = proper(ends_s);
@@ -65,8 +65,8 @@ impl Axis {
         Self::ticked(name, unit, ends, multiples(ends, step, seconds))
     }
 
-    /// A logarithmic axis between positive ends: ticks at powers of ten, also at 2 and 5 times
-    /// these if there are few.
+    /// A logarithmic axis between positive ends. Ticks are at powers of ten and, below three
+    /// decades, also at 2 and 5 times these powers.
     #[must_use]
     pub fn logarithmic(name: &str, unit: &str, ends: [f64; 2]) -> Self {
         let low = if ends[0] > 0.0 { ends[0] } else { f64::MIN_POSITIVE };
@@ -89,7 +89,7 @@ impl Axis {
         Self { of_categories: true, ..Self::ticked(name, "", ends, labels) }
     }
 
-    /// Reversed: the first category of a vertical axis is then at the top.
+    /// Reverses the axis, so that the first category of a vertical axis is at the top.
     #[must_use]
     pub fn downwards(mut self) -> Self {
         self.ends.reverse();
@@ -113,7 +113,7 @@ impl Axis {
         }
     }
 
-    /// The position of a number: 0 at the start of the axis, 1 at its end.
+    /// The position of a value: 0 at the start of the axis, 1 at its end.
     #[must_use]
     pub fn share(&self, value: f64) -> f64 {
         let place = |value: f64| if self.logarithmic { ln(value) } else { value };
@@ -137,7 +137,8 @@ fn proper([low, high]: [f64; 2]) -> [f64; 2] {
         return [0.0, 1.0];
     }
     let [low, high] = if low <= high { [low, high] } else { [high, low] };
-    // Ends that differ by little more than rounding have no round number between them.
+    // If the ends differ by little more than rounding errors, there is no round number between
+    // them.
     let least = 1e-9 * low.abs().max(high.abs()).max(1e-9);
     if high - low < least {
         [low - 0.5 * least.max(1.0), high + 0.5 * least.max(1.0)]
@@ -146,11 +147,12 @@ fn proper([low, high]: [f64; 2]) -> [f64; 2] {
     }
 }
 
-/// The smallest 1, 2 or 5 times a power of ten of which at most `most` steps cover `length`.
+/// The smallest step of 1, 2 or 5 times a power of ten such that at most `most` steps cover
+/// `length`.
 #[must_use]
 pub fn round_step(length: f64, most: usize) -> f64 {
     let least = length.clamp(1e-300, 1e300) / most.max(1) as f64;
-    // The decimal form gives the power of ten and keeps 0.1 exact.
+    // Formatting as decimal text yields the power of ten, and parsing keeps 0.1 exact.
     let text = format!("{least:e}");
     let power = text.split_once('e').map_or("0", |(_, power)| power);
     let factors = ["1", "2", "5", "10"].map(|factor| format!("{factor}e{power}"));
@@ -158,12 +160,12 @@ pub fn round_step(length: f64, most: usize) -> f64 {
     steps.into_iter().find(|step| *step >= least * (1.0 - 1e-9)).unwrap_or(least)
 }
 
-/// Multiples of a step of `unit`s between ends, with their labels in `unit`s.
+/// The multiples of `step` (in `unit`s) between the ends, with their labels in `unit`s.
 fn multiples([low, high]: [f64; 2], step: f64, unit: f64) -> Vec<(f64, String)> {
     let (first, last) = ((low / unit / step - 1e-6).ceil(), (high / unit / step + 1e-6).floor());
     let is_whole = |number: f64| (number - number.round()).abs() < 1e-6 * number;
     let places = (0..12).find(|places| is_whole(step * ten(*places)));
-    // Guards against rounding errors, which could cause far too many steps.
+    // Limits the count, because rounding errors could cause far too many steps.
     let count = (last - first).clamp(-1.0, 1000.0);
     let tick = |i: i32| (first + f64::from(i)) * step;
     let label = |value: f64| match places {
@@ -188,7 +190,8 @@ pub fn fixed(number: f64, places: usize) -> String {
     }
 }
 
-/// Words for a nonzero number that would be printed as zero with `places` decimal places.
+/// Words for a nonzero number that would be printed as zero with `places` decimal places; `None`
+/// for other numbers.
 #[must_use]
 pub fn beside_zero(number: f64, places: usize) -> Option<&'static str> {
     let is_printed_as_zero = fixed(number, places).chars().all(|c| "0.".contains(c));
@@ -255,7 +258,8 @@ mod tests {
         assert_eq!((day.unit.as_str(), labels(&day)), ("h", vec!["0", "5", "10", "15", "20"]));
     }
 
-    /// Steps are 1, 2 or 5 times a power of ten and no more than requested; labels differ.
+    /// Steps are 1, 2 or 5 times a power of ten, there are no more steps than requested, and all
+    /// labels differ.
     #[test]
     fn ticks_are_round_for_any_range() {
         let mut rng = crate::math::SeededRng::new(20);

@@ -1,13 +1,13 @@
-//! Clips curves to a rectangle: left, top, right, bottom.
+//! Clips curves to a rectangle, which is given as left, top, right, bottom.
 
 use super::drawing::{Drawing, Form, Point, Shape};
 use crate::math::{TAU, sin_cos};
 
-/// Vertices of a circle that the edge of the drawing clips.
+/// Number of vertices of a circle that is clipped.
 const CORNERS: usize = 96;
 
 impl Drawing {
-    /// Clips all shapes to its size; words stay if their anchor is inside.
+    /// Clips all shapes to the drawing's size. Text stays if its anchor is inside.
     pub fn cut(&mut self) {
         let frame @ [_, _, right, bottom] = [0.0, 0.0, self.size[0], self.size[1]];
         let is_inside = |[x, y]: Point| (0.0..=right).contains(&x) && (0.0..=bottom).contains(&y);
@@ -48,7 +48,7 @@ impl Drawing {
         }));
     }
 
-    /// Clips area and edge separately, because the frame is not part of the edge.
+    /// Clips the area and its outline separately, because the frame is not part of the outline.
     fn cut_polygon(&mut self, points: &[Point], shape: &Shape, frame: [f64; 4]) {
         let inside = polygon_inside(points, frame);
         if inside.len() > 2 {
@@ -61,13 +61,13 @@ impl Drawing {
     }
 }
 
-/// The pieces of a line inside (Liang and Barsky). Non-finite points split it.
+/// The pieces of a polyline inside the rectangle (Liang and Barsky). Non-finite points split it.
 pub(super) fn line_inside(line: &[Point], [left, top, right, bottom]: [f64; 4]) -> Vec<Vec<Point>> {
     let mut pieces: Vec<Vec<Point>> = Vec::new();
     let mut joined = false;
     for (from, to) in line.iter().zip(line.iter().skip(1)) {
         let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-        // Fractions of the segment at which it enters and leaves each side.
+        // Fractions of the segment at which it enters and leaves the rectangle.
         let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
         for (speed, room) in [
             (-dx, from[0] - left),
@@ -98,7 +98,8 @@ pub(super) fn line_inside(line: &[Point], [left, top, right, bottom]: [f64; 4]) 
     pieces
 }
 
-/// The part of a polygon inside (Sutherland and Hodgman); empty if all of it is outside.
+/// The part of a polygon inside the rectangle (Sutherland and Hodgman). Empty if the polygon is
+/// outside.
 pub(super) fn polygon_inside(
     polygon: &[Point],
     [left, top, right, bottom]: [f64; 4],
@@ -160,7 +161,7 @@ mod tests {
         assert!(points.iter().all(|&[x, y]| near(x, 10.0) && near(y, 8.0)), "{points:?}");
         let forms = &drawing.shapes;
         assert_eq!(forms[0].form, Form::Line(vec![[0.0, 4.0], [10.0, 4.0]]));
-        // The area ends at the frame, and its edge is open there.
+        // The area ends at the frame, and its outline is open there.
         assert!(matches!(&forms[1].form, Form::Polygon(area) if area.len() == 4));
         assert!(forms[1].stroke.is_none() && matches!(&forms[2].form, Form::Line(_)));
         let words = forms.iter().filter(|shape| matches!(shape.form, Form::Text(_))).count();
@@ -174,7 +175,7 @@ mod tests {
     fn a_line_is_cut_at_the_frame() {
         let inside = [[1.0, 1.0], [5.0, 5.0], [9.0, 1.0]];
         assert_eq!(line_inside(&inside, FRAME), [inside.to_vec()]);
-        // Out on the right and in again from above.
+        // The line leaves on the right and enters again from above.
         let line = [[5.0, 5.0], [15.0, 5.0], [15.0, -5.0], [5.0, -5.0], [5.0, 5.0]];
         let pieces = line_inside(&line, FRAME);
         assert_eq!(pieces, [vec![[5.0, 5.0], [10.0, 5.0]], vec![[5.0, 0.0], [5.0, 5.0]]]);

@@ -3,10 +3,11 @@
 //! `static/style.css` and `static/lab.css` declare the same colours under the same names as custom
 //! properties; a test compares them.
 
-/// A colour: a design colour, with its values on light and dark backgrounds, or any other.
+/// A colour: a design colour, with different values on light and dark backgrounds, or any other
+/// colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour {
-    /// Its custom property in the style sheet, without the dashes.
+    /// Its custom property in the style sheet, without the dashes; `None` outside the design.
     pub name: Option<&'static str>,
     /// Red, green and blue on a light background.
     pub light: [u8; 3],
@@ -19,7 +20,7 @@ pub struct Colour {
 pub struct Ink {
     /// The colour.
     pub colour: Colour,
-    /// 0 to 1.
+    /// Opacity, from 0 to 1.
     pub opacity: f64,
 }
 
@@ -37,9 +38,9 @@ pub const SURFACE: Colour = named("surface", 0xff_ffff, 0x1d_2024);
 pub const LINE: Colour = named("line", 0xe4_e2dd, 0x30_343a);
 /// Grid lines.
 pub const GRID: Colour = named("grid", 0xef_edea, 0x21_2429);
-/// Words.
+/// Text.
 pub const TEXT: Colour = named("text", 0x1c_1e22, 0xec_eef1);
-/// Secondary words and lines.
+/// Secondary text and lines.
 pub const MUTED: Colour = named("muted", 0x6a_6d73, 0x9a_a0a8);
 /// Highlights.
 pub const ACCENT: Colour = named("accent", 0x2d_6fe0, 0x7a_a7ff);
@@ -56,8 +57,8 @@ pub const REGIONS: [Colour; 5] = [
     named("region-4", 0x44_77d3, 0x45_76d0),
     named("region-5", 0x93_67cf, 0x86_59c4),
 ];
-/// Predicted regions for colour-blind readers: tones of viridis (van der Walt and Smith 2015), from
-/// dark to bright, which also differ in lightness.
+/// Predicted regions for colour-blind readers: tones of viridis (van der Walt and Smith 2015) from
+/// dark to bright. They also differ in lightness.
 pub const SAFE_REGIONS: [Colour; 5] = [
     Colour::rgb(rgb(0x44_0154)),
     Colour::rgb(rgb(0x3b_528b)),
@@ -65,8 +66,8 @@ pub const SAFE_REGIONS: [Colour; 5] = [
     Colour::rgb(rgb(0x5e_c962)),
     Colour::rgb(rgb(0xfd_e725)),
 ];
-/// Series that are compared: blue, vermilion, green, purple, ochre and slate after Okabe and Ito
-/// (2008), dark enough for words on a light background. Most people can distinguish them.
+/// Series in a comparison: blue, vermilion, green, purple, ochre and slate after Okabe and Ito
+/// (2008), dark enough for text on a light background. Most people can distinguish them.
 pub const SERIES: [Colour; 6] = [
     named("series-1", 0x00_72b2, 0x5c_b8f0),
     named("series-2", 0xc0_5600, 0xf0_a13c),
@@ -110,14 +111,14 @@ impl From<Colour> for Ink {
     }
 }
 
-/// The colour of region `j`, from 0, of `count`: red inside, purple outside; interpolated if there
-/// are more regions than colours.
+/// The colour of region `j` (from 0) of `count` regions: red inside, purple outside. Colours are
+/// interpolated if there are more regions than colours.
 #[must_use]
 pub fn region(j: usize, count: usize) -> Colour {
     blend(&REGIONS, j, count)
 }
 
-/// Likewise for colour-blind readers: dark inside, bright outside.
+/// Like [`region`], but for colour-blind readers: dark inside, bright outside.
 #[must_use]
 pub fn safe_region(j: usize, count: usize) -> Colour {
     blend(&SAFE_REGIONS, j, count)
@@ -178,8 +179,8 @@ mod tests {
         assert_eq!(region(2, 3), REGIONS[2]);
     }
 
-    /// Vision without the cones for red, green or blue, from linear RGB to linear RGB, row by row
-    /// (Machado, Oliveira and Fernandes 2009, severity 1).
+    /// Matrices from linear RGB to linear RGB, row by row: normal vision, and vision without the
+    /// cones for red, green or blue (Machado, Oliveira and Fernandes 2009, severity 1).
     const VISIONS: [[[f64; 3]; 3]; 4] = [
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         [

@@ -1,9 +1,9 @@
-//! Drawings: lines, areas and words in pixels from the top left corner.
+//! Drawings: lines, areas and text in pixels from the top left corner.
 
 use super::colours::{Colour, Ink, SURFACE};
 use crate::math::sin_cos;
 
-/// [right, down], px; in a chart's own units [x, y].
+/// [right, down] (px) in a drawing, [x, y] in the units of a chart's axes.
 pub type Point = [f64; 2];
 
 /// Style of a line.
@@ -11,11 +11,11 @@ pub type Point = [f64; 2];
 pub struct Pen {
     /// Its colour.
     pub ink: Ink,
-    /// px.
+    /// Width (px).
     pub width: f64,
-    /// Lengths of dashes and gaps, px.
+    /// Lengths of dashes and gaps (px); `None` for a solid line.
     pub dash: Option<[f64; 2]>,
-    /// Width of the halo in the background colour on each side of the line, px.
+    /// Width of the halo in the background colour on each side of the line (px).
     pub halo: f64,
 }
 
@@ -26,13 +26,13 @@ impl Pen {
         Self { ink: ink.into(), width, dash: None, halo: 0.0 }
     }
 
-    /// This pen with dashes and gaps of these lengths, px.
+    /// This pen with dashes and gaps of these lengths (px).
     #[must_use]
     pub const fn dashed(self, dash: f64, gap: f64) -> Self {
         Self { dash: Some([dash, gap]), ..self }
     }
 
-    /// This pen with a halo of that width, px, so that the line shows on any background.
+    /// This pen with a halo of this width (px), which keeps the line visible on any background.
     #[must_use]
     pub const fn halo(self, width: f64) -> Self {
         Self { halo: width, ..self }
@@ -42,33 +42,33 @@ impl Pen {
 /// Alignment of a line of text at its anchor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
-    /// The text begins there.
+    /// The text begins at the anchor.
     Left,
-    /// The text's middle is there.
+    /// The text is centred at the anchor.
     Centre,
-    /// The text ends there.
+    /// The text ends at the anchor.
     Right,
 }
 
 /// A line of text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text {
-    /// The words.
+    /// The text.
     pub text: String,
     /// Its anchor, at half the cap height.
     pub at: Point,
-    /// px.
+    /// Font size (px).
     pub size: f64,
-    /// Bold or regular.
+    /// Whether it is bold.
     pub bold: bool,
     /// Alignment at the anchor.
     pub align: Align,
-    /// Whether a halo in the background colour separates it from lines below.
+    /// Whether a halo in the background colour separates the text from lines below it.
     pub halo: bool,
 }
 
 impl Text {
-    /// y of the baseline, px.
+    /// y of the baseline (px).
     #[must_use]
     pub fn base_line(&self) -> f64 {
         self.at[1] + 0.365 * self.size
@@ -78,7 +78,7 @@ impl Text {
 /// The geometry of a shape.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Form {
-    /// A line through points.
+    /// A polyline.
     Line(Vec<Point>),
     /// A closed curve; the last point joins the first one.
     Polygon(Vec<Point>),
@@ -86,12 +86,12 @@ pub enum Form {
     Circle {
         /// Its centre.
         centre: Point,
-        /// px.
+        /// Radius (px).
         radius: f64,
     },
     /// Axis-aligned rectangles without gaps between neighbours: left, top, right, bottom.
     Boxes(Vec<[f64; 4]>),
-    /// Words.
+    /// A line of text.
     Text(Text),
 }
 
@@ -111,7 +111,7 @@ pub struct Shape {
 /// A picture: shapes from bottom to top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
-    /// Width and height, px.
+    /// Width and height (px).
     pub size: [f64; 2],
     /// Its title.
     pub title: String,
@@ -141,7 +141,7 @@ impl Drawing {
         &mut self.shapes[last]
     }
 
-    /// A line through points.
+    /// A polyline.
     pub fn line(&mut self, points: impl Into<Vec<Point>>, pen: Pen) {
         let points = points.into();
         if points.len() > 1 {
@@ -174,7 +174,7 @@ impl Drawing {
         self.words(text, at, size, ink, align, false);
     }
 
-    /// Likewise in bold.
+    /// Like [`Drawing::text`], but in bold.
     pub fn bold(&mut self, text: &str, at: Point, size: f64, ink: impl Into<Ink>, align: Align) {
         self.words(text, at, size, ink, align, true);
     }
@@ -194,7 +194,7 @@ impl Drawing {
         }
     }
 
-    /// Gives the last text a halo.
+    /// Gives the last shape a halo if it is text.
     pub fn with_halo(&mut self) {
         if let Some(Shape { form: Form::Text(text), .. }) = self.shapes.last_mut() {
             text.halo = true;
@@ -208,14 +208,15 @@ impl Drawing {
         }
     }
 
-    /// A vehicle in the shape that participants see. `angle` is counter-clockwise from the right.
+    /// A vehicle in the shape that participants see. `angle` (rad) is counter-clockwise from the
+    /// right.
     pub fn vehicle(&mut self, middle: Point, angle: f64, length: f64, colour: Colour) {
         let shape = [[0.6, 0.0], [-0.4, 0.38], [-0.2, 0.0], [-0.4, -0.38]];
         let points = turned(&shape, middle, angle, length);
         self.polygon(points, Some(colour.into()), None);
     }
 
-    /// An arrow around `middle`. `angle` is counter-clockwise from the right.
+    /// An arrow centred at `middle`. `angle` (rad) is counter-clockwise from the right.
     pub fn arrow(&mut self, middle: Point, angle: f64, length: f64, colour: Colour) {
         self.line(turned(&[[-0.5, 0.0], [0.2, 0.0]], middle, angle, length), Pen::new(colour, 2.2));
         let head = turned(&[[0.5, 0.0], [0.08, 0.24], [0.08, -0.24]], middle, angle, length);
@@ -244,7 +245,7 @@ impl Drawing {
     }
 }
 
-/// Points [along, aside] of a shape of length 1 that points along `angle`.
+/// Scales, rotates and moves a shape of length 1 that is given by points [along, aside].
 fn turned(shape: &[Point], middle: Point, angle: f64, length: f64) -> Vec<Point> {
     let (sin, cos) = sin_cos(angle);
     let place = |&[along, aside]: &Point| {

@@ -1,14 +1,14 @@
-//! A standalone figure: a heading and notes, with room for content below.
+//! A standalone figure: a heading and notes, with space for content below.
 
 use super::colours::{MUTED, TEXT};
 use super::drawing::{Align, Drawing};
 use super::text::width_of;
 
-/// Margin around every figure, px.
+/// Margin around every figure (px).
 pub const MARGIN: f64 = 28.0;
 
-/// A page with a heading and notes below it. Its height is that of these; between the margins it is
-/// `width` px wide, or wider for long notes.
+/// A drawing with a heading and notes below it. It is just high enough for them. Between the
+/// margins it is `width` px wide, or wider for long notes.
 #[must_use]
 pub fn headed(heading: &str, notes: &[&str], width: f64) -> Drawing {
     const NOTE: f64 = 12.0;

@@ -4,7 +4,7 @@ use super::colours::{Colour, Ink};
 use super::drawing::{Align, Drawing, Pen, Point};
 use crate::math::{TAU, sin_cos};
 
-/// A layer of a chart; later ones cover earlier ones.
+/// A layer of a chart. Later layers cover earlier ones.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Layer {
     /// Points with a line, marks or both.
@@ -15,7 +15,7 @@ pub enum Layer {
     Area(Area),
     /// Cells of a map in one colour.
     Cells(Cells),
-    /// Words or a sign at a point.
+    /// Text or a symbol at a point.
     Note(Note),
 }
 
@@ -33,7 +33,7 @@ pub enum Mark {
 }
 
 impl Mark {
-    /// Draws the mark around a point, about as large as a circle of radius `radius`, px.
+    /// Draws the mark around a point, about as large as a circle of radius `radius` (px).
     pub fn draw(
         self,
         drawing: &mut Drawing,
@@ -42,7 +42,8 @@ impl Mark {
         ink: Ink,
         edge: Option<Pen>,
     ) {
-        // Number of corners, angle of the first one from the right in eighths of a turn, and size.
+        // Number of corners, angle of the first corner (eighths of a turn from the right), and
+        // size.
         let (corners, first, size) = match self {
             Self::Circle => return drawing.circle([x, y], radius, Some(ink), edge),
             Self::Square => (4, 1.0, 1.25),
@@ -62,7 +63,7 @@ impl Mark {
 pub struct Datum {
     /// Its position.
     pub at: Point,
-    /// Radius of its mark, px.
+    /// Radius of its mark (px).
     pub radius: f64,
     /// Tooltip; may be empty.
     pub says: String,
@@ -82,7 +83,7 @@ pub struct Series {
 }
 
 impl Series {
-    /// A line of width `width`, px.
+    /// A line of width `width` (px).
     #[must_use]
     pub fn line(
         name: &str,
@@ -122,22 +123,22 @@ impl Series {
     }
 }
 
-/// The numbers of a category.
+/// The numbers of one category of a swarm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// One dot per number, always at the same horizontal offset.
+    /// One dot per number. Its offset depends only on its index and the number of dots.
     pub values: Vec<f64>,
-    /// Their mean, or the statistic in [`Swarm::centre`].
+    /// The statistic named in [`Swarm::centre`], such as the mean.
     pub centre: f64,
     /// Interval of the centre.
     pub interval: Option<[f64; 2]>,
 }
 
-/// Dots for all numbers of each category, and a sign for their centre. One axis must have
+/// Dots for all numbers of each category, and a symbol for their centre. One axis must have
 /// categories.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Swarm {
-    /// Meaning of a dot in the legend.
+    /// Legend text for the dots.
     pub name: String,
     /// One per category of the axis.
     pub groups: Vec<Group>,
@@ -145,10 +146,10 @@ pub struct Swarm {
     pub mark: Mark,
     /// The dots' colour.
     pub ink: Ink,
-    /// Name of the centres' statistic, such as "mean".
+    /// Name of the statistic that the centres show, such as "mean".
     pub centre: &'static str,
-    /// Name of their intervals, such as "95 % interval"; a centre is then a diamond on its interval.
-    /// `None` draws bars without intervals.
+    /// Name of their intervals, such as "95 % interval". Each centre is then a diamond on its
+    /// interval. `None` draws the centres as bars without intervals.
     pub interval: Option<&'static str>,
     /// Decimal places of the numbers in tooltips.
     pub places: usize,
@@ -172,44 +173,44 @@ pub struct Area {
 pub struct Cells {
     /// Their colour.
     pub ink: Ink,
-    /// Two opposite corners of each: x, y, x, y.
+    /// The rectangles, each by two opposite corners: x, y, x, y.
     pub boxes: Vec<[f64; 4]>,
 }
 
-/// Type of a note.
+/// What a note shows.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sign {
-    /// Words, their size, px, and alignment.
+    /// Text, its font size (px) and its alignment.
     Words(String, f64, Align),
-    /// A vehicle: heading, counter-clockwise from the right, and length, px.
+    /// A vehicle: heading (rad, counter-clockwise from the right) and length (px).
     Vehicle(f64, f64),
-    /// An arrow: direction and length, px.
+    /// An arrow: direction (rad, as for a vehicle) and length (px).
     Arrow(f64, f64),
     /// A number on a disc, legible on every colour.
     Numeral(usize),
 }
 
-/// Words or a sign at a point. It is drawn if the point is between the axes.
+/// Text or a symbol at a point. It is drawn only if the point is between the axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Note {
-    /// The point.
+    /// The point, in the axes' units.
     pub at: Point,
-    /// Offset of the anchor from the point, [right, down] in px.
+    /// Offset of the anchor from the point: [right, down] (px).
     pub offset: Point,
     /// Its colour.
     pub colour: Colour,
-    /// Words or sign.
+    /// Text or symbol.
     pub sign: Sign,
 }
 
 impl Note {
-    /// Words of the default size at a point, with a halo.
+    /// Text of the default size at a point, with a halo.
     #[must_use]
     pub fn words(text: &str, at: Point, offset: Point, colour: Colour, align: Align) -> Self {
         Self { at, offset, colour, sign: Sign::Words(text.to_owned(), 11.5, align) }
     }
 
-    /// A sign at a point.
+    /// A symbol at a point.
     #[must_use]
     pub const fn sign(sign: Sign, at: Point, colour: Colour) -> Self {
         Self { at, offset: [0.0, 0.0], colour, sign }
@@ -217,7 +218,7 @@ impl Note {
 }
 
 impl Sign {
-    /// Draws it around a point, px.
+    /// Draws it at a point of the drawing (px).
     pub(super) fn draw(&self, drawing: &mut Drawing, at: Point, colour: Colour) {
         match self {
             Self::Words(text, size, align) => {
@@ -234,10 +235,10 @@ impl Sign {
     }
 }
 
-/// Radius of the disc below a numeral, px.
+/// Radius of the disc behind a numeral (px).
 pub(super) const NUMERAL_RADIUS: f64 = 6.4;
 
-/// The points of a circle in the axes' units.
+/// The vertices of a circle, in the axes' units.
 #[must_use]
 pub fn disc([x, y]: Point, radius: f64) -> Vec<Point> {
     let point = |i: u32| {

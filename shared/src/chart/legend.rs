@@ -6,22 +6,22 @@ use super::drawing::{Align, Drawing, Pen};
 use super::layers::{Layer, Mark, Sign, Swarm};
 use super::text::width_of;
 
-/// A sign and its meaning.
+/// A symbol and its meaning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LegendItem {
-    /// The sign, 26 px × 12 px.
+    /// The symbol, 26 px × 12 px.
     pub sign: Drawing,
     /// Its meaning.
     pub text: String,
 }
 
-/// Size of a sign, px.
+/// Size of a symbol (px).
 const SIGN: [f64; 2] = [26.0, 12.0];
-/// Distances from a sign to its text, from there to the next sign, and between rows, px.
+/// Distances (px) from a symbol to its text, from the text to the next symbol, and between rows.
 const GAP: f64 = 8.0;
 const APART: f64 = 22.0;
 const ROW: f64 = 24.0;
-/// px.
+/// Font size (px).
 const LETTERS: f64 = 12.0;
 
 impl LegendItem {
@@ -73,13 +73,13 @@ impl LegendItem {
         Self::of(text, |sign| what.draw(sign, [13.0, 6.0], colour))
     }
 
-    /// A small disc with an edge.
+    /// A small disc with an outline.
     #[must_use]
     pub fn disc(text: &str, fill: Option<Ink>, edge: Pen) -> Self {
         Self::of(text, |sign| sign.circle([13.0, 6.0], 7.0, fill, Some(edge)))
     }
 
-    /// The legend of the named layers, each name once.
+    /// The legend of the named layers. Each name appears once.
     pub fn of_layers<'a>(layers: impl IntoIterator<Item = &'a Layer>) -> Vec<Self> {
         let mut items: Vec<Self> = Vec::new();
         for layer in layers {
@@ -112,8 +112,9 @@ impl LegendItem {
 }
 
 impl Drawing {
-    /// Draws items in one row, or in equal columns and the fewest rows that fit `width` (px). `at`
-    /// is the left end of the first row, half way up. Returns the height of all rows, px.
+    /// Draws the items in one row if they fit `width` (px), otherwise in equal columns and the
+    /// fewest rows. `[left, top]` is the left end of the first row, half way up. Returns the height
+    /// of all rows (px).
     pub fn legend(&mut self, items: &[LegendItem], [left, top]: [f64; 2], width: f64) -> f64 {
         let lengths =
             items.iter().map(|item| SIGN[0] + GAP + width_of(&item.text, LETTERS, false) + APART);

@@ -12,7 +12,7 @@ use serde::Serialize;
 /// A chart as data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// Title above it.
+    /// Title above the chart.
     pub title: String,
     /// Description for screen readers.
     pub description: String,
@@ -24,7 +24,7 @@ pub struct Chart {
     pub layers: Vec<Layer>,
 }
 
-/// Position of a chart's axes in a drawing, px.
+/// Position of the rectangle between a chart's axes in a drawing (px).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// Distance from the left of the drawing.
@@ -44,11 +44,11 @@ pub struct Table {
     pub caption: String,
     /// Names of the columns, with their units.
     pub columns: Vec<String>,
-    /// One entry per column; the first is the row's header.
+    /// The rows, with one entry per column. The first entry is the row's header.
     pub rows: Vec<Vec<String>>,
 }
 
-/// px.
+/// Font sizes (px).
 const TICK_LETTERS: f64 = 11.0;
 const NAME_LETTERS: f64 = 11.5;
 const TITLE_LETTERS: f64 = 13.0;
@@ -66,7 +66,7 @@ impl Chart {
         self.layers.push(layer.into());
     }
 
-    /// A drawing of this size, px, with the smallest margins that fit the labels.
+    /// A drawing of this size (px), with the smallest margins that fit the labels.
     #[must_use]
     pub fn drawing(&self, size: [f64; 2]) -> Drawing {
         let mut drawing = Drawing::new(&self.title, &self.description, size);
@@ -74,7 +74,7 @@ impl Chart {
         drawing
     }
 
-    /// The frame whose labels fill a drawing of this size, px.
+    /// The frame that fills a drawing of this size (px) together with the labels.
     #[must_use]
     pub fn frame_within(&self, [width, height]: [f64; 2]) -> Frame {
         let widths = |axis: &Axis| {
@@ -90,7 +90,7 @@ impl Chart {
         Frame { left, top: above, width: width - left - right, height: height - above - below }
     }
 
-    /// Space for title, names and labels above and below the frame, px.
+    /// Space for title, names and labels above and below the frame (px).
     #[must_use]
     pub fn room(&self) -> [f64; 2] {
         let title = if self.title.is_empty() { 0.0 } else { 20.0 };
@@ -100,7 +100,7 @@ impl Chart {
         [title + name + 6.0, 9.0 + 13.0 * lines.unwrap_or(0) as f64 + below]
     }
 
-    /// Draws axes, layers, title and names.
+    /// Draws the axes with their names, the layers and the title.
     pub fn draw(&self, drawing: &mut Drawing, frame: Frame) {
         let [above, _] = self.room();
         let top = frame.top - above + 8.0;
@@ -283,7 +283,8 @@ impl Chart {
         LegendItem::of_layers(&self.layers)
     }
 
-    /// The numbers of swarms and named series: one row per category or x value, in ascending order.
+    /// The numbers of the swarms or, without swarms, of the named series: one row per category, or
+    /// one per x value in ascending order.
     #[must_use]
     pub fn table(&self) -> Table {
         let swarms: Vec<&Swarm> = self
@@ -363,13 +364,13 @@ impl Chart {
 }
 
 impl Frame {
-    /// Left, top, right and bottom, px.
+    /// Left, top, right and bottom (px).
     #[must_use]
     pub fn edges(&self) -> [f64; 4] {
         [self.left, self.top, self.left + self.width, self.top + self.height]
     }
 
-    /// Whether a point is inside or on an edge.
+    /// Whether a point is inside the frame or on its edge.
     #[must_use]
     pub fn holds(&self, [x, y]: Point) -> bool {
         const ROUNDING: f64 = 1e-6;
@@ -388,13 +389,13 @@ fn brief(value: f64) -> String {
     }
 }
 
-/// Horizontal offset of a dot, from −1 to 1, so that dots do not hide each other. It depends only
-/// on the dot's index.
+/// Sideways offset of a dot, from −1 to 1, which keeps dots from hiding each other. It depends only
+/// on the dot's index and on the number of dots.
 fn spread(place: usize, count: usize) -> f64 {
     if count < 2 {
         return 0.0;
     }
-    // Permutes the indices, so that neighbours are far apart.
+    // Permutes the indices so that neighbouring dots are far apart.
     let place = (place * 5 + place / 7) % count;
     2.0 * place as f64 / (count - 1) as f64 - 1.0
 }

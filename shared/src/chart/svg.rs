@@ -4,15 +4,16 @@ use super::colours::{Colour, Ink, SURFACE};
 use super::drawing::{Align, Drawing, Form, Pen, Point, Shape};
 use core::fmt::{self, Display, Formatter, Write};
 
-/// Fonts of a file; the first is also embedded in the program, for PNG.
+/// Fonts of a file. The first font is also embedded in the program, for PNG files.
 const FONTS: &str = "DejaVu Sans, Verdana, sans-serif";
 
-/// Encoding of colours.
+/// How colours are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColourStyle {
     /// Values for a light background, for files.
     Light,
-    /// Custom properties of the page's style sheet, which follows the reader's preference.
+    /// Custom properties of the page's style sheet, which follows the reader's preference for light
+    /// or dark.
     Properties,
 }
 
@@ -21,9 +22,9 @@ pub enum ColourStyle {
 pub struct Element {
     /// Tag name, such as `polyline`.
     pub name: &'static str,
-    /// Names and values, not escaped.
+    /// Names and unescaped values.
     pub attributes: Vec<(&'static str, String)>,
-    /// Its text, not escaped.
+    /// Its unescaped text.
     pub text: String,
     /// Child elements.
     pub children: Vec<Element>,
@@ -61,7 +62,7 @@ impl Drawing {
         format!("{root}\n")
     }
 
-    /// The element `svg` without a fixed size, for a page.
+    /// The `svg` element without a fixed size, for a page.
     #[must_use]
     pub fn element(&self, style: ColourStyle) -> Element {
         let [width, height] = self.size.map(short);

@@ -1,6 +1,6 @@
 //! Approximate widths of text.
 
-/// Advance widths of DejaVu Sans from space to tilde, hundredths of the font size.
+/// Advance widths of DejaVu Sans from space to tilde, in hundredths of the font size.
 const ADVANCES: [u8; 95] = [
     32, 40, 46, 84, 64, 95, 78, 27, 39, 39, 50, 84, 32, 36, 32, 34, 64, 64, 64, 64, 64, 64, 64, 64,
     64, 64, 34, 34, 84, 84, 84, 53, 100, 68, 69, 70, 77, 63, 58, 77, 75, 29, 29, 66, 56, 86, 75,
@@ -15,7 +15,7 @@ pub fn lowered(number: usize) -> String {
     number.to_string().chars().filter_map(low).collect()
 }
 
-/// The width of a line of text, px, in the widest font used (DejaVu Sans).
+/// The width of a line of text (px) in the widest font used (DejaVu Sans).
 #[must_use]
 pub fn width_of(text: &str, size: f64, bold: bool) -> f64 {
     let advance = |c: char| {

@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(into = "u8", try_from = "u8")]
 pub enum Experiment {
-    /// Experiment I: which input; −1 right, 0 straight, 1 left.
+    /// Experiment I predicts the input: −1 right, 0 straight, 1 left.
     TurnDirection,
-    /// Experiment II: whether the human turns; 0 straight, 1 either turn.
+    /// Experiment II predicts whether the human turns: 0 straight, 1 either turn.
     Avoidance,
 }
 
@@ -23,7 +23,7 @@ impl Experiment {
     /// Both experiments.
     pub const ALL: [Self; 2] = [Self::TurnDirection, Self::Avoidance];
 
-    /// 1 or 2.
+    /// The experiment's number: 1 or 2.
     #[must_use]
     pub fn number(self) -> u8 {
         self.into()
@@ -38,7 +38,7 @@ impl Experiment {
         }
     }
 
-    /// The classes, in ascending order.
+    /// The predicted classes, in ascending order.
     #[must_use]
     pub fn classes(self) -> &'static [i8] {
         match self {
@@ -81,7 +81,7 @@ impl TryFrom<u8> for Experiment {
 /// One participant's model and its predictions of the test rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// The model.
+    /// The name of the model.
     pub model: ModelName,
     /// The experiment.
     pub experiment: Experiment,
@@ -89,19 +89,19 @@ pub struct Cell {
     pub features: String,
     /// Index of the participant.
     pub participant: usize,
-    /// Mean over folds of the accuracy, with the chosen hyper-parameters.
+    /// Mean over folds of the validation accuracy with the chosen hyper-parameters.
     pub cv_accuracy: f64,
     /// The hyper-parameters, as a JSON object.
     pub hyperparameters: String,
     /// The test predictions of the model after retraining on all training tasks.
     pub test: Predictions,
-    /// The model.
+    /// The trained model.
     pub predictor: PredictorFile,
 }
 
 /// The reference that a model must beat. It always predicts the commonest class of the training
-/// rows; its probabilities are the class frequencies there, with one row of each class added so
-/// that none is zero.
+/// rows. Its probabilities are the class frequencies of these rows, with one row of each class
+/// added so that none is zero.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Baseline {
     /// The experiment.
@@ -122,7 +122,7 @@ impl Baseline {
         let counts: Vec<usize> = classes.iter().map(count).collect();
         let total = (split.training.len() + classes.len()) as f64;
         let shares: Vec<f64> = counts.iter().map(|&count| (count + 1) as f64 / total).collect();
-        // On a tie, the first class.
+        // A tie goes to the first class.
         let most = (0..counts.len()).reduce(|a, b| if counts[b] > counts[a] { b } else { a });
         let predicted = most.map_or(0, |most| classes[most]);
         let test = Predictions {

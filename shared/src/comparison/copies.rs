@@ -11,9 +11,9 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct CopiedTrials {
     /// The participant's name or number in the data.
     pub participant: String,
-    /// The numbers of identical trials: one list per drive, with two or more numbers each.
+    /// The numbers of identical trials. Each list belongs to one drive and has two or more numbers.
     pub trials: Vec<Vec<u64>>,
-    /// The number of test tasks that are identical to a training task, and so leak into the test.
+    /// The number of test tasks that are identical to a training task (data leakage).
     pub leaking: usize,
 }
 
@@ -40,7 +40,7 @@ fn recorded<'a>(all: &[&'a RecordedParticipant], name: &str) -> &'a [RecordedTri
     of.map_or(&[], |participant| &participant.trials)
 }
 
-/// The names of participants whose trials are all identical to another participant's.
+/// The names of participants whose trials are all identical to the trials of another participant.
 pub(super) fn same_trials(
     all: &[&RecordedParticipant],
     compared: &[ComparedParticipant],

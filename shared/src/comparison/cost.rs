@@ -1,7 +1,7 @@
 //! Estimates the cost of a comparison before anything is computed.
 //!
 //! The coefficients were fitted to measurements of this code with the paper's features, on one
-//! thread of a server's processor, with 400 to 4000 training rows a person. The estimate is meant
+//! thread of a server's processor, with 400 to 4000 training rows per person. The estimate is meant
 //! to distinguish minutes from days.
 
 use super::models::{CURVE_MODELS, Grids, ModelName, UNSEEN_MODELS};
@@ -12,30 +12,31 @@ use super::split::{LEAST_TASKS, first_test_task};
 /// Estimated cost of a comparison.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cost {
-    /// Processor time, s, shared by all threads.
+    /// Processor time (s), summed over all threads.
     pub processor_s: f64,
-    /// Peak memory, bytes.
+    /// Peak memory (bytes).
     pub memory_bytes: f64,
 }
 
-/// Memory of a comparison without participants, bytes: the program and its tables.
+/// Memory (bytes) of a comparison without participants: the program and its tables.
 const PROGRAM_BYTES: f64 = 25e6;
 
-/// Memory per row, bytes: its states, all its features, and the splits that contain it.
+/// Memory (bytes) per row: its states, all its features, and the splits that contain it.
 const ROW_BYTES: f64 = 900.0;
 
-/// Memory per row for models that other people train, bytes: a row of the pooled data, in each
-/// split.
+/// Memory (bytes) per row of the pooled data, which the models trained on other people use: the row
+/// itself, in each split.
 const SHARED_ROW_BYTES: f64 = 450.0;
 
-/// Memory per row and feature set, bytes: support vectors and predictions.
+/// Memory (bytes) per row and feature set: support vectors and predictions.
 const SET_ROW_BYTES: f64 = 230.0;
 
-/// Time after the fits, per person and feature set, s.
+/// Time (s) after the fits, per person and feature set.
 const FINISH_S: f64 = 0.018;
 
 impl Cost {
-    /// The cost for people with these numbers of tasks of `steps` steps each, on `threads` threads.
+    /// The cost for people with these numbers of tasks, each of `steps` steps, on `threads`
+    /// threads.
     #[must_use]
     pub fn of(settings: &Settings, tasks: &[usize], steps: usize, threads: usize) -> Self {
         let people: Vec<usize> =
@@ -48,14 +49,15 @@ impl Cost {
         let own: f64 = people.iter().map(|&tasks| own_s(settings, tasks, compared, rows)).sum();
         let all_rows: f64 = people.iter().map(|&tasks| rows(tasks)).sum();
         let groups = if people.len() > 1 { people.len().min(MOST_GROUPS) as f64 } else { 0.0 };
-        // Other people's rows train. Counting all rows is close enough.
+        // These models are trained on other people's rows. Counting all rows is close enough.
         let shared: f64 = UNSEEN_MODELS
             .iter()
             .map(|model| fit_s(*model, &settings.grids, all_rows, USUAL_WIDTH))
             .sum();
         let unseen = groups * compared as f64 * shared;
         let most_rows = people.iter().map(|&tasks| rows(tasks)).fold(0.0, f64::max);
-        // Kernels of all pairs of one person's rows, twice; columns of the pooled rows.
+        // Two kernel matrices of all pairs of one person's rows, and the columns of the pooled
+        // rows.
         let kernels = 2.0 * 8.0 * most_rows * most_rows;
         let columns = if compared > 0 { SHARED_ROW_BYTES * all_rows } else { 0.0 };
         let held = (ROW_BYTES + SET_ROW_BYTES * settings.sets.len() as f64) * all_rows;
@@ -73,7 +75,7 @@ fn is_compared(name: &str) -> bool {
 /// The number of features of the paper's largest set.
 const USUAL_WIDTH: usize = 8;
 
-/// Time of the fits on one person's rows.
+/// Time (s) of the fits on one person's rows.
 fn own_s(settings: &Settings, tasks: usize, compared: usize, rows: impl Fn(usize) -> f64) -> f64 {
     let grids = &settings.grids;
     let training = first_test_task(tasks);
@@ -96,9 +98,10 @@ fn own_s(settings: &Settings, tasks: usize, compared: usize, rows: impl Fn(usize
     tables + beyond + leakage + compared as f64 * fewer.map(curve).sum::<f64>() + finish
 }
 
-/// Time of one model's fits of both experiments: cross-validation over all grids, and the final fit.
+/// Time (s) to fit one model in both experiments: cross-validation over its grid, and the final
+/// fit.
 fn fit_s(model: ModelName, grids: &Grids, rows: f64, width: usize) -> f64 {
-    // Half of the work is per column.
+    // Half of the work is proportional to the number of columns.
     let wide = 0.5 + 0.5 * width as f64 / USUAL_WIDTH as f64;
     model.training().map_or(0.0, |training| wide * training.cost_s(grids, rows / 1000.0))
 }

@@ -18,41 +18,42 @@ use crate::vehicle::Pose;
 pub struct DecisionMap {
     /// The name of the models' feature set.
     pub features: &'static str,
-    /// The robot's heading relative to the human, rad, counter-clockwise from the human's own.
+    /// The robot's heading relative to the human's heading (rad, counter-clockwise).
     pub heading: f64,
-    /// Name of that encounter.
+    /// Name of the encounter with this heading.
     pub encounter: &'static str,
-    /// Mean probability of a turn in each cell of a square of [`Self::SIDE`] × [`Self::SIDE`], in
-    /// rows from behind to ahead, each from right to left. The mean is over participants and eight
-    /// headings in the world, because the paper's features depend on them.
+    /// Mean probability of a turn in each of [`Self::SIDE`] × [`Self::SIDE`] cells. Rows go from
+    /// behind to ahead, and cells of a row from right to left. The mean is over participants and
+    /// eight headings in the world, because the paper's features depend on the heading.
     pub probabilities: Vec<f64>,
-    /// {V_HR = 0}: closed curves of [ahead, left], m. Inside, the robot could force a collision.
+    /// The level set {V_HR = 0} as closed curves of [ahead, left] (m). Inside, the robot could
+    /// force a collision.
     pub boundary: Vec<Vec<[f64; 2]>>,
 }
 
-/// The model of the maps.
+/// The model whose decisions are mapped.
 const MAPPED_MODEL: ModelName = ModelName::Svm;
-/// The experiment of the maps.
+/// The experiment of the mapped model.
 const MAPPED_EXPERIMENT: Experiment = Experiment::Avoidance;
 
 const SETS: [&str; 2] = ["hrd", "d"];
 const ENCOUNTERS: [(f64, &str); 2] = [(PI, "head-on"), (0.5 * PI, "crossing from the right")];
 
 /// The human's headings in the world. Half a turn does not change the paper's features, so these
-/// four stand for eight.
+/// four headings stand for eight.
 const WORLD_HEADINGS: [f64; 4] = [0.0, 0.25 * PI, 0.5 * PI, 0.75 * PI];
 
 impl DecisionMap {
-    /// Cells along each side.
+    /// Number of cells along each side.
     pub const SIDE: usize = 32;
-    /// Side of a cell, m.
+    /// Side of a cell (m).
     pub const CELL_M: f64 = 0.75;
-    /// Position of the first row, m ahead of the human.
+    /// Rear edge of the first row (m ahead of the human).
     pub const BEHIND_M: f64 = -8.0;
-    /// Position of the first column, m to the left of the human.
+    /// Right edge of the first column (m to the left of the human).
     pub const RIGHT_M: f64 = -12.0;
 
-    /// The centre of a cell: [ahead, left], m.
+    /// The centre of a cell: [ahead, left] (m).
     #[must_use]
     pub fn middle(cell: usize) -> [f64; 2] {
         let (row, column) = (cell / Self::SIDE, cell % Self::SIDE);
@@ -64,7 +65,7 @@ impl DecisionMap {
 /// A map for each feature set and encounter.
 ///
 /// # Errors
-/// Never: the comparison's predictors and headings are valid.
+/// Never, because the comparison's predictors and headings are valid.
 pub(super) fn decision_maps(
     comparison: &Comparison,
     safety: &SafetyLevels,
@@ -81,7 +82,7 @@ pub(super) fn decision_maps(
     Ok(maps)
 }
 
-/// The cells of a map, each a mean over participants; empty if there is no such model.
+/// The probabilities in the cells of a map. Empty if there is no such model.
 fn probabilities(
     comparison: &Comparison,
     features: &str,

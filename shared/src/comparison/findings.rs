@@ -14,13 +14,13 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// p below 5 % in at least one test, after correction over its whole family.
+    /// At least one test has p below 5 % after correction over its whole family.
     Shown,
-    /// p below 5 % in at least one test, but in none after correction.
+    /// At least one test has p below 5 %, but no test has it after correction.
     Hint,
-    /// No p below 5 %.
+    /// No test has p below 5 %.
     NotShown,
-    /// In every test, fewer participants differ than the test needs.
+    /// In every test, too few participants differ for the test to reject anything.
     TooFew,
 }
 
@@ -44,14 +44,14 @@ impl Verdict {
 pub struct Answer {
     /// Strength of the evidence.
     pub verdict: Verdict,
-    /// The gain of each model, experiment I before II; at least one.
+    /// The gain of each model, experiment I before II. There is at least one gain.
     pub gains: Vec<Gain>,
     /// The power of the tests.
     pub power: Power,
 }
 
 impl Answer {
-    /// None if there are no gains.
+    /// Returns `None` if there are no gains.
     fn of(power: Power, gains: Vec<Gain>) -> Option<Self> {
         let verdict = Verdict::of(gains.iter());
         (!gains.is_empty()).then_some(Self { verdict, gains, power })
@@ -61,22 +61,22 @@ impl Answer {
 /// Whether safety levels help in addition to distance, with the main comparison in full.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SafetyOverDistance {
-    /// All models and experiments.
+    /// The result of all models and experiments.
     pub answer: Answer,
     /// The test of the first model in experiment I.
     pub main: Test,
-    /// Its mean accuracies with safety levels and with distance alone, in per cent.
+    /// Mean accuracies of this model with safety levels and with distance alone (per cent).
     pub accuracies: [f64; 2],
 }
 
-/// Whether safety levels change how well the start and end of avoidance are found.
+/// Whether safety levels change how well the start and end of avoidance are predicted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StartAndEnd {
-    /// Verdict over both.
+    /// Verdict over the start and the end.
     pub verdict: Verdict,
     /// Result for the first steps of avoidance.
     pub start: Answer,
-    /// Result for the last steps.
+    /// Result for the last steps of avoidance.
     pub end: Answer,
 }
 
@@ -91,18 +91,18 @@ pub struct Furthest {
     pub accuracy: f64,
     /// Gain in accuracy over driving straight on, in percentage points.
     pub over_straight: f64,
-    /// Mean error of the predicted position, m.
+    /// Mean error of the predicted position (m).
     pub distance_m: f64,
 }
 
 /// The number of drivers that beat both holding the last input and driving straight on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Beaten {
-    /// Drivers with a higher accuracy.
+    /// Number of drivers with a higher accuracy.
     pub more_often_right: usize,
-    /// Drivers with a smaller position error.
+    /// Number of drivers with a smaller position error.
     pub closer: usize,
-    /// All drivers.
+    /// Number of all drivers.
     pub of: usize,
 }
 
@@ -123,7 +123,7 @@ impl Beaten {
 pub struct RolloutFacts {
     /// The horizon, in steps.
     pub steps: usize,
-    /// Windows of each driver.
+    /// Number of windows of each driver.
     pub windows: usize,
     /// The paper's models on B_hrd.
     pub papers: Vec<Furthest>,
@@ -144,11 +144,11 @@ pub struct RolloutFacts {
 pub struct CalibrationFacts {
     /// One entry per experiment and model of the paper.
     pub entries: Vec<(ModelName, Experiment, Calibration)>,
-    /// The smallest and largest of their calibration errors.
+    /// The smallest and the largest calibration error of these entries.
     pub errors: [f64; 2],
 }
 
-/// A model that often chose the largest C of its grid, so that a larger one may do better.
+/// A model that often chose the largest C of its grid, so a larger C may do better.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GridEdge {
     /// The model.
@@ -161,26 +161,26 @@ pub struct GridEdge {
     pub of: usize,
 }
 
-/// All findings; a field is none if its data are missing.
+/// All findings. A field is `None` if its data are missing.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Findings {
-    /// B_hrd over B_d.
+    /// Whether B_hrd is better than B_d.
     pub safety_over_distance: Option<SafetyOverDistance>,
-    /// The body frame instead of the safety levels.
+    /// Whether the body frame is better than the safety levels.
     pub body_frame_instead: Option<Answer>,
-    /// The safety levels in addition to the body frame.
+    /// Whether the safety levels help in addition to the body frame.
     pub body_frame_too: Option<Answer>,
-    /// B_hrd over the person's commonest input.
+    /// Whether B_hrd is better than predicting the person's commonest input.
     pub over_baseline: Option<Answer>,
-    /// B_hrd over B_d, for the first and last steps of avoidance.
+    /// Whether B_hrd finds the first and last steps of avoidance better than B_d.
     pub start_and_end: Option<StartAndEnd>,
-    /// B_h over B_r.
+    /// Whether B_h is better than B_r.
     pub which_level: Option<Answer>,
     /// Roll-outs of predictors.
     pub rollouts: Option<RolloutFacts>,
     /// Calibration of the probabilities.
     pub calibration: Option<CalibrationFacts>,
-    /// Grids that may end too early.
+    /// Grids whose largest C may be too small.
     pub grid_edges: Vec<GridEdge>,
 }
 
@@ -219,7 +219,7 @@ impl Findings {
     }
 }
 
-/// The tests of one metric and pair, and the size of the metric's family.
+/// The tests of one metric and one pair of sets, and the number of tests in the metric's family.
 fn of_pair<'a>(tests: &'a [Test], metric: Metric, pair: (&str, &str)) -> (Vec<&'a Test>, usize) {
     let family = tests.iter().filter(|test| test.gain.metric == metric);
     let of_pair = family.clone().filter(|test| (test.first, test.second) == pair);
@@ -306,7 +306,7 @@ fn grid_edges(comparison: &Comparison, grids: &Grids) -> Vec<GridEdge> {
         };
         let cells = || comparison.cells.iter().filter(|cell| cell.model == model);
         let (chosen, of) = (cells().filter(chosen).count(), cells().count());
-        // More often than by chance among five equally good values.
+        // Chosen more often than expected by chance among five equally good values.
         (5 * chosen > of).then_some(GridEdge { model, greatest, chosen, of })
     });
     edges.collect()

@@ -21,17 +21,17 @@ const TASKS: (u64, u64) = (10, 50);
 const SEED: u64 = 20_180_918;
 
 /// SHA-256 of the results of each stage of learning, with the name of the stage. Two machines that
-/// agree on all of them compute the same features, train the same models of every kind in both
-/// experiments, and predict the same.
+/// agree on all hashes compute the same features, train the same models of every kind in both
+/// experiments, and make the same predictions.
 ///
-/// Features are those of a synthetic participant in the paper's game, whose safety levels have a
+/// A synthetic participant drives in two games: in the paper's game, whose safety levels have a
 /// closed form, and in a game of unequal vehicles, whose safety levels are solved and sampled.
 /// Models are trained with the whole protocol (cross-validation, calibration, refit), on B_hrd and
 /// on the set with history. They then predict 2,500 states after a round trip through
 /// predictor.json.
 ///
 /// # Errors
-/// Never: games, grids and data are fixed and valid.
+/// Never, because games, grids and data are fixed and valid.
 pub fn learning_fingerprints() -> Result<Vec<(String, String)>, SolveError> {
     let equal = SceneParameters::default();
     let mut unequal = equal;
@@ -53,7 +53,7 @@ pub fn learning_fingerprints() -> Result<Vec<(String, String)>, SolveError> {
                 let cells = fit(model, &data, &split, &small_grids(), &set.name, 0)?;
                 let (mut trained, mut predicted) = (Sha256::new(), Sha256::new());
                 for cell in &cells {
-                    // Numbers in the text are the shortest that parse back to the same bits.
+                    // Numbers in the text have the shortest form that parses back to the same bits.
                     trained.update(text(cell));
                     predict(&cell.predictor, &others, &mut predicted)?;
                 }
@@ -87,7 +87,7 @@ fn rows(
     Dataset::from_trials(&FeatureSet::all(), safety, trials)
 }
 
-/// Two values of each hyper-parameter.
+/// Grids with two values of each hyper-parameter.
 fn small_grids() -> Grids {
     Grids {
         rbf_c: vec![1.0, 10.0],
@@ -100,7 +100,7 @@ fn small_grids() -> Grids {
     }
 }
 
-/// Hashes the class and probabilities that the predictor of the file gives for every row.
+/// Hashes the class and the probabilities that the file's predictor returns for every row.
 fn predict(file: &PredictorFile, rows: &Dataset, hash: &mut Sha256) -> Result<(), SolveError> {
     let read = serde_json::from_str::<PredictorFile>(&text(file));
     let Ok(file) = read else { unreachable!("a predictor.json that was written is read") };
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!(found.len(), 2 * (1 + 2 * 5 * 2 + 1));
         let names: HashSet<_> = found.iter().map(|(name, _)| name).collect();
         let hashes: HashSet<_> = found.iter().map(|(_, hash)| hash).collect();
-        // The frequencies alone do not depend on the safety levels.
+        // Only the constant predictor's frequencies do not depend on the safety levels.
         assert_eq!((names.len(), hashes.len()), (found.len(), found.len() - 1));
         assert_eq!(found, learning_fingerprints().unwrap());
     }

@@ -16,17 +16,18 @@ use crate::math::log2;
 use crate::predict::{Predictor, PredictorFile};
 use serde_json::Value;
 
-/// How one kind of model is trained. Each has a file in `fit/`, and a line in [`ModelName::training`].
+/// How one kind of model is trained. Each kind has a file in `fit/`, and a line in
+/// [`ModelName::training`].
 pub(super) trait Training {
     /// The experiments in which it is trained.
     fn experiments(&self) -> &'static [Experiment] {
         &Experiment::ALL
     }
 
-    /// The values that it tries: results are stored under a hash of them.
+    /// The hyper-parameter values that it tries. Results are stored under a hash of these values.
     fn grid(&self, grids: &Grids) -> Value;
 
-    /// The strengths of regularisation C among them, if it has any.
+    /// The values of its regularisation parameter C in the grid, if it has this parameter.
     fn strengths<'a>(&self, _grids: &'a Grids) -> Option<&'a [f64]> {
         None
     }
@@ -34,13 +35,13 @@ pub(super) trait Training {
     /// The best model of each problem.
     fn fit(&self, problems: &[Problem<'_>], grids: &Grids) -> Result<Vec<Chosen>, Invalid>;
 
-    /// Estimated time of its fits with thousands of training rows of the paper's largest feature set, s of one
-    /// processor.
+    /// Estimated processor time (s) of its fits with this many thousands of training rows of the
+    /// paper's largest feature set.
     fn cost_s(&self, grids: &Grids, thousands: f64) -> f64;
 }
 
 impl ModelName {
-    /// How it is trained; none for the better of two others.
+    /// How the model is trained; `None` for the better of the two SVMs.
     pub(super) fn training(self) -> Option<&'static dyn Training> {
         Some(match self {
             Self::Svm => return None,
@@ -53,10 +54,10 @@ impl ModelName {
     }
 }
 
-/// The cells of the experiments in which `model` is trained; none of the better of two others.
+/// The cells of all experiments in which `model` is trained. Empty for the better of the two SVMs.
 ///
 /// # Errors
-/// [`Invalid`] for grids that are empty or hold an impossible value, or a fit that fails.
+/// [`Invalid`] if a grid is empty or has an impossible value, or if a fit fails.
 pub fn fit(
     model: ModelName,
     data: &Dataset,
@@ -82,12 +83,12 @@ pub fn fit(
     Ok(problems.iter().zip(training.fit(&problems, grids)?).map(cell).collect())
 }
 
-/// Growth of the time to sort thousands of rows.
+/// Relative time to sort this many thousands of rows.
 fn sorted(thousands: f64) -> f64 {
     thousands * (1.0 + 0.4 * log2(thousands)).max(0.5)
 }
 
-/// The best setting, and the model that is trained with it on all training rows.
+/// The best setting, and the model trained with it on all training rows.
 pub(super) struct Chosen {
     cv_accuracy: f64,
     hyperparameters: String,
@@ -142,9 +143,9 @@ impl<'a> Problem<'a> {
         found
     }
 
-    /// The accuracy of several models on held-out rows, a mean over folds. `models` trains the
-    /// models on the other rows of a fold, and `says` returns the index of the class that a model
-    /// predicts. If the other rows have only one class, that class is predicted.
+    /// The validation accuracy of `count` models: the mean over folds of the accuracy on held-out
+    /// rows. `models` trains the models on the other rows of a fold, and `says` returns the index
+    /// of the class that a model predicts. If the other rows have only one class, it is predicted.
     fn validated<M>(
         &self,
         count: usize,
@@ -185,7 +186,7 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The index of the best setting of a grid; on a tie the first.
+/// The index of the best setting of a grid. A tie goes to the first setting.
 fn best(accuracy: &[f64]) -> Result<usize, Invalid> {
     highest(accuracy).ok_or_else(|| Invalid::new("grid", "at least one setting", "none"))
 }

@@ -1,5 +1,5 @@
-//! How much better one of two feature sets is, per participant, and how strong the evidence is: the
-//! paper's tests, further families of tests, and the ablation.
+//! How much better one feature set is than another for each participant, and how strong the
+//! evidence is: the paper's tests, further families of tests, and the ablation.
 
 use super::cell::Experiment;
 use super::models::ModelName;
@@ -12,30 +12,31 @@ use serde::Serialize;
 pub use super::power::Power;
 pub use crate::stats::rank::LEVEL;
 
-/// How much better the first of two lists is, with one number per participant in each.
+/// How much better the first of two lists is. Each list has one number per participant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Paired {
-    /// The gain of each participant, in order; positive if the first list is better.
+    /// The gain of each participant, in order. It is positive if the first list is better.
     pub gains: Vec<f64>,
     /// Mean over participants.
     pub mean: f64,
     /// The number of participants with a gain or a loss. The paired test, the typical gain, its
-    /// interval and the effect size ignore the others, who do equally well with both.
+    /// interval and the effect size ignore the other participants, who do equally well with both
+    /// lists.
     pub differing: usize,
     /// The typical gain (Hodges–Lehmann estimate), which the paired test concerns.
     pub typical: f64,
-    /// The typical gains that the paired test does not reject at 5 %; none if too few participants
-    /// differ for any rejection. It always contains [`Self::typical`], and contains 0 exactly if
-    /// the test does not reject.
+    /// All typical gains that the paired test does not reject at 5 %. `None` if too few
+    /// participants differ for any rejection. The interval always contains [`Self::typical`], and
+    /// it contains 0 if and only if the test does not reject.
     pub interval: Option<[f64; 2]>,
-    /// p-value of Wilcoxon's signed-rank test, two-sided.
+    /// Two-sided p-value of Wilcoxon's signed-rank test.
     pub p: f64,
     /// The test's effect size, from −1 to 1: the matched-pairs rank-biserial correlation.
     pub rank_biserial: f64,
     /// Number of participants with a gain.
     pub better: usize,
-    /// Whether p is below [`LEVEL`] but the mean has the opposite sign from the test. Large changes
-    /// of a few participants can cause this.
+    /// Whether p is below [`LEVEL`] but the mean and the test have opposite signs. Large changes of
+    /// a few participants can cause this.
     pub contrary: bool,
 }
 
@@ -78,9 +79,9 @@ impl Paired {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
-    /// p is below [`LEVEL`], and the ranks of gains exceed those of losses.
+    /// p is below [`LEVEL`], and the rank sum of the gains exceeds the rank sum of the losses.
     Better,
-    /// p is below [`LEVEL`], and the ranks of losses exceed those of gains.
+    /// p is below [`LEVEL`], and the rank sum of the losses exceeds the rank sum of the gains.
     Worse,
     /// p is not below [`LEVEL`].
     Open,
@@ -105,7 +106,7 @@ pub struct Gain {
     pub after: Direction,
 }
 
-/// Corrects these gains' tests together.
+/// Corrects the p-values of these tests together.
 pub(super) fn corrected(of: Vec<(ModelName, Experiment, Metric, Paired)>) -> Vec<Gain> {
     let p_values: Vec<f64> = of.iter().map(|(.., paired)| paired.p).collect();
     let gain = |((model, experiment, metric, paired), holm): ((_, _, _, Paired), f64)| {
@@ -115,12 +116,12 @@ pub(super) fn corrected(of: Vec<(ModelName, Experiment, Metric, Paired)>) -> Vec
     of.into_iter().zip(holm(&p_values)).map(gain).collect()
 }
 
-/// Tests of one feature set over another that are corrected together.
+/// Tests of one feature set against another. They are corrected together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GainFamily {
     /// The set that may be better.
     pub first: &'static str,
-    /// The reference set; `none` for the commonest input.
+    /// The reference set; `none` for the baseline.
     pub second: &'static str,
     /// One gain per experiment and model of the paper.
     pub gains: Vec<Gain>,
@@ -149,7 +150,7 @@ impl GainFamily {
     }
 }
 
-/// How two feature sets differ in one model, experiment and metric.
+/// How two feature sets differ for one model, experiment and metric.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Test {
     /// The set that may be better.
@@ -157,12 +158,12 @@ pub struct Test {
     /// The reference set.
     pub second: &'static str,
     /// The gain with the paired test over participants, which fits this design. Holm's correction
-    /// is over all tests of the metric.
+    /// covers all tests of the metric.
     pub gain: Gain,
     /// p-value of the Mann–Whitney test over participants.
     pub mann_whitney_persons: f64,
-    /// p-value of the Mann–Whitney test over the test trajectories of all participants, which are
-    /// not independent.
+    /// p-value of the Mann–Whitney test over the test trajectories of all participants. These
+    /// trajectories are not independent.
     pub mann_whitney_trajectories: f64,
     /// [`Self::mann_whitney_persons`] after Holm's correction.
     pub mann_whitney_persons_holm: f64,
@@ -171,7 +172,7 @@ pub struct Test {
 }
 
 /// The pairs of sets in the paper's claims: each set with a safety level against distance alone,
-/// both levels against both with distance, and one level against the other.
+/// both levels with distance against both levels alone, and one level against the other.
 pub const PAIRS: [(&str, &str); 8] = [
     ("hrd", "d"),
     ("hr", "d"),
@@ -183,8 +184,8 @@ pub const PAIRS: [(&str, &str); 8] = [
     ("h", "r"),
 ];
 
-/// Tests of every model, experiment, metric and pair of [`PAIRS`]. The tests of one metric are
-/// corrected together.
+/// Tests of every model, experiment, metric and pair of [`PAIRS`]. The correction covers all tests
+/// of one metric.
 ///
 /// # Errors
 /// [`Invalid`] if there is no participant.
@@ -232,22 +233,22 @@ pub fn papers_tests(comparison: &Comparison) -> Result<Vec<Test>, Invalid> {
     Ok(tests)
 }
 
-/// The paired test of `first` over `second`. Its mean is the difference of the means, to agree with
-/// the means in tables.
+/// The paired test of `first` over `second`. Its mean is the difference of the two means, so that
+/// it agrees with the means in tables.
 fn paired(first: &[f64], second: &[f64]) -> Result<Paired, Invalid> {
     let [one, other] = [first, second].map(|of| mean(of.iter().copied()));
     Ok(Paired { mean: untied(one - other), ..Paired::of(first, second)? })
 }
 
-/// A mean with rounding errors around 0 removed.
+/// The mean, or 0 if it differs from 0 only by rounding errors.
 fn untied(mean: f64) -> f64 {
     if mean.abs() > TIE { mean } else { 0.0 }
 }
 
-/// A model on a feature set, beside the same model on B_d; or the baseline.
+/// A model on a feature set, compared with the same model on B_d; or the baseline.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ablation {
-    /// The model; none for the baseline.
+    /// The model; `None` for the baseline.
     pub model: Option<ModelName>,
     /// The experiment.
     pub experiment: Experiment,
@@ -257,16 +258,16 @@ pub struct Ablation {
     pub accuracy: f64,
     /// Mean over participants of the balanced test accuracy, in per cent.
     pub balanced: f64,
-    /// Log loss over all test rows, nats.
+    /// Log loss over all test rows (nats).
     pub log_loss: f64,
-    /// Gain in accuracy over the same model on B_d, in percentage points, with its paired p-value
-    /// over people; none for the baseline and for B_d itself.
+    /// Gain in accuracy over the same model on B_d (percentage points), with its paired p-value
+    /// over participants. `None` for the baseline and for B_d itself.
     pub over_d: Option<(f64, f64)>,
 }
 
-/// The baseline, then for each model and experiment B_d and B_hrd, each without and with the
-/// robot's position in the human's body frame, and every added set. `accuracies` and `balanced`
-/// return each participant's accuracy by model, experiment and set.
+/// The rows of the ablation: first the baseline, then for each model and experiment B_d, B_hrd
+/// (each without and with the robot's position in the human's body frame) and every added set.
+/// `accuracies` and `balanced` return each participant's accuracy by model, experiment and set.
 ///
 /// # Errors
 /// [`Invalid`] if there is no participant.

@@ -18,10 +18,11 @@ pub struct LearningPoint {
     pub experiment: Experiment,
     /// The name of the feature set.
     pub features: String,
-    /// The number of training tasks; for all tasks, the mean over participants.
+    /// The number of training tasks. For the point with all tasks, this is the mean over
+    /// participants.
     pub tasks: f64,
-    /// The number of participants in the mean. Others have fewer tasks, or their first tasks do not
-    /// contain both turning and driving straight on.
+    /// The number of participants in the means. Others have fewer tasks, or their first tasks do
+    /// not contain both turning and driving straight on.
     pub people: usize,
     /// Mean test accuracy, in per cent.
     pub accuracy: f64,
@@ -62,7 +63,7 @@ impl LearningPoint {
                 }
             }
         }
-        // The point of all tasks alone is no curve.
+        // A single point, for all tasks, is not a curve.
         if few.is_empty() {
             return Vec::new();
         }
@@ -76,7 +77,7 @@ impl LearningPoint {
 pub struct Unseen {
     /// The name of the feature set.
     pub features: String,
-    /// For each participant, the test accuracy of the model trained on others, in per cent.
+    /// For each participant, the test accuracy of the model trained on other people (per cent).
     pub accuracies: Vec<f64>,
     /// The mean of these accuracies.
     pub mean: f64,
@@ -84,13 +85,14 @@ pub struct Unseen {
     pub own_mean: f64,
     /// The mean balanced accuracy of the models trained on others, in per cent.
     pub balanced: f64,
-    /// The gain of the person's own model, in percentage points of accuracy on the same test tasks.
+    /// The gain of the person's own model over this model, in percentage points of accuracy on the
+    /// same test tasks.
     pub own: Gain,
 }
 
 impl Unseen {
-    /// One entry per model, experiment and feature set; their tests are corrected together. Empty
-    /// if there is only one participant.
+    /// One entry per model, experiment and feature set. The tests of all entries are corrected
+    /// together. Empty if there is only one participant.
     ///
     /// # Errors
     /// [`Invalid`] if there is no participant.

@@ -14,19 +14,20 @@ use crate::parallel::parallel_map;
 use crate::predict::Predictor;
 use serde::Serialize;
 
-/// Sets with permuted features.
+/// Feature sets whose features are permuted.
 const SETS: [&str; 2] = ["hrd", "hrd_body"];
 
 /// Number of permutations of each feature.
 const TIMES: usize = 5;
 
-/// Features with the same information are permuted together; one alone would still reveal it.
+/// These features carry the same information, so they are permuted together. Otherwise, one would
+/// reveal the others.
 const TOGETHER: [&str; 3] = ["dpsi", "cos_dpsi", "sin_dpsi"];
 
-/// An arbitrary seed: the same data give the same permutations.
+/// An arbitrary seed. It is fixed, so that the same data give the same permutations.
 const SEED: u64 = 20_010_801;
 
-/// The loss of accuracy without a feature.
+/// The loss of accuracy if a feature is permuted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Importance {
     /// The model.
@@ -37,8 +38,8 @@ pub struct Importance {
     pub features: String,
     /// The permuted features, joined by `+`.
     pub permuted: String,
-    /// For each participant, the loss of test accuracy, in percentage points, when the features'
-    /// values are permuted between test rows; a mean over several permutations.
+    /// For each participant, the loss of test accuracy (percentage points) when the features'
+    /// values are permuted between test rows. It is a mean over several permutations.
     pub losses: Vec<f64>,
     /// Mean over participants.
     pub mean: f64,
@@ -87,7 +88,7 @@ pub(super) fn importance(
     Ok(found)
 }
 
-/// The loss per group of features, in the order of the set.
+/// The loss for each group of features, in the order of the set.
 fn losses(data: &Dataset, cell: &Cell) -> Result<Vec<(String, f64)>, Invalid> {
     let predictor = Predictor::try_from(cell.predictor.clone())?;
     let data = data.select(predictor.features())?;
@@ -116,7 +117,7 @@ fn losses(data: &Dataset, cell: &Cell) -> Result<Vec<(String, f64)>, Invalid> {
     Ok(found)
 }
 
-/// The columns to permute together, with their names.
+/// The groups of columns that are permuted together, with their names.
 fn groups(data: &Dataset) -> Vec<(String, Vec<usize>)> {
     let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
     for (column, feature) in data.features.features().enumerate() {

@@ -22,14 +22,15 @@ pub struct Predictions {
 pub struct Calibration {
     /// Number of rows.
     pub rows: usize,
-    /// Mean −ln of the probability of the true class, nats; probabilities are at least 10⁻¹⁵.
+    /// Log loss (nats): the mean of −ln of the true class's probability. Probabilities are raised
+    /// to at least 10⁻¹⁵.
     pub log_loss: f64,
     /// Brier's score (Monthly Weather Review 78, 1950): the mean over rows of the sum over classes
     /// of (probability − truth)², where truth is 1 for the true class and 0 otherwise; from 0 to 2.
     pub brier: f64,
-    /// Expected calibration error. Rows are put into ten bins by their highest probability; this is
-    /// the mean over bins, weighted by rows, of the difference between the mean of these
-    /// probabilities and the share of rows whose likeliest class was correct.
+    /// Expected calibration error. Rows are put into ten bins by their highest probability. The
+    /// error is the mean over bins, weighted by rows, of the absolute difference between the mean
+    /// of these probabilities and the share of rows whose likeliest class was correct.
     pub calibration_error: f64,
 }
 
@@ -38,18 +39,19 @@ pub struct Calibration {
 pub struct Bin {
     /// Number of rows.
     pub rows: usize,
-    /// Sum of their highest probabilities.
+    /// Sum of the highest probability of each row.
     pub confidence: f64,
     /// The number of rows in which the likeliest class was correct.
     pub right: usize,
 }
 
-/// Bins of a calibration curve.
+/// Number of bins of a calibration curve.
 pub const BINS: usize = 10;
 
 const LEAST_PROBABILITY: f64 = 1e-15;
 
-/// The index of the highest number, the first on a tie; none if there are no numbers.
+/// The index of the highest number, or the first such index on a tie. Returns `None` if there are
+/// no numbers.
 pub(super) fn highest(numbers: &[f64]) -> Option<usize> {
     (0..numbers.len()).reduce(|best, i| if numbers[i] > numbers[best] { i } else { best })
 }
@@ -71,15 +73,15 @@ impl Predictions {
             .count()
     }
 
-    /// The share of correct rows, from 0 to 1; 0 without rows.
+    /// The share of correctly predicted rows, from 0 to 1; 0 if there are no rows.
     #[must_use]
     pub fn accuracy(&self) -> f64 {
         self.right() as f64 / self.rows().max(1) as f64
     }
 
-    /// The mean over the classes that occur of the share of their rows predicted correctly, from 0
-    /// to 1; 0 without rows. Always predicting one class gives one half if two classes occur and a
-    /// third if three do, however common it is.
+    /// The mean recall over the classes that occur, from 0 to 1; 0 if there are no rows. A model
+    /// that always predicts one class has one half if two classes occur and a third if three occur,
+    /// however common the class is.
     #[must_use]
     pub fn balanced_accuracy(&self) -> f64 {
         let confusion = self.confusion();
@@ -99,7 +101,7 @@ impl Predictions {
         sum / classes.max(1) as f64
     }
 
-    /// The probabilities of each row.
+    /// The class probabilities of each row.
     pub fn each(&self) -> impl ExactSizeIterator<Item = &[f64]> {
         self.probabilities.chunks_exact(self.classes.len())
     }
@@ -107,7 +109,7 @@ impl Predictions {
     /// The predictions of some of the rows.
     ///
     /// # Panics
-    /// If there are fewer rows.
+    /// If `rows` exceeds the number of rows.
     #[must_use]
     pub fn part(&self, rows: Range<usize>) -> Self {
         let width = self.classes.len();
@@ -162,7 +164,8 @@ impl Predictions {
         Calibration { rows, log_loss: loss / n, brier: brier / n, calibration_error }
     }
 
-    /// The calibration curve: rows by their highest probability, in ten equal bins of (0, 1].
+    /// The calibration curve. Rows are put into ten equal bins of (0, 1] by their highest
+    /// probability.
     #[must_use]
     pub fn bins(&self) -> [Bin; BINS] {
         let mut bins = [Bin::default(); BINS];
@@ -176,7 +179,7 @@ impl Predictions {
         bins
     }
 
-    /// The number of rows of each class (rows) that were predicted as each class (columns).
+    /// The confusion matrix: rows are the true classes, columns the predicted classes.
     #[must_use]
     pub fn confusion(&self) -> Vec<Vec<usize>> {
         let count = |truth: &i8, predicted: &i8| {
@@ -188,17 +191,17 @@ impl Predictions {
     }
 }
 
-/// First and last step of avoidance in one trajectory, by the human or by a model.
+/// First and last step of avoidance in one trajectory, by the human or predicted by a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Avoidance {
-    /// The first step; none without avoidance.
+    /// The first step; `None` without avoidance.
     pub first: Option<usize>,
-    /// The last step.
+    /// The last step; `None` without avoidance.
     pub last: Option<usize>,
 }
 
 impl Avoidance {
-    /// The avoidance in one trajectory; `avoids` yields a bool for each step.
+    /// The avoidance in one trajectory. `avoids` yields, for each step, whether it avoids.
     #[must_use]
     pub fn of(avoids: impl Iterator<Item = bool>) -> Self {
         let mut steps = avoids.enumerate().filter_map(|(step, avoids)| avoids.then_some(step));
@@ -210,11 +213,12 @@ impl Avoidance {
 /// The error of the model's first or last step of avoidance, in steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distance {
-    /// Mean over all trajectories; without avoidance, a trajectory's start counts as one step past
-    /// the last and its end as step −1.
+    /// Mean over all trajectories. Without avoidance, the first step counts as one step past the
+    /// end of the trajectory, and the last step as −1.
     pub penalised: f64,
-    /// Mean over the trajectories in which both avoid; none if there are none. Report it with the
-    /// number of these trajectories: alone, it rewards a model that never predicts avoidance.
+    /// Mean over the trajectories in which both the human and the model avoid; `None` if there are
+    /// none. Report it with the number of these trajectories, because alone it rewards a model that
+    /// never predicts avoidance.
     pub both: Option<f64>,
 }
 
@@ -225,14 +229,15 @@ pub struct Distances {
     pub start: Distance,
     /// D_end.
     pub end: Distance,
-    /// Number of trajectories in which both avoid.
+    /// Number of trajectories in which both the human and the model avoid.
     pub both: usize,
     /// Number of trajectories.
     pub trajectories: usize,
 }
 
 impl Distances {
-    /// Over trajectories of `steps` steps, each with the human's and the model's avoidance.
+    /// The distances over trajectories of `steps` steps, each given by the human's and the model's
+    /// avoidance.
     #[must_use]
     pub fn of(steps: usize, trajectories: &[(Avoidance, Avoidance)]) -> Self {
         let both: Vec<_> = trajectories

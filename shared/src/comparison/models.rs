@@ -1,4 +1,4 @@
-//! The table of models that a comparison trains, and of the hyper-parameters that it tries.
+//! The table of models that a comparison trains, and the hyper-parameters that it tries.
 
 use super::sets::BODY_FRAME_SETS;
 use crate::chart::Mark;
@@ -12,34 +12,35 @@ use serde_json::Value;
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ModelName {
-    /// Of the two below the one that did better in cross-validation; on a tie the first.
+    /// The one of the two SVMs below that did better in cross-validation. A tie goes to the first.
     Svm,
     /// Support vector machine with radial basis functions.
     SvmRbf,
-    /// Support vector machine with the linear kernel.
+    /// Support vector machine with a linear kernel.
     SvmLinear,
     /// Decision tree.
     Dt,
     /// Multinomial logistic regression.
     Lr,
-    /// Gradient-boosted trees: beyond the paper, and judged by roll-outs only.
+    /// Gradient-boosted trees, which are beyond the paper and evaluated by roll-outs only.
     Boosted,
 }
 
-/// A row of the table: the words and the look of a model.
+/// A row of the table: the names of a model, and its look in charts.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct ModelRow {
-    /// In files, as serde writes it.
+    /// Name in files, as Serde writes it.
     pub word: &'static str,
-    /// In tables, as the paper writes it.
+    /// Name in tables, as the paper writes it.
     pub short: &'static str,
-    /// In lists of models.
+    /// Name in lists of models.
     pub label: &'static str,
-    /// In sentences.
+    /// Name in sentences.
     pub full: &'static str,
-    /// Its hyper-parameters in words, each `{name}` standing for the values of that field of [`Grids`].
+    /// Its hyper-parameters in words. `{name}` stands for the values of the field `name` of
+    /// [`Grids`].
     pub grid: &'static str,
-    /// The index of its colour among those of a chart's series.
+    /// Index of its colour among the colours of a chart's series.
     #[serde(skip)]
     pub colour: usize,
     /// Its mark in charts.
@@ -47,7 +48,8 @@ pub struct ModelRow {
     pub mark: Mark,
 }
 
-/// One row a model, in the order of [`ModelName`]. [`ModelName::training`] says how each is trained.
+/// One row per model, in the order of [`ModelName`]. [`ModelName::training`] defines how each model
+/// is trained.
 const MODELS: [ModelRow; 6] = [
     ModelRow {
         word: "svm",
@@ -106,14 +108,14 @@ const MODELS: [ModelRow; 6] = [
 ];
 
 impl ModelName {
-    /// Every one of the table.
+    /// Every model of the table.
     pub const EVERY: [Self; MODELS.len()] =
         [Self::Svm, Self::SvmRbf, Self::SvmLinear, Self::Dt, Self::Lr, Self::Boosted];
 
-    /// Those of the comparison, in the order of tables.
+    /// The models of the comparison, in the order of the tables.
     pub const ALL: [Self; 5] = [Self::Svm, Self::SvmRbf, Self::SvmLinear, Self::Dt, Self::Lr];
 
-    /// The three of the paper's tables.
+    /// The three models of the paper's tables.
     pub const PAPERS: [Self; 3] = [Self::Svm, Self::Dt, Self::Lr];
 
     /// The trained models behind the paper's tables.
@@ -131,23 +133,24 @@ impl ModelName {
         self.row().word
     }
 
-    /// The model with that name in files.
+    /// The model with this name in files.
     #[must_use]
     pub fn of_word(word: &str) -> Option<Self> {
         Self::EVERY.into_iter().find(|model| model.word() == word)
     }
 }
 
-/// A model that is judged by roll-outs beside the paper's.
+/// A model beyond the paper that is evaluated by roll-outs.
 #[derive(Clone, Copy, Debug)]
 pub struct Beyond {
     /// The model.
     pub model: ModelName,
     /// Its feature set.
     pub features: &'static str,
-    /// What the report calls it.
+    /// Its name in the report.
     pub words: &'static str,
-    /// Colour and mark of its dashed curve, where the model has another curve already.
+    /// Colour and mark of its dashed curve, if the model's own colour and mark already belong to
+    /// another curve.
     pub look: Option<(usize, Mark)>,
 }
 
@@ -171,33 +174,34 @@ pub const BEYOND: [Beyond; 4] = {
 /// Models of learning curves, which also learn from fewer tasks.
 pub const CURVE_MODELS: [ModelName; 3] = [ModelName::SvmRbf, ModelName::Dt, ModelName::Lr];
 
-/// Models that also learn from other people. The time to train an SVM grows with the square of the rows.
+/// Models that are also trained on other people, without SVMs, whose training time grows with the
+/// square of the number of rows.
 pub const UNSEEN_MODELS: [ModelName; 2] = [ModelName::Dt, ModelName::Lr];
 
-/// The hyper-parameters to try. On a tie the first in their order is taken: C before γ, depth
-/// before leaf.
+/// The hyper-parameters to try. On a tie, the first setting in their order is chosen: by C before
+/// γ, and by depth before leaf size.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Grids {
     /// C of SVMs with radial basis functions.
     pub rbf_c: Vec<f64>,
-    /// Their γ, per squared unit of standardised features.
+    /// γ of these SVMs, per squared unit of standardised features.
     pub rbf_gamma: Vec<f64>,
     /// C of linear SVMs.
     pub linear_c: Vec<f64>,
-    /// Greatest depth of trees; none is no limit.
+    /// Maximum depth of trees; `None` for no limit.
     pub tree_depth: Vec<Option<usize>>,
-    /// Fewest rows of a leaf.
+    /// Minimum number of rows in a leaf.
     pub tree_leaf: Vec<usize>,
     /// C of logistic regression.
     pub logistic_c: Vec<f64>,
-    /// Depth of boosted trees; their number is found by the log loss of held-out rows.
+    /// Depth of boosted trees. Their number is chosen by the log loss on held-out rows.
     pub boosted_depth: Vec<usize>,
 }
 
 impl Default for Grids {
-    /// Those of the protocol.
+    /// The grids of the protocol.
     fn default() -> Self {
         Self {
             rbf_c: vec![0.1, 1.0, 10.0, 100.0],
@@ -217,7 +221,7 @@ enum Rule {
     Strength,
     /// Whole numbers from 1 to this.
     UpTo(u64),
-    /// The same, in rising order.
+    /// Whole numbers from 1 to this, in ascending order.
     Rising(u64),
 }
 
@@ -232,7 +236,7 @@ const RULES: [(&str, Rule); 7] = [
     ("boosted_depth", Rule::UpTo(8)),
 ];
 
-/// Most values of a hyper-parameter.
+/// Maximum number of values of a hyper-parameter.
 const MOST_VALUES: usize = 64;
 
 impl Grids {
@@ -246,7 +250,7 @@ impl Grids {
         values
     }
 
-    /// The same with the protocol's values of `name`.
+    /// These grids, but with the protocol's values of `name`.
     #[must_use]
     pub fn with_protocols(&self, name: &str) -> Self {
         let mut values = self.values();
@@ -258,7 +262,8 @@ impl Grids {
     /// Checks every value.
     ///
     /// # Errors
-    /// [`Invalid`] naming the hyper-parameter that has none, too many, one twice, or one out of its range.
+    /// [`Invalid`] naming the hyper-parameter that has no value, too many values, a repeated value,
+    /// or one out of range or order.
     pub(super) fn check(&self) -> Result<(), Invalid> {
         let all = self.values();
         for (name, rule) in &RULES {

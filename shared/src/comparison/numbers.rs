@@ -33,20 +33,20 @@ pub struct Analysis {
     pub data: DataSummary,
     /// The compared feature sets and grids.
     pub settings: Settings,
-    /// The cells.
+    /// The cells of the comparison.
     pub comparison: Comparison,
     /// The paper's tests of differences between feature sets.
     pub tests: Vec<Test>,
     /// Families of tests beyond the paper's: the body frame over the safety levels, the safety
     /// levels in addition to the body frame, and B_hrd over the commonest input.
     pub families: [GainFamily; 3],
-    /// The baseline, and the gain from a body frame.
+    /// The ablation: the baseline, and the gain from a body frame.
     pub ablation: Vec<Ablation>,
     /// The pooled test rows of all participants, for the baseline and each cell of the tables.
     pub pooled: Vec<Pooled>,
     /// Roll-outs of predictors.
     pub rollouts: Vec<RolloutsOf>,
-    /// The accuracy that a split by time step would claim; empty unless requested.
+    /// The inflated accuracy of a split by time step. Empty unless requested.
     pub leakage: Vec<Leakage>,
     /// The participants' behaviour.
     pub behaviour: Behaviour,
@@ -77,39 +77,39 @@ pub struct DataSummary {
     pub exclusions: Vec<Exclusion>,
     /// Number of compared trials with each flag that casts doubt on them, by the flag's word.
     pub flagged: BTreeMap<String, usize>,
-    /// The compared participants whose trials are identical to another's: one person under several
-    /// names would count several times.
+    /// The compared participants whose trials are identical to another participant's. They may be
+    /// one person under several names, who would count several times.
     pub same_trials: Vec<String>,
     /// The compared participants who have copies of one of their own trials.
     pub copied_trials: Vec<CopiedTrials>,
-    /// SHA-256 of the compared trials, in hexadecimal: two analyses with the same hash used the
+    /// SHA-256 of the compared trials, in hexadecimal. Two analyses with the same hash used the
     /// same data.
     pub sha256: String,
-    /// Start times of the first and last of these trials, ms since 1970 by the participants'
-    /// clocks; none if the data do not record them.
+    /// Start times of the first and the last of these trials (ms since 1970, on the participants'
+    /// clocks). `None` if the data do not record them.
     pub driven_at_ms: Option<[f64; 2]>,
-    /// Quality of both safety levels over the compared steps; none if unknown.
+    /// Quality of both safety levels over the compared steps; `None` if unknown.
     pub safety: Option<SafetyQuality>,
 }
 
 /// Sizes of the data and of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Compared participants.
+    /// Number of compared participants.
     pub participants: usize,
-    /// Tasks that models are tested on.
+    /// Number of tasks that models are tested on.
     pub test_trials: usize,
-    /// Steps of these tasks.
+    /// Number of steps in these tasks.
     pub test_steps: usize,
-    /// Trained models; the better SVM does not count again.
+    /// Number of trained models. The better SVM is not counted again.
     pub models: usize,
 }
 
-/// Compares the participants of a recording of tasks. Features in `given` replace the computed
-/// ones. Participants with unusable data are excluded.
+/// Compares the participants of a recording, whose trials must be tasks. Features in `given`
+/// replace the computed features. Participants with unusable data are excluded.
 ///
 /// # Errors
-/// [`AnalysisError`] if no participant is left, or `progress` cancels.
+/// [`AnalysisError`] if no participant is left, or if `progress` cancels.
 pub fn analyse(
     recording: &Recording,
     given: Option<&GivenFeatures>,
@@ -163,7 +163,7 @@ pub fn analyse(
 
 impl Analysis {
     /// Computes everything else from `results`, `behaviour` and `maps`, which the caller computed
-    /// from `data` with `settings`. The exclusions are those of `data`.
+    /// from `data` with `settings`. The exclusions are taken from `data`.
     ///
     /// # Errors
     /// [`Invalid`] if there is no participant.
@@ -175,7 +175,7 @@ impl Analysis {
         maps: Vec<DecisionMap>,
     ) -> Result<Self, Invalid> {
         let Results { comparison, baselines, rollouts, leakage, few_tasks, unseen, .. } = results;
-        // The commonest input is the same for every model.
+        // The baseline is the same for every model.
         let accuracies = |model: Option<ModelName>, experiment, set: &str| match model {
             Some(model) if set != "none" => comparison.person_accuracies(model, experiment, set),
             _ => baseline_accuracies(&baselines, experiment),
@@ -234,7 +234,8 @@ impl Analysis {
         }
     }
 
-    /// The pooled test rows of all participants for a model (none: the baseline) on a feature set.
+    /// The pooled test rows of all participants for a model on a feature set. `model` is `None` for
+    /// the baseline.
     #[must_use]
     pub fn pooled(
         &self,
@@ -245,8 +246,8 @@ impl Analysis {
         self.pooled.iter().find(|of| of.is(model, experiment, set))
     }
 
-    /// The gains in accuracy of one feature set over another, experiment I before II; empty if the
-    /// two are not compared.
+    /// The gains in accuracy of one feature set over another, experiment I before II. Empty if the
+    /// two sets are not compared.
     #[must_use]
     pub fn gains(&self, first: &str, second: &str) -> Vec<&Gain> {
         let is = |a: &str, b: &str| (a, b) == (first, second);
@@ -259,7 +260,7 @@ impl Analysis {
         gains
     }
 
-    /// The mean over participants of the commonest input's test accuracy, in per cent.
+    /// The baseline's test accuracy, a mean over participants (per cent).
     #[must_use]
     pub fn baseline_accuracy(&self, experiment: Experiment) -> f64 {
         let is = |row: &&Ablation| row.model.is_none() && row.experiment == experiment;
@@ -294,7 +295,7 @@ fn pooled(comparison: &Comparison, baselines: &[Baseline]) -> Vec<Pooled> {
     pooled
 }
 
-/// Hash of these participants' trials, in the order of names.
+/// Hash of these participants' trials. The participants are sorted by name.
 fn hash(participants: &[&RecordedParticipant]) -> String {
     let mut hash = Sha256::new();
     for participant in participants {

@@ -20,7 +20,7 @@ use std::borrow::Cow;
 pub struct ParticipantData {
     /// The participant's name or number in the data.
     pub name: String,
-    /// Line of their first row in the file, if there is a file.
+    /// Line of the participant's first row in the file; `None` if there is no file.
     pub line: Option<u64>,
     /// The number of each task, in order.
     pub numbers: Vec<u64>,
@@ -52,10 +52,11 @@ impl DataError {
 }
 
 impl ParticipantData {
-    /// The trials of `recorded`, which are tasks; features in `given` replace the computed ones.
+    /// Prepares the trials of `recorded`, which must be tasks. Features in `given` replace the
+    /// computed features.
     ///
     /// # Errors
-    /// [`DataError`] if a trial is invalid, or features do not match the trials.
+    /// [`DataError`] if a trial is invalid, or if features do not match the trials.
     pub fn of(
         recorded: &RecordedParticipant,
         scene: &SceneParameters,
@@ -96,7 +97,7 @@ impl ParticipantData {
         Exclusion { first_line: self.line, ..Exclusion::new(&self.name, reason) }
     }
 
-    /// Why no model can be trained on these tasks, if none can.
+    /// Why no model can be trained on these tasks; `None` if models can be trained.
     fn reason_against(&self, split: &Split) -> Option<String> {
         let tasks = self.trajectories.len();
         if tasks < LEAST_TASKS {
@@ -113,17 +114,17 @@ impl ParticipantData {
     }
 }
 
-/// Sort key of names: numbers by value, then other names.
+/// Sort key of names: first numbers by value, then other names.
 pub(super) fn order(name: &str) -> (bool, Option<u64>, &str) {
     let number = name.parse().ok();
     (number.is_none(), number, name)
 }
 
-/// All fits.
+/// All fits of a comparison.
 pub(super) struct Plan<'a> {
     /// The participants in the order of their names, with their splits.
     pub(super) participants: Vec<Planned<'a>>,
-    /// The fits: first those of models trained on other people, then participant by participant.
+    /// The fits: first the models trained on other people, then the fits of each participant.
     pub(super) fits: Vec<Fit<'a>>,
     /// The data that train and test the models of [`Purpose::Unseen`].
     pub(super) everybody: Option<Everybody>,
@@ -142,7 +143,7 @@ pub(super) struct Planned<'a> {
 
 /// One model to fit for one participant on one feature set.
 pub(super) struct Fit<'a> {
-    /// The participant's index in the plan.
+    /// The participant's index in the plan; for [`Purpose::Unseen`], the index of the group.
     pub(super) participant: usize,
     pub(super) set: &'a NamedSet,
     pub(super) model: ModelName,
@@ -152,32 +153,32 @@ pub(super) struct Fit<'a> {
 /// The purpose of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
-    /// The tables.
+    /// A fit for the tables.
     Tables,
-    /// Roll-outs only: models beyond the paper.
+    /// A fit for roll-outs only, of a model beyond the paper.
     Rollouts,
-    /// Leakage of a split by time step.
+    /// A fit that shows the leakage of a split by time step.
     Leakage,
-    /// Learning curves: only this number of first tasks train.
+    /// A fit for learning curves. It is trained on only this number of first tasks.
     Learning(usize),
-    /// Predictions for unseen people: the others' tasks train a model that is tested on the group
-    /// with the fit's number.
+    /// A fit for predictions of unseen people. It is trained on the tasks of all groups but one,
+    /// and tested on the remaining group.
     Unseen,
 }
 
-/// Numbers of training tasks in learning curves, besides all.
+/// Numbers of training tasks in learning curves, besides all tasks.
 pub(super) const FIRST_TASKS: [usize; 3] = [5, 10, 20];
 
-/// The feature sets of models that learn from fewer tasks, or from other people.
+/// The feature sets of models that are trained on fewer tasks or on other people.
 pub(super) const COMPARED_SETS: [&str; 3] = ["hrd", "d", "hrd_body"];
 
-/// Maximum number of groups of people. With more people than that, a group has several.
+/// Maximum number of groups of people. If there are more people, some groups have several people.
 pub(super) const MOST_GROUPS: usize = 20;
 
-/// The rows of all participants of a plan, one after the other.
+/// The rows of all participants of a plan, concatenated.
 pub(super) struct Everybody {
     data: Dataset,
-    /// By group: the other groups' rows train, and the group's test tasks test.
+    /// For each group: the other groups' rows are for training, the group's test tasks for testing.
     splits: Vec<Split>,
 }
 
@@ -210,7 +211,7 @@ impl Everybody {
                 }
                 let rows = of.data.data.labels.len();
                 split.training.extend(*offset..offset + rows);
-                // With enough people, each fold holds back whole people.
+                // If there are enough people, each fold holds out whole people.
                 let fold = |row: usize| match participants.len() > FOLDS {
                     true => others % FOLDS,
                     false => fold_of(of.data.data.trials[row]),
@@ -307,7 +308,7 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Version of the method. Change it with anything that changes results.
+/// Version of the method. Change it whenever a change of the code changes results.
 const METHOD: &str = "sidestep-comparison/3";
 
 /// A hash of everything that the cells of a fit depend on.
@@ -332,7 +333,8 @@ pub(super) fn key(model: ModelName, data: &Dataset, split: &Split, grids: &Grids
 
 /// Fails if no participant is left.
 ///
-/// # Errors [`Invalid`] with the reason for each participant.
+/// # Errors
+/// [`Invalid`] with the reason for each participant.
 pub(super) fn somebody_left(left: usize, exclusions: &[Exclusion]) -> Result<(), Invalid> {
     if left > 0 {
         return Ok(());

@@ -14,19 +14,19 @@ pub struct Power {
     pub family: usize,
     /// The smallest possible p-value of the test.
     pub least_p: f64,
-    /// The same after Holm's correction over the family.
+    /// The smallest possible p-value after Holm's correction over the family.
     pub least_p_after_holm: f64,
-    /// The fewest participants for whom that is below [`LEVEL`](crate::stats::rank::LEVEL). This is
-    /// a lower bound, not a sufficient number.
+    /// The smallest number of participants for which [`Self::least_p_after_holm`] is below
+    /// [`LEVEL`](crate::stats::rank::LEVEL). This is a lower bound, not a sufficient number.
     pub needed: usize,
-    /// The probability that these participants show an effect of [`Self::EFFECT`] in one test.
+    /// The probability that one test with these participants shows an effect of [`Self::EFFECT`].
     pub shown: f64,
-    /// The same after Holm's correction, if no other test of the family shows anything.
+    /// The same probability after Holm's correction, if no other test of the family shows anything.
     pub shown_after_holm: f64,
-    /// The same with [`Self::needed`] participants.
+    /// [`Self::shown_after_holm`] for [`Self::needed`] participants.
     pub needed_shown: f64,
-    /// The fewest participants who show it after the correction with probability [`Self::AIM`];
-    /// none if that takes more than [`Self::MOST`].
+    /// The smallest number of participants who show the effect after the correction with
+    /// probability [`Self::AIM`]. `None` if it is larger than [`Self::MOST`].
     pub enough: Option<usize>,
 }
 
@@ -39,7 +39,7 @@ impl Power {
     /// Maximum number of participants for the power computation.
     pub const MOST: usize = 100;
 
-    /// For this number of participants and a family of this number of tests.
+    /// The power for this number of participants and a family of this number of tests.
     #[must_use]
     pub fn of(participants: usize, family: usize) -> Self {
         static CURVE: OnceLock<PowerCurve> = OnceLock::new();
@@ -60,7 +60,7 @@ impl Power {
         }
     }
 
-    /// Whether no paired test of this number of participants can show anything.
+    /// Whether no paired test with this number of participants can show anything.
     #[must_use]
     pub fn is_too_low(&self) -> bool {
         !is_shown(self.least_p)
@@ -80,7 +80,8 @@ mod tests {
         assert!(Power::of(11, 48).least_p_after_holm < LEVEL);
     }
 
-    /// All eleven must gain: Φ(0.8)¹¹ = 0.073. Eleven can show an effect, but rarely do.
+    /// All eleven must gain, with probability Φ(0.8)¹¹ = 0.073. Eleven can show an effect, but
+    /// rarely do.
     #[test]
     fn eleven_people_are_not_enough() {
         let eleven = Power::of(11, 48);

@@ -1,9 +1,10 @@
-//! Roll-outs: predictions several steps ahead, each built on those before.
+//! Roll-outs: predictions several steps ahead, each based on the earlier predictions.
 //!
-//! Next-step accuracy flatters a predictor that knows the last input: keys are held for many steps,
-//! so "the same again" is nearly always right, but does not predict when the human starts or stops
-//! avoiding. Here a predictor sees the trajectory up to some step and from then on only its own
-//! predictions: the human drives on with the most likely action, the robot straight on.
+//! Next-step accuracy overrates a predictor that knows the last input. Keys are held for many
+//! steps, so repeating the last input is nearly always right, but does not predict when the human
+//! starts or stops avoiding. Here a predictor sees the trajectory up to some step, and from then on
+//! only its own predictions: the human drives on with the most likely action, and the robot
+//! straight on.
 
 use super::metrics::highest;
 use crate::bounds::{ActionModel, Motion};
@@ -19,13 +20,14 @@ use serde::Serialize;
 pub struct Horizon {
     /// Number of windows.
     pub windows: usize,
-    /// Number of windows in which the most likely action was the human's.
+    /// Number of windows in which the most likely action was the human's action.
     pub right: usize,
-    /// Sum of −ln of the probability of the human's action, nats; probabilities are at least 10⁻¹⁵.
-    /// This is the probability at the end of the driver's likeliest path, not the probability of
-    /// the step `h` ahead, which would be a mean over all paths.
+    /// Sum over windows of −ln of the probability of the human's action (nats). Probabilities are
+    /// at least 10⁻¹⁵. This is the probability at the end of the driver's likeliest path. It is not
+    /// the probability of the step `h` ahead, which would be a mean over all paths.
     pub log_loss: f64,
-    /// Sum of the distances between the predicted and the true position after the step, m.
+    /// Sum over windows of the distance between the predicted and the true position after the step
+    /// (m).
     pub distance_m: f64,
 }
 
@@ -36,13 +38,13 @@ impl Horizon {
         self.right as f64 / self.windows.max(1) as f64
     }
 
-    /// Mean of the log loss, nats.
+    /// Mean log loss (nats).
     #[must_use]
     pub fn mean_log_loss(&self) -> f64 {
         self.log_loss / self.windows.max(1) as f64
     }
 
-    /// Mean error of the predicted position, m.
+    /// Mean error of the predicted position (m).
     #[must_use]
     pub fn mean_distance_m(&self) -> f64 {
         self.distance_m / self.windows.max(1) as f64
@@ -68,21 +70,21 @@ impl Horizon {
 /// How much better one driver is than another on the same target steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skill {
-    /// Gain in accuracy, in percentage points; 0 for a driver without information.
+    /// Gain in accuracy (percentage points); 0 for a driver without information.
     pub accuracy_points: f64,
-    /// The mean distance as a share of the other driver's; 1 for a driver without information. None
-    /// if the other driver makes no error.
+    /// The mean distance as a share of the other driver's mean distance; 1 for a driver without
+    /// information. `None` if the other driver makes no error.
     pub distance_share: Option<f64>,
 }
 
 /// A predictor of the human's next input.
 pub trait Driver {
-    /// Given the joint states so far and the turn rates held so far, rad/s: the most likely next
-    /// turn rate, and the probability of `truth`.
+    /// The most likely next turn rate, and the probability of the turn rate `truth`, given the
+    /// joint states and turn rates so far. Turn rates are in rad/s.
     fn next(&self, history: &[JointState], held: &[f64], truth: f64) -> (f64, f64);
 }
 
-/// Turn rates closer than this are the same action, rad/s.
+/// Turn rates that differ by at most this are the same action (rad/s).
 const SAME_ACTION: f64 = 1e-9;
 
 impl<M: ActionModel> Driver for M {
@@ -100,7 +102,7 @@ impl<M: ActionModel> Driver for M {
 /// A driver without a model, for comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Simple {
-    /// Holds the input of the step before; straight at the start.
+    /// Holds the input of the previous step; drives straight on if there is none.
     Held,
     /// Drives straight on.
     Straight,
@@ -131,13 +133,13 @@ impl Driver for Simple {
     }
 }
 
-/// Roll-outs of `steps` steps: the first entry is for the next step, the last for the one `steps`
-/// ahead.
+/// Roll-outs of `steps` steps. The first entry is for the next step, the last entry for the step
+/// `steps` ahead.
 ///
-/// All entries cover the same *target steps*, those preceded by at least `steps` − 1 others: the
-/// entry for h predicts each of them from h − 1 steps before its input was held. People turn more
-/// often early in a trial than late; with different target steps for each h, that difference would
-/// look like an effect of the horizon.
+/// All entries cover the same *target steps*: the steps that are preceded by at least `steps` − 1
+/// other steps. The entry for h predicts each target step from h − 1 steps before its input was
+/// held. People turn more often early in a trial than late. With different target steps for each h,
+/// this difference would look like an effect of the horizon.
 ///
 /// # Errors
 /// [`Invalid`] if there is no step to predict.
@@ -184,7 +186,7 @@ pub fn rollouts(
     Ok(all)
 }
 
-/// The sum of several people's roll-outs.
+/// The sum of the roll-outs of several people.
 #[must_use]
 pub fn together(parts: &[Vec<Horizon>]) -> Vec<Horizon> {
     let mut all = vec![Horizon::default(); parts.iter().map(Vec::len).max().unwrap_or(0)];
@@ -220,7 +222,7 @@ mod tests {
         let straight = of(&Simple::Straight, &[Straight; 12], 10);
         assert_eq!((straight.len(), straight[9].windows), (10, 3));
         assert!(straight.iter().all(|h| h.accuracy() == 1.0 && h.mean_distance_m() < 1e-12));
-        // The targets are the last three steps. Only a prediction from the very first step has no
+        // The targets are the last three steps. Only a roll-out from the very first step has no
         // held input.
         let held = of(&Simple::Held, &[Left; 12], 10);
         assert!(held[..9].iter().all(|h| (h.windows, h.right) == (3, 3)));
@@ -230,7 +232,7 @@ mod tests {
         assert!((held[9].mean_log_loss() - loss).abs() < 1e-12);
     }
 
-    /// The human turns in the first steps and then drives straight, as people do. A driver that
+    /// The human turns in the first steps and then drives straight on, as people do. A driver that
     /// never turns is equally accurate at the same target steps from any distance, so all horizons
     /// must agree.
     #[test]
@@ -245,9 +247,10 @@ mod tests {
         assert!(found.iter().all(|h| (h.mean_log_loss() - log_loss).abs() < 1e-12));
     }
 
-    /// Inputs in runs of four steps: the held input, h steps ahead, is right for targets whose
-    /// index in their run is at least h. So 4 − h of four targets are right, and none from 4 to 7
-    /// ahead, in the opposite run; 8 ahead is the same as 0 ahead, and so on.
+    /// The inputs alternate in runs of four steps. The input held h steps earlier is right for
+    /// targets whose index in their run is at least h, so 4 − h of four targets are right. For h
+    /// from 4 to 7 it belongs to the opposite run, so no target is right. h = 8 is the same as h =
+    /// 0, and so on.
     #[test]
     fn what_is_ever_harder_to_foresee_is_less_often_right() {
         use TurnInput::{Left, Straight};
@@ -276,7 +279,7 @@ mod tests {
         );
     }
 
-    /// Turns left after three straight steps in its own history.
+    /// Turns left as soon as its history contains three steps.
     struct Impatient;
 
     impl ActionModel for Impatient {
@@ -290,7 +293,7 @@ mod tests {
         }
     }
 
-    /// From the first of three steps, it must predict the turn from its own predictions.
+    /// In a roll-out from the first step, it must predict the turn from its own predictions.
     #[test]
     fn predictors_are_fed_with_what_they_said() {
         use TurnInput::{Left, Straight};

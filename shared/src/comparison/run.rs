@@ -1,4 +1,4 @@
-//! Runs a comparison: plans the fits ([`Plan`]), executes them on all threads, assembles the
+//! Runs a comparison: plans the fits ([`Plan`]), executes them on all threads and assembles the
 //! results.
 
 use super::cell::{Baseline, Cell, Experiment};
@@ -21,7 +21,7 @@ use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use serde::Serialize;
 
-/// All results.
+/// All results of a comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Results {
     /// A cell for each model, experiment, feature set and participant.
@@ -49,29 +49,29 @@ pub struct RolloutsOf {
     pub driver: String,
     /// The name of its feature set; empty for a simple driver.
     pub features: String,
-    /// By number of steps ahead, over all participants' test tasks.
+    /// The results by number of steps ahead, over all participants' test tasks.
     pub horizons: Vec<Horizon>,
 }
 
 /// A cell of a model trained on the first tasks only.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FewTasks {
-    /// The number of these tasks.
+    /// The number of first tasks.
     pub tasks: usize,
-    /// The cell, with the usual test tasks.
+    /// The cell, with the same test tasks as in the comparison.
     pub cell: Cell,
 }
 
-/// The accuracy that a split by time step would claim.
+/// The inflated accuracy of a split by time step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Leakage {
     /// The model.
     pub model: ModelName,
     /// The experiment.
     pub experiment: Experiment,
-    /// Mean over participants of the test accuracy when whole trials are held back, in per cent.
+    /// Mean over participants of the test accuracy when whole trials are held out (per cent).
     pub grouped: f64,
-    /// The same when single steps are held back.
+    /// Mean over participants of the test accuracy when single steps are held out (per cent).
     pub leaking: f64,
 }
 
@@ -80,7 +80,7 @@ pub struct Leakage {
 pub struct Progress {
     /// Number of finished fits.
     pub done: usize,
-    /// Total number of fits. They take about equally long.
+    /// Total number of fits. All fits take about the same time.
     pub of: usize,
 }
 
@@ -111,7 +111,7 @@ pub enum AnalysisError {
 /// depend on their order.
 ///
 /// # Errors
-/// [`AnalysisError`] if no participant is left, or `progress` cancels.
+/// [`AnalysisError`] if no participant is left, or if `progress` cancels.
 pub fn run(
     participants: &[ParticipantData],
     scene: &SceneParameters,
@@ -129,7 +129,7 @@ pub fn run(
 /// The cells of a fit, or why it failed.
 type Fitted = Result<Vec<Cell>, Invalid>;
 
-/// Executes every fit of the plan, in order.
+/// Executes every fit of the plan. The results are in the order of the fits.
 fn execute(
     plan: &Plan<'_>,
     settings: &Settings,
@@ -139,7 +139,7 @@ fn execute(
     let done = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
     parallel_map(&plan.fits, |fit| {
-        // Otherwise fits that still wait for a thread would run first.
+        // Without this check, fits that still wait for a thread would run first.
         if stopped.load(Ordering::Relaxed) {
             return Err(AnalysisError::Stopped);
         }
@@ -193,7 +193,7 @@ fn assemble(
     let failed = failures(plan, &found);
     let mut exclusions = plan.exclusions.clone();
     let mut kept = Vec::new();
-    // The index of each planned participant in the results; none if excluded.
+    // The index of each planned participant in the results; `None` if the participant is excluded.
     let mut places = Vec::new();
     for (planned, failed) in plan.participants.iter().zip(failed) {
         places.push(failed.is_none().then_some(kept.len()));
@@ -246,8 +246,8 @@ fn assemble(
     })
 }
 
-/// Splits a group's cell, whose model others trained, into one cell per person. Its test rows are
-/// ordered by person.
+/// Splits the cell of a group, whose model was trained on other people, into one cell per person.
+/// The test rows of the cell are ordered by person.
 fn by_person(plan: &Plan<'_>, cell: &Cell, places: &[Option<usize>]) -> Vec<Cell> {
     let groups = plan.everybody.as_ref().map_or(1, |everybody| everybody.groups().max(1));
     let mut begin = 0;
@@ -276,7 +276,7 @@ fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
     failed
 }
 
-/// Adds the better of both SVMs, and sorts the cells.
+/// Adds the better of the two SVMs, and sorts the cells.
 fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     let place = |cell: &Cell| {
         let set = settings.sets.iter().position(|set| set.name == cell.features);
@@ -294,7 +294,7 @@ fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     cells.sort_by_key(|cell| (cell.model, place(cell)));
 }
 
-/// Accuracy with single steps held back, beside that of the comparison.
+/// The accuracy with single steps held out, beside the accuracy of the comparison.
 fn leakage(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings) -> Vec<Leakage> {
     if leaking.is_empty() {
         return Vec::new();
@@ -315,7 +315,7 @@ fn leakage(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings)
     models.flat_map(|model| Experiment::ALL.map(|experiment| both((model, experiment)))).collect()
 }
 
-/// The sets for roll-outs of the paper's models.
+/// The feature sets for roll-outs of the paper's models.
 const ROLLED_OUT: [&str; 4] = ["hrd", "d", "hrd_body", "d_body"];
 
 /// Roll-outs of the paper's models in experiment I on the [`ROLLED_OUT`] sets, of the models beyond

@@ -16,15 +16,16 @@ pub struct NamedSet {
 /// Letters of the paper's seven sets, in table order.
 pub const PAPERS_SETS: [&str; 7] = ["hrd", "hr", "hd", "rd", "h", "r", "d"];
 
-/// Sets that show how much the robot's position in the human's body frame explains. It contains the
-/// side, which absolute differences in the world frame do not.
+/// Sets that show how much the robot's position in the human's body frame explains, each with the
+/// paper's set that it extends. The position contains the robot's side, which absolute differences
+/// in the world frame do not contain.
 pub const BODY_FRAME_SETS: [(&str, &str); 2] = [("hrd_body", "hrd"), ("d_body", "d")];
 
 impl NamedSet {
-    /// The paper's seven.
+    /// The paper's seven sets.
     ///
     /// # Errors
-    /// Never: the table has these names.
+    /// Never, because the table has these names.
     pub fn papers() -> Result<Vec<Self>, Invalid> {
         let set =
             |name: &str| Ok(Self { name: name.to_owned(), features: FeatureSet::subset(name)? });
@@ -34,7 +35,7 @@ impl NamedSet {
     /// Two of the paper's sets, with the robot's position in the human's body frame.
     ///
     /// # Errors
-    /// Never: the table has these names.
+    /// Never, because the table has these names.
     pub fn with_body_frame() -> Result<Vec<Self>, Invalid> {
         let set = |(name, papers): (&str, _)| {
             let mut names: Vec<String> = FeatureSet::subset(papers)?.into();
@@ -44,10 +45,10 @@ impl NamedSet {
         BODY_FRAME_SETS.into_iter().map(set).collect()
     }
 
-    /// [`HISTORY_SET`].
+    /// The set [`HISTORY_SET`].
     ///
     /// # Errors
-    /// Never: the table has these names.
+    /// Never, because the table has these names.
     pub fn with_history() -> Result<Self, Invalid> {
         Ok(Self { name: HISTORY_SET.to_owned(), features: FeatureSet::with_history()? })
     }

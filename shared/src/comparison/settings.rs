@@ -14,23 +14,23 @@ pub struct Settings {
     pub sets: Vec<NamedSet>,
     /// Hyper-parameters to try.
     pub grids: Grids,
-    /// Whether to fit models to a split by time step too, to show the leakage.
+    /// Whether to also fit models to a split by time step, to show the leakage.
     pub leakage: bool,
-    /// Whether to skip what is not in the paper: learning curves, models for unseen people and the
-    /// importance of features.
+    /// Whether to skip everything that is not in the paper: learning curves, models for unseen
+    /// people and the importance of features.
     pub paper_only: bool,
-    /// Steps of roll-outs, at least 1.
+    /// Number of steps of roll-outs, at least 1.
     pub horizon: usize,
     /// The feature set of models with history.
     pub history: NamedSet,
 }
 
 impl Settings {
-    /// The protocol's settings: the paper's sets, two of them with the body frame, its grids, T =
-    /// 10.
+    /// The protocol's settings: the paper's sets, two of them also with the body frame, the
+    /// protocol's grids, and T = 10.
     ///
     /// # Errors
-    /// Never: the table has these names.
+    /// Never, because the table has these names.
     pub fn new() -> Result<Self, Invalid> {
         let mut sets = NamedSet::papers()?;
         sets.extend(NamedSet::with_body_frame()?);
@@ -45,7 +45,7 @@ impl Settings {
         })
     }
 
-    /// Models beyond the paper that no table trains.
+    /// The models beyond the paper, which no table trains, with their feature sets.
     pub(super) fn beyond(&self) -> impl Iterator<Item = (&NamedSet, ModelName)> {
         let set = |name| self.sets.iter().chain([&self.history]).find(|set| set.name == name);
         let trained = |of: &Beyond| of.model.training().is_some();
@@ -53,23 +53,25 @@ impl Settings {
     }
 }
 
-/// The request for a comparison as JSON; all fields are optional.
+/// The request for a comparison, as JSON. All fields are optional.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Whether to fit models to a split by time step too, to show how much it overstates accuracy.
+    /// Whether to also fit models to a split by time step, to show how much this split overstates
+    /// accuracy.
     pub leakage: bool,
     /// Whether to skip learning curves, models for unseen people and the importance of features,
     /// which saves a third of the time.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub paper_only: bool,
     /// Whether the report should state that the data are synthetic. Files of `sidestep simulate`
-    /// already contain this.
+    /// already state this.
     pub synthetic: bool,
-    /// Feature sets in addition to the paper's: a name, and the names of its features.
+    /// Feature sets in addition to the paper's sets. The key is a set's name; the value is the
+    /// names of its features.
     pub sets: BTreeMap<String, Vec<String>>,
-    /// Hyper-parameters to try; omitted grids are the protocol's.
+    /// Hyper-parameters to try. Omitted grids default to the protocol's grids.
     pub grids: Grids,
 }
 
@@ -77,10 +79,10 @@ pub struct Request {
 const MOST_SETS: usize = 32;
 
 impl Request {
-    /// The requested settings; defaults are the protocol's.
+    /// The requested settings. Omitted fields default to the protocol's settings.
     ///
     /// # Errors
-    /// [`Invalid`] that names the wrong set or grid.
+    /// [`Invalid`] naming the invalid set or grid.
     pub fn settings(&self) -> Result<Settings, Invalid> {
         let protocol = Settings::new()?;
         if self.sets.len() > MOST_SETS {

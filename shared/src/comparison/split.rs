@@ -1,30 +1,30 @@
 //! The split into training and test trials.
 //!
-//! Whole trials are held back: neighbouring steps are so alike that a model trained on one of them
-//! knows the other.
+//! Whole trials are held out, because neighbouring steps are so similar that a model trained on one
+//! step would know the next step.
 
 use crate::dataset::Dataset;
 
-/// Folds of cross-validation.
+/// Number of folds of cross-validation.
 pub const FOLDS: usize = 5;
 
-/// With fewer tasks, some fold would have no trial.
+/// Minimum number of tasks of a compared participant.
 pub const LEAST_TASKS: usize = FOLDS;
 
-/// Index of the first of a participant's `tasks` tasks that is for testing. The last fifth is, and
-/// at least one if there are any.
+/// Index of the first test task among a participant's `tasks` tasks. The last fifth of the tasks is
+/// for testing, and at least one task if there are any.
 #[must_use]
 pub fn first_test_task(tasks: usize) -> usize {
     tasks - (tasks / 5).max(1).min(tasks)
 }
 
-/// The fold that holds back the task with this index.
+/// The fold that holds out the task with this index.
 #[must_use]
 pub fn fold_of(task: usize) -> usize {
     task % FOLDS
 }
 
-/// The rows of one participant's tasks, split.
+/// A split of the rows of one participant's tasks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Split {
     /// Training rows, ascending.
@@ -36,7 +36,8 @@ pub struct Split {
 }
 
 impl Split {
-    /// Splits by whole tasks: the last fifth is for testing, the others go to the folds in turn.
+    /// Splits by whole tasks. The last fifth is for testing; the other tasks are assigned to the
+    /// folds in turn.
     #[must_use]
     pub fn grouped(data: &Dataset) -> Self {
         let tasks = data.trials.iter().max().map_or(0, |last| last + 1);
@@ -47,7 +48,7 @@ impl Split {
         Self { training, folds, test }
     }
 
-    /// Like [`Self::grouped`], but only the first `tasks` tasks train.
+    /// Like [`Self::grouped`], but only the first `tasks` tasks are for training.
     #[must_use]
     pub fn of_first_tasks(data: &Dataset, tasks: usize) -> Self {
         let all = Self::grouped(data);
@@ -57,8 +58,9 @@ impl Split {
         Self { training, folds, test: all.test }
     }
 
-    /// Splits by time step, regardless of trials: every fifth row is for testing, and rows go to
-    /// the folds in turn. This is **wrong**; it is here to show by how much.
+    /// Splits by time step, regardless of trials. Every fifth row is for testing; the other rows
+    /// are assigned to the folds in turn. This split is **wrong**; it exists to show how much it
+    /// overstates accuracy.
     #[must_use]
     pub fn leaking(data: &Dataset) -> Self {
         let (test, training): (Vec<usize>, Vec<usize>) =
@@ -67,7 +69,8 @@ impl Split {
         Self { training, folds, test }
     }
 
-    /// The training rows outside `fold`, and those in it, as indices into [`Self::training`].
+    /// The training rows outside `fold` and the training rows in `fold`, as indices into
+    /// [`Self::training`].
     #[must_use]
     pub fn fold(&self, fold: usize) -> (Vec<usize>, Vec<usize>) {
         (0..self.training.len()).partition(|&place| self.folds[place] != fold)

@@ -21,7 +21,7 @@ pub struct ComparedParticipant {
 /// All cells of all participants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// The participants, in the order of the cells' numbers.
+    /// The participants, in the order of their indices in cells.
     pub participants: Vec<ComparedParticipant>,
     /// The cells, ordered by model, experiment, feature set and participant.
     pub cells: Vec<Cell>,
@@ -33,10 +33,10 @@ pub enum Metric {
     /// Share of steps predicted correctly, in per cent; higher is better.
     #[serde(rename = "accuracy")]
     Accuracy,
-    /// Distance of the first steps of avoidance, penalised, in steps; lower is better.
+    /// Penalised distance between the first steps of avoidance, in steps; lower is better.
     #[serde(rename = "D_start")]
     Start,
-    /// Distance of the last steps, penalised, in steps; lower is better.
+    /// Penalised distance between the last steps of avoidance, in steps; lower is better.
     #[serde(rename = "D_end")]
     End,
 }
@@ -130,13 +130,13 @@ impl Comparison {
         mean(self.person_metric(metric, model, experiment, set))
     }
 
-    /// One row of the paper's Table I: mean over participants of the accuracy, in per cent.
+    /// One row of the paper's Table I: the mean accuracy over participants for each set (per cent).
     #[must_use]
     pub fn accuracies(&self, model: ModelName, experiment: Experiment, sets: &[&str]) -> Vec<f64> {
         sets.iter().map(|set| mean(self.person_accuracies(model, experiment, set))).collect()
     }
 
-    /// One entry of the paper's Table II: both distances over all test trajectories.
+    /// One entry of the paper's Table II: both distances, over all test trajectories.
     #[must_use]
     pub fn distances(&self, model: ModelName, features: &str) -> Distances {
         let cells = self.of(model, Experiment::Avoidance, features);
@@ -144,13 +144,13 @@ impl Comparison {
         Distances::of(self.steps(), &all)
     }
 
-    /// Number of steps of a trajectory; the same for all.
+    /// Number of steps of a trajectory, which is the same for all trajectories.
     #[must_use]
     pub fn steps(&self) -> usize {
         self.participants.iter().map(|person| person.steps).max().unwrap_or(0)
     }
 
-    /// The human's and the model's avoidance in each test trajectory.
+    /// The avoidance of the human and of the model in each test trajectory.
     fn avoidances(&self, cell: &Cell) -> Vec<(Avoidance, Avoidance)> {
         let steps = self.participants[cell.participant].steps;
         let of = |classes: &[i8]| Avoidance::of(classes.iter().map(|&class| class != 0));
@@ -158,7 +158,7 @@ impl Comparison {
         humans.zip(cell.test.predicted.chunks(steps).map(of)).collect()
     }
 
-    /// The metric in each test trajectory of a cell.
+    /// The metric's value in each test trajectory of a cell.
     pub(super) fn by_trajectory(&self, metric: Metric, cell: &Cell) -> Vec<f64> {
         let steps = self.participants[cell.participant].steps;
         let Predictions { truth, predicted, .. } = &cell.test;
@@ -179,10 +179,10 @@ impl Comparison {
     }
 }
 
-/// A model's predictions of all participants' test rows, summarised.
+/// A summary of a model's predictions for the test rows of all participants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pooled {
-    /// The model; none for the baseline.
+    /// The model; `None` for the baseline.
     pub model: Option<ModelName>,
     /// The experiment.
     pub experiment: Experiment,
@@ -192,7 +192,7 @@ pub struct Pooled {
     pub calibration: Calibration,
     /// The calibration curve.
     pub bins: [Bin; BINS],
-    /// The number of rows of each class (rows) that were predicted as each class (columns).
+    /// The confusion matrix: rows are the true classes, columns the predicted classes.
     pub confusion: Vec<Vec<usize>>,
 }
 
@@ -213,23 +213,24 @@ impl Pooled {
         }
     }
 
-    /// Whether it is of this model, experiment and feature set.
+    /// Whether this is the summary for this model, experiment and feature set.
     pub(super) fn is(&self, model: Option<ModelName>, experiment: Experiment, set: &str) -> bool {
         (self.model, self.experiment, &self.features[..]) == (model, experiment, set)
     }
 }
 
-/// For each number of a row, whether it is the best. Ties are all best; missing numbers never are.
+/// For each number of a row, whether it is the best. Numbers that tie for the best are all best;
+/// missing numbers never are.
 #[must_use]
 pub fn are_best(numbers: &[Option<f64>], less_is_better: bool) -> Vec<bool> {
     let sign = if less_is_better { -1.0 } else { 1.0 };
     let of = |number: &Option<f64>| number.map(|number| sign * number).filter(|n| n.is_finite());
     let best = numbers.iter().filter_map(of).fold(f64::NEG_INFINITY, f64::max);
-    // Rounding may make means of equal shares differ in their last digits.
+    // Rounding errors may make means of equal shares differ in their last digits.
     numbers.iter().map(|number| of(number).is_some_and(|number| best - number < 1e-9)).collect()
 }
 
-/// The mean; 0 if there is no number.
+/// The mean; 0 if there are no numbers.
 pub(super) fn mean(numbers: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) =
         numbers.into_iter().fold((0.0, 0usize), |(sum, count), x| (sum + x, count + 1));

@@ -1,11 +1,12 @@
 //! Suggestions for unknown names.
 
-/// The known names that an unknown one most likely means; empty rather than a bad guess.
+/// The known names that an unknown name most likely means. Returns no name rather than a bad guess.
 ///
-/// These are the names with the fewest typing errors (Damerau–Levenshtein distance): at most one in five
-/// characters, two in eleven, three in longer names; differences in case, hyphens and spaces do not count. If no
-/// name is close enough, these are the names that contain all given words, as `danger_radius_m` contains
-/// `radius`. More than three matches yield none.
+/// These are the names with the fewest typing errors (Damerau–Levenshtein distance). Names of up to
+/// 5 characters may have one error, names of up to 11 characters two, and longer names three.
+/// Differences in case, hyphens and spaces do not count. If no name is close enough, these are the
+/// names that contain all given words, as `danger_radius_m` contains `radius`. If more than three
+/// names match, the result is empty.
 #[must_use]
 pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     const MOST: usize = 3;
@@ -19,7 +20,8 @@ pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Vec
     if names.len() > MOST { Vec::new() } else { names }
 }
 
-/// The suggestions as the end of an error message: `; did you mean kind?`, or nothing.
+/// The suggestions as the end of an error message, such as `; did you mean kind?`. Empty if there
+/// are none.
 #[must_use]
 pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     match &nearest(wrong, known)[..] {
@@ -28,7 +30,8 @@ pub fn did_you_mean<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -
     }
 }
 
-/// Distance of a name: the number of typing errors, or the maximum if it only contains the words.
+/// Distance of a name: the number of typing errors, or the maximum if the name only contains the
+/// words. `None` if the name does not match.
 fn misfit(wrong: &str, name: &str) -> Option<usize> {
     const HAS_THE_WORDS: usize = usize::MAX;
     let [wrong, name] = [words(wrong), words(name)];
@@ -101,7 +104,7 @@ mod tests {
         assert_eq!(nearest("hp", ["hx", "hy", "rx"]), ["hx", "hy"]);
         assert_eq!(did_you_mean("hp", ["hx", "hy"]), "; did you mean hx or hy?");
         assert_eq!(nearest("hp", ["hx", "hy", "ha", "hb"]), [""; 0]);
-        // Fewer errors fit better, whatever the order.
+        // A name with fewer errors is a better match, regardless of the order.
         assert_eq!(
             nearest("steps", ["strops", "step", "steps2", "stepps"]),
             ["step", "stepps", "steps2"]

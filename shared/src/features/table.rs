@@ -1,8 +1,9 @@
 //! The feature table.
 //!
-//! A feature is one entry of [`FEATURES`]. World-frame differences are human − robot by component (the
-//! paper's B). The subscript h stands for V_HR (the human's safety level), r for V_RH (the robot's).
-//! The x-axis of the human's body frame points along the human's heading, its y-axis to the left.
+//! A feature is one entry of [`FEATURES`]. World-frame differences are human minus robot, by
+//! component (the paper's B). The subscript h stands for V_HR (the human's safety level), and r
+//! stands for V_RH (the robot's safety level). The x-axis of the human's body frame points along
+//! the human's heading, its y-axis to the left.
 
 use crate::math::{cos, hypot, sin, wrap_angle};
 use crate::safety::SafetyLevels;
@@ -13,7 +14,7 @@ use Compute::{FromGame, FromMotion};
 pub struct Feature {
     /// Column name in files.
     pub name: &'static str,
-    /// Unit; "1" for a pure number.
+    /// Unit; "1" for a dimensionless number.
     pub unit: &'static str,
     /// Short description.
     pub meaning: &'static str,
@@ -21,8 +22,8 @@ pub struct Feature {
     pub compute: Compute,
 }
 
-/// How a feature is computed from the joint states so far, one per step, ending with the current
-/// one.
+/// How a feature is computed from the joint states so far. There is one state per step; the last
+/// one is the current state.
 #[non_exhaustive]
 pub enum Compute {
     /// From the states alone.
@@ -149,14 +150,14 @@ fn now(history: &[JointState]) -> &JointState {
     &history[history.len() - 1]
 }
 
-/// ∂V_HR with respect to the robot's position ahead of and to the left of the human, and its
-/// heading.
+/// Gradient of V_HR with respect to the robot's position (ahead and left) and heading, relative to
+/// the human.
 fn human_slopes(history: &[JointState], safety: &SafetyLevels) -> [f64; 3] {
     safety.human.state(now(history).robot_seen_by_human()).gradient
 }
 
-/// ∂V_RH with respect to the human's position ahead of and to the left of the robot, and its
-/// heading.
+/// Gradient of V_RH with respect to the human's position (ahead and left) and heading, relative to
+/// the robot.
 fn robot_slopes(history: &[JointState], safety: &SafetyLevels) -> [f64; 3] {
     safety.robot.state(now(history).human_seen_by_robot()).gradient
 }
@@ -166,18 +167,18 @@ fn heading_difference(history: &[JointState]) -> f64 {
     wrap_angle(state.human.psi - state.robot.psi)
 }
 
-/// The human's turn to the left in the previous step, rad; 0 before the first.
+/// The human's turn to the left in the previous step (rad), or 0 before the first step.
 pub(super) fn last_turn(history: &[JointState]) -> f64 {
     turned(history, 0, 1)
 }
 
-/// The human's turn to the left between two states, rad.
+/// The human's turn to the left between two states (rad).
 fn turn(before: JointState, after: JointState) -> f64 {
     wrap_angle(after.human.psi - before.human.psi)
 }
 
-/// The human's turn to the left from `first` to `last` steps ago, rad. A vehicle turns by less than
-/// half a circle per step, so the sum counts full circles.
+/// The human's turn to the left from `first` to `last` steps ago (rad). A vehicle turns by less
+/// than half a circle per step, so the sum counts full circles.
 fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
     let recent = history.iter().rev().skip(first).take(last - first + 1);
     let pairs = recent.clone().zip(recent.skip(1));
@@ -186,25 +187,26 @@ fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
 
 /// The closest approach if both vehicles drive straight on.
 struct ClosestApproach {
-    /// Time until the closest approach, s, ≥ 0.
+    /// Time until the closest approach (s), at least 0.
     time_s: f64,
-    /// The robot's position in the human's body frame at that time, m.
+    /// The robot's position in the human's body frame at that time (m).
     ahead_m: f64,
     left_m: f64,
 }
 
-/// Vehicles drive side by side if their relative speed is below this share of the sum of both speeds.
+/// Vehicles count as side by side if their relative speed is below this share of the sum of their
+/// speeds.
 const SIDE_BY_SIDE: f64 = 1e-6;
 
-/// Uses the speeds of the game in which the human evades.
+/// The closest approach, with the speeds of the game in which the human evades.
 fn closest_approach(history: &[JointState], safety: &SafetyLevels) -> ClosestApproach {
     let game = safety.human.game();
     let [x, y, psi] = now(history).robot_seen_by_human();
     let robot = game.pursuer.speed_mps;
     let (vx, vy) = (robot * cos(psi) - game.evader.speed_mps, robot * sin(psi));
     let square = vx * vx + vy * vy;
-    // Vehicles side by side are always closest now. A relative speed that is only a rounding error
-    // would give a time of about 10¹⁶ s.
+    // Vehicles side by side are always closest now. If their relative speed were only a rounding
+    // error, the time would be about 10¹⁶ s.
     let least = SIDE_BY_SIDE * (robot + game.evader.speed_mps);
     let time_s = if square > least * least { (-(x * vx + y * vy) / square).max(0.0) } else { 0.0 };
     ClosestApproach { time_s, ahead_m: x + vx * time_s, left_m: y + vy * time_s }

@@ -3,11 +3,11 @@
 use super::{Brush, Picture, Points};
 use crate::chart::{Align, Colour, Drawing, Ink, Pen};
 
-/// px.
+/// Font size (px).
 const LETTERS: f64 = 12.0;
 
 impl Picture {
-    /// The picture in a frame of this size, px, with a title and a description. Shapes may extend
+    /// The picture in a frame of this size (px), with a title and a description. Shapes may extend
     /// beyond the frame; the file clips them.
     #[must_use]
     pub fn drawing(&self, title: &str, description: &str, size_px: [f64; 2]) -> Drawing {
@@ -34,7 +34,7 @@ impl Brush for Drawing {
     }
 
     fn words(&mut self, text: &str, [x, y]: [f64; 2], colour: Colour) {
-        // A drawing anchors words at half the cap height.
+        // A drawing anchors text at half the cap height.
         self.text(text, [x, y - 0.365 * LETTERS], LETTERS, colour, Align::Centre);
     }
 }

@@ -5,22 +5,22 @@ use crate::chart::{Colour, Ink, Pen};
 use crate::math::sin_cos;
 use crate::vehicle::Pose;
 
-/// Points for a brush: a trait object, so that the client contains each method only once.
+/// Points for a brush. This is a trait object, so that the client contains each method only once.
 pub type Points<'a> = &'a mut dyn Iterator<Item = [f64; 2]>;
 
-/// A painting backend. Positions are [right, down] from the top left corner, px.
+/// A painting backend. Positions are [right, down] from the top left corner (px).
 pub trait Brush {
     /// Paints a line through points, or an area. A NaN point lifts the pen.
     fn path(&mut self, points: Points<'_>, closed: bool, fill: Option<Ink>, pen: Option<Pen>);
 
-    /// Paints a circle with this radius, px.
+    /// Paints a circle with this radius (px).
     fn circle(&mut self, centre: [f64; 2], radius: f64, fill: Option<Ink>, outline: Option<Pen>);
 
-    /// Paints words whose baseline is centred at `middle`.
+    /// Paints text whose baseline is centred at `middle`.
     fn words(&mut self, text: &str, middle: [f64; 2], colour: Colour);
 }
 
-/// Outline of a vehicle's arrow: along the heading and to its left, in lengths of the arrow.
+/// Outline of a vehicle's arrow: points [along the heading, to the left], in arrow lengths.
 const ARROW: [(f64, f64); 7] = [
     (0.0, 0.036),
     (0.72, 0.036),
@@ -31,18 +31,18 @@ const ARROW: [(f64, f64); 7] = [
     (0.0, -0.036),
 ];
 
-/// Radius or half the side of the mark at its tail, in lengths of the arrow.
+/// Radius of the dot or half the side of the square at the tail, in arrow lengths.
 const TAIL: f64 = 0.085;
 
-/// Smallest length of an arrow and smallest side of a goal, px.
+/// Minimum length of an arrow and minimum side of a goal (px).
 const LEAST_ARROW: f64 = 26.0;
 const LEAST_GOAL: f64 = 9.0;
 
-/// Distance of a label's words below its position, px.
+/// Distance of a label's text below its position (px).
 const LABEL_BELOW: f64 = 24.0;
 
 impl Picture {
-    /// Paints the picture in a frame of this size, px.
+    /// Paints the picture in a frame of this size (px).
     pub fn paint(&self, size_px: [f64; 2], brush: &mut impl Brush) {
         let camera = Camera::showing(self.window, size_px);
         let placed = |range| self.points(range).iter().map(|&point| camera.to_px(point));
@@ -75,7 +75,7 @@ impl Picture {
     }
 }
 
-/// Tail, shaft and head.
+/// Paints tail, shaft and head of a vehicle.
 fn vehicle(camera: &Camera, brush: &mut impl Brush, tail: Tail, pose: Pose, colour: Colour) {
     const SQUARE: [(f64, f64); 4] = [(TAIL, TAIL), (TAIL, -TAIL), (-TAIL, -TAIL), (-TAIL, TAIL)];
     let length = (VEHICLE_LENGTH_M * camera.scale).max(LEAST_ARROW);

@@ -5,7 +5,7 @@ use crate::chart::{Pen, colours};
 use crate::scene::{JointState, Scene};
 use crate::vehicle::Pose;
 
-/// Side of the goal's square, m.
+/// Side of the goal's square (m).
 const GOAL_SIDE_M: f64 = 0.85;
 
 /// The goal (red square), the robot (red arrow) and the human (blue arrow).

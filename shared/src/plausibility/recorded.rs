@@ -11,8 +11,8 @@ use crate::vehicle::{Pose, VehicleModel};
 /// Checks every step of a trial except the last, whose end is computed from its input.
 ///
 /// # Errors
-/// [`Invalid`] for the first step that the human or the robot cannot have driven. Its field is the
-/// trial, the step and the wrong column of trials.csv.
+/// [`Invalid`] for the first step that the human or the robot cannot have driven. Its field names
+/// the trial, the step and the invalid columns of trials.csv.
 pub fn check(parameters: &SceneParameters, trial: &RecordedTrial) -> Result<(), Invalid> {
     type Of = fn(&JointState) -> Pose;
     let vehicles: [(char, VehicleModel, Of); 2] = [
@@ -53,15 +53,15 @@ pub fn replays(parameters: &SceneParameters, trial: &RecordedTrial) -> bool {
     let replay = verify(parameters, start, &trial.inputs, &trial.states);
     let speed = parameters.human.speed_mps.abs().max(parameters.robot.speed_mps.abs());
     let way_m = speed * parameters.step_s * trial.inputs.len() as f64;
-    // The rounding error of a heading adds a position error that grows with the path.
+    // The rounding error of a heading adds a position error that grows with the length of the path.
     let position_m = DISTANCE_ROUNDING + ROUNDING * way_m;
     replay.exact
         || replay.max_position_error_m <= position_m
             && replay.max_heading_error_rad <= 2.0 * ROUNDING
 }
 
-/// Checks that the headings follow the inputs of the same rows, not the opposite inputs and not those of
-/// the row before or after.
+/// Checks that the headings follow the inputs of the same rows, and not the opposite inputs or the
+/// inputs of the previous or the next row.
 ///
 /// # Errors
 /// [`Invalid`] if other inputs explain the headings of all trials together far better.
@@ -78,7 +78,7 @@ pub fn check_inputs<'a>(
     ];
     for trial in trials {
         let turn = |step: usize| trial.inputs.get(step).map(|input| most * f64::from(input.sign()));
-        // The last state is computed from the last input, and the first step has no row before.
+        // The last state is computed from the last input, and the first step has no previous row.
         for step in 1..trial.inputs.len().saturating_sub(1) {
             let psi = |at: usize| trial.states.get(at).map(|state| state.human.psi);
             let (Some(own), Some(from), Some(to)) = (turn(step), psi(step), psi(step + 1)) else {
@@ -93,7 +93,8 @@ pub fn check_inputs<'a>(
             }
         }
     }
-    // A key change within a step fits two rows equally badly, never one of them so much better.
+    // If a key changes within a step, two rows fit equally badly. One of them never fits so much
+    // better.
     match others.iter().find(|(other, _)| *other < 0.25 * recorded && recorded > ROUNDING) {
         Some((_, found)) => {
             let expected = "inputs that match the turns in hpsi (rad/s)";

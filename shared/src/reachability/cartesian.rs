@@ -1,12 +1,12 @@
 //! Level-set solver on rectangular grids: local Lax–Friedrichs in space, TVD
 //! Runge–Kutta in time, one to four dimensions.
 //!
-//! Mitchell, *A Toolbox of Level Set Methods* (2008) and Osher and Fedkiw (2003).
-//! One array holds the values, surrounded by ghost nodes. A stage walks over the last two axes as
-//! one run of cells, in blocks that fit into the L1 cache with their derivatives, so there are no
-//! arrays of derivatives. The run includes ghost nodes; filling the ghosts later overwrites the
-//! values computed there. A problem that is symmetric under reflection, like that of two vehicles
-//! in the frame of one, is computed on half of the nodes.
+//! Mitchell, *A Toolbox of Level Set Methods* (2008) and Osher and Fedkiw (2003). One array
+//! contains the values, surrounded by ghost nodes. A stage processes the last two axes as one run
+//! of cells, in blocks that fit into the L1 cache together with their derivatives, so no array of
+//! derivatives is needed. The run includes ghost nodes; the values computed there are overwritten
+//! when the ghosts are filled. A problem with reflection symmetry, such as two vehicles in the
+//! frame of one of them, is computed on half of the nodes.
 
 mod layout;
 mod kernel;
@@ -42,11 +42,11 @@ pub enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
-    /// States that lead to the target. The march begins at the end of the game: its time τ is the
-    /// remaining time.
+    /// States that lead to the target. The march begins at the end of the game, so its time τ is
+    /// the remaining time.
     Backward,
-    /// States that are reached from the target (the initial set): the same game with reversed
-    /// velocities, H(x, −p).
+    /// States that are reached from the target (the initial set). This is the same game with
+    /// reversed velocities, H(x, −p).
     Forward,
 }
 
@@ -56,15 +56,16 @@ pub enum Direction {
 pub enum Region<'a, const D: usize> {
     /// Constant in time.
     Static(&'a (dyn Fn([f64; D]) -> f64 + Sync)),
-    /// Depends on the forward time t, s, since the beginning of the game or since the initial set.
+    /// Depends on the forward time t (s) since the beginning of the game or since the initial set.
     /// A backward march then needs a finite horizon.
     OfTime(&'a (dyn Fn([f64; D], f64) -> f64 + Sync)),
-    /// Depends on the time τ since the march began, s. In a backward march, it is the remaining time.
+    /// Depends on the time τ (s) since the march began. In a backward march, τ is the remaining
+    /// time.
     OfMarchTime(&'a (dyn Fn([f64; D], f64) -> f64 + Sync)),
 }
 
 impl<const D: usize> Region<'_, D> {
-    /// Its value at τ and the corresponding forward time t.
+    /// The value at the march time τ and the corresponding forward time t.
     fn at(&self, state: [f64; D], march_time: f64, time: f64) -> f64 {
         match self {
             Self::Static(region) => region(state),
@@ -78,15 +79,15 @@ impl<const D: usize> Region<'_, D> {
     }
 }
 
-/// The region that must not be entered.
+/// The obstacle, a region that must not be entered.
 struct Avoid<'a, const D: usize> {
     region: Region<'a, D>,
-    /// The factor that makes `region` positive inside: V is at least sign · region.
+    /// The factor that makes `region` positive inside, so that V ≥ sign · region.
     sign: f64,
 }
 
 impl<const D: usize> Avoid<'_, D> {
-    /// The name of the setting that it comes from.
+    /// The name of the setting that defines the obstacle.
     fn name(&self) -> &'static str {
         if self.sign < 0.0 { "avoid" } else { "obstacle" }
     }
@@ -100,9 +101,9 @@ pub enum Horizon {
     Finite(f64),
     /// When V changes by at most `tolerance` per second everywhere, or after `longest_s`.
     Converged {
-        /// Largest change of V, per second.
+        /// Largest change of V per second.
         tolerance: f64,
-        /// March no longer than this, s.
+        /// Maximum time of the march (s).
         longest_s: f64,
     },
 }
@@ -114,7 +115,7 @@ pub struct Problem<'a, const D: usize, G> {
     pub game: &'a G,
     /// The nodes on which V is computed.
     pub grid: Grid<D>,
-    /// l(x): the target is {l ≤ 0}; V starts as l.
+    /// l(x). The target is {l ≤ 0}, and V starts as l.
     pub target: Region<'a, D>,
     avoid: Option<Avoid<'a, D>>,
     /// Tube or set.
@@ -126,13 +127,14 @@ pub struct Problem<'a, const D: usize, G> {
 }
 
 impl<'a, const D: usize, G> Problem<'a, D, G> {
-    /// A backward tube of `target` without obstacle.
+    /// A backward tube of `target` without an obstacle.
     pub fn new(game: &'a G, grid: Grid<D>, target: Region<'a, D>, horizon: Horizon) -> Self {
         let (kind, direction) = (Kind::Tube, Direction::Backward);
         Self { game, grid, target, avoid: None, kind, direction, horizon }
     }
 
-    /// The states from which the target {l ≤ 0} is reached within `seconds`: a backward tube without obstacle.
+    /// The states from which the target {l ≤ 0} is reached within `seconds`: a backward tube
+    /// without an obstacle.
     pub fn reach(
         game: &'a G,
         grid: Grid<D>,
@@ -142,15 +144,16 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
         Self::new(game, grid, Region::Static(target), Horizon::Finite(seconds))
     }
 
-    /// Sets the obstacle g(x), whose inside {g < 0} must not be entered; `None` removes it. Like
-    /// the target, it is negative inside and should be a signed distance: V ≥ −g.
+    /// Sets the obstacle g(x), whose interior {g < 0} must not be entered; `None` removes it. Like
+    /// the target, g is negative inside and should be a signed distance. V ≥ −g.
     #[must_use]
     pub fn with_avoid(self, avoid: impl Into<Option<Region<'a, D>>>) -> Self {
         let avoid = avoid.into().map(|region| Avoid { region, sign: -1.0 });
         Self { avoid, ..self }
     }
 
-    /// The same with the other sign: V ≥ obstacle, which is **positive** inside.
+    /// [`Self::with_avoid`] with the opposite sign: `obstacle` is **positive** inside, and
+    /// V ≥ obstacle.
     #[deprecated(note = "use `with_avoid`, whose function is negative inside, like the target")]
     #[must_use]
     pub fn with_obstacle(self, obstacle: impl Into<Option<Region<'a, D>>>) -> Self {
@@ -176,7 +179,7 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
         Self { horizon, ..self }
     }
 
-    /// The forward time t after τ of the march; NaN if forward time has no beginning.
+    /// The forward time t at the march time τ; NaN if forward time has no beginning.
     fn clock(&self, march_time: f64) -> f64 {
         match (self.direction, self.horizon) {
             (Direction::Forward, _) => march_time,
@@ -190,26 +193,27 @@ impl<'a, const D: usize, G> Problem<'a, D, G> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Settings {
-    /// Spatial derivatives (and the Runge–Kutta order that goes with them).
+    /// The approximation of the spatial derivatives, which also determines the Runge–Kutta order.
     pub scheme: Scheme,
     /// Number of threads; results do not depend on it. 0 counts as 1; there are at most as many
     /// threads as nodes of the first axis.
     pub threads: usize,
     /// Largest width of the SIMD lanes; results do not depend on it.
     pub lanes: Lanes,
-    /// Share of the largest stable time step of first order, above 0 and at most 1. ENO may choose
-    /// stencils that are stable only up to 0.5 (second order) or 0.37 (third order); with longer steps
-    /// V stays bounded, but loses that order in places.
+    /// CFL number: the time step as a fraction of the largest stable first-order time step, above 0
+    /// and at most 1. ENO may choose stencils that are stable only up to 0.5 (second order) or 0.37
+    /// (third order). With longer steps V stays bounded, but locally loses this order.
     pub cfl: f64,
-    /// Number of instants to store before the end, evenly spaced from the beginning of the march. Needs a
-    /// finite horizon, whose time steps become a little shorter, so that these instants are among them.
+    /// Number of instants to store before the end, evenly spaced from the beginning of the march.
+    /// This requires a finite horizon. The time steps become slightly shorter, so that each stored
+    /// instant is the end of a time step.
     pub slices: usize,
-    /// A solve that needs more memory than this is refused.
+    /// Memory limit (bytes). A solve that needs more is rejected.
     pub memory_limit_bytes: u64,
 }
 
 impl Settings {
-    /// `scheme` with its time step, on all threads.
+    /// Settings for `scheme` with its default CFL number, on all threads.
     #[must_use]
     pub fn new(scheme: Scheme) -> Self {
         Self {
@@ -228,13 +232,13 @@ impl Settings {
         Self { threads, ..self }
     }
 
-    /// Sets [`Self::lanes`], the widest lanes that may be used.
+    /// Sets [`Self::lanes`], the largest width of the SIMD lanes.
     #[must_use]
     pub fn with_lanes(self, lanes: Lanes) -> Self {
         Self { lanes, ..self }
     }
 
-    /// Sets [`Self::cfl`], the share of the largest stable time step.
+    /// Sets [`Self::cfl`], the fraction of the largest stable time step.
     #[must_use]
     pub fn with_cfl(self, cfl: f64) -> Self {
         Self { cfl, ..self }
@@ -246,7 +250,7 @@ impl Settings {
         Self { slices, ..self }
     }
 
-    /// Sets [`Self::memory_limit_bytes`], the most memory that a solve may take, bytes.
+    /// Sets [`Self::memory_limit_bytes`], the memory limit of a solve (bytes).
     #[must_use]
     pub fn with_memory_limit(self, memory_limit_bytes: u64) -> Self {
         Self { memory_limit_bytes, ..self }
@@ -256,30 +260,35 @@ impl Settings {
 /// Solves `problem`.
 ///
 /// # Bounds
-/// A tube's V is the least value of the target along a path, unless the obstacle raises it. So at
-/// every node min l ≤ V ≤ max(l, −g), where min l is the least value of the target at any node so
-/// far. Higher-order schemes undershoot beside kinks; each stage clamps V to min l, as it does to l
-/// and −g. A change that is too large for any scheme in one stage is an error.
+/// V of a tube is the smallest value of the target along a path, unless the obstacle raises it. So
+/// min l ≤ V ≤ max(l, −g) at every node, where min l is the smallest value of the target at any
+/// node so far. Higher-order schemes undershoot beside kinks, so each stage clamps V to min l, as
+/// well as to l and −g. A change that is too large for any scheme in one stage is an error.
 ///
 /// # Low obstacles
-/// An obstacle that is lower than the target is deep, such as an indicator or a distance in a
-/// larger unit, makes V so flat that its sign can be wrong. [`Solution::shallow`] reports this.
+/// Some obstacles are lower than the target is deep, for example an indicator or a distance in a
+/// larger unit. They make V so flat that its sign can be wrong. [`Solution::shallow`] reports this.
 ///
 /// # Ends of the grid
-/// [`Boundary`](super::Boundary) determines the values beyond an end. Where the flow leaves the grid, V depends
-/// on them. [`Solution::earliest_exit_s`] is the time before which no path leaves: V of a shorter march does
-/// not depend on them. Beside an obstacle that jumps, V below 0 is extrapolated with the smaller of the two
-/// slopes at the end, so that a wall is not taken for a slope.
+/// [`Boundary`](super::Boundary) determines the values beyond an end. Where the flow leaves the
+/// grid, V depends on these values. [`Solution::earliest_exit_s`] is the time before which no path
+/// leaves; V of a shorter march does not depend on them. Beside an obstacle with jumps, negative V
+/// is extrapolated with the smaller of the two slopes at the end, so that a wall is not mistaken
+/// for a slope.
 ///
-/// The solve calls `progress` after every step; it may cancel the solve.
+/// The solve calls `progress` after every step. `progress` may cancel the solve.
 ///
 /// # Errors
-/// [`SolveError::Invalid`] for a grid that is too small for the scheme or too large for the memory,
-/// a horizon that is not > 0, a `cfl` outside (0, 1], a target, an obstacle or speed bounds that
-/// are not finite at a node (which is named), an obstacle that covers all of the grid or of the
-/// target, a game that makes V infinite, NaN or change faster than its speed bounds allow, or
-/// stored instants or a region of forward time without a finite horizon;
-/// [`SolveError::Cancelled`] if `progress` cancels it.
+/// [`SolveError::Invalid`] for
+/// - a grid that is too small for the scheme or too large for the memory;
+/// - a horizon that is not > 0, or a `cfl` outside (0, 1];
+/// - a target, an obstacle or speed bounds that are not finite at a node (the error names the
+///   node);
+/// - an obstacle that covers all of the grid or all of the target;
+/// - a game that makes V infinite or NaN, or makes it change faster than the speed bounds allow;
+/// - stored instants, or a region of forward time in a backward march, without a finite horizon.
+///
+/// [`SolveError::Cancelled`] if `progress` cancels the solve.
 pub fn solve<T: Real, const D: usize, G: Game<D>>(
     problem: &Problem<'_, D, G>,
     settings: &Settings,

@@ -2,16 +2,16 @@
 
 /// A lattice of nodes in the plane, each inside a region or outside it.
 pub(super) trait Lattice {
-    /// Nodes along both index directions, which must be right-handed in the plane.
+    /// Number of nodes along both index directions, which must be right-handed in the plane.
     fn size(&self) -> [usize; 2];
-    /// Whether the second index closes on itself.
+    /// Whether the second index is periodic.
     fn wraps(&self) -> bool;
     /// Whether a node belongs to the region.
     fn inside(&self, node: [usize; 2]) -> bool;
     /// Whether the region joins the two inside corners of a cell whose corners alternate between
     /// inside and outside. `node` is the cell's first corner.
     fn joins(&self, node: [usize; 2]) -> bool;
-    /// Where the region ends between a node inside and a neighbour outside.
+    /// The point at which the region ends between an inside node and an outside neighbour.
     fn crossing(&self, inside: [usize; 2], outside: [usize; 2]) -> [f64; 2];
 }
 
@@ -22,7 +22,8 @@ pub(super) fn closed_curves(lattice: &impl Lattice) -> Vec<Vec<[f64; 2]>> {
     let inside: Vec<bool> =
         (0..rows * columns).map(|n| lattice.inside([n / columns, n % columns])).collect();
     let last_column = if lattice.wraps() { columns } else { columns - 1 };
-    // Edges leave a node along the first index (0 …) or the second one (after those).
+    // The edges that leave a node along the first index come first, then the edges along the second
+    // index.
     const NONE: u32 = u32::MAX;
     let mut next = vec![NONE; 2 * rows * columns];
     let id = |i: usize, j: usize| i * columns + j % columns;
@@ -38,8 +39,8 @@ pub(super) fn closed_curves(lattice: &impl Lattice) -> Vec<Vec<[f64; 2]>> {
             let leaves: Vec<usize> =
                 (0..4).filter(|e| within[*e] && !within[(e + 1) % 4]).collect();
             for edge in &leaves {
-                // The way back in: behind the inside corner this edge comes from, or,
-                // where two inside corners join, ahead of the outside one.
+                // The edge at which the curve continues. It is behind the inside corner of this
+                // edge or, if two inside corners are joined, ahead of the outside corner.
                 let joined = leaves.len() == 2 && lattice.joins([i, j]);
                 let back = if joined {
                     (edge + 1) % 4
@@ -81,7 +82,7 @@ mod tests {
     use super::*;
     use crate::math::hypot;
 
-    /// Two discs, or one ring, on a square lattice.
+    /// The region where a function is ≤ 0, on a square lattice.
     struct Plane<F>(F);
 
     impl<F: Fn(f64, f64) -> f64> Plane<F> {

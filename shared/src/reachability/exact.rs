@@ -1,12 +1,12 @@
 //! The value of the game of two identical vehicles, in closed form.
 //!
-//! From the barrier of Merz (1972) and Mitchell (2001, "Games of two identical
-//! vehicles"), extended from the barrier to every state. Lengths are scaled by
-//! the turning radius ρ = v/ω, so one formula serves all speeds and rates.
+//! Based on the barrier of Merz (1972) and Mitchell (2001, "Games of two identical vehicles"),
+//! extended to every state. Lengths are scaled by the turning radius ρ = v/ω, so one formula holds
+//! for all speeds and turn rates.
 //!
-//! While the range closes, V is the larger of two *sheets*: the smallest range
-//! if the evader turns right, or left, to the end and the pursuer answers as
-//! well as it can. V has a kink where they meet; elsewhere the larger is smooth.
+//! While the range decreases, V is the larger of two *sheets*: the smallest range if the evader
+//! turns right, or left, to the end and the pursuer responds optimally. V has a kink where the
+//! sheets intersect; elsewhere the larger sheet is smooth.
 
 mod curve;
 
@@ -16,16 +16,16 @@ use crate::invalid::{Invalid, finite, length, positive};
 use crate::math::{PI, atan2, hypot, sin_cos, wrap_positive};
 use crate::parallel::parallel_parts;
 
-/// Sheets closer than this, in turning radii, count as equal. It is several hundred times their
-/// rounding error at a range of a thousand turning radii.
+/// Sheets that differ by at most this, in turning radii, count as equal. The tolerance is several
+/// hundred times their rounding error at a range of a thousand turning radii.
 const KINK: f64 = 1e-9;
 
-/// The pursuer goes straight when its heading is within δ = 10⁻⁴ rad of the best
-/// one; this is 1 − cos δ, the size of its switching function |∂V/∂ψ|/ρ there.
-/// Held until the end, at most π/ω later, that costs less than 2·10⁻⁸ ρ.
+/// The pursuer goes straight when its heading is within δ = 10⁻⁴ rad of the optimal heading. This
+/// constant is 1 − cos δ, the magnitude of its switching function |∂V/∂ψ|/ρ at δ. Keeping this
+/// heading until the end, at most π/ω later, costs less than 2·10⁻⁸ ρ.
 const ALIGNED: f64 = 5e-9;
 
-/// Squares of ranges in turning radii that lose no digits.
+/// Squared ranges, in turning radii, that do not overflow or lose digits.
 const SQUARES: core::ops::RangeInclusive<f64> = 1e-280..=f64::MAX;
 
 /// The value function of two vehicles with the same speed and largest turn rate.
@@ -46,13 +46,13 @@ const SQUARES: core::ops::RangeInclusive<f64> = 1e-280..=f64::MAX;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactValue {
-    /// Speed v of both, m/s.
+    /// Speed v of both vehicles (m/s).
     speed_mps: f64,
-    /// Largest turn rate ω of both, rad/s.
+    /// Largest turn rate ω of both vehicles (rad/s).
     turn_rate_radps: f64,
-    /// Turning radius ρ = v/ω, m.
+    /// Turning radius ρ = v/ω (m).
     turning_radius_m: f64,
-    /// Danger radius R, m.
+    /// Danger radius R (m).
     radius_m: f64,
 }
 
@@ -71,10 +71,10 @@ impl ExactValue {
         Ok(Self { speed_mps, turn_rate_radps, turning_radius_m, radius_m })
     }
 
-    /// V at a relative state: the pursuer at (`x`, `y`) m in the evader's frame
-    /// (x ahead, y to the left), its heading relative to the evader's `psi` rad
-    /// counter-clockwise, any real. Metres; ≤ 0 means that the pursuer can force
-    /// a capture. The state must be finite, and its range in turning radii at most 10³⁰⁸.
+    /// V (m) at the relative state (x, y, ψ). The pursuer is at (x, y) in the evader's frame (m; x
+    /// ahead, y to the left). ψ is its heading relative to the evader's (rad, counter-clockwise,
+    /// any real number). V ≤ 0 means that the pursuer can force a capture. The state must be
+    /// finite, and its range must be at most 10³⁰⁸ turning radii.
     #[must_use]
     pub fn value(&self, state: [f64; 3]) -> f64 {
         let view = Halfway::new(self.turning_radius_m, state);
@@ -85,21 +85,21 @@ impl ExactValue {
         self.metres(view.range.min(right.range.max(left.range)))
     }
 
-    /// Writes [`Self::value`] of each of `states`, with the same bits, to `out`.
+    /// Writes [`Self::value`] of each of `states` to `out`, with identical bits.
     ///
     /// # Errors
-    /// [`Invalid`] if `out` is not as long as `states`, or naming the first
-    /// coordinate that is not finite (`states[17].y`); `out` is untouched then.
+    /// [`Invalid`] if `out` and `states` differ in length, or naming the first coordinate that is
+    /// not finite (such as `states[17].y`). `out` is then unchanged.
     pub fn values_into(&self, states: &[[f64; 3]], out: &mut [f64]) -> Result<(), Invalid> {
         check_states(states, out.len())?;
         self.fill(states, out);
         Ok(())
     }
 
-    /// [`Self::values_into`] on all available threads; in a browser on one.
+    /// [`Self::values_into`] on all available threads, or on one thread in a browser.
     ///
     /// # Errors
-    /// As [`Self::values_into`].
+    /// The errors of [`Self::values_into`].
     pub fn parallel_values_into(
         &self,
         states: &[[f64; 3]],
@@ -116,7 +116,7 @@ impl ExactValue {
         }
     }
 
-    /// The value, its gradient and optimal turns at a finite relative state.
+    /// The value, its gradient and the optimal turn rates at a finite relative state.
     #[must_use]
     pub fn analyze(&self, state: [f64; 3]) -> ExactState {
         let view = Halfway::new(self.turning_radius_m, state);
@@ -129,8 +129,8 @@ impl ExactValue {
         if nearest >= view.range || !nearest.is_finite() {
             return self.at_its_smallest(&view, state[1]);
         }
-        // The left sheet is the right one of the mirror image, which changes the
-        // sign of y, ψ and both turns.
+        // The left sheet is the right sheet of the mirror image, in which y, ψ and both turns have
+        // the opposite sign.
         let (sheet, cos_half, side) = if right.range >= left.range {
             (right, view.cos_half, 1.0)
         } else {
@@ -179,78 +179,77 @@ impl ExactValue {
         }
     }
 
-    /// r − R of a range in turning radii.
+    /// r − R (m) for a range r in turning radii.
     fn metres(&self, range: f64) -> f64 {
         self.turning_radius_m * range - self.radius_m
     }
 
-    /// Speed v of both, m/s.
+    /// Speed v of both vehicles (m/s).
     #[must_use]
     pub fn speed_mps(&self) -> f64 {
         self.speed_mps
     }
 
-    /// Largest turn rate ω of both, rad/s.
+    /// Largest turn rate ω of both vehicles (rad/s).
     #[must_use]
     pub fn turn_rate_radps(&self) -> f64 {
         self.turn_rate_radps
     }
 
-    /// Danger radius R, m.
+    /// Danger radius R (m).
     #[must_use]
     pub fn radius_m(&self) -> f64 {
         self.radius_m
     }
 
-    /// A range, m, beyond which V > `level` at every bearing and heading.
+    /// A range (m) beyond which V > `level` at every bearing and heading.
     ///
-    /// Both turn at full rate for at most π/ω, so the range cannot shrink by more
-    /// than twice the path of that manoeuvre.
+    /// Both vehicles turn at full rate for at most π/ω, so the range decreases by at most twice the
+    /// length of that manoeuvre.
     #[must_use]
     pub fn range_bound_m(&self, level: f64) -> f64 {
         2.0 * PI * self.turning_radius_m + self.radius_m + level
     }
 }
 
-/// Value, gradient and optimal turns of the game of two identical vehicles at one state.
+/// Value, gradient and optimal turn rates of the game of two identical vehicles at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ExactState {
-    /// V, m, the same bits as [`ExactValue::value`].
+    /// V (m), with the same bits as [`ExactValue::value`].
     pub value: f64,
-    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ) in m/m, m/m and m/rad. The first two are a unit
-    /// vector (zero at range zero).
+    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ) in m/m, m/m and m/rad. The first two components form a unit vector
+    /// (zero at range zero).
     ///
-    /// One-sided where V is not smooth. On the kink it is the gradient on the
-    /// side where the evader turns right. Where V = r − R it is that of r: on the
-    /// surface between the range opening and closing both sides agree, except at
-    /// equal headings (ψ = 0), where V bends in ψ on one side.
+    /// The gradient is one-sided where V is not smooth. On the kink it is the gradient on the side
+    /// where the evader turns right. Where V = r − R, it is the gradient of r. On the surface
+    /// between increasing and decreasing range, both sides agree, except at equal headings (ψ = 0),
+    /// where V bends in ψ on one side.
     pub gradient: [f64; 3],
-    /// The evader's optimal turn rate, rad/s, ±ω: that of the larger sheet, right
-    /// (−ω) if they are equal. It maximises a·(∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ), whose
+    /// The evader's optimal turn rate, ±ω (rad/s). It is the turn rate of the larger sheet, or
+    /// right (−ω) if both sheets are equal. It maximises a·(∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ), whose
     /// factor is not zero while V < r − R.
     ///
-    /// Where V = r − R the factor is zero and the turn is away from the pursuer: right if y ≥ 0,
-    /// else left. Held, it never lets the range shrink.
+    /// Where V = r − R, the factor is zero and the evader turns away from the pursuer: right if
+    /// y ≥ 0, otherwise left. While it keeps this turn, the range never decreases.
     pub evader_turn: f64,
-    /// The pursuer's optimal turn rate, rad/s, −ω, 0 or ω. It minimises
-    /// b·∂V/∂ψ.
+    /// The pursuer's optimal turn rate, −ω, 0 or ω (rad/s). It minimises b·∂V/∂ψ.
     ///
-    /// Zero where it heads along −(∂V/∂x, ∂V/∂y) to within 10⁻⁴ rad: there its
-    /// factor vanishes, and going straight keeps it on that singular surface to
-    /// the end. If turning opposite to the evader to the end is best, there is no
-    /// such surface and the turn is never zero. Where V = r − R no turn can lower the value;
-    /// the pursuer turns to face the evader, left if that is directly behind.
+    /// It is zero where the pursuer's heading is within 10⁻⁴ rad of −(∂V/∂x, ∂V/∂y). There ∂V/∂ψ
+    /// vanishes, and going straight keeps the pursuer on this singular surface to the end. If the
+    /// best response is to turn opposite to the evader to the end, there is no singular surface and
+    /// the turn rate is never zero. Where V = r − R, no turn can lower the value. The pursuer then
+    /// turns to face the evader, or left if the evader is directly behind it.
     pub pursuer_turn: f64,
-    /// Whether turning right and left are equally good for the evader: their
-    /// sheets are both below r and within 10⁻⁹ ρ of each other.
+    /// Whether turning right and turning left are equally good for the evader: both sheets are
+    /// below r, and they differ by at most 10⁻⁹ ρ.
     pub on_kink: bool,
 }
 
-/// States that a thread computes at once, a fraction of a millisecond of work.
+/// Number of states that a thread computes at once, a fraction of a millisecond of work.
 pub(super) const PART: usize = 4096;
 
-/// Rejects lengths that differ, and a state that is not finite, naming the coordinate.
+/// Rejects lengths that differ and a state that is not finite. The error names the coordinate.
 pub(super) fn check_states(states: &[[f64; 3]], out: usize) -> Result<(), Invalid> {
     length("out", states.len(), out)?;
     let bad =
@@ -264,13 +263,14 @@ pub(super) fn check_states(states: &[[f64; 3]], out: usize) -> Result<(), Invali
     Ok(())
 }
 
-/// A relative state in turning radii, in the evader's frame turned to the mean
-/// of the two headings, h = ψ/2. There the range r has the rate 2 sin h · `left` / r
-/// in units of v, where `left` is the pursuer's offset to the left.
+/// A relative state in turning radii, in the evader's frame rotated by h = ψ/2 to the mean of the
+/// two headings. In this frame ṙ = 2 sin h · left / r in units of v, where left = −`right` is the
+/// pursuer's offset to the left.
 struct Halfway {
-    /// Where the pursuer is along the mean heading.
+    /// The pursuer's offset along the mean heading.
     ahead: f64,
-    /// Where it is to the right of the mean heading; > 0: the range is closing.
+    /// The pursuer's offset to the right of the mean heading. If it is > 0, the range is
+    /// decreasing.
     right: f64,
     /// h in [0, π).
     half: f64,
@@ -291,52 +291,52 @@ impl Halfway {
             half,
             sin_half,
             cos_half,
-            // Correctly rounded operations, several times faster than hypot, which is needed only
-            // where the square underflows (vehicles that hardly turn) or overflows.
+            // These operations are correctly rounded and several times faster than `hypot`, which
+            // is needed only if the square underflows (vehicles that hardly turn) or overflows.
             range: if SQUARES.contains(&square) { square.sqrt() } else { hypot(x, y) },
         }
     }
 
-    /// Whether the range grows, or would if the headings differed.
+    /// Whether the range increases, or would increase if the headings differed.
     fn is_opening(&self) -> bool {
         self.right <= 0.0
     }
 
-    /// The evader turns right to the end.
+    /// The sheet of an evader that turns right to the end.
     fn right_sheet(&self) -> Sheet {
         Sheet::new(self.ahead, self.right, self.sin_half, self.cos_half, PI - self.half)
     }
 
-    /// The evader turns left to the end. In the mirror image (x, −y, 2π − ψ),
-    /// h becomes π − h: its sine stays, and its cosine and `ahead` change sign.
+    /// The sheet of an evader that turns left to the end. In the mirror image (x, −y, 2π − ψ), h
+    /// becomes π − h. So sin h is unchanged, and cos h and `ahead` change sign.
     fn left_sheet(&self) -> Sheet {
         Sheet::new(-self.ahead, self.right, self.sin_half, -self.cos_half, self.half)
     }
 }
 
-/// How the pursuer answers an evader that turns one way to the end.
+/// How the pursuer responds to an evader that turns one way to the end.
 #[derive(Clone, Copy, PartialEq)]
 enum Ending {
     /// It turns the other way until the range is smallest.
     OppositeTurns,
     /// It turns the other way until it can go straight to the nearest point.
     Straight,
-    /// It first turns the evader's way, then goes straight until both head the same way.
+    /// It first turns the same way as the evader, then goes straight until both headings are equal.
     SameTurns,
 }
 
 /// The smallest range when the evader turns right to the end.
 #[derive(Clone, Copy)]
 struct Sheet {
-    /// In turning radii.
+    /// The smallest range, in turning radii.
     range: f64,
     ending: Ending,
-    /// The unit vector (∂/∂ahead, ∂/∂right) of the range.
+    /// The gradient (∂/∂ahead, ∂/∂right) of the range, a unit vector.
     direction: [f64; 2],
 }
 
 impl Sheet {
-    /// At the state `ahead`, `right` > 0, h; `rest` = π − h.
+    /// The sheet at the state (`ahead`, `right` > 0, h), with `rest` = π − h.
     ///
     /// Inlined, because the value alone needs neither the direction nor its division.
     #[inline]
@@ -345,14 +345,14 @@ impl Sheet {
         if a <= 2.0 {
             return Self { range: ahead, ending: Ending::OppositeTurns, direction: [1.0, 0.0] };
         }
-        // The range after going straight for 2u/ω is ahead·cos u + a·sin u − 2u,
-        // largest at u = atan2(b, a) + acos(2/√(a² + b²)), which is in [0, π). Its
-        // cosine and sine, times a² + b², are rational in the root s.
+        // The range after going straight for 2u/ω is ahead·cos u + a·sin u − 2u. It is largest at
+        // u = atan2(b, a) + acos(2/√(a² + b²)), which is in [0, π). The cosine and sine of u, times
+        // a² + b², are rational in the root s.
         let b = -ahead;
         let s = ((a - 2.0) * (a + 2.0) + b * b).sqrt();
         let square = a * a + b * b;
         let (cos_u, sin_u) = (2.0 * a - b * s, 2.0 * b + a * s);
-        // u ≤ π − h, by their cosines
+        // u ≤ π − h, tested by their cosines.
         if cos_u >= -cos_half * square {
             Self {
                 range: s - 2.0 * atan2(sin_u, cos_u),
@@ -360,7 +360,8 @@ impl Sheet {
                 direction: [cos_u / square, sin_u / square],
             }
         } else {
-            // The distance of the centres of the two turning circles, which equal turns preserve.
+            // The distance between the centres of the two turning circles, which is constant during
+            // equal turns.
             let along = ahead + 2.0 * sin_half;
             let between = (along * along + right * right).sqrt();
             Self {
@@ -465,7 +466,8 @@ mod tests {
         assert!((paper().value([30.0, 5.0, 3.5]) - 17.17630).abs() < 5e-6);
     }
 
-    /// Vehicles that cannot turn drive straight on: the smallest range is that of two lines.
+    /// Vehicles that can hardly turn drive straight on, so the smallest range is that between two
+    /// straight motions.
     #[test]
     fn vehicles_that_hardly_turn_drive_straight() {
         let mut rng = SeededRng::new(12);
@@ -474,7 +476,7 @@ mod tests {
             assert!((game.value([2.0, 1.0, -1.0]) - 0.275_732).abs() < 1e-5, "{turn_rate:e}");
             for _ in 0..1000 {
                 let [x, y, psi] = [3.0, 3.0, 3.0].map(|most| rng.uniform(-most, most));
-                // Relative velocity of the pursuer, and when it is nearest.
+                // The pursuer's relative velocity, and the time at which it is nearest.
                 let (sin, cos) = sin_cos(psi);
                 let (vx, vy) = (cos - 1.0, sin);
                 let time = (-(x * vx + y * vy) / (vx * vx + vy * vy)).max(0.0);

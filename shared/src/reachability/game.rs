@@ -7,16 +7,15 @@ pub const TERMS: usize = 3;
 
 /// The dynamics of a game with `D` states and two players.
 ///
-/// A new game is one file with one implementation of this trait. The solver
-/// marches V_τ = H(x, ∇V) in backward time τ, where
-/// H(x, p) = max over one player, min over the other, of p · f(x, a, b). The set
-/// is {V ≤ 0}: the minimising player wants to reach the target, the maximising player wants to stay
-/// away from it.
+/// A new game is one file with one implementation of this trait. The solver marches V_τ = H(x, ∇V)
+/// in backward time τ. H(x, p) is p · f(x, a, b), maximised over one player's input and minimised
+/// over the other player's. The set is {V ≤ 0}. The minimising player wants to reach the target,
+/// and the maximising player wants to stay away from it.
 ///
 /// The Hamiltonian is evaluated in the innermost loop, for many cells at once. It must therefore
-/// contain neither branches with effects nor transcendental functions. [`Game::terms`] gives the
-/// functions of a single coordinate that it needs (the coordinate itself, its sine, …); the solver
-/// tabulates them once for each node of each axis.
+/// contain neither branches with side effects nor transcendental functions. [`Game::terms`] returns
+/// the functions of a single coordinate that the Hamiltonian needs (the coordinate itself, its
+/// sine, …). The solver tabulates them once for each node of each axis.
 pub trait Game<const D: usize>: Sync {
     /// The functions of `coordinate` on `axis` that the dynamics use.
     fn terms(&self, axis: usize, coordinate: f64) -> [f64; TERMS];
@@ -28,8 +27,8 @@ pub trait Game<const D: usize>: Sync {
     /// axis. They set the Lax–Friedrichs dissipation and the time step.
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; D]) -> [T; D];
 
-    /// The coordinates that may all change sign at once without changing the game. If grid, target
-    /// and obstacle have the same symmetry, the solver computes half of the nodes.
+    /// The coordinates whose signs can all be reversed at once without changing the game. If grid,
+    /// target and obstacle have the same symmetry, the solver computes half of the nodes.
     fn mirror(&self) -> [bool; D] {
         [false; D]
     }
@@ -38,21 +37,24 @@ pub trait Game<const D: usize>: Sync {
 /// The inputs of both players at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs<A, B> {
-    /// Of the player that wants to reach the target.
+    /// Inputs of the player that wants to reach the target.
     pub minimiser: A,
-    /// Of the player that wants to stay away from it.
+    /// Inputs of the player that wants to stay away from the target.
     pub maximiser: B,
 }
 
-/// A game that also computes its players' inputs, so that a solution gives their optimal inputs at any state.
+/// A game that also computes its players' optimal inputs, so that a solution can return them at any
+/// state.
 pub trait Players<const D: usize>: Game<D> {
-    /// An input of the minimising player, such as `[f64; 1]`; `[f64; 0]` if there is none.
+    /// The input type of the minimising player, such as `[f64; 1]`, or `[f64; 0]` without such a
+    /// player.
     type Minimiser;
-    /// An input of the maximising player.
+    /// The input type of the maximising player.
     type Maximiser;
 
-    /// The inputs whose p · f(x, a, b) is H(x, p), for p = `gradient`: each player's input is optimal whatever
-    /// the other player does. An input on which p · f does not depend is the middle of its range.
+    /// The inputs for which p · f(x, a, b) = H(x, p), with p = `gradient`. Each player's input is
+    /// optimal whatever the other player does. If p · f does not depend on an input, that input is
+    /// the middle of its range.
     fn optimal_inputs(
         &self,
         state: [f64; D],
@@ -67,14 +69,14 @@ pub trait Players<const D: usize>: Game<D> {
     ) -> [f64; D];
 }
 
-/// The input in [low, high] for which `factor` · input is least; the middle if `factor` is 0.
+/// The input in [low, high] that minimises `factor` · input; the middle if `factor` is 0.
 pub(super) fn least([low, high]: [f64; 2], factor: f64) -> f64 {
     if factor > 0.0 {
         low
     } else if factor < 0.0 {
         high
     } else {
-        // Halved first, so that the sum of large ends stays finite.
+        // Halved before the addition, so that the sum of large ends does not overflow.
         0.5 * low + 0.5 * high
     }
 }

@@ -3,18 +3,18 @@
 use crate::invalid::{Invalid, finite};
 use serde::{Deserialize, Serialize};
 
-/// How values continue beyond the ends of an axis.
+/// The boundary condition of an axis: how values continue beyond its ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Boundary {
     /// The axis wraps around; the upper end is not a node.
     Periodic,
-    /// Values continue with the slope at the edge, with the sign that moves them away from zero, so
-    /// that nothing that enters from outside looks like a target.
+    /// Values are extrapolated linearly with the slope at the edge. Its sign is chosen such that
+    /// they move away from zero, so that no false target enters from outside.
     Extrapolate,
-    /// Values beyond the edge equal those at the edge: a path that leaves the grid keeps the value
-    /// that it had there.
+    /// Values beyond the edge equal the value at the edge, so a path that leaves the grid keeps the
+    /// value that it had there.
     Constant,
 }
 
@@ -23,7 +23,7 @@ pub enum Boundary {
 pub struct Axis {
     /// First node.
     pub low: f64,
-    /// Last node; on a periodic axis the node that coincides with the first and is not stored.
+    /// Last node. On a periodic axis, it coincides with the first node and is not stored.
     pub high: f64,
     /// Number of nodes.
     pub nodes: usize,
@@ -32,7 +32,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// Nodes from `low` to `high`, both included; values extrapolate beyond.
+    /// Nodes from `low` to `high`, both included; values are extrapolated beyond the ends.
     #[must_use]
     pub fn bounded(low: f64, high: f64, nodes: usize) -> Self {
         Self { low, high, nodes, boundary: Boundary::Extrapolate }
@@ -50,7 +50,7 @@ impl Axis {
         self.boundary == Boundary::Periodic
     }
 
-    /// `nodes` nodes of a period from `low`, without the repeated end point.
+    /// A periodic axis of `nodes` nodes from `low`, without the repeated end point.
     #[must_use]
     pub fn periodic(low: f64, high: f64, nodes: usize) -> Self {
         Self { low, high, nodes, boundary: Boundary::Periodic }
@@ -69,13 +69,13 @@ impl Axis {
         self.low + index as f64 * self.spacing()
     }
 
-    /// All nodes in order.
+    /// Coordinates of all nodes, in order.
     #[must_use]
     pub fn coordinates(&self) -> Vec<f64> {
         (0..self.nodes as isize).map(|i| self.node(i)).collect()
     }
 
-    /// Whether a coordinate is on the axis; any number is on a periodic one.
+    /// Whether a coordinate is on the axis. Every finite number is on a periodic axis.
     #[must_use]
     pub fn contains(&self, coordinate: f64) -> bool {
         let within = || (self.low..=self.high).contains(&coordinate);
@@ -99,7 +99,7 @@ impl Axis {
     }
 }
 
-/// The product of `D` axes; the last one runs fastest in memory.
+/// The product of `D` axes; the last one varies fastest in memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid<const D: usize> {
     /// The axes, slowest first.
@@ -168,8 +168,8 @@ impl<const D: usize> Grid<D> {
         Ok(())
     }
 
-    /// The cell around a state, as the multi-index of its lowest corner, and the position in it,
-    /// 0 … 1 along each axis. A state beyond an end counts as at the end.
+    /// The cell that contains a state, as the multi-index of its lowest corner, and the position in
+    /// the cell, from 0 to 1 along each axis. A state beyond an end is moved to the end.
     pub(super) fn cell(&self, state: [f64; D]) -> ([usize; D], [f64; D]) {
         let (mut cell, mut share) = ([0; D], [0.0; D]);
         for (d, axis) in self.axes.iter().enumerate() {
@@ -179,14 +179,14 @@ impl<const D: usize> Grid<D> {
             } else {
                 (place.clamp(0.0, (axis.nodes - 1) as f64), axis.nodes - 1)
             };
-            // Rounding may give a whole period.
+            // Rounding may make `place` a whole period.
             cell[d] = (place as usize).min(cells - 1);
             share[d] = place - cell[d] as f64;
         }
         (cell, share)
     }
 
-    /// The position, row-major, of the node `steps` nodes from `cell`; `None` beyond an end.
+    /// The row-major position of the node `steps` nodes away from `cell`; `None` beyond an end.
     pub(super) fn neighbour(&self, cell: [usize; D], steps: [isize; D]) -> Option<usize> {
         let mut position = 0;
         for (d, axis) in self.axes.iter().enumerate() {
@@ -202,7 +202,7 @@ impl<const D: usize> Grid<D> {
         Some(position)
     }
 
-    /// Interpolates `at_node`, a function of a node's row-major position, at a state, linearly along each axis.
+    /// Interpolates `at_node`, a function of a node's row-major position, multilinearly at a state.
     pub(super) fn blend<const N: usize>(
         &self,
         state: [f64; D],

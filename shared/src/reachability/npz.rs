@@ -1,14 +1,13 @@
 //! Value functions as NumPy archives.
 //!
-//! `value` (float32, V in metres, row-major), `axis0`, `axis1`, `axis2` (float64, the
-//! coordinates of the nodes) and `meta` (a JSON object as uint8). In polar coordinates
-//! coordinates of the nodes) and `meta` (a JSON object as uint8). In polar coordinates the axes are
-//! range, bearing and relative heading. The bearings cover the full turn, although the library
-//! stores only half of them: V(r, −bearing, −ψ) = V(r, bearing, ψ). Optionally there is `sheet`
-//! (float32, like `value`), Q with
-//! V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ)): two smooth functions instead of one with a kink.
+//! An archive contains `value` (float32, V in metres, row-major), `axis0`, `axis1`, `axis2`
+//! (float64, the node coordinates) and `meta` (a JSON object as uint8). In polar coordinates the
+//! axes are range, bearing and relative heading. The bearings cover the full turn, although the
+//! library stores only half of it: V(r, −bearing, −ψ) = V(r, bearing, ψ). An archive may also
+//! contain `sheet` (float32, same shape as `value`): Q with
+//! `V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ))`. Q is smooth where V has a kink.
 //!
-//! The archives are for other programs; this library does not read them. To save and load a value
+//! The archives are for other programs; this library cannot read them. To save and load a value
 //! function, use [`ValueFunction::encode`](super::ValueFunction::encode) and
 //! [`ValueFunction::decode`](super::ValueFunction::decode).
 //!
@@ -27,8 +26,9 @@ pub use solution::SOLUTION_FORMAT;
 use super::{Method, SampledValue};
 use archive::Archive;
 
-/// The archive of a function that `method` found; the same function gives the same bytes. This
-/// library cannot read it: see [`ValueFunction::encode`](super::ValueFunction::encode).
+/// Encodes a value function that `method` computed as a NumPy archive. Equal functions give
+/// identical bytes. This library cannot read the archive; see
+/// [`ValueFunction::encode`](super::ValueFunction::encode).
 #[must_use]
 pub fn npz(samples: &SampledValue, method: Method) -> Vec<u8> {
     let layout = Layout::new(samples.nodes());

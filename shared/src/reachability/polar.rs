@@ -1,25 +1,25 @@
-//! Value of a pursuit game in polar relative coordinates.
+//! Solves for the value of a pursuit game in polar relative coordinates.
 //!
-//! State: range r, bearing α of the pursuer from the evader's heading, relative
-//! heading ψ. With β = ψ − α, the pursuer's heading against the line of sight,
+//! The state is the range r, the pursuer's bearing α from the evader's heading, and the relative
+//! heading ψ. With β = ψ − α, the angle from the line of sight to the pursuer's heading,
 //!
-//! ṙ = v_p cos β − v_e cos α, α̇ = q/r − a, ψ̇ = b − a, q = v_e sin α + v_p sin β:
+//! ṙ = v_p cos β − v_e cos α, α̇ = q/r − a, ψ̇ = b − a, q = v_e sin α + v_p sin β.
 //!
-//! range is a plain advection and the turn rates only shift the two angles, so each
-//! axis is upwinded exactly, without Lax–Friedrichs dissipation. The unknown is the
-//! deficit W = V − (r − R), between −r and 0, which is 0 at r = 0 and wherever the range only
-//! opens. The range axis is r = c (eˢ − 1) with s uniform: linear near the danger
-//! zone, logarithmic far out, so a long range costs little. Mirror symmetry
-//! (α, ψ) → (−α, −ψ) leaves α in [0, π] to be solved.
+//! The range is a plain advection, and the turn rates only shift the two angles. So each axis uses
+//! exact upwind differences, without Lax–Friedrichs dissipation. The unknown is the deficit
+//! W = V − (r − R) in [−r, 0]. It is 0 at r = 0 and wherever the range only increases. The range
+//! axis is r = c (eˢ − 1) with uniform s: linear near the danger zone, logarithmic far away, so a
+//! long range costs little. By the mirror symmetry (α, ψ) → (−α, −ψ), only α in [0, π] is solved.
 //!
-//! The evader's turn enters both angles. At equal headings V has a ridge along ψ = 0 that the
-//! evader keeps by copying the pursuer's turn, so the discrete Hamiltonian is min over b of max
-//! over a: the evader reacts to the pursuer. Any other order, or the aspect β in place of ψ, lowers
-//! the ridge by some tenths of a metre.
+//! The evader's turn rate affects both angles. At equal headings, V has a ridge along ψ = 0, on
+//! which the evader stays by copying the pursuer's turn. The discrete Hamiltonian is therefore min
+//! over b of max over a, so that the evader reacts to the pursuer. Any other order, or the angle β
+//! in place of ψ, lowers the ridge by some tenths of a metre.
 //!
 //! For the converged value, every cell takes its own largest stable time step, new values are used
-//! at once (Gauss–Seidel), the sweeps change direction, rows that no longer change are skipped, and
-//! coarser grids give the initial guess. For a finite horizon all cells take the same time steps.
+//! immediately (Gauss–Seidel), the sweeps alternate in direction, rows that no longer change are
+//! skipped, and coarser grids give the initial guess. For a finite horizon, all cells take the same
+//! time steps.
 
 mod range;
 mod level;
@@ -41,26 +41,27 @@ use level::{Evader, Level};
 pub use range::RangeAxis;
 pub use sweep::WINDOW;
 
-/// Settings of the solver: the nodes in polar coordinates, and when it stops.
+/// Settings of the polar solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Settings {
-    /// Seconds of the game; infinite for the converged value.
+    /// The horizon (s); infinite for the converged value.
     pub horizon_s: f64,
-    /// Largest range, m.
+    /// Largest range (m).
     pub range_m: f64,
-    /// Nodes of the range axis, the one at 0 included.
+    /// Number of nodes of the range axis, including the node at 0.
     pub range_nodes: usize,
-    /// Nodes of a full turn of bearing and of heading: a multiple of 4.
+    /// Number of nodes in a full turn of bearing and of heading; a multiple of 4.
     pub angle_nodes: usize,
-    /// Converged when the mean drift of a row in [`WINDOW`] sweeps is below this share of the
-    /// radius. The limit is lower if turns are so fast that a sweep covers little time.
+    /// The solve has converged when the mean drift of the rows in [`WINDOW`] sweeps is below this
+    /// fraction of the radius. The limit is lower if turns are so fast that a sweep covers little
+    /// time.
     pub tolerance: f64,
-    /// Largest number of sweeps over any grid, at least 1.
+    /// Maximum number of sweeps over each grid, at least 1.
     pub most_sweeps: usize,
-    /// Number of threads, for a finite horizon.
+    /// Number of threads; used only for a finite horizon.
     pub threads: usize,
-    /// A solve that needs more memory than this is refused.
+    /// Memory limit (bytes). A solve that needs more is rejected.
     pub memory_limit_bytes: u64,
 }
 
@@ -80,49 +81,50 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Sets [`Self::horizon_s`], seconds of the game; infinite for the converged value.
+    /// Sets [`Self::horizon_s`], the horizon (s); infinite for the converged value.
     #[must_use]
     pub fn with_horizon(self, horizon_s: f64) -> Self {
         Self { horizon_s, ..self }
     }
 
-    /// Sets [`Self::range_m`], the largest range, m.
+    /// Sets [`Self::range_m`], the largest range (m).
     #[must_use]
     pub fn with_range(self, range_m: f64) -> Self {
         Self { range_m, ..self }
     }
 
-    /// Sets [`Self::range_nodes`], the nodes of the range axis.
+    /// Sets [`Self::range_nodes`], the number of nodes of the range axis.
     #[must_use]
     pub fn with_range_nodes(self, range_nodes: usize) -> Self {
         Self { range_nodes, ..self }
     }
 
-    /// Sets [`Self::angle_nodes`], the nodes of a full turn.
+    /// Sets [`Self::angle_nodes`], the number of nodes in a full turn.
     #[must_use]
     pub fn with_angle_nodes(self, angle_nodes: usize) -> Self {
         Self { angle_nodes, ..self }
     }
 
-    /// Sets [`Self::tolerance`], the drift, as a share of the radius, below which V is converged.
+    /// Sets [`Self::tolerance`], the drift below which V has converged, as a fraction of the
+    /// radius.
     #[must_use]
     pub fn with_tolerance(self, tolerance: f64) -> Self {
         Self { tolerance, ..self }
     }
 
-    /// Sets [`Self::most_sweeps`], the largest number of sweeps over any grid.
+    /// Sets [`Self::most_sweeps`], the maximum number of sweeps over each grid.
     #[must_use]
     pub fn with_most_sweeps(self, most_sweeps: usize) -> Self {
         Self { most_sweeps, ..self }
     }
 
-    /// Sets [`Self::threads`], the threads for a finite horizon.
+    /// Sets [`Self::threads`], the number of threads for a finite horizon.
     #[must_use]
     pub fn with_threads(self, threads: usize) -> Self {
         Self { threads, ..self }
     }
 
-    /// Sets [`Self::memory_limit_bytes`], the most memory that a solve may take, bytes.
+    /// Sets [`Self::memory_limit_bytes`], the memory limit of a solve (bytes).
     #[must_use]
     pub fn with_memory_limit(self, memory_limit_bytes: u64) -> Self {
         Self { memory_limit_bytes, ..self }
@@ -134,40 +136,39 @@ impl Settings {
 pub struct Solution<T> {
     /// Range axis.
     pub range: RangeAxis,
-    /// Last range, m.
+    /// Range of the last node (m).
     pub range_m: f64,
-    /// Seconds of the game; infinite for the converged value.
+    /// The horizon (s); infinite for the converged value.
     pub horizon_s: f64,
-    /// Nodes of a full turn.
+    /// Number of nodes in a full turn.
     pub angle_nodes: usize,
-    /// W(range, bearing in [0, π], heading in [0, 2π)), row-major, m: bearing has
-    /// `angle_nodes / 2 + 1` nodes, heading `angle_nodes`.
+    /// W(range, bearing in [0, π], heading in [0, 2π)) in metres, row-major. Bearing has
+    /// `angle_nodes / 2 + 1` nodes, heading has `angle_nodes`.
     pub deficit: Vec<T>,
-    /// Q(range, bearing in [0, 2π), heading in [0, 2π)): W(α, ψ) is the larger of
-    /// Q(α, ψ) and Q(−α, −ψ). Near the surface where the evader is free to turn
-    /// either way, Q is the smooth continuation of the side where it turns right;
-    /// elsewhere Q = W.
+    /// Q(range, bearing in [0, 2π), heading in [0, 2π)), with W(α, ψ) = max(Q(α, ψ), Q(−α, −ψ)).
+    /// Near the surface where left and right turns are equally good for the evader, Q is the smooth
+    /// continuation of one of the two sides. Elsewhere Q = W.
     pub sheet: Vec<T>,
-    /// Sweeps over the finest grid; for a finite horizon, time steps.
+    /// Number of sweeps over the finest grid or, for a finite horizon, of time steps.
     pub sweeps: usize,
-    /// The largest |∂V/∂τ| at the end of a finite horizon, m/s; 0 for the converged value.
+    /// The largest |∂V/∂τ| at the end of a finite horizon (m/s); 0 for the converged value.
     pub rate_mps: f64,
-    /// How much the rows still drift in [`WINDOW`] sweeps, m: the signed changes of a row are
-    /// summed and averaged over its cells, their magnitudes averaged over the rows. Cells on a
-    /// kink that flicker between both sides cancel out. 0 for a finite horizon.
+    /// The drift of the rows in [`WINDOW`] sweeps (m). The signed changes of a row are summed and
+    /// averaged over its cells, and their magnitudes are averaged over the rows. Cells at a kink
+    /// that oscillate between its two sides cancel out. 0 for a finite horizon.
     pub drift_m: f64,
     /// Whether [`Self::drift_m`] was within the tolerance.
     ///
-    /// If a faster pursuer with wider turns can attack again and again, each sweep lowers V a
-    /// little everywhere. With an evader of 1.5 m/s and 0.8 rad/s, a pursuer of 2 m/s and 0.5 rad/s
-    /// and R = 3 m the median of V on the grid of 65 × 96 × 96 nodes is −2.4 m after 2,000 sweeps,
-    /// −2.6 m after 5,000 and −3.0 m after 24,000, where it stays: the range that the evader can
-    /// keep is smaller than a cell. So more sweeps do not make such a value correct.
+    /// If a faster pursuer with wider turns can attack repeatedly, each sweep lowers V slightly
+    /// everywhere. For an evader with 1.5 m/s and 0.8 rad/s, a pursuer with 2 m/s and 0.5 rad/s,
+    /// and R = 3 m, the median of V on the grid of 65 × 96 × 96 nodes is −2.4 m after 2,000 sweeps,
+    /// −2.6 m after 5,000 and −3.0 m after 24,000. It then stays there, because the range that the
+    /// evader can keep is smaller than a cell. So more sweeps do not make this value correct.
     pub converged: bool,
 }
 
 impl<T: Real> Solution<T> {
-    /// A range, m, beyond which V is nowhere both at most `level_m` and less than r − R.
+    /// A range (m) beyond which no node has both V ≤ `level_m` and V < r − R.
     pub(super) fn extent(&self, radius_m: f64, level_m: f64) -> f64 {
         let slab = (self.angle_nodes / 2 + 1) * self.angle_nodes;
         let matters = |i: &usize| {
@@ -181,10 +182,11 @@ impl<T: Real> Solution<T> {
     }
 }
 
-/// Solves for the value of a horizon, or the converged one.
+/// Solves for the value of a finite horizon or for the converged value.
 ///
 /// # Errors
-/// [`SolveError::Invalid`] naming a parameter; [`SolveError::Cancelled`].
+/// [`SolveError::Invalid`] naming the invalid parameter; [`SolveError::Cancelled`] if `progress`
+/// cancels the solve.
 pub fn solve<T: Real>(
     game: &PursuitGame,
     settings: &Settings,
@@ -215,11 +217,13 @@ pub fn solve<T: Real>(
     }
     let half = settings.angle_nodes / 2 + 1;
     let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
-    // Half turn and its copy, full turn of the sheet and its copy: during the solve or in the solution.
+    // Arrays of half a turn: 2 for W and its copy, 4 for the sheet (a full turn) and its copy,
+    // during the solve or in the solution.
     check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
-    // Lengths are in units of about R/3, and times so that the faster player has a speed between 0.7 and 1.5:
-    // small constants then suit any vehicle, and division by powers of two does not round.
+    // Lengths are in units of about R/3, and times are scaled so that the faster player's speed is
+    // between 0.7 and 1.5. Small constants then suit any vehicle, and scaling by powers of two does
+    // not round.
     let unit = game.length_unit_m();
     let fastest = game.evader.speed_mps.max(game.pursuer.speed_mps) / unit;
     let rate = power_of_two_near(fastest);
@@ -252,7 +256,7 @@ pub fn solve<T: Real>(
     let pace = pace(&small);
     if pace < SLOWEST_PACE {
         let turns = |evader: f64, pursuer: f64| 2.0 * evader + pursuer;
-        // Both follow from pace = fastest/R/(turns + closing/R) ≥ SLOWEST_PACE·PAPERS_PACE.
+        // Both limits follow from fastest/R/(turns + closing/R) ≥ SLOWEST_PACE·PAPERS_PACE.
         let fastest = game.evader.speed_mps.max(game.pursuer.speed_mps);
         let closing = game.evader.speed_mps + game.pursuer.speed_mps;
         let found = turns(game.evader.turn_rate_radps, game.pursuer.turn_rate_radps);
@@ -277,8 +281,8 @@ pub fn solve<T: Real>(
         if let Some(coarser) = &solved {
             level.start_from(coarser);
         }
-        // Errors of the grid fall with the square of the spacing, and the initial guess need not be
-        // better than that.
+        // The discretization error is proportional to the square of the spacing, and the initial
+        // guess need not be more accurate.
         let finer = (settings.angle_nodes / angle_nodes) as f64;
         let tolerance = settings.tolerance * small.radius_m * pace * finer * finer;
         let mut report = |drift: f64, sweep: usize| {
@@ -300,7 +304,7 @@ pub fn solve<T: Real>(
     }
 }
 
-/// No solve finishes more time steps than this.
+/// Maximum number of time steps; more would never finish.
 const MOST_STEPS: f64 = 1e8;
 
 /// Solves for the value of a finite horizon.
@@ -332,7 +336,8 @@ fn timed<T: Real>(
     }
 }
 
-/// The units in which a game is solved: lengths in `unit` metres, `rate` time units per second.
+/// The units in which a game is solved: a length unit is `unit` metres, and a second is `rate` time
+/// units.
 #[derive(Clone, Copy)]
 struct Scale {
     unit: f64,
@@ -360,7 +365,7 @@ impl Scale {
     }
 }
 
-/// The share of a game's time that [`WINDOW`] sweeps cover, relative to the paper's game: at
+/// The fraction of a game's time that [`WINDOW`] sweeps cover, relative to the paper's game and at
 /// most 1. A cell's time step is short where an angle may change quickly.
 fn pace(game: &PursuitGame) -> f64 {
     let PursuitGame { evader, pursuer, radius_m } = *game;
@@ -370,13 +375,13 @@ fn pace(game: &PursuitGame) -> f64 {
     (radians / PAPERS_PACE).min(1.0)
 }
 
-/// Radians that a vehicle drives around a circle of the danger radius while the angles could turn
-/// by one, slightly below the value in the paper's game (0.235).
+/// The angle (rad) that a vehicle drives around a circle of the danger radius while the state's
+/// angles could change by 1 rad. Slightly below the value in the paper's game (0.235).
 const PAPERS_PACE: f64 = 0.22;
-/// Below this pace, single precision no longer resolves the changes in a sweep.
+/// Below this pace, single precision no longer resolves the changes of a sweep.
 const SLOWEST_PACE: f64 = 0.02;
 
-/// Nodes of the range axis and of a full turn, from the coarsest grid to the finest.
+/// The numbers of nodes of the range axis and of a full turn, from the coarsest grid to the finest.
 fn levels(settings: &Settings) -> Vec<(usize, usize)> {
     let mut levels = vec![(settings.range_nodes, settings.angle_nodes)];
     let (mut range, mut angle) = levels[0];

@@ -1,4 +1,4 @@
-//! The progress of a solve, its memory limit, and why it ends without a solution.
+//! The progress, the memory limit and the errors of a solve.
 
 use crate::invalid::Invalid;
 
@@ -6,14 +6,15 @@ use crate::invalid::Invalid;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Progress {
-    /// Share of the steps done, 0 … 1. If the march may end early, the share of the largest
-    /// possible number of steps.
+    /// Fraction of the steps done, from 0 to 1. If the march may end early, this is the fraction of
+    /// the maximum number of steps.
     pub done: f64,
-    /// Largest change of V per second at the last measurement.
+    /// Largest change of V per second at the last measurement. For the converged value of the polar
+    /// method, the drift in [`polar::WINDOW`](super::polar::WINDOW) sweeps (m).
     pub residual: f64,
 }
 
-/// Why there is no solution.
+/// The reason why a solve has no solution.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SolveError {
@@ -25,13 +26,13 @@ pub enum SolveError {
     Cancelled,
 }
 
-/// Default memory limit of a solve: 8 GiB; in a browser 1 GiB.
+/// Default memory limit of a solve: 8 GiB, or 1 GiB in a browser.
 pub const MEMORY_LIMIT_BYTES: u64 = if cfg!(target_arch = "wasm32") { 1 << 30 } else { 8 << 30 };
 
-/// Rejects a solve that needs more memory than `limit_bytes`, before it allocates any.
+/// Rejects a solve that needs more memory than `limit_bytes`, before any is allocated.
 ///
 /// # Errors
-/// [`Invalid`] with the estimate.
+/// [`Invalid`] with the estimated memory.
 pub(super) fn check_memory(
     nodes: usize,
     arrays: usize,

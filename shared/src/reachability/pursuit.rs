@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PursuitGame {
-    /// Maximises the least range.
+    /// Maximises the smallest range.
     pub evader: VehicleModel,
-    /// Minimises the least range.
+    /// Minimises the smallest range.
     pub pursuer: VehicleModel,
-    /// Danger radius R, m.
+    /// Danger radius R (m).
     pub radius_m: f64,
 }
 
@@ -30,8 +30,8 @@ impl PursuitGame {
         Ok(self)
     }
 
-    /// A power of two, m, near a third of the radius: 1 for the paper's 3 m. Lengths that the program
-    /// treats as small are small compared with it, and division by it does not round.
+    /// A power of two (m) near a third of the radius: 1 m for the paper's radius of 3 m. Length
+    /// tolerances scale with it, and division by it does not round.
     #[must_use]
     pub fn length_unit_m(&self) -> f64 {
         power_of_two_near(self.radius_m / 3.0)
@@ -46,7 +46,7 @@ impl PursuitGame {
     /// The closed form of this game.
     ///
     /// # Errors
-    /// [`Invalid`] if the vehicles differ or a parameter is not finite and > 0.
+    /// [`Invalid`] if the vehicles differ, or if a parameter is not a finite number > 0.
     pub fn exact(self) -> Result<ExactValue, Invalid> {
         self.check()?;
         if !self.identical() {
@@ -62,8 +62,8 @@ impl PursuitGame {
         ExactValue::new(self.evader.speed_mps, self.evader.turn_rate_radps, self.radius_m)
     }
 
-    /// Velocity of the relative state (x, y, ψ) under turn rates `a` of the
-    /// evader and `b` of the pursuer, (m/s, m/s, rad/s).
+    /// Velocity of the relative state (x, y, ψ), in (m/s, m/s, rad/s), for the turn rates `a` of
+    /// the evader and `b` of the pursuer.
     #[must_use]
     pub fn velocity(&self, [x, y, psi]: [f64; 3], a: f64, b: f64) -> [f64; 3] {
         let (sin, cos) = sin_cos(psi);
@@ -71,18 +71,17 @@ impl PursuitGame {
         [-self.evader.speed_mps + v * cos + a * y, v * sin - a * x, b - a]
     }
 
-    /// The target function r − R, m.
+    /// The target function r − R (m).
     #[must_use]
     pub fn target(&self, [x, y, _]: [f64; 3]) -> f64 {
         hypot(x, y) - self.radius_m
     }
 
-    /// The turn rates (evader, pursuer) that are optimal for the gradient p of V:
-    /// the evader maximises a (p₁ y − p₂ x − p₃), the pursuer minimises b p₃. Zero
-    /// where the factor is zero.
+    /// The optimal turn rates of evader and pursuer (rad/s) for the gradient p of V: the evader
+    /// maximises a (p₁ y − p₂ x − p₃), the pursuer minimises b p₃. Zero where the factor is zero.
     #[must_use]
     pub fn optimal_turns(&self, [x, y, _]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> [f64; 2] {
-        // No negative zero.
+        // `signum` of ±0 would be ±1.
         let sign = |s: f64| if s == 0.0 { 0.0 } else { s.signum() };
         [
             self.evader.turn_rate_radps * sign(p1 * y - p2 * x - p3),

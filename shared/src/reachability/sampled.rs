@@ -22,14 +22,14 @@ use sheet::Sheet;
 
 /// A value function on a grid, interpolated between its nodes and extended beyond them.
 ///
-/// The table stores the deficit W = V − (r − R); the range part is added exactly. Outside the grid the
-/// deficit is that of the nearest point of its boundary (in polar coordinates at the same bearing and
-/// heading), so that V grows with the range.
+/// The table stores the deficit W = V − (r − R); r − R is added exactly. Outside the grid, the
+/// deficit equals the deficit at the nearest point of the grid's boundary (in polar coordinates, at
+/// the same bearing and heading), so that V increases with the range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampledValue {
     game: PursuitGame,
     nodes: Nodes,
-    /// Horizon, s; infinite for the converged value.
+    /// The horizon (s); infinite for the converged value.
     horizon_s: f64,
     /// See [`SampledValue::unsettled_m`].
     unsettled_m: Option<f64>,
@@ -44,20 +44,22 @@ pub struct SampledValue {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SampledState {
-    /// V, m.
+    /// V (m).
     pub value: f64,
-    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad, of the interpolant; one-sided on the faces of cells.
+    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ) of the interpolant, in (m/m, m/m, m/rad); one-sided on the faces of
+    /// cells.
     pub gradient: [f64; 3],
-    /// Whether the state is within the nodes.
+    /// Whether the state is within the grid.
     pub inside: bool,
 }
 
 impl SampledValue {
-    /// A value function from its deficit, row-major over [`Nodes::shape`], and, for polar nodes, the
-    /// sheet Q of [`polar::Solution::sheet`] if there is one.
+    /// A value function from its deficit, row-major over [`Nodes::shape`]. For polar nodes, `sheet`
+    /// may be Q of [`polar::Solution::sheet`].
     ///
     /// # Errors
-    /// [`Invalid`] for bad nodes, a wrong number of values, or one that is not finite.
+    /// [`Invalid`] for an invalid game, nodes or horizon, a wrong number of values, a value that is
+    /// not finite, or a sheet with Cartesian nodes.
     pub fn new(
         game: PursuitGame,
         nodes: Nodes,
@@ -132,11 +134,11 @@ impl SampledValue {
         Ok(Self { game, nodes, horizon_s, unsettled_m: None, table, sheet, finder, bearings })
     }
 
-    /// A function, sampled on nodes. As a value it is at most r − R: larger samples are stored, but
-    /// [`Self::state`] returns r − R.
+    /// A value function from samples of `value` on the nodes. V is at most r − R. Larger samples
+    /// are stored, but [`Self::state`] returns r − R for them.
     ///
     /// # Errors
-    /// As [`SampledValue::new`].
+    /// The errors of [`SampledValue::new`].
     pub fn sampled(
         game: PursuitGame,
         nodes: Nodes,
@@ -162,7 +164,7 @@ impl SampledValue {
         Self::new(game, nodes, f64::INFINITY, &deficit, None)
     }
 
-    /// The polar solver's solution.
+    /// The value function of a polar solution.
     ///
     /// # Errors
     /// [`Invalid`] if a value is not finite.
@@ -179,24 +181,24 @@ impl SampledValue {
         Ok(function.unsettled((!solution.converged).then_some(solution.drift_m)))
     }
 
-    /// How much the function still changed when the solver stopped without converging, m; `None` if
-    /// it converged or the horizon is finite. It is not a bound on the error
+    /// How much the function was still changing (m) when the solver stopped without converging;
+    /// `None` if it converged or the horizon is finite. This is not a bound on the error
     /// ([`ValueFunction::unsettled_m`](super::ValueFunction::unsettled_m)). For the polar method,
-    /// the change in [`polar::WINDOW`] sweeps, averaged over its rows; for the Cartesian one, the
-    /// largest change in a second of the game.
+    /// it is the change in [`polar::WINDOW`] sweeps, averaged over the rows. For the Cartesian
+    /// method, it is the largest change in a second of the game.
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
         self.unsettled_m
     }
 
-    /// The same function, from a solve that stopped while the function still changed by this, m. JSON has
-    /// no infinity, so the largest number stands for it.
+    /// Sets [`Self::unsettled_m`] (m). JSON has no infinity, so the largest finite number replaces
+    /// it.
     #[must_use]
     pub fn unsettled(self, unsettled_m: Option<f64>) -> Self {
         Self { unsettled_m: unsettled_m.map(|moved| moved.min(f64::MAX)), ..self }
     }
 
-    /// The Cartesian solver's solution on a grid of x, y, ψ.
+    /// The value function of a Cartesian solution on a grid of x, y, ψ.
     ///
     /// # Errors
     /// [`Invalid`] if a value is not finite, or the grid is not one of x, y, ψ.
@@ -230,7 +232,7 @@ impl SampledValue {
         self.nodes
     }
 
-    /// Horizon, s; infinite for the converged value.
+    /// The horizon (s); infinite for the converged value.
     #[must_use]
     pub fn horizon_s(&self) -> f64 {
         self.horizon_s
@@ -242,8 +244,8 @@ impl SampledValue {
         (0..n0 * n1 * n2).map(move |p| self.table.node([p / (n1 * n2), p / n2 % n1, p % n2]))
     }
 
-    /// A box that contains every state with V ≤ `level`, widened by a cell: lowest and highest x and
-    /// highest |y|, m, within the nodes' domain. For Cartesian nodes only.
+    /// A box that contains every node with V ≤ `level`, widened by a cell but within the grid: the
+    /// lowest x, the highest x and the highest |y| (m). For Cartesian nodes only.
     pub(super) fn extent(&self, level: f64) -> [f64; 3] {
         let Nodes::Cartesian { x, y, .. } = self.nodes else {
             unreachable!("a draft has Cartesian nodes");
@@ -274,7 +276,7 @@ impl SampledValue {
         Some((0..n0 * n * n).map(move |p| table.node([p / (n * n), p / n % n, p % n])))
     }
 
-    /// Deficit and its derivatives, per cell, at `share` of cell `index`.
+    /// The deficit and its derivatives (per cell) at position `share` of cell `index`.
     #[inline]
     fn deficit_at(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let cells = self.table.cells();
@@ -296,8 +298,8 @@ impl SampledValue {
         }
     }
 
-    /// V, its gradient, and whether the grid covers the state: the pursuer's pose in the evader's
-    /// frame.
+    /// V, its gradient, and whether the grid contains the state. The state is the pursuer's pose in
+    /// the evader's frame.
     #[must_use]
     pub fn state(&self, [x, y, psi]: [f64; 3]) -> SampledState {
         let range = hypot(x, y);
@@ -329,8 +331,9 @@ impl SampledValue {
         let (deficit, slope) = self.deficit_at(index, share);
         let [w0, w1, w2]: [f64; 3] = core::array::from_fn(|d| slope[d] * scale[d]);
         let radius_m = self.game.radius_m;
-        // Between nodes, interpolation may put V below −R (by the error of a chord of the range axis),
-        // and on a kink, where one side is continued, the deficit may be positive. NaN stays NaN.
+        // Between nodes, interpolation may give V < −R (by the error of a chord of the range axis).
+        // On a kink, where one side is continued, the deficit may be positive. Both are clamped,
+        // and NaN stays NaN.
         let value = range - radius_m + if deficit > 0.0 { 0.0 } else { deficit };
         let value = if value < -radius_m { -radius_m } else { value };
         // Unit vector of the line of sight; straight ahead at range zero.
@@ -348,7 +351,8 @@ impl SampledValue {
     }
 }
 
-/// Cell and share of a position in units of cells, 0 … `cells`.
+/// The cell of a position and the fractional position in it. Positions are in cells, from 0 to
+/// `cells`.
 fn split(position: f64, cells: usize) -> (usize, f64) {
     let cell = (position as usize).min(cells - 1);
     (cell, position - cell as f64)

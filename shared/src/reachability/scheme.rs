@@ -1,13 +1,13 @@
 //! One-sided first derivatives on a uniform axis: upwind, ENO2, ENO3, WENO5.
 //!
-//! Osher and Fedkiw, *Level Set Methods and Dynamic Implicit Surfaces* (2003),
-//! chapter 3; Jiang and Peng (2000) for WENO5. Each kernel has no branches, so that the compiler
-//! vectorises a loop over cells.
+//! Osher and Fedkiw, *Level Set Methods and Dynamic Implicit Surfaces* (2003), chapter 3; Jiang and
+//! Peng (2000) for WENO5. The kernels have no branches, so that the compiler vectorises a loop over
+//! cells.
 
 use crate::real::Real;
 use serde::{Deserialize, Serialize};
 
-/// The approximation of the spatial derivatives, and the Runge–Kutta method of matching order.
+/// The approximation of the spatial derivatives, with a suitable Runge–Kutta method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -23,8 +23,8 @@ pub enum Scheme {
 }
 
 impl Scheme {
-    /// Ghost nodes that a stencil needs beyond each end of an axis; an axis must
-    /// have more nodes than that.
+    /// Number of ghost nodes that a stencil needs beyond each end of an axis. An axis must have
+    /// more nodes than this.
     #[must_use]
     pub fn reach(self) -> usize {
         match self {
@@ -35,7 +35,7 @@ impl Scheme {
         }
     }
 
-    /// Order of the TVD Runge–Kutta method that matches.
+    /// Number of stages, and order, of the TVD Runge–Kutta method.
     #[must_use]
     pub fn stages(self) -> usize {
         match self {
@@ -45,8 +45,9 @@ impl Scheme {
         }
     }
 
-    /// Share of the largest time step up to which the scheme keeps its order. The one-sided ENO
-    /// stencils are linearly stable only up to 0.5 (second order) and 0.377 (third order).
+    /// The fraction of the largest stable time step (CFL number) up to which the scheme keeps its
+    /// order. The one-sided ENO stencils are linearly stable only up to 0.5 (second order) and
+    /// 0.377 (third order).
     #[must_use]
     pub fn cfl(self) -> f64 {
         match self {
@@ -68,17 +69,18 @@ impl Scheme {
     }
 }
 
-/// A scheme as a kernel.
+/// The kernel of a scheme.
 ///
-/// Between two neighbours, a *face*, both one-sided derivatives come from the same differences: the right
-/// one of the node before it and the left one of the node behind it. Computed face by face, they share
-/// most of their arithmetic.
+/// A *face* lies between two neighbouring nodes. The right derivative of the node before it and the
+/// left derivative of the node behind it use the same differences. Computed face by face, they
+/// share most of their arithmetic.
 pub(super) trait Stencil: Send + Sync {
-    /// Nodes used on each side of a node, and of a face.
+    /// Number of nodes used on each side of a node or face.
     const REACH: usize;
 
-    /// The right derivative of node 0 and the left derivative of node 1, for nodes `unit⁻¹` apart. `v(k)` is the
-    /// value of node k, from 1 − REACH to REACH. Data times a power of two give derivatives times that power, exactly.
+    /// The right derivative of node 0 and the left derivative of node 1, for a spacing of 1/`unit`.
+    /// `v(k)` is the value at node k, from 1 − REACH to REACH. Scaling the data by a power of two
+    /// scales the derivatives exactly.
     fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T);
 }
 
@@ -130,8 +132,9 @@ impl Stencil for Eno3 {
         let sixth = T::from_f64(1.0 / 6.0);
         let two = T::from_f64(2.0);
         let (four, five) = (T::from_f64(4.0), T::from_f64(5.0));
-        // The second difference picks the side, the third the end. Each substencil of the left derivative
-        // of node 1 is also one of the right derivative of node 0.
+        // The second differences select the side, the third differences the last node of the
+        // stencil. The left derivative of node 1 and the right derivative of node 0 have the same
+        // candidate stencils.
         let (before, behind) = (b1 < b2, b2 < b3);
         let pick = |first: T, middle: T, last: T| {
             let to_left = if before { first } else { middle };
@@ -159,21 +162,22 @@ impl Stencil for Weno5 {
     fn face<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
         let d = |k: isize| v(k + 1) - v(k);
         let (d1, d2, d3, d4, d5) = (d(-2), d(-1), d(0), d(1), d(2));
-        // Smoothness depends on these five differences alone: beside an obstacle of 10⁹ a slope of 1 still has
-        // its kinks. In units of a power of two near the largest, no product overflows or underflows.
+        // The scale depends only on these five differences, so that kinks in a slope of 1 are still
+        // detected beside an obstacle of 10⁹. In units of a power of two near the largest
+        // difference, no product overflows or underflows.
         let largest = d1.abs().larger(d2.abs()).larger(d3.abs());
         let largest = largest.larger(d4.abs().larger(d5.abs()));
         let [power, per] = largest.power_of_two();
         let [n1, n2, n3, n4, n5] = [d1, d2, d3, d4, d5].map(|difference| difference * per);
         let (a1, a2, a3, a4) = (n2 - n1, n3 - n2, n4 - n3, n5 - n4);
-        // Three times the smoothness indicators of Jiang and Shu, as a sum of two
-        // squares each, so that rounding cannot make one negative:
-        // 4a² − 11ab + 10b² = (2a − 11b/4)² + 39b²/16, 4a² − 5ab + 4b² alike. They belong to the three
-        // substencils, whichever end of the face the derivative is for.
+        // Three times the smoothness indicators of Jiang and Shu. Each is a sum of two squares, so
+        // that rounding cannot make it negative: 4a² − 11ab + 10b² = (2a − 11b/4)² + 39b²/16, and
+        // 4a² − 5ab + 4b² similarly. They belong to the three substencils, which are the same for
+        // both ends of the face.
         let square = |x: T| x * x;
         let rest = T::from_f64(39.0 / 16.0);
         let (outer_slope, inner_slope) = (T::from_f64(2.75), T::from_f64(1.25));
-        // Below 1 only where all differences are 0 or have no power of two.
+        // Below 1 only if all differences are 0 or subnormal, or if `per` is 0.
         let size = (largest * per).larger(T::from_f64(1.0));
         let epsilon = T::from_f64(EPSILON) * square(size);
         let (e1, e2, e3, e4) = (a1 + a1, a2 + a2, a3 + a3, a4 + a4);
@@ -181,8 +185,8 @@ impl Stencil for Weno5 {
         let s1 = square(square(e1 - outer_slope * a2) + r2);
         let s2 = square(square(e2 - inner_slope * a3) + r3);
         let s3 = square(square(e4 - outer_slope * a3) + r3);
-        // The weights γᵢ/sᵢ² of γ = (1, 6, 3)/10, over one denominator, so that there is one division:
-        // times 10 s₁² s₂² s₃².
+        // The weights γᵢ/sᵢ² with γ = (1, 6, 3)/10, times 10 s₁² s₂² s₃². With this common
+        // denominator, one division is enough.
         let three = T::from_f64(3.0);
         let (first, last) = (s2 * s3, s1 * s2);
         let middle = T::from_f64(6.0) * (s1 * s3);
@@ -197,19 +201,19 @@ impl Stencil for Weno5 {
     }
 }
 
-/// Nodes on each side of a face that [`has_jump`] looks at.
+/// Number of nodes on each side of a face that [`has_jump`] reads.
 pub(super) const JUMP_REACH: usize = 3;
 
-/// Whether the face between the nodes 0 and 1 must take its slope from these two alone, because V
-/// jumps in the stencil, as beside an indicator obstacle. A polynomial through a jump oscillates,
-/// and between two jumps even the smoothest one does: V would fall in a passage of a few nodes
-/// although nothing can leave it. First order is monotone.
+/// Whether V jumps within the stencil of the face between nodes 0 and 1, for example beside an
+/// indicator obstacle. The slope must then come from these two nodes alone. Polynomials through a
+/// jump oscillate; between two jumps even the smoothest one does, and V would decrease in a passage
+/// of a few nodes although nothing can leave it. First order is monotone.
 ///
-/// Let q be a quarter of the largest difference of neighbours among the six nodes. At a jump,
-/// second differences of more than q have both signs; at a kink they have one sign, and where V is
-/// smooth they are small. Jumps that are blurred on both sides of a passage look like a kink:
-/// `near` the obstacle's jumps, a face that is flatter than q, but where third differences exceed
-/// q, counts as one in such a passage.
+/// Let q be a quarter of the largest difference between neighbours among the six nodes. At a jump,
+/// second differences larger than q occur with both signs. At a kink they have one sign, and where
+/// V is smooth they are small. If the jumps on both sides of a passage are blurred, they look like
+/// a kink. So `near` the obstacle's jumps, a face also counts as a jump if its difference is below
+/// q but a third difference exceeds q.
 #[inline(always)]
 pub(super) fn has_jump<T: Real>(v: impl Fn(isize) -> T, near: bool) -> bool {
     let d = |k: isize| v(k + 1) - v(k);
@@ -226,8 +230,9 @@ pub(super) fn has_jump<T: Real>(v: impl Fn(isize) -> T, near: bool) -> bool {
     turns | (near & is_flat)
 }
 
-/// Keeps the weights finite where the data are linear, as a share of the square of the stencil's
-/// largest difference (Osher and Fedkiw, (3.38)). Its fourth power must be a normal number in f32.
+/// A regularization that keeps the weights finite where the data are linear, relative to the square
+/// of the stencil's largest difference (Osher and Fedkiw, (3.38)). Its fourth power must be a
+/// normal number in f32.
 const EPSILON: f64 = 3e-6;
 
 #[cfg(test)]
@@ -240,7 +245,7 @@ mod tests {
         (S::face(|k| v(k - 1), unit).1, S::face(v, unit).0)
     }
 
-    /// Largest errors of both derivatives of sin at 1 for spacings h and h/2.
+    /// The observed order of accuracy of both derivatives of sin at 1, for the spacings h and h/2.
     fn order<S: Stencil>(h: f64) -> f64 {
         let error = |h: f64| {
             let (l, r) = pair::<S>(|k| sin(1.0 + k as f64 * h), 1.0 / h);
@@ -288,7 +293,8 @@ mod tests {
         }
     }
 
-    /// Large differences beside small ones, in both number types, without a scale of all data.
+    /// Large differences beside small ones, in both number types, without a global scale of the
+    /// data.
     #[test]
     fn scales_within_one_stencil_do_no_harm() {
         fn check<T: Real>(exponents: core::ops::RangeInclusive<i32>) {
@@ -325,20 +331,21 @@ mod tests {
         }
         check::<f32>(-40..=90);
         check::<f64>(-900..=900);
-        // No differences, the smallest ones and the largest ones.
+        // Zero differences, the smallest ones and the largest ones.
         for v in [0.0, f32::from_bits(1), f32::MIN_POSITIVE, 1.6e38] {
             let (right, left) = Weno5::face(|k| if k % 2 == 0 { v } else { -v }, 1.0);
             assert!(right.is_finite() && left.is_finite(), "{v:e}: {right:e} {left:e}");
         }
     }
 
-    /// Whether there is a jump at each face whose stencil is in `v`; the first one is that of the nodes 2 and 3.
+    /// Whether each face whose stencil is within `v` has a jump. The first face lies between nodes
+    /// 2 and 3.
     fn jumps<const N: usize>(v: [f64; N], near: bool) -> Vec<bool> {
         v.windows(6).map(|v| has_jump(|k| v[(k + 2) as usize], near)).collect()
     }
 
-    /// Passages of one to four nodes between walls, from node 8 on, on a slope. Of four nodes, the middle ones have no
-    /// jump between them.
+    /// Passages of one to four nodes, starting at node 8, between walls on a slope. In a passage of
+    /// four nodes, the middle face has no jump.
     #[test]
     fn jumps_are_found_in_passages() {
         for height in [1e-3_f64, 0.5, 1e9] {
@@ -373,9 +380,9 @@ mod tests {
         }
     }
 
-    /// ENO by growing the stencil towards the smaller divided difference, as defined.
+    /// ENO as defined: the stencil grows towards the smaller divided difference.
     fn eno_as_defined(v: &[f64; 7], order: usize, right: bool) -> f64 {
-        // Undivided differences table on nodes −3 … 3; position 3 is the centre.
+        // Table of undivided differences on nodes −3 … 3; position 3 is the centre.
         let mut table = vec![v.to_vec()];
         for _ in 0..order {
             let next: Vec<f64> = table[table.len() - 1].windows(2).map(|w| w[1] - w[0]).collect();
@@ -392,7 +399,7 @@ mod tests {
             } else {
                 here
             };
-            // Derivative at the centre of Π (x − x_j) over the k nodes so far, over k!.
+            // The derivative at the centre of Π (x − x_j) over the k nodes so far, divided by k!.
             let nodes = previous..previous + k;
             let product: f64 = nodes.filter(|j| *j != 3).map(|j| 3.0 - j as f64).product();
             let factorial: f64 = (1..=k).map(|i| i as f64).product();

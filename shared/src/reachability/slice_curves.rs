@@ -11,9 +11,9 @@ use crate::math::{TAU, hypot, sin_cos};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CurveSettings {
-    /// For closed forms: largest distance between the curve and an edge of the polygon, m.
+    /// For closed forms: largest distance between the curve and an edge of the polygon (m).
     pub flatness_m: f64,
-    /// For solved grids: largest distance between neighbouring points, m.
+    /// For solved grids: largest distance between neighbouring points (m).
     pub spacing_m: f64,
 }
 
@@ -24,13 +24,15 @@ impl Default for CurveSettings {
 }
 
 impl CurveSettings {
-    /// Sets [`Self::flatness_m`], the largest distance of an edge from the curve of a closed form, m.
+    /// Sets [`Self::flatness_m`], the largest distance of an edge from the curve of a closed form
+    /// (m).
     #[must_use]
     pub fn with_flatness(self, flatness_m: f64) -> Self {
         Self { flatness_m, ..self }
     }
 
-    /// Sets [`Self::spacing_m`], the largest distance of neighbouring points on a solved grid, m.
+    /// Sets [`Self::spacing_m`], the largest distance between neighbouring points on a solved grid
+    /// (m).
     #[must_use]
     pub fn with_spacing(self, spacing_m: f64) -> Self {
         Self { spacing_m, ..self }
@@ -38,9 +40,9 @@ impl CurveSettings {
 }
 
 impl ValueFunction {
-    /// {V = `level`} at relative heading `psi`: closed polygons in the evader's frame,
-    /// m, with {V ≤ level} on their left. A set that leaves the grid is closed along the grid's edge.
-    /// There are no curves where no state of this heading has V ≤ level.
+    /// The level set {V = `level`} at relative heading `psi` (rad): closed polygons in the evader's
+    /// frame (m), with {V ≤ level} on their left. A set that leaves the grid is closed along the
+    /// grid's edge. The result is empty if no state of this heading has V ≤ level.
     ///
     /// # Errors
     /// [`Invalid`] for a `psi` that is not finite, a `level` that no state can have (not finite, or
@@ -56,10 +58,11 @@ impl ValueFunction {
         Ok(curves)
     }
 
-    /// [`Self::level_curves`], replacing the contents of `curves`. Closed forms reuse its buffers.
+    /// [`Self::level_curves`], replacing the contents of `curves`. A closed form reuses the buffers
+    /// of `curves`.
     ///
     /// # Errors
-    /// As [`Self::level_curves`]; `curves` is empty then.
+    /// The errors of [`Self::level_curves`]; `curves` is then empty.
     pub fn level_curves_into(
         &self,
         psi: f64,
@@ -137,12 +140,12 @@ impl<'a> SliceLattice<'a> {
         lattice
     }
 
-    /// Ring nodes before the first one of each index.
+    /// Number of ring nodes before the first grid node along each index.
     fn ring(&self) -> [usize; 2] {
         if self.polar { [0, 0] } else { [1, 1] }
     }
 
-    /// The real node nearest to a lattice node, and whether it is that node.
+    /// The grid node nearest to a lattice node, and whether the lattice node is this grid node.
     fn node(&self, lattice: [usize; 2]) -> ([usize; 2], bool) {
         let size = self.slice.size();
         let ring = self.ring();
@@ -217,7 +220,8 @@ impl Lattice for SliceLattice<'_> {
     }
 }
 
-/// The curves of a set that contains no node of the grid, around range zero, where V is least.
+/// The curves of a set that contains no node of the grid. The set is around range zero, where V is
+/// smallest.
 fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
     let is_in = |point| slice.excess_at(point) <= 0.0;
     if slice.polar || !is_in([0.0; 2]) {
@@ -225,7 +229,7 @@ fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
     }
     let spacings = slice.axes.iter().map(|axis| axis[1] - axis[0]);
     let mut spacing_m = spacings.fold(0.0, f64::max) / SPOT_NODES as f64;
-    // If only a few of the nodes are in the set, it is sampled again, more finely.
+    // If the set contains only a few of the nodes, it is sampled again, more finely.
     for _ in 0..MOST_LOOKS {
         let spot = Spot { slice, spacing_m };
         let nodes = (0..SPOT_SIDE * SPOT_SIDE).map(|n| [n / SPOT_SIDE, n % SPOT_SIDE]);
@@ -237,11 +241,12 @@ fn between_nodes(slice: &SliceLattice<'_>) -> Vec<Vec<[f64; 2]>> {
     Vec::new()
 }
 
-/// Nodes of a [`Spot`] from its middle to its edge, for each spacing of the grid.
+/// Number of nodes of a [`Spot`] per spacing of the grid, before any refinement.
 const SPOT_NODES: usize = 16;
-/// Nodes along each side: two spacings of the grid to either side, and a ring.
+/// Number of nodes along each side of a [`Spot`]: two spacings of the grid in each direction, and a
+/// ring.
 const SPOT_SIDE: usize = 2 * (2 * SPOT_NODES + 1) + 1;
-/// Largest number of refinements: down to a set of a millionth of a spacing.
+/// Largest number of refinements, which finds a set as small as a millionth of a spacing.
 const MOST_LOOKS: usize = 10;
 
 /// A fine lattice around range zero, inside a ring of nodes that count as outside.
@@ -285,8 +290,8 @@ impl Lattice for Spot<'_> {
     }
 }
 
-/// The refined curve: with further points, moved onto the level along the gradient, and with the
-/// sharp corners between nodes.
+/// The refined curve. It has additional points, which are moved onto the level along the gradient,
+/// and the sharp corners between nodes.
 fn smoothed(
     curve: &[[f64; 2]],
     function: &SampledValue,
@@ -309,8 +314,9 @@ fn smoothed(
             continue;
         }
         let tip = tip([curve[i], curve[next]], [&states[i], &states[next]]);
-        // It is a corner if the chord misses the level and the corner does not. The point where the
-        // tangents meet is near the corner; the level is reached on the way there.
+        // The tangents meet only near the corner, so the tip is moved onto the level on the line
+        // from the chord's middle. It is a corner if it misses the level by much less than the
+        // chord's middle does.
         let miss = |point: [f64; 2]| state(point).value - level;
         let middle = [0, 1].map(|d| 0.5 * (curve[i][d] + curve[next][d]));
         let from = miss(middle);
@@ -331,12 +337,12 @@ fn smoothed(
     smooth
 }
 
-/// Points of a curve are on its level within this, m (for a radius of about 3 m), unless they
+/// Points of a curve miss its level by less than this (m, for a radius of about 3 m), unless they
 /// are on the grid's edge.
 const ON_LEVEL_M: f64 = 0.02;
 
-/// Where the tangents of a curve at both ends of a chord meet, if they turn by more than
-/// a sixth of a right angle and meet close by: a corner that the chord cuts off.
+/// The point where the tangents at both ends of a chord meet, if they turn by more than a sixth of
+/// a right angle and meet near the chord. The chord then cuts off a corner of the curve.
 fn tip(ends: [[f64; 2]; 2], states: [&SampledState; 2]) -> Option<[f64; 2]> {
     let [[ax, ay, _], [bx, by, _]] = states.map(|state| state.gradient);
     let (turn, along) = (ax * by - ay * bx, ax * bx + ay * by);
@@ -358,8 +364,8 @@ struct Pieces {
 }
 
 impl Pieces {
-    /// Adds points between `from` and `to`, moved onto the level along the gradient
-    /// where `state` gives one.
+    /// Adds points between `from` and `to`. If `state` returns a state, a point is moved onto the
+    /// level along the gradient.
     fn add(
         &self,
         curve: &mut Vec<[f64; 2]>,

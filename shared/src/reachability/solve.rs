@@ -1,4 +1,4 @@
-//! Solves a pursuit game for its value function, by the method that fits.
+//! Solves a pursuit game for its value function, by the method that suits it.
 
 use super::cartesian::{self, Horizon, Problem, Region};
 use super::games::RelativeDubins;
@@ -18,7 +18,7 @@ use core::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The method that finds a value function.
+/// The method that computes a value function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -56,9 +56,9 @@ impl Method {
     }
 }
 
-/// Grids of growing size, each with about twice as many nodes per axis. For a finite horizon, and with
-/// the Cartesian method, the grid just contains the states where V is at most half the radius, as
-/// estimated by a draft.
+/// The size of the grid. Each has about twice as many nodes per axis as the previous one. For a
+/// finite horizon, and with the Cartesian method, the grid just contains the states where V is at
+/// most half the radius, as estimated by a draft solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -81,19 +81,19 @@ pub const ACCURACIES: &[(&str, Accuracy, &str)] = &[
 /// The number type of a Cartesian solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
-    /// Single.
+    /// Single precision.
     F32,
-    /// Double.
+    /// Double precision.
     F64,
 }
 
-/// A rectangular grid and how it is solved.
+/// A rectangular grid and the numerical method on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CartesianGrid {
-    /// Nodes of x, y, ψ.
+    /// Number of nodes along x, y and ψ.
     pub nodes: [usize; 3],
-    /// Ends of x and of y, m: x₀, x₁, y₀, y₁.
+    /// Ends of x and of y (m): x₀, x₁, y₀, y₁.
     pub domain_m: [f64; 4],
     /// The approximation of the derivatives.
     pub scheme: Scheme,
@@ -102,8 +102,8 @@ pub struct CartesianGrid {
 }
 
 impl CartesianGrid {
-    /// `nodes` of x, y, ψ on the rectangle from x₀ to x₁ and from y₀ to y₁ (`domain_m`), with WENO5
-    /// in single precision.
+    /// A grid with `nodes` along x, y and ψ on the rectangle from x₀ to x₁ and from y₀ to y₁
+    /// (`domain_m`), with WENO5 in single precision.
     #[must_use]
     pub fn new(nodes: [usize; 3], domain_m: [f64; 4]) -> Self {
         Self { nodes, domain_m, scheme: Scheme::Weno5, precision: Precision::F32 }
@@ -138,22 +138,22 @@ impl CartesianGrid {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Options {
-    /// `None` for the best one ([`Method::choose`]).
+    /// The method. If `None`, it is Cartesian if `grid` is set, otherwise [`Method::choose`].
     pub method: Option<Method>,
-    /// Seconds of the game; infinite for the converged value.
+    /// The horizon (s); infinite for the converged value.
     pub horizon_s: f64,
     /// Size of the grid, unless `grid` or `range_m` determines it.
     pub accuracy: Accuracy,
     /// The grid of the Cartesian method.
     pub grid: Option<CartesianGrid>,
-    /// Largest range of the polar method, m; `None` for a default. Without a horizon, V depends on
-    /// it if the pursuer is faster. With a horizon, the default range just contains the states
-    /// where V is at most half the radius; V beyond is a guess that may be metres too large. A
-    /// larger range has as many nodes, farther apart.
+    /// Largest range of the polar method (m); `None` for a default. For an infinite horizon, V
+    /// depends on this range if the pursuer is faster. For a finite horizon, the default range just
+    /// contains the states where V is at most half the radius. V beyond it is an estimate that may
+    /// be metres too large. A larger range has the same number of nodes, farther apart.
     pub range_m: Option<f64>,
-    /// Number of threads for time steps: with a finite horizon or the Cartesian method.
+    /// Number of threads; used for a finite horizon or with the Cartesian method.
     pub threads: usize,
-    /// A solve that needs more memory than this is refused.
+    /// Memory limit (bytes). A solve that needs more is rejected.
     pub memory_limit_bytes: u64,
 }
 
@@ -172,13 +172,13 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Sets [`Self::method`], the method; `None` for the best one.
+    /// Sets [`Self::method`]; `None` for the default method.
     #[must_use]
     pub fn with_method(self, method: impl Into<Option<Method>>) -> Self {
         Self { method: method.into(), ..self }
     }
 
-    /// Sets [`Self::horizon_s`], seconds of the game; infinite for the converged value.
+    /// Sets [`Self::horizon_s`], the horizon (s); infinite for the converged value.
     #[must_use]
     pub fn with_horizon(self, horizon_s: f64) -> Self {
         Self { horizon_s, ..self }
@@ -190,34 +190,35 @@ impl Options {
         Self { accuracy, ..self }
     }
 
-    /// Sets [`Self::grid`], the grid of the Cartesian method; `None` for one that `accuracy` determines.
+    /// Sets [`Self::grid`], the grid of the Cartesian method; `None` for a grid that `accuracy`
+    /// determines.
     #[must_use]
     pub fn with_grid(self, grid: impl Into<Option<CartesianGrid>>) -> Self {
         Self { grid: grid.into(), ..self }
     }
 
-    /// Sets [`Self::range_m`], the largest range of the polar method, m; `None` for the default.
+    /// Sets [`Self::range_m`], the largest range of the polar method (m); `None` for the default.
     #[must_use]
     pub fn with_range(self, range_m: impl Into<Option<f64>>) -> Self {
         Self { range_m: range_m.into(), ..self }
     }
 
-    /// Sets [`Self::threads`], the threads of time steps.
+    /// Sets [`Self::threads`], the number of threads for a finite horizon or the Cartesian method.
     #[must_use]
     pub fn with_threads(self, threads: usize) -> Self {
         Self { threads, ..self }
     }
 
-    /// Sets [`Self::memory_limit_bytes`], the most memory that a solve may take, bytes.
+    /// Sets [`Self::memory_limit_bytes`], the memory limit of a solve (bytes).
     #[must_use]
     pub fn with_memory_limit(self, memory_limit_bytes: u64) -> Self {
         Self { memory_limit_bytes, ..self }
     }
 
-    /// The method that [`solve`] uses for `game`, before it begins.
+    /// The method that [`solve`] will use for `game`.
     ///
     /// # Errors
-    /// [`Invalid`] for a bad game or horizon, or a method that does not support them.
+    /// [`Invalid`] for an invalid game or horizon, or a method that does not support them.
     pub fn method_for(&self, game: &PursuitGame) -> Result<Method, Invalid> {
         game.check()?;
         let horizon_s = self.horizon_s;
@@ -246,30 +247,31 @@ impl Options {
 pub struct Solved {
     /// The function: the closed form, or interpolated between the nodes of the solver.
     pub function: ValueFunction,
-    /// The function on its nodes; the closed form is sampled on those that the
-    /// other methods would use.
+    /// The function on its nodes. The closed form is sampled on the nodes that the other methods
+    /// would use.
     pub samples: Arc<SampledValue>,
     /// The method used.
     pub method: Method,
-    /// Time steps, or sweeps over the finest grid; 0 for the closed form.
+    /// Number of time steps, or of sweeps over the finest grid; 0 for the closed form.
     pub steps: usize,
-    /// Threads used.
+    /// Number of threads used.
     pub threads: usize,
-    /// How much the solution still changes: the largest |∂V/∂τ| of time steps, m/s (not a measure
-    /// of errors at the end of a finite horizon); for the converged value of the polar method, the
-    /// drift in [`polar::WINDOW`] sweeps, m; 0 for the closed form.
+    /// How much the solution still changes. With time steps, this is the largest |∂V/∂τ| (m/s),
+    /// which does not measure the error at the end of a finite horizon. For the converged value of
+    /// the polar method, it is the drift in [`polar::WINDOW`] sweeps (m). 0 for the closed form.
     pub residual: f64,
     /// Whether the solution had converged when the solve ended; `None` for a finite horizon. A
-    /// chase by a barely faster pursuer can take longer than a solve may.
+    /// chase by a barely faster pursuer can take longer than the longest solve.
     pub converged: Option<bool>,
 }
 
-/// Finds the value function of `game`.
+/// Computes the value function of `game`.
 ///
-/// The grid is finite. If the pursuer is faster, it may win chases that lead beyond the grid, but the solver
-/// counts them as escapes: V there, and along the way there, is then too large by metres, although the state is
-/// `inside` and [`ValueFunction::unsettled_m`] is small. To check, solve again with twice the range
-/// ([`Options::with_range`]); where V changes, the smaller range was too small.
+/// The grid is finite. If the pursuer is faster, it may win chases that lead beyond the grid, but
+/// the solver counts these chases as escapes. V is then too large by metres where they leave the
+/// grid and along their way, although the states are `inside` and [`ValueFunction::unsettled_m`] is
+/// small. To check this, solve again with twice the range ([`Options::with_range`]). Where V
+/// changes, the smaller range was too small.
 ///
 /// # Example
 /// ```
@@ -292,8 +294,8 @@ pub struct Solved {
 /// ```
 ///
 /// # Errors
-/// [`SolveError::Invalid`] for a bad game, horizon or grid, or a method that does not support them;
-/// [`SolveError::Cancelled`] if `progress` cancels it.
+/// [`SolveError::Invalid`] for an invalid game, horizon or grid, or a method that does not support
+/// them; [`SolveError::Cancelled`] if `progress` cancels the solve.
 pub fn solve(
     game: PursuitGame,
     options: &Options,
@@ -384,8 +386,8 @@ fn march<T: Real>(
     let horizon = if options.horizon_s.is_finite() {
         Horizon::Finite(options.horizon_s)
     } else {
-        // Optimal play of equal vehicles ends within half a turn. Chases may take several times
-        // as long before the march gives up.
+        // Optimal play of equal vehicles ends within half a turn. The march gives chases several
+        // times as long before it stops.
         let slowest = game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
         Horizon::Converged { tolerance: settled(&game), longest_s: 8.0 * PI / slowest }
     };
@@ -401,18 +403,19 @@ fn march<T: Real>(
     Ok((samples, solution.steps, solution.residual))
 }
 
-/// Rate of change of V, m/s, below which a march has converged.
+/// Rate of change of V (m/s) below which a march has converged.
 fn settled(game: &PursuitGame) -> f64 {
     2e-3 * (game.evader.speed_mps + game.pursuer.speed_mps)
 }
 
-/// The larger turning radius of the two vehicles, m.
+/// The larger turning radius of the two vehicles (m).
 fn widest_turn(game: &PursuitGame) -> f64 {
     let radius = |vehicle: VehicleModel| vehicle.speed_mps / vehicle.turn_rate_radps;
     radius(game.evader).max(radius(game.pursuer))
 }
 
-/// The settings of the polar method, and the share of the solve that finding them takes.
+/// The settings of the polar method, and the fraction of the solve's progress that finding them
+/// takes.
 fn polar_settings(
     game: &PursuitGame,
     options: &Options,
@@ -429,7 +432,7 @@ fn polar_settings(
         else {
             unreachable!("polar_nodes are polar");
         };
-        // In proportion to the errors of the grid, which fall with the square of its spacing.
+        // Proportional to the discretization error, which decreases with the square of the spacing.
         let tolerance = settings.tolerance
             * match options.accuracy {
                 Accuracy::Draft => 4.0,
@@ -450,7 +453,7 @@ fn polar_settings(
     if options.range_m.is_some() {
         return Ok((polar::Settings { range_m: largest_range(game, options)?, ..nodes }, 0.0));
     }
-    // Beyond this range, the vehicles cannot meet in time.
+    // From beyond this range, the vehicles cannot meet within the horizon.
     let closing = game.evader.speed_mps + game.pursuer.speed_mps;
     let certain = game.radius_m + closing * options.horizon_s;
     let range_m = certain.min(largest_range(game, options)?);
@@ -462,10 +465,10 @@ fn polar_settings(
     Ok((polar::Settings { range_m: matters, ..nodes }, DRAFT_SHARE))
 }
 
-/// The largest range of the polar method, m.
+/// The largest range of the polar method (m).
 fn largest_range(game: &PursuitGame, options: &Options) -> Result<f64, Invalid> {
-    // Half a turn of both at full speed shortens the range by at most 2π turning
-    // radii; half as much again for vehicles that differ.
+    // Half a turn of both vehicles at full speed shortens the range by at most 2π turning radii.
+    // The default adds half as much again for vehicles that differ.
     let range_m = match options.range_m {
         Some(range_m) => positive("range_m", range_m)?,
         None => game.radius_m + 3.0 * PI * widest_turn(game),
@@ -487,12 +490,13 @@ fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> 
     Ok(Nodes::Polar { knee_m: game.radius_m, range_m, range_nodes, angle_nodes })
 }
 
-/// A grid that just contains the states that matter, with the number of nodes for `options.accuracy`.
+/// A grid that just contains the states that matter, with the number of nodes of
+/// `options.accuracy`.
 ///
-/// A draft on a domain that certainly contains {V ≤ 0} shows where V is at most a margin c. Optimal
-/// paths from {V ≤ c} stay in it, so V needs no states outside. The spacing is h along x and y, and
-/// h over the largest |∂V/∂ψ|, twice a turning radius, along ψ: over one spacing, V then changes by
-/// as much along ψ as along x or y.
+/// A draft solve on a domain that certainly contains {V ≤ 0} shows where V is at most a margin c.
+/// Optimal paths from {V ≤ c} stay in this set, so V needs no states outside it. The spacing is h
+/// along x and y. Along ψ it is h divided by the largest |∂V/∂ψ|, which is twice a turning radius.
+/// Over one spacing, V then changes by as much along ψ as along x or y.
 fn default_grid(
     game: PursuitGame,
     options: &Options,
@@ -521,7 +525,7 @@ fn default_grid(
     let sides = [x1 - x0, 2.0 * y1, TAU * 2.0 * widest_turn(&game)];
     let spacing = cbrt(sides.iter().product::<f64>() / count);
     let along = |side: f64| ((side / spacing).round() as usize).max(LEAST_CELLS);
-    // Headings of a quarter turn and their mirror images are nodes.
+    // Multiples of a quarter turn and their mirror images are then nodes.
     let headings = along(sides[2]).clamp(nodes[2] / 2, 4 * nodes[2]).next_multiple_of(4);
     let spacing = (sides[0] * sides[1] * headings as f64 / count).sqrt();
     let along = |side: f64| ((side / spacing).round() as usize).max(LEAST_CELLS);
@@ -533,11 +537,11 @@ fn default_grid(
     })
 }
 
-/// Nodes of a draft.
+/// Number of nodes of a draft solve.
 const DRAFT_NODES: [usize; 3] = [41, 41, 32];
-/// The domain contains the states where V is at most this share of the radius.
+/// The domain contains the states where V is at most this fraction of the radius.
 const MARGIN: f64 = 0.5;
-/// Least number of cells of an axis.
+/// Minimum number of cells of an axis.
 const LEAST_CELLS: usize = 24;
-/// Share of a solve's progress that its draft counts for.
+/// The fraction of a solve's progress that its draft accounts for.
 const DRAFT_SHARE: f64 = 0.05;

@@ -1,7 +1,9 @@
-//! The solid {V ≤ c} over x, y and ψ, as triangles (dual contouring: Ju, Losasso, Schaefer and Warren, 2002).
+//! The solid {V ≤ c} over x, y and ψ as a triangle mesh (dual contouring: Ju, Losasso, Schaefer and
+//! Warren, 2002).
 //!
-//! Each cell of the grid that the surface crosses has one vertex, where the tangent planes of the crossings on
-//! its edges meet. So a ridge is a line of vertices on the ridge, and not the staircase of the grid's edges.
+//! Each grid cell that the surface crosses has one vertex, at the intersection of the tangent
+//! planes of the crossings on its edges. A ridge therefore becomes a line of vertices on the ridge,
+//! and not a staircase along the grid's edges.
 
 #[cfg(test)]
 mod tests;
@@ -13,35 +15,36 @@ use crate::math::TAU;
 pub struct Sampling {
     low: [f64; 2],
     high: [f64; 2],
-    /// One more at each end than requested: the first and the last one are outside.
+    /// Number of nodes, one more at each end than requested. The first and the last node are
+    /// outside the solid.
     nodes: [usize; 3],
     /// Row-major over x, y, ψ.
     values: Vec<f32>,
 }
 
-/// Triangles over x, y, m, and ψ, rad, around a solid. It ends at the edges of the rectangle, at ψ = 0 and at
-/// ψ = 2π with flat faces.
+/// A closed triangle mesh over x and y (m) and ψ (rad) around a solid, with flat faces at the edges
+/// of the rectangle, at ψ = 0 and at ψ = 2π.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
-    /// (x, y, ψ).
+    /// The vertices (x, y, ψ).
     pub vertices: Vec<[f64; 3]>,
-    /// Three vertices each, counter-clockwise seen from outside.
+    /// The indices of each triangle's vertices, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// The outward normal of each triangle, of any length: (∂/∂x, ∂/∂y, ∂/∂ψ) of a function that
-    /// grows outwards.
+    /// The outward normal of each triangle, not normalised: (∂/∂x, ∂/∂y, ∂/∂ψ) of a function that
+    /// increases outwards.
     pub normals: Vec<[f64; 3]>,
 }
 
-/// A crossing is improved until it misses the level by at most this share of the difference between
-/// its ends, in at most [`STEPS`] steps.
+/// A crossing is refined, in at most [`STEPS`] steps, until it misses the level by at most this
+/// fraction of the difference between its ends.
 const MISS: f64 = 1e-4;
 const STEPS: usize = 24;
-/// Weight that pulls a vertex to the middle of its crossings; it decides where the planes leave the
-/// vertex open.
+/// Regularization weight that pulls a vertex to the mean of its crossings. It determines the vertex
+/// in directions in which the planes do not.
 const PULL: f64 = 0.01;
-/// How far a vertex may leave its cell, in sides of the cell.
+/// Largest distance of a vertex outside its cell, in sides of the cell.
 const BEYOND: f64 = 0.9;
-/// How far a vertex may be moved to settle on the level, in sides of a cell.
+/// Largest distance by which a vertex is moved onto the level, in sides of a cell.
 const SETTLING: f64 = 0.3;
 
 /// A crossing of a grid edge and the surface.
@@ -59,7 +62,7 @@ struct Crossing {
 enum Normal {
     /// The function's gradient.
     Gradient([f64; 3]),
-    /// Along the edge: the solid is cut off here.
+    /// The direction of the edge, since the solid is cut off here.
     Face([f64; 3]),
     /// The function jumps here, so its gradient is meaningless.
     Unknown,
@@ -74,16 +77,16 @@ struct Cell {
     /// Σ n nᵀ and Σ n (n · p).
     square: [[f64; 3]; 3],
     right: [f64; 3],
-    /// The coordinate at which the solid is cut off, along each axis on which it is.
+    /// For each axis, the coordinate at which the solid is cut off, if it is.
     face: [Option<f64>; 3],
     jumps: bool,
-    /// The sum of the normals where the function has the level.
+    /// The sum of the normals at the crossings where the function is on the level.
     lean: [f64; 3],
 }
 
 impl Sampling {
-    /// Samples `value` on `nodes` of x, y and ψ (at least two each) between two corners of the plane, m, and
-    /// from 0 to 2π, the ends included.
+    /// Samples `value` on `nodes` nodes along x, y and ψ (at least two each). x and y are from
+    /// `low` to `high` (m) and ψ is from 0 to 2π, ends included.
     pub fn new(
         value: impl Fn([f64; 3]) -> f64,
         low: [f64; 2],
@@ -97,7 +100,7 @@ impl Sampling {
         for i in 0..columns {
             for j in 0..rows {
                 for k in 0..headings {
-                    // This closes the solid.
+                    // The outermost nodes are outside, which closes the solid.
                     let node = [i, j, k];
                     let is_outer = (0..3).any(|d| node[d] == 0 || node[d] + 1 == nodes[d]);
                     let at = if is_outer { f64::INFINITY } else { value(sampling.point(node)) };
@@ -113,7 +116,7 @@ impl Sampling {
         if axis == 2 { [0.0, TAU] } else { [self.low[axis], self.high[axis]] }
     }
 
-    /// Sides of a cell.
+    /// Side lengths of a cell.
     fn sides(&self) -> [f64; 3] {
         [0, 1, 2].map(|d| {
             let [low, high] = self.ends(d);
@@ -125,7 +128,7 @@ impl Sampling {
         [0, 1, 2].map(|d| {
             let [low, high] = self.ends(d);
             let share = (node[d] as f64 - 1.0) / (self.nodes[d] - 3) as f64;
-            // Exactly the end.
+            // The end is exact, without rounding error.
             if share == 1.0 { high } else { low + share * (high - low) }
         })
     }
@@ -134,13 +137,13 @@ impl Sampling {
         (i * self.nodes[1] + j) * self.nodes[2] + k
     }
 
-    /// The function at a node less the level.
+    /// The function at a node minus the level.
     fn excess(&self, node: [usize; 3], level: f64) -> f64 {
         f64::from(self.values[self.index(node)]) - level
     }
 
-    /// The surface around the states at which `value`, the sampled function, is at most `level`; its gradient
-    /// is `gradient`.
+    /// The surface around the states where the sampled function `value` is at most `level`.
+    /// `gradient` is the gradient of `value`.
     pub fn surface(
         &self,
         value: impl Fn([f64; 3]) -> f64,
@@ -149,7 +152,7 @@ impl Sampling {
     ) -> Surface {
         let excess = |at| value(at) - level;
         let crossings = self.crossings(&excess, &gradient, level);
-        // The cells that are crossed, and the index of each in that list.
+        // The crossed cells, and for each grid cell its index in this list.
         let mut cells: Vec<Cell> = Vec::new();
         let mut known = vec![u32::MAX; self.values.len()];
         let sides = self.sides();
@@ -224,8 +227,8 @@ impl Sampling {
 }
 
 impl Crossing {
-    /// The four cells around its edge, counter-clockwise seen from where the edge points. The outermost nodes
-    /// are all outside, so no edge between them is crossed.
+    /// The four cells around the crossing's edge, counter-clockwise seen from the end of the edge.
+    /// The outermost nodes are all outside, so no edge between them is crossed.
     fn cells(&self) -> [[usize; 3]; 4] {
         let (u, v) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
         [(1, 1), (0, 1), (0, 0), (1, 0)].map(|(back_u, back_v)| {
@@ -265,7 +268,8 @@ impl Cell {
         }
     }
 
-    /// Where the planes meet within the cell: the least-squares solution about the middle of the crossings.
+    /// The intersection of the planes within the cell: the regularized least-squares solution about
+    /// the mean of the crossings.
     fn meeting(&self) -> [f64; 3] {
         let middle = self.sum.map(|part| part / self.count);
         let mut square = self.square;
@@ -284,14 +288,14 @@ impl Cell {
         self.within(add(middle, away, 1.0))
     }
 
-    /// The nearest place in the cell or not far from it, since a ridge may pass beside the edges of its own cells;
-    /// and on the faces that cut the solid off.
+    /// The nearest point in the cell, widened by [`BEYOND`] because a ridge may pass just outside
+    /// its cells, and on the faces that cut off the solid.
     fn within(&self, at: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|d| self.face[d].unwrap_or(at[d].clamp(-BEYOND, 1.0 + BEYOND)))
     }
 
-    /// The vertex: where the planes meet, moved along the mean of their normals to the level. On a
-    /// ridge, that direction is between its sides.
+    /// The vertex: the intersection of the planes, moved onto the level along the mean of their
+    /// normals. On a ridge, this direction is between the normals of its two sides.
     fn settled(
         &self,
         corner: [f64; 3],
@@ -317,7 +321,8 @@ impl Cell {
 }
 
 impl Surface {
-    /// Adds the two triangles between four vertices, cut along the diagonal that misses the level less.
+    /// Adds two triangles between four vertices, split along the diagonal whose midpoint is nearer
+    /// to the level.
     fn fill(&mut self, ring: [u32; 4], normal: &Normal, excess: &impl Fn([f64; 3]) -> f64) {
         let [a, b, c, d] = ring;
         let missed = |from: u32, to: u32| {
@@ -343,10 +348,10 @@ impl Surface {
         }
     }
 
-    /// The volume that the surface encloses, m²·rad.
+    /// The volume that the surface encloses (m²·rad).
     #[must_use]
     pub fn volume(&self) -> f64 {
-        // The flux of (x, 0, 0).
+        // The flux of (x, 0, 0), by the divergence theorem.
         let flux = |triangle: &[u32; 3]| {
             let [p, q, r] = triangle.map(|v| self.vertices[v as usize]);
             let [normal_x, ..] = cross(add(q, p, -1.0), add(r, p, -1.0));
@@ -356,8 +361,8 @@ impl Surface {
     }
 }
 
-/// The state where the function is 0, between a state inside and a state outside, each with its
-/// excess, and whether the function is 0 there: if it jumps, no state has the level.
+/// The zero of `excess` between a state inside and a state outside, each given with its excess.
+/// Also returns whether `excess` is 0 there; if it jumps, no state is on the level.
 fn crossing(
     excess: impl Fn([f64; 3]) -> f64,
     (inside, mut low): ([f64; 3], f64),
@@ -365,7 +370,8 @@ fn crossing(
 ) -> ([f64; 3], bool) {
     let (mut s, mut t) = (0.0, 1.0);
     let at = |share: f64| [0, 1, 2].map(|d| inside[d] + share * (outside[d] - inside[d]));
-    // Regula falsi; the bracket stays, and a weight keeps one end from staying forever (Illinois).
+    // Regula falsi, which keeps the zero bracketed. Halving the value of an end prevents it from
+    // being kept forever (Illinois method).
     let mut last = None;
     let miss = MISS * (high - low);
     for _ in 0..STEPS {

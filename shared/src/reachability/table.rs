@@ -1,15 +1,15 @@
-//! Interpolation in a table of three axes.
+//! Interpolation in a three-dimensional table.
 
-/// Ghost entries before the first and after the last cell of each axis, so that every stencil is
-/// within the table.
+/// Number of ghost entries before the first and behind the last cell of each axis, so that every
+/// stencil is within the table.
 const BEFORE: usize = 1;
 const BEHIND: usize = 2;
 
 /// One number for each of the four edges of a cell along one axis.
 type Four = [f32; 4];
 
-/// The four edges of a cell along one axis at once: the entries before them, at both ends and
-/// behind them. The last argument has the strides of the other axes.
+/// The entries along all four edges of a cell in the direction of one axis: before the edges, at
+/// their two ends, and behind them. The last argument contains the strides of the other axes.
 #[inline(always)]
 fn edges(values: &[f32], cell: usize, stride: usize, [slow, fast]: [usize; 2]) -> [Four; 4] {
     let mut edges = [[0.0; 4]; 4];
@@ -20,7 +20,7 @@ fn edges(values: &[f32], cell: usize, stride: usize, [slow, fast]: [usize; 2]) -
     edges
 }
 
-/// The curvature along each edge: minmod of that at its ends.
+/// The curvature along each edge: the minmod of the second differences at its ends.
 #[inline(always)]
 fn bends([before, from, to, behind]: [Four; 4]) -> Four {
     let mut bends = [0.0; 4];
@@ -34,10 +34,10 @@ fn bends([before, from, to, behind]: [Four; 4]) -> Four {
     bends
 }
 
-/// Numbers on a box of nodes, with ghosts.
+/// Values on a box of nodes, with ghosts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Table {
-    /// Cells of each axis: one less than its nodes, or as many if it is periodic.
+    /// Number of cells of each axis: one less than its nodes, or as many if the axis is periodic.
     cells: [usize; 3],
     strides: [usize; 3],
     values: Vec<f32>,
@@ -61,12 +61,12 @@ impl Table {
         Self { cells, strides, values }
     }
 
-    /// Cells of each axis.
+    /// Number of cells of each axis.
     pub(super) fn cells(&self) -> [usize; 3] {
         self.cells
     }
 
-    /// The entry at a node, 0 … cells.
+    /// The entry at a node, with indices from 0 to `cells`.
     pub(super) fn node(&self, index: [usize; 3]) -> f32 {
         self.values[self.offset(index)]
     }
@@ -75,8 +75,8 @@ impl Table {
         (0..3).map(|d| (index[d] + BEFORE) * self.strides[d]).sum()
     }
 
-    /// The value at `share` of the edge along axis 2 from `index`: the same as
-    /// [`Table::interpolate`] there.
+    /// The value at position `share` of the edge along axis 2 that begins at `index`. Up to
+    /// rounding, it equals [`Table::interpolate`] there.
     pub(super) fn on_edge(&self, index: [usize; 3], share: f64) -> f64 {
         let at = self.offset(index);
         let line = |k: usize| [self.values[at - 1 + k]; 4];
@@ -86,12 +86,14 @@ impl Table {
         f64::from((1.0 - t) * from + t * to - 0.5 * t * (1.0 - t) * bend)
     }
 
-    /// Value and derivatives, per cell, at `share` (0 … 1 each) of cell `index`.
+    /// The value and its derivatives (per cell) at position `share` (from 0 to 1 along each axis)
+    /// of cell `index`.
     ///
-    /// Trilinear, plus a parabola along each axis, with the smaller of the second differences at
-    /// both ends of a cell's edges. This is third order where the data are smooth, does not overshoot
-    /// at one kink (between two walls that are one cell apart it would, but no game of this table has walls), and is
-    /// continuous, because the interpolant on a face depends only on entries in the face's plane.
+    /// Trilinear, plus a parabola along each axis whose curvature is the smaller of the second
+    /// differences at both ends of a cell's edge. This is of third order where the data are smooth.
+    /// It does not overshoot at a single kink. (Between two walls that are one cell apart it would,
+    /// but no game of this table has walls.) It is continuous, because on a face it depends only on
+    /// entries in the face's plane.
     #[inline(always)]
     pub(super) fn interpolate(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let origin = self.offset(index);
@@ -116,7 +118,7 @@ impl Table {
         let d1 = u0 * (l01 - l00) + t0 * (l11 - l10);
         let rise = |c: Four| u1 * (c[1] - c[0]) + t1 * (c[3] - c[2]);
         let d2 = u0 * rise(near) + t0 * rise(far);
-        // Bends, blended over the other two axes, the slower one first.
+        // The curvatures, blended over the other two axes, the slower axis first.
         let blend = |b: Four, [us, ts]: [f32; 2], [uf, tf]: [f32; 2]| {
             let (low, high) = (uf * b[0] + tf * b[1], uf * b[2] + tf * b[3]);
             (us * low + ts * high, high - low, us * (b[1] - b[0]) + ts * (b[3] - b[2]))
@@ -180,7 +182,8 @@ mod tests {
                     y[d] += h;
                     at(y).0
                 };
-                // A parabola along each axis: the central difference is its slope, up to f32 rounding.
+                // The interpolant is a parabola along each axis, so the central difference is its
+                // slope, up to f32 rounding.
                 if (x[d] - x[d].round()).abs() > 0.1 {
                     assert!(((step(0.1) - step(-0.1)) / 0.2 - slope[d]).abs() < 1e-5);
                 }

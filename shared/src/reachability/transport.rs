@@ -1,13 +1,14 @@
-//! The encoding of value functions: compact and deterministic.
+//! A compact and deterministic encoding of value functions.
 //!
 //! The closed form is a line of JSON with its parameters. A sampled function is a line of JSON,
 //! whose `"octets"` is the number of bytes that follow, and then its deficits in whole
-//! [`QUANTUM_M`]: the difference to the prediction from the neighbours towards the origin, as
-//! variable-length integers (7 bits per byte, low first, zigzag sign). With `"float32": true` the
-//! deficits follow as little-endian f32 instead.
+//! [`QUANTUM_M`]. Each deficit is stored as its difference from a prediction, which is computed
+//! from the neighbours towards the origin. The differences are variable-length integers (7 bits per
+//! byte, low bits first, zigzag sign). With `"float32": true`, the deficits follow as little-endian
+//! f32 instead.
 //!
-//! `"crc32"` in the first line of a file is the checksum of all bytes without this entry. It is not part
-//! of the function's address ([`ValueFunction::id`]), and older files have none.
+//! `"crc32"` in the first line of a file is the checksum of all bytes without this entry. It is not
+//! part of the function's address ([`ValueFunction::id`]). Older files have no checksum.
 
 mod body;
 
@@ -23,8 +24,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
-/// Deficits are stored in multiples of this, m, times [`PursuitGame::length_unit_m`] (1 for a
-/// radius between 2.1 m and 4.2 m): an error of at most half of it.
+/// Deficits are stored in multiples of this quantum (m) times [`PursuitGame::length_unit_m`] (1 for
+/// a radius between 2.1 m and 4.2 m), so the rounding error is at most half a multiple.
 pub const QUANTUM_M: f64 = 0.001;
 
 const FORMAT: &str = "sidestep-value-function/1";
@@ -46,10 +47,10 @@ enum Header {
         nodes: Nodes,
         /// `None` for the converged value, since JSON has no infinity.
         horizon_s: Option<f64>,
-        /// [`SampledValue::unsettled_m`]; absent where there is none.
+        /// [`SampledValue::unsettled_m`]; absent if it is `None`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         unsettled_m: Option<f64>,
-        /// Whether a sheet follows the deficits: its differences to them.
+        /// Whether a sheet follows the deficits, as differences from them unless `float32` is set.
         sheet: bool,
         #[serde(rename = "octets")]
         bytes: usize,
@@ -67,7 +68,7 @@ impl Header {
         crc32
     }
 
-    /// This header and the body after it.
+    /// The bytes of this header, followed by `body`.
     fn with(&self, body: &[u8]) -> Vec<u8> {
         // Finite numbers and strings always have a JSON form.
         let mut bytes = serde_json::to_vec(self).unwrap_or_default();
@@ -93,8 +94,8 @@ impl ValueFunction {
         summed(self.parts(false))
     }
 
-    /// [`Self::encode_with_checksum`] without rounding, in three to four times as many bytes:
-    /// [`Self::decode`] returns an equal function.
+    /// [`Self::encode_with_checksum`] without rounding, so that [`Self::decode`] returns an equal
+    /// function. It takes three to four times as many bytes.
     #[must_use]
     pub fn encode_unrounded(&self) -> Vec<u8> {
         summed(self.parts(true))
@@ -135,7 +136,8 @@ impl ValueFunction {
     /// Decodes the bytes of [`Self::encode`] or [`Self::encode_unrounded`].
     ///
     /// # Errors
-    /// [`Invalid`] if the bytes are not a value function, are truncated or damaged, or have another version.
+    /// [`Invalid`] if the bytes are not a value function, are truncated or damaged, or are of
+    /// another version.
     pub fn decode(bytes: &[u8]) -> Result<Self, Invalid> {
         let end = bytes.iter().position(|byte| *byte == b'\n').unwrap_or(bytes.len());
         let mut header: Header = serde_json::from_slice(&bytes[..end])
@@ -174,7 +176,8 @@ impl ValueFunction {
         }
     }
 
-    /// Content hash (SHA-256, hexadecimal) of the bytes without their checksum: the function's address.
+    /// The function's address: the content hash (SHA-256, hexadecimal) of its bytes without a
+    /// checksum.
     #[cfg(feature = "study")]
     #[must_use]
     pub fn id(&self) -> String {
@@ -274,7 +277,7 @@ mod tests {
         assert_eq!(again(&restless).unsettled_m(), Some(1.25e-3));
         assert_eq!(again(&settled).unsettled_m(), None);
         assert_ne!(restless.id(), settled.id());
-        // Converged functions keep their bytes, and so their id.
+        // Converged functions keep their bytes, and therefore their id.
         let header = settled.encode();
         assert!(!String::from_utf8_lossy(&header[..300]).contains("unsettled"));
     }

@@ -1,4 +1,4 @@
-//! The value function of a pursuit game, whichever method computed it.
+//! The value function of a pursuit game, from any solution method.
 
 use super::exact::{ExactValue, PART, check_states};
 use super::pursuit::PursuitGame;
@@ -17,23 +17,23 @@ pub enum ValueFunction {
     Sampled(Arc<SampledValue>),
 }
 
-/// Value, gradient and optimal turns at a relative state.
+/// Value, gradient and optimal turn rates at a relative state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ValueState {
-    /// V, m.
+    /// V (m).
     pub value: f64,
-    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
+    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ) in (m/m, m/m, m/rad); one-sided where V has a kink.
     pub gradient: [f64; 3],
-    /// The evader's optimal turn rate, rad/s.
+    /// The evader's optimal turn rate (rad/s).
     pub evader_turn: f64,
-    /// The pursuer's optimal turn rate, rad/s.
+    /// The pursuer's optimal turn rate (rad/s).
     pub pursuer_turn: f64,
-    /// Whether these come from the closed form.
+    /// Whether the values come from the closed form.
     pub exact: bool,
-    /// Whether the state is within the solved grid; outside, V is the range margin (range minus
+    /// Whether the state is within the solved grid. Outside, V is the range margin (range minus
     /// radius) plus the deficit at the nearest point of the grid's boundary. Inside, V depends on
-    /// the grid: for a faster pursuer, a larger grid may give another V.
+    /// the size of the grid: for a faster pursuer, a larger grid may give a different V.
     pub inside: bool,
 }
 
@@ -53,10 +53,10 @@ impl ValueFunction {
         }
     }
 
-    /// How much V still changed when the solver stopped without converging, m
-    /// ([`SampledValue::unsettled_m`]); `None` if it converged. It is not a bound on the error: the
-    /// difference from the converged value is not known, and in a chase it can be much larger. For
-    /// a faster pursuer V also depends on the range of the grid
+    /// How much V was still changing (m) when the solver stopped without converging
+    /// ([`SampledValue::unsettled_m`]); `None` if it converged. This is not a bound on the error.
+    /// The difference from the converged value is unknown, and in a chase it can be much larger.
+    /// For a faster pursuer, V also depends on the range of the grid
     /// ([`Options::range_m`](super::Options::range_m)).
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
@@ -66,8 +66,8 @@ impl ValueFunction {
         }
     }
 
-    /// V, m, at the pursuer's pose (x, y, ψ) in the evader's frame. At ≤ 0 m the pursuer can force a
-    /// collision. NaN if a coordinate is not finite.
+    /// V (m) at the pursuer's pose (x, y, ψ) in the evader's frame. If V ≤ 0, the pursuer can force
+    /// a collision. Returns NaN if a coordinate is not finite.
     #[must_use]
     pub fn value(&self, relative: [f64; 3]) -> f64 {
         if !relative.iter().all(|coordinate| coordinate.is_finite()) {
@@ -79,11 +79,12 @@ impl ValueFunction {
         }
     }
 
-    /// Writes [`Self::value`] of each of `states`, with the same bits, to `out`, on all available threads.
+    /// Writes [`Self::value`] of each of `states` to `out`, with identical bits, on all available
+    /// threads.
     ///
     /// # Errors
-    /// [`Invalid`] if `out` is not as long as `states`, or naming the first coordinate that is not finite
-    /// (`states[17].y`); `out` is untouched then.
+    /// [`Invalid`] if `out` and `states` differ in length, or naming the first coordinate that is
+    /// not finite (such as `states[17].y`). `out` is then unchanged.
     pub fn values_into(&self, states: &[[f64; 3]], out: &mut [f64]) -> Result<(), Invalid> {
         match self {
             Self::Exact(exact) => exact.parallel_values_into(states, out),
@@ -99,7 +100,7 @@ impl ValueFunction {
         }
     }
 
-    /// Value, gradient and both players' optimal turns.
+    /// Value, gradient and both players' optimal turn rates.
     #[must_use]
     pub fn state(&self, relative: [f64; 3]) -> ValueState {
         if !relative.iter().all(|coordinate| coordinate.is_finite()) {

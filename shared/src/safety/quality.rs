@@ -5,7 +5,7 @@ use crate::reachability::{PursuitGame, QUANTUM_M, ValueFunction};
 use crate::scene::Evader;
 use serde::{Deserialize, Serialize};
 
-/// The accuracy of a level on a grid, m, for a radius of about 3 m: the 99th percentile of the
+/// The accuracy of a level on a grid (m), for a radius of about 3 m. The 99th percentile of the
 /// polar solver's error in the paper's game is 1.7 cm (docs/validation/reachability.md).
 const GRID_ACCURACY_M: f64 = 0.02;
 
@@ -15,18 +15,18 @@ const GRID_ACCURACY_M: f64 = 0.02;
 pub struct LevelQuality {
     /// Whether the value function converged; a closed form always has.
     pub converged: bool,
-    /// If not converged: the change in the last 16 sweeps, m, averaged over the grid's rows. The
+    /// If not converged: the change in the last 16 sweeps (m), averaged over the grid's rows. The
     /// distance from the converged value may be several hundred times as large.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub last_change_m: Option<f64>,
-    /// Standard deviation of the level over the steps, m.
+    /// Standard deviation of the level over the steps (m).
     pub spread_m: f64,
-    /// The accuracy of the level if it converged, m.
+    /// The accuracy of the level if it converged (m).
     pub accuracy_m: f64,
 }
 
 impl LevelQuality {
-    /// The quality of the level from `function`; `levels` are its values in the steps, m.
+    /// The quality of the level that `function` gives. `levels` are its values in the steps (m).
     #[must_use]
     pub fn of(function: &ValueFunction, levels: &[f64]) -> Self {
         // For a closed form, differences below the storage quantum do not count.
@@ -34,7 +34,7 @@ impl LevelQuality {
             ValueFunction::Exact(_) => QUANTUM_M,
             ValueFunction::Sampled(_) => GRID_ACCURACY_M,
         };
-        // Sorted, so that the order of participants changes no bit of the sums.
+        // Sorted, so that the sums have the same bits for any order of participants.
         let mut levels = levels.to_vec();
         levels.sort_by(f64::total_cmp);
         let count = levels.len().max(1) as f64;
@@ -49,14 +49,14 @@ impl LevelQuality {
         }
     }
 
-    /// Whether the level varies between steps by less than its error. Models use it standardised,
-    /// so its errors would be as large as any feature.
+    /// Whether the level varies between steps by less than its accuracy. Models use standardised
+    /// levels, in which such errors would be as large as any other feature.
     #[must_use]
     pub fn is_nearly_constant(&self) -> bool {
         self.spread_m < self.accuracy_m
     }
 
-    /// Whether conclusions may be drawn from models that use it.
+    /// Whether conclusions may be drawn from models that use the level.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.converged && !self.is_nearly_constant()
@@ -74,8 +74,8 @@ pub struct SafetyQuality {
 }
 
 impl SafetyQuality {
-    /// The quality of the levels from `safety`. `human` and `robot` are V_HR and V_RH in the steps,
-    /// m.
+    /// The quality of the levels from `safety`. `human` and `robot` are V_HR and V_RH in the steps
+    /// (m).
     #[must_use]
     pub fn of(safety: &SafetyLevels, [human, robot]: [&[f64]; 2]) -> Self {
         Self {
@@ -137,7 +137,7 @@ mod tests {
             .unwrap()
     }
 
-    /// V_RH of a slower robot that turns better, cancelled after a few sweeps over a small grid.
+    /// V_RH of a slower robot that turns faster, stopped after a few sweeps over a small grid.
     fn broken_off() -> SafetyLevels {
         let game = PursuitGame {
             evader: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },

@@ -15,45 +15,46 @@ use crate::math::{SeededRng, TAU, wrap_angle};
 pub struct StratifiedScene {
     /// The start of the trial.
     pub scene: Scene,
-    /// Its encounter if neither vehicle turns.
+    /// The encounter that follows if neither vehicle turns.
     pub encounter: Encounter,
     /// The strata of the encounter.
     pub strata: Strata,
-    /// The planned strata. They differ if the planned cell has no admissible scene, or if this
-    /// scene exchanged a stratum with such a scene.
+    /// The planned strata. They differ from `strata` if the planned cell has no admissible scene,
+    /// or if this scene exchanged a stratum with such a scene.
     pub planned: Strata,
 }
 
-/// Draws in a cell before it counts as having no admissible scene.
+/// Number of draws in a cell before the cell counts as having no admissible scene.
 const TRIES_IN_CELL: usize = 4;
-/// Most scenes tried for an exchange.
+/// Maximum number of scenes tried for an exchange.
 const PARTNERS: usize = 64;
-/// Draws in growing neighbourhoods of a cell.
+/// Number of draws in growing neighbourhoods of a cell.
 const TRIES: usize = 4000;
 
-/// The `count` scenes of the participant at `place` (0, 1, 2, …) of a study's phase, in their order.
+/// The `count` scenes, in order, of the participant at `place` (0, 1, 2, …) of a study's phase.
 ///
-/// Within a participant, scenes are a Latin hypercube: each of the encounter's three coordinates
-/// falls once into each of its strata. Across participants, with N scenes in the phase:
+/// Within a participant, the scenes are a Latin hypercube: each of the encounter's three
+/// coordinates falls once into each of its strata. Across participants, with N scenes in the phase:
 ///
-/// - **Order.** The approach strata follow the rows of a Williams square ([`williams_order`]): over N
-///   participants (2N for odd N), each stratum occurs equally often at each position and directly after
-///   each other stratum. This always holds.
-/// - **Pairs.** Over N participants, each pair of an approach and a miss stratum is planned once, and so
-///   is each pair of an approach and an entry stratum: the partners of an approach stratum shift from
-///   one participant to the next, by strides that share no divisor with N. Pairs of a miss and an entry
-///   stratum repeat as rarely as two such shifts allow; after N participants the shifts have a new
-///   offset.
-/// - **Labels.** The assignment of strata to positions in these patterns is drawn once per study, so
-///   that neighbouring positions are not neighbouring angles, distances or times.
+/// - **Order.** The approach strata follow the rows of a Williams square ([`williams_order`]). Over
+///   N participants (2N for odd N), each stratum occurs equally often at each position, and equally
+///   often directly after each other stratum. This always holds.
+/// - **Pairs.** Over N participants, each pair of an approach and a miss stratum is planned once,
+///   and so is each pair of an approach and an entry stratum. For this, the partners of an approach
+///   stratum shift from one participant to the next by strides that are coprime to N. Pairs of a
+///   miss and an entry stratum repeat as rarely as two such shifts allow. After N participants, the
+///   shifts have a new offset.
+/// - **Labels.** The assignment of strata to positions in these patterns is drawn once per study,
+///   so that neighbouring positions are not neighbouring angles, distances or times.
 ///
-/// Many planned cells have no admissible scene: vehicles that meet head-on after eight seconds would
-/// start too far apart, and nearly parallel ones after two seconds too close. Such a scene exchanges its
-/// entry stratum with another scene of the same participant, chosen at random among those for which both
-/// new cells have an admissible scene. The participant's scenes thus remain a Latin hypercube, and the
-/// pairs of approach and miss strata remain as planned. If no exchange of entry strata is possible, miss
-/// strata are exchanged; if that is impossible too, the scene moves to the nearest possible cell, which
-/// leaves a stratum empty. Scenes never lose their approach stratum.
+/// Many planned cells have no admissible scene. For example, vehicles that meet head-on after eight
+/// seconds would start too far apart, and nearly parallel ones that meet after two seconds too
+/// close. The scene of such a cell exchanges its entry stratum with another scene of the
+/// participant, chosen at random among those for which both new cells have an admissible scene.
+/// Thus the participant's scenes remain a Latin hypercube, and the pairs of approach and miss
+/// strata remain as planned. If no entry strata can be exchanged, miss strata are. If that is
+/// impossible too, the scene moves to the nearest possible cell, which leaves a stratum empty.
+/// Scenes never lose their approach stratum.
 ///
 /// The same seed and place give the same scenes on every platform. Each phase of a study needs its own seed.
 ///
@@ -116,12 +117,12 @@ struct Person<'a> {
     rng: SeededRng,
     /// The cell of each scene.
     strata: Vec<Strata>,
-    /// Each scene; `None` while its cell has no admissible one.
+    /// Each scene; `None` while its cell has no admissible scene.
     drawn: Vec<Option<(Scene, Encounter)>>,
 }
 
 impl Person<'_> {
-    /// A scene in a cell; `None` if the cell seems to have no admissible one.
+    /// A scene in a cell; `None` if the cell seems to have no admissible scene.
     fn draw_in(&mut self, cell: Strata) -> Option<(Scene, Encounter)> {
         let count = self.strata.len() as f64;
         (0..TRIES_IN_CELL).find_map(|_| {
@@ -130,7 +131,8 @@ impl Person<'_> {
         })
     }
 
-    /// The scene at these shares of the coordinates, turned at random, if it is admissible.
+    /// The scene at these shares of the coordinates' ranges, rotated at random, if it is
+    /// admissible.
     fn draw_at(&mut self, shares: [f64; 3]) -> Option<(Scene, Encounter)> {
         let encounter = self.stratification.encounter(shares);
         let turn_rad = wrap_angle(self.rng.uniform(0.0, TAU));
@@ -138,8 +140,8 @@ impl Person<'_> {
         self.rules.admit(&scene).then_some((scene, encounter))
     }
 
-    /// Exchanges the strata of one coordinate between scene `i` and another one, so that both have an
-    /// admissible scene. Returns whether that was possible.
+    /// Exchanges the strata of one coordinate between scene `i` and another scene, if both new
+    /// cells have an admissible scene. Returns whether this was possible.
     fn exchange(&mut self, i: usize, coordinate: usize) -> bool {
         let partners = self.rng.permutation(self.strata.len());
         partners.into_iter().filter(|j| *j != i).take(PARTNERS).any(|j| {
@@ -197,11 +199,11 @@ fn planned_strata(count: usize, seed: u64, place: u64) -> Vec<Strata> {
         .collect()
 }
 
-/// The shifts of the miss and the entry strata from one participant to the next. Both strides share no
-/// divisor with `count`, so that each pair with an approach stratum occurs once over `count`
-/// participants. Pairs of a miss and an entry stratum repeat as often as the gcd of `count` and the
-/// strides' difference; pairs at a position, as the gcd of `count` and a stride plus one. These
-/// divisors are as small as strides below [`LARGEST_STRIDE`] allow.
+/// The shifts of the miss and the entry strata from one participant to the next. Both strides are
+/// coprime to `count`, so that each pair with an approach stratum occurs once over `count`
+/// participants. A pair of a miss and an entry stratum repeats as often as the gcd of `count` and
+/// the strides' difference. A stratum repeats at a position as often as the gcd of `count` and its
+/// stride plus one. Both gcds are as small as strides below [`LARGEST_STRIDE`] allow.
 fn strides(count: u64) -> [u64; 2] {
     let coprime = |stride: &u64| common_divisor(*stride, count) == 1;
     let candidates = || (1..LARGEST_STRIDE).filter(coprime);
@@ -218,7 +220,7 @@ fn strides(count: u64) -> [u64; 2] {
 /// Exclusive upper bound of the strides.
 const LARGEST_STRIDE: u64 = 12;
 
-/// The greatest common divisor; `b` if `a` is 0.
+/// The greatest common divisor. Returns `b` if `a` is 0.
 fn common_divisor(a: u64, b: u64) -> u64 {
     if a == 0 { b } else { common_divisor(b % a, a) }
 }

@@ -9,10 +9,11 @@ use super::strata::Stratification;
 use crate::invalid::Invalid;
 use crate::math::{SeededRng, TAU, wrap_angle};
 
-/// `count` scenes from a seed, evenly spread over approach angle, miss distance and entry time: a
-/// Latin hypercube, in which each of the three coordinates falls once into each of `count` equal
-/// strata. If a cell of the hypercube has no admissible scene (such as a head-on encounter two
-/// seconds away), its approach stratum is kept and the other two coordinates are redrawn.
+/// `count` scenes from a seed, spread evenly over approach angle, miss distance and entry time.
+/// They are a Latin hypercube, in which each of the three coordinates falls once into each of
+/// `count` equal strata. If a cell of the hypercube has no admissible scene (such as a head-on
+/// encounter two seconds away), the scene keeps the approach stratum and the other two coordinates
+/// are redrawn.
 ///
 /// The same seed gives the same scenes on every platform.
 ///
@@ -29,11 +30,12 @@ pub fn generate(
     generate_with(parameters, range, count, seed, |scene| rules.admit(scene))
 }
 
-/// As [`generate`], but `admit` decides whether a scene is admissible. With
-/// [`is_admissible`](super::is_admissible) it returns the same scenes, but more slowly.
+/// Like [`generate`], but `admit` decides whether a scene is admissible. With
+/// [`is_admissible`](super::is_admissible), it returns the same scenes as [`generate`], but more
+/// slowly.
 ///
 /// # Errors
-/// As [`generate`].
+/// The errors of [`generate`].
 pub fn generate_with(
     parameters: &SceneParameters,
     range: &EncounterRange,

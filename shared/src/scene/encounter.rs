@@ -9,15 +9,15 @@ use crate::vehicle::Pose;
 /// The coordinates of an encounter, over which scenes are evenly spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encounter {
-    /// Human's heading minus the robot's, rad in (−π, π].
+    /// Human's heading minus the robot's heading (rad), in (−π, π].
     pub approach_rad: f64,
-    /// Signed distance of closest approach if neither vehicle turns, m.
+    /// Signed distance of closest approach if neither vehicle turns (m).
     pub miss_m: f64,
-    /// Time at which the distance falls to R_c if neither vehicle turns, s.
+    /// Time at which the distance falls to R_c if neither vehicle turns (s).
     pub entry_s: f64,
 }
 
-/// The scene of an encounter, centred on the origin and turned by `turn_rad`.
+/// The scene of an encounter, centred on the origin and rotated by `turn_rad`.
 pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad: f64) -> Scene {
     let robot_heading = turn_rad;
     let human_heading = wrap_angle(turn_rad + encounter.approach_rad);
@@ -30,7 +30,7 @@ pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad
     let radius = parameters.danger_radius_m;
     let half_chord = (radius * radius - encounter.miss_m * encounter.miss_m).max(0.0).sqrt();
     let closest_s = encounter.entry_s + half_chord / w;
-    // The robot's start relative to the human's: the miss vector, moved back along w.
+    // The robot's start relative to the human's start: the miss vector, moved back along w.
     let dx = -encounter.miss_m * wy / w - wx * closest_s;
     let dy = encounter.miss_m * wx / w - wy * closest_s;
     // Centre the box around both straight paths, so that the canvas shows all of it.
@@ -47,7 +47,7 @@ pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad
     Scene::new(parameters, human, Pose::new(dx - cx, dy - cy, robot_heading))
 }
 
-/// The error for no admissible scene in `draws` draws.
+/// The error if none of `draws` draws is admissible.
 pub(super) fn no_scene(draws: usize) -> Invalid {
     Invalid::new(
         "parameters",

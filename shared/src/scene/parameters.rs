@@ -14,16 +14,16 @@ pub struct SceneParameters {
     pub human: VehicleModel,
     /// The vehicle that drives straight to its goal.
     pub robot: VehicleModel,
-    /// Danger radius R_c, m.
+    /// Danger radius R_c (m).
     pub danger_radius_m: f64,
-    /// Length of a step, s.
+    /// Length of a step (s).
     pub step_s: f64,
     /// Number of steps of a trial.
     pub steps: usize,
 }
 
 impl Default for SceneParameters {
-    /// The paper's: v = 2 m/s, ω = 0.5 rad/s, R_c = 3 m, 50 steps of 0.2 s.
+    /// The paper's parameters: v = 2 m/s, ω = 0.5 rad/s, R_c = 3 m, 50 steps of 0.2 s.
     fn default() -> Self {
         let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
         Self { human: vehicle, robot: vehicle, danger_radius_m: 3.0, step_s: 0.2, steps: 50 }
@@ -31,7 +31,7 @@ impl Default for SceneParameters {
 }
 
 impl SceneParameters {
-    /// Accepts valid parameters.
+    /// Checks that all parameters are valid.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -46,13 +46,13 @@ impl SceneParameters {
         Ok(())
     }
 
-    /// Length of a trial, s.
+    /// Length of a trial (s).
     #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.steps as f64 * self.step_s
     }
 
-    /// Distance that the robot drives in a trial, m; its goal is exactly this far ahead.
+    /// Distance that the robot drives in a trial (m). Its goal is exactly this far ahead.
     #[must_use]
     pub fn goal_distance_m(&self) -> f64 {
         self.robot.speed_mps * self.duration_s()
@@ -70,7 +70,7 @@ impl SceneParameters {
     }
 }
 
-/// The evading vehicle, whose safety level is the game's value; the other vehicle pursues.
+/// The evading vehicle, whose safety level is the value of the game. The other vehicle pursues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evader {
     /// V_HR: the human evades the robot.
@@ -83,7 +83,7 @@ impl Evader {
     /// Both vehicles.
     pub const ALL: [Self; 2] = [Self::Human, Self::Robot];
 
-    /// Its word in the database.
+    /// Its name in the database.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {

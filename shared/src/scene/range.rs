@@ -18,23 +18,23 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EncounterRange {
-    /// Smallest angle between the headings, rad. Nearly parallel headings are excluded: their
-    /// closing speed is small, so the vehicles would have to start far apart.
+    /// Smallest angle between the headings (rad). Nearly parallel headings are excluded, because
+    /// their closing speed is small and the vehicles would have to start far apart.
     pub min_approach_rad: f64,
     /// Largest |miss distance| as a share of R_c.
     pub max_miss_share: f64,
-    /// Shortest time to the danger zone if neither vehicle turns, s.
+    /// Shortest time to the danger zone if neither vehicle turns (s).
     pub min_entry_s: f64,
-    /// Longest time to the danger zone if neither vehicle turns, s. Scenes that reach it only after
-    /// the end of the trial are never admitted.
+    /// Longest time to the danger zone if neither vehicle turns (s). Scenes that reach the zone
+    /// only after the end of the trial are never admitted.
     pub max_entry_s: f64,
-    /// Smallest distance at the start, m.
+    /// Smallest distance at the start (m).
     pub min_start_distance_m: f64,
-    /// Largest distance at the start, m.
+    /// Largest distance at the start (m).
     pub max_start_distance_m: f64,
-    /// Distance by which an escape must clear the danger zone, m.
+    /// Distance by which an escape must clear the danger zone (m).
     pub escape_clearance_m: f64,
-    /// No escape begins before this time, s, because a participant needs time to react.
+    /// Earliest start of an escape (s), because a participant needs time to react.
     pub escape_delay_s: f64,
 }
 
@@ -54,7 +54,7 @@ impl Default for EncounterRange {
 }
 
 impl EncounterRange {
-    /// Accepts valid bounds.
+    /// Checks that all bounds are valid.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.

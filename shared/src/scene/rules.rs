@@ -1,9 +1,9 @@
 //! Admissibility of scenes.
 //!
 //! [`is_admissible`] is the definition: it simulates each escape step by step, like a trial.
-//! [`SceneRules`] reaches the same decision a thousand times faster, from the geometry of straight
-//! lines and one turn. Where rounding could matter it calls the definition, so that a seed keeps its
-//! scenes bit for bit.
+//! [`SceneRules`] makes the same decision a thousand times faster, from the geometry of straight
+//! lines and one turn. Where rounding errors could matter, it calls the definition, so that the
+//! scenes of a seed stay the same, bit for bit.
 
 use super::parameters::{Evader, SceneParameters};
 use super::range::EncounterRange;
@@ -12,8 +12,8 @@ use crate::math::{hypot, sin_cos};
 use crate::reachability::ExactValue;
 use crate::vehicle::{Pose, TurnInput};
 
-/// An escape is one turn that starts after the delay and is held for 1, 2, … or at most this many
-/// seconds.
+/// An escape is one turn that starts after the delay and is held for a whole number of seconds,
+/// from 1 to this maximum.
 const LONGEST_ESCAPE_S: usize = 5;
 
 /// The step in which an escape begins, and the number of steps in a second, which is at least one.
@@ -24,7 +24,7 @@ fn escape_steps(parameters: &SceneParameters, range: &EncounterRange) -> (usize,
 }
 
 /// Whether a scene is admissible: it starts outside the danger zone with time to react, the human
-/// enters the zone without turning, and the human can escape.
+/// enters the zone if they do not turn, and the human can escape.
 #[must_use]
 pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene: &Scene) -> bool {
     let distance = scene.start().distance_m();
@@ -52,8 +52,8 @@ pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene
     })
 }
 
-/// Smallest distance, m, when the human turns with `input` from `begin` to `end`
-/// (steps) and otherwise drives straight.
+/// Smallest distance (m) if the human turns with `input` from step `begin` to step `end` and
+/// otherwise drives straight on.
 fn closest_with_manoeuvre(
     parameters: &SceneParameters,
     scene: &Scene,
@@ -71,24 +71,25 @@ fn closest_with_manoeuvre(
     closest
 }
 
-/// Tolerance relative to the lengths of a scene, far above the rounding errors of 3000 steps (about 10⁻¹¹).
+/// Tolerance relative to the lengths of a scene. It is far above the rounding errors of 3000 steps
+/// (about 10⁻¹¹).
 const ROUNDING: f64 = 1e-9;
 
-/// Comparison of all sampled distances of a part of a drive with a limit.
+/// How all sampled distances of a part of a drive compare with a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Distances {
-    /// All are greater.
+    /// All distances are greater.
     Above,
-    /// At least one is smaller.
+    /// At least one distance is smaller.
     Below,
-    /// One is too close to the limit to decide despite rounding.
+    /// One distance is so close to the limit that rounding errors could change the result.
     Unclear,
 }
 
 /// The rules of [`is_admissible`], with precomputed values that all scenes share.
 ///
-/// It works in the human's frame at the start (x ahead, y to the left), where all escapes to
-/// one side follow the same path until they end.
+/// The rules work in the human's frame at the start (x ahead, y to the left), in which all escapes
+/// to one side follow the same path until they end.
 #[derive(Clone, Debug)]
 pub struct SceneRules<'a> {
     parameters: &'a SceneParameters,
@@ -101,7 +102,7 @@ pub struct SceneRules<'a> {
     second: usize,
     /// The human at the beginning of each step of a turn to the left.
     turn: Vec<Placed>,
-    /// The displacement since the start of a step of that turn, m, at each sample: ahead and left.
+    /// The displacement (ahead and left, m) at each sample within a step of this turn.
     within_step: [[f64; 2]; SAMPLES_PER_STEP + 1],
 }
 
@@ -157,7 +158,7 @@ impl<'a> SceneRules<'a> {
         }
     }
 
-    /// The result of [`is_admissible`].
+    /// The same decision as [`is_admissible`].
     #[must_use]
     pub fn admit(&self, scene: &Scene) -> bool {
         let start = scene.start();
@@ -170,7 +171,8 @@ impl<'a> SceneRules<'a> {
         clear.unwrap_or_else(|| is_admissible(self.parameters, self.range, scene))
     }
 
-    /// The result for a start at an admissible distance; `None` if rounding could change it.
+    /// The decision for a start at an admissible distance; `None` if rounding errors could change
+    /// it.
     fn judge(&self, start: &JointState) -> Option<bool> {
         let parameters = self.parameters;
         let relative = start.robot_seen_by_human();
@@ -204,17 +206,17 @@ impl<'a> SceneRules<'a> {
         }
     }
 
-    /// Time at which an escape begins, s.
+    /// Time at which an escape begins (s).
     fn begin_s(&self) -> f64 {
         self.begin as f64 * self.parameters.step_s
     }
 
-    /// Time between two sampled distances, s.
+    /// Time between two sampled distances (s).
     fn sample_s(&self) -> f64 {
         self.parameters.step_s / SAMPLES_PER_STEP as f64
     }
 
-    /// Bound on the rounding error of a distance, here and in [`is_admissible`], m.
+    /// Bound on the rounding error of a distance, here and in [`is_admissible`] (m).
     fn rounding_m(&self, start: &JointState) -> f64 {
         let SceneParameters { human, robot, .. } = self.parameters;
         let duration_s = self.parameters.duration_s();
@@ -226,8 +228,8 @@ impl<'a> SceneRules<'a> {
         ROUNDING * lengths * (1.0 + angles)
     }
 
-    /// Compares the distances while both vehicles drive straight for `steps` steps. The squared
-    /// distance is a parabola, so the closest sample is next to its vertex.
+    /// Compares the distances with the limit while both vehicles drive straight for `steps` steps.
+    /// The squared distance is a parabola, so the closest sample is next to its vertex.
     fn straight(
         &self,
         [human, robot]: [Placed; 2],
@@ -252,8 +254,9 @@ impl<'a> SceneRules<'a> {
         compare(closest[0].min(closest[1]), limit, margin)
     }
 
-    /// Compares the distances of the best escape to the left with the limit: `Above` if all distances
-    /// of one escape are. `robot` is its placement at the start of the escape.
+    /// Compares the distances of the best escape to the left with the limit. Returns `Above` if all
+    /// distances of one escape are above the limit. `robot` is the robot at the start of the
+    /// escape.
     fn escape(&self, robot: Placed, limit: f64, margin: f64) -> Distances {
         let SceneParameters { human, robot: model, .. } = self.parameters;
         let closing_m = (human.speed_mps + model.speed_mps) * self.sample_s();
@@ -299,7 +302,7 @@ fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Compares a smallest distance, with an error of at most `margin`, with the limit; NaN is unclear.
+/// Compares a smallest distance, whose error is at most `margin`, with the limit. NaN is unclear.
 fn compare(closest: f64, limit: f64, margin: f64) -> Distances {
     if closest > limit + margin {
         Distances::Above
@@ -371,7 +374,7 @@ mod tests {
         let parameters = SceneParameters::default();
         let range = EncounterRange::default();
         let rules = SceneRules::new(&parameters, &range);
-        // The danger zone is just touched, at a sampled moment.
+        // The human just touches the danger zone, at a sampled instant.
         let encounter = Encounter { approach_rad: 2.0, miss_m: 3.0, entry_s: 5.0 };
         let scene = place(&parameters, encounter, 0.4);
         assert_eq!(rules.judge(&scene.start()), None);

@@ -20,7 +20,7 @@ pub struct JointState {
 }
 
 impl JointState {
-    /// The state after `seconds` s in which the human holds `input`; the robot never turns.
+    /// The state after `seconds` (s) in which the human holds `input`. The robot never turns.
     #[must_use]
     pub fn advance(&self, parameters: &SceneParameters, input: TurnInput, seconds: f64) -> Self {
         Self {
@@ -29,25 +29,25 @@ impl JointState {
         }
     }
 
-    /// Distance between the vehicles, m.
+    /// Distance between the vehicles (m).
     #[must_use]
     pub fn distance_m(&self) -> f64 {
         hypot(self.human.x - self.robot.x, self.human.y - self.robot.y)
     }
 
-    /// The robot's pose in the human's frame: the argument of V_HR (human evades).
+    /// The robot's pose in the human's frame, which is the argument of V_HR (the human evades).
     #[must_use]
     pub fn robot_seen_by_human(&self) -> [f64; 3] {
         relative_state(self.human, self.robot)
     }
 
-    /// The human's pose in the robot's frame: the argument of V_RH (robot evades).
+    /// The human's pose in the robot's frame, which is the argument of V_RH (the robot evades).
     #[must_use]
     pub fn human_seen_by_robot(&self) -> [f64; 3] {
         relative_state(self.robot, self.human)
     }
 
-    /// Accepts two poses that [`Pose::check`] accepts.
+    /// Checks both poses with [`Pose::check`].
     ///
     /// # Errors
     /// [`Invalid`] naming the coordinate.
@@ -65,7 +65,7 @@ pub struct Scene {
     pub human: Pose,
     /// The robot at the start, heading straight to its goal.
     pub robot: Pose,
-    /// The robot's goal, m, which it reaches at the end of the trial.
+    /// The robot's goal (m), which it reaches at the end of the trial.
     pub goal: [f64; 2],
 }
 
@@ -88,10 +88,10 @@ impl Scene {
 /// Number of sampling intervals of the distance within a step.
 pub(super) const SAMPLES_PER_STEP: usize = 20;
 
-/// Smallest distance within a step, m.
+/// Smallest distance within a step (m).
 ///
-/// The distance is sampled at both ends and 19 times between. For vehicles of a few m/s the result is
-/// within 0.1 mm of the continuous minimum where that is near the danger radius.
+/// The distance is sampled at both ends and at 19 instants in between. For vehicles of a few m/s,
+/// the result is within 0.1 mm of the continuous minimum if this minimum is near the danger radius.
 #[must_use]
 pub fn closest_within_step(
     parameters: &SceneParameters,

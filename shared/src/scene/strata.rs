@@ -9,19 +9,19 @@ use crate::math::PI;
 /// A coordinate of an encounter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coordinate {
-    /// Human's heading minus the robot's, rad.
+    /// Human's heading minus the robot's heading (rad).
     Approach,
-    /// Signed distance of closest approach if neither vehicle turns, m.
+    /// Signed distance of closest approach if neither vehicle turns (m).
     Miss,
-    /// Time at which the distance falls to R_c if neither vehicle turns, s.
+    /// Time at which the distance falls to R_c if neither vehicle turns (s).
     Entry,
 }
 
 impl Coordinate {
-    /// All, in the order of their strata and shares.
+    /// All coordinates, in the order of their strata and shares.
     pub const ALL: [Self; 3] = [Self::Approach, Self::Miss, Self::Entry];
 
-    /// Its word in tables.
+    /// Its name in tables.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -32,7 +32,7 @@ impl Coordinate {
     }
 }
 
-/// The strata of an encounter, from 0, the lowest, in the order of [`Coordinate::ALL`].
+/// The strata of an encounter, counted from the lowest (0), in the order of [`Coordinate::ALL`].
 pub type Strata = [usize; 3];
 
 /// The strata of a phase's encounters: each coordinate is split into `count` equal parts.
@@ -66,7 +66,8 @@ impl Stratification {
         Ok(Self { entry_s: [least, greatest.min(duration_s)], ..whole })
     }
 
-    /// Likewise with all entry times of the range, including those after the end of the trial.
+    /// Like [`Self::new`], but with all entry times of the range, including times after the end of
+    /// the trial.
     pub(super) fn beyond_the_trial(
         parameters: &SceneParameters,
         range: &EncounterRange,
@@ -96,9 +97,9 @@ impl Stratification {
         }
     }
 
-    /// Both ends of a stratum: rad, m or s. With an odd number of strata, the middle stratum
-    /// contains the approach angles between −`min_approach_rad` and `min_approach_rad`, but they are
-    /// not drawn.
+    /// Both ends of a stratum (rad, m or s). With an odd number of strata, the middle stratum
+    /// contains the approach angles between −`min_approach_rad` and `min_approach_rad`, but these
+    /// angles are not drawn.
     #[must_use]
     pub fn ends(&self, coordinate: Coordinate, stratum: usize) -> [f64; 2] {
         let share = |edge: usize| edge as f64 / self.count as f64;
@@ -110,7 +111,7 @@ impl Stratification {
         [low, self.value(coordinate, share(stratum + 1))]
     }
 
-    /// The value at a share of a coordinate's range: rad, m or s.
+    /// The value at a share of a coordinate's range (rad, m or s).
     fn value(&self, coordinate: Coordinate, share: f64) -> f64 {
         match coordinate {
             Coordinate::Approach => {

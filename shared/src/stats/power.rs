@@ -5,16 +5,17 @@ use super::rank::is_shown;
 use crate::math::{SeededRng, cos, ln, sin};
 use core::f64::consts::TAU;
 
-/// Number of samples. A power has a standard error of at most 0.005.
+/// Number of samples. The estimated power has a standard error of at most 0.005.
 const DRAWS: usize = 10_000;
 
-/// The power of the test for 1 to some number of people, if differences are normally distributed
-/// with a mean of `effect` standard deviations. Samples are drawn with a fixed seed, and each
-/// serves every number of people n with its first n values; the null distribution is exact.
+/// The power of the test for each number of people from 1 to some maximum, if differences are
+/// normally distributed with a mean of `effect` standard deviations. Samples are drawn with a fixed
+/// seed. Each sample serves every number of people n, by its first n values. The null distribution
+/// is exact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PowerCurve {
-    /// For each number of people, from 1: the possible p-values below the level, ascending, each
-    /// with the share of samples whose p-value is at most that.
+    /// For each number of people, from 1: the possible p-values below the level in ascending order,
+    /// each with the share of samples whose p-value is at most this value.
     by_people: Vec<Vec<(f64, f64)>>,
 }
 
@@ -50,8 +51,8 @@ impl PowerCurve {
     }
 
     /// The probability that this many people show the effect in a test whose p-value is multiplied
-    /// by `family`, as Holm's correction does with the smallest p-value of a family of that size.
-    /// Above the curve's maximum number of people, the power at that maximum.
+    /// by `family`. Holm's correction multiplies the smallest p-value of a family of that size in
+    /// this way. Above the curve's maximum number of people, this is the power at the maximum.
     #[must_use]
     pub fn power(&self, people: usize, family: usize) -> f64 {
         let Some(place) = people.min(self.by_people.len()).checked_sub(1) else { return 0.0 };
@@ -60,14 +61,15 @@ impl PowerCurve {
         shown.checked_sub(1).map_or(0.0, |last| of[last].1)
     }
 
-    /// The fewest people with at least this power; none if the curve's maximum does not suffice.
+    /// The smallest number of people with at least this power; `None` if the curve's maximum does
+    /// not suffice.
     #[must_use]
     pub fn people(&self, power: f64, family: usize) -> Option<usize> {
         (1..=self.by_people.len()).find(|people| self.power(*people, family) >= power)
     }
 }
 
-/// For each number of people: the number of samples by the rank sum of positive differences.
+/// For each number of people, the number of samples with each rank sum of positive differences.
 fn rank_sums(effect: f64, most_people: usize) -> Vec<Vec<u32>> {
     let mut counts: Vec<Vec<u32>> =
         (1..=most_people).map(|n| vec![0; n * (n + 1) / 2 + 1]).collect();
@@ -86,7 +88,8 @@ fn rank_sums(effect: f64, most_people: usize) -> Vec<Vec<u32>> {
                 }
                 let new = effect + normal;
                 sample.push(new);
-                // The sum is the number of positive pairwise means (Tukey); these are the new ones.
+                // The rank sum is the number of positive pairwise means (Tukey). This adds the new
+                // ones.
                 sum += sample.iter().map(|of| usize::from(of + new > 0.0)).sum::<usize>();
                 counts[sample.len() - 1][sum] += 1;
             }
@@ -105,7 +108,7 @@ mod tests {
     fn the_least_sample_that_can_show_something_has_a_closed_form() {
         let curve = PowerCurve::of(0.8, 12);
         let gains = 1.0 - upper_tail(0.8);
-        // 2/2⁵ is not below 0.05; 2/2⁶ is, and 48 · 2/2¹¹.
+        // 2/2⁵ is not below 0.05, but 2/2⁶ and 48 · 2/2¹¹ are.
         assert_eq!([curve.power(5, 1), curve.power(10, 48), curve.power(0, 1)], [0.0; 3]);
         for (people, family) in [(6, 1), (11, 48)] {
             let all = |chance: f64| (0..people).fold(1.0, |product, _| product * chance);
@@ -123,7 +126,7 @@ mod tests {
         assert!((curve.power(8, 1) - 10.0 / 256.0).abs() < 0.006, "{}", curve.power(8, 1));
     }
 
-    /// Applies the published test to each of a different set of samples.
+    /// Applies [`wilcoxon`] to each sample of a different set.
     #[test]
     fn it_is_the_share_of_samples_that_the_test_rejects() {
         let curve = PowerCurve::of(0.8, 30);

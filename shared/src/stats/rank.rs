@@ -2,8 +2,8 @@
 //! for several tests.
 //!
 //! p-values are two-sided. For short lists they are exact, even with ties: dynamic programming
-//! counts all assignments of the observed ranks. For long lists they are the normal approximation
-//! with the correction for ties, as in `scipy.stats`.
+//! counts all assignments of the observed ranks. For long lists, the normal approximation with the
+//! correction for ties is used, as in `scipy.stats`.
 
 mod signed;
 
@@ -16,23 +16,24 @@ use crate::invalid::{Invalid, all_finite};
 /// accurate to about 10⁻³, unless the p-value is tiny.
 const MOST_COUNTED: usize = 60;
 
-/// Numbers that differ by at most this are tied, so that rounding does not separate equal
+/// Numbers that differ by at most this are tied, so that rounding errors do not separate equal
 /// proportions. A difference of at most this counts as zero.
 pub(crate) const TIE: f64 = 1e-12;
 
 /// The significance level: [`is_shown`] requires a p-value below this.
 pub const LEVEL: f64 = 0.05;
 
-/// Whether a test with this p-value rejects: p < [`LEVEL`]. Verdicts and intervals use only this.
+/// Whether a test with this p-value rejects: p < [`LEVEL`]. Verdicts and intervals use only this
+/// function.
 #[must_use]
 pub fn is_shown(p: f64) -> bool {
     p < LEVEL
 }
 
 /// The p-value of the Mann–Whitney test (Annals of Mathematical Statistics 18, 1947): the
-/// probability that a random split of the numbers gives rank sums at least as far apart. Exact up
-/// to 60 numbers; above that, normal with corrections for ties and continuity. 1 if all numbers are
-/// equal.
+/// probability that a random split of the numbers gives rank sums at least as far apart. Exact for
+/// up to 60 numbers; above that, the normal approximation with corrections for ties and continuity.
+/// It is 1 if all numbers are equal.
 ///
 /// # Errors
 /// [`Invalid`] if a list is empty or a number is not finite.
@@ -51,8 +52,9 @@ pub fn mann_whitney(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
     Ok(normal_two_sided((u - mean).abs() - 0.5, variance))
 }
 
-/// p-values with Holm's correction (Scandinavian Journal of Statistics 6, 1979), in the given order:
-/// the probability of any false rejection among all tests is at most that of one test.
+/// The p-values after Holm's correction (Scandinavian Journal of Statistics 6, 1979), in the given
+/// order. With them, the probability of any false rejection among all tests is at most that of a
+/// single test.
 #[must_use]
 pub fn holm(p_values: &[f64]) -> Vec<f64> {
     let n = p_values.len();
@@ -74,8 +76,8 @@ fn check(field: &str, numbers: &[f64]) -> Result<(), Invalid> {
     all_finite(field, numbers)
 }
 
-/// Twice the rank of each number, from 2. Tied numbers share their mean rank, which doubling makes
-/// an integer.
+/// Twice the rank of each number; the lowest value is 2. Tied numbers share their mean rank, which
+/// doubling makes an integer.
 fn doubled_ranks(numbers: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..numbers.len()).collect();
     order.sort_by(|&i, &j| numbers[i].total_cmp(&numbers[j]));
@@ -97,8 +99,9 @@ fn tie_term(ranks: &[usize]) -> f64 {
     groups.map(|t| t * t * t - t).sum()
 }
 
-/// The number of ways to choose `count` of the `ranks` with each sum. Counts are exact below 2⁵³,
-/// have a relative error of 10⁻¹⁴ above, and stay far below the largest double.
+/// For each sum, the number of ways to choose `count` of the `ranks` with this sum. Counts are
+/// exact below 2⁵³ and have a relative error of 10⁻¹⁴ above. They stay far below the largest
+/// double.
 fn ways_to_choose(ranks: &[usize], count: usize) -> Vec<f64> {
     let most: usize = ranks.iter().sum();
     // Indexed by the number of chosen ranks, then by their sum.
@@ -115,7 +118,8 @@ fn ways_to_choose(ranks: &[usize], count: usize) -> Vec<f64> {
     ways.swap_remove(count)
 }
 
-/// The number of ways to choose ranks with a positive sign so that they have each sum.
+/// For each sum, the number of ways to choose the ranks with a positive sign such that they have
+/// this sum.
 fn ways_to_sign(ranks: &[usize]) -> Vec<f64> {
     let mut ways = vec![0.0; ranks.iter().sum::<usize>() + 1];
     ways[0] = 1.0;
@@ -127,7 +131,7 @@ fn ways_to_sign(ranks: &[usize]) -> Vec<f64> {
     ways
 }
 
-/// Twice the smaller tail at `found`; both tails include `found`.
+/// The two-sided p-value of `found`: twice the smaller tail. Both tails include `found`.
 fn two_sided(ways: &[f64], found: usize) -> f64 {
     let total: f64 = ways.iter().sum();
     let below: f64 = ways[..=found].iter().sum();
@@ -149,8 +153,8 @@ mod tests {
     }
 
     /// Critical values of the published tables, two-sided at 5 %: U for n = m (Mann and Whitney;
-    /// Siegel's table K), T for n pairs (Wilcoxon; Siegel's table G). The value itself is
-    /// significant, the next one is not.
+    /// Siegel's table K), T for n pairs (Wilcoxon; Siegel's table G). The critical value itself is
+    /// significant, the next value is not.
     #[test]
     fn critical_values_are_those_of_the_tables() {
         for (n, critical) in
@@ -231,13 +235,13 @@ mod tests {
         assert_eq!(wilcoxon(&a, &a).unwrap(), 1.0);
     }
 
-    /// Differences that are equal up to rounding.
+    /// Differences that are equal up to rounding errors.
     #[test]
     fn equal_differences_are_tied() {
         let first = [0.3, 0.8, 0.7, 0.2];
         let second = [0.1, 0.6, 0.5, 0.4];
         assert!(first[0] - second[0] != first[1] - second[1]);
-        // Three of four signs the same, all ranks alike: 2 · 5/16.
+        // Three of the four signs are the same, and all ranks are tied: 2 · 5/16.
         close(wilcoxon(&first, &second).unwrap(), 0.625, 1e-12);
     }
 

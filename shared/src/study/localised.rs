@@ -16,9 +16,9 @@ pub struct Localised(pub BTreeMap<String, String>);
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Fact {
-    /// The same in every language.
+    /// The same text in every language.
     Same(String),
-    /// One for each language.
+    /// One text for each language.
     ByLanguage(Localised),
 }
 
@@ -68,7 +68,7 @@ impl Fact {
         }
     }
 
-    /// The texts by language, if they differ.
+    /// The texts by language; `None` for one text in every language.
     #[must_use]
     pub fn by_language(&self) -> Option<&Localised> {
         match self {
@@ -77,7 +77,7 @@ impl Fact {
         }
     }
 
-    /// Accepts texts of at most `most` characters, without hidden ones.
+    /// Checks that every text has at most `most` characters and no hidden characters.
     ///
     /// # Errors
     /// [`Invalid`] naming the field or the language.
@@ -89,7 +89,7 @@ impl Fact {
     }
 }
 
-/// Accepts a text of at most `most` characters, without hidden ones.
+/// Checks that a text has at most `most` characters and no hidden characters.
 pub(super) fn check_length(field: &str, text: &str, most: usize) -> Result<(), Invalid> {
     check_visible(field, text)?;
     let count = text.chars().count();
@@ -111,8 +111,8 @@ pub fn is_language(tag: &str) -> bool {
         })
 }
 
-/// The best of the `offered` languages for `wanted`: the same tag, otherwise one with the same
-/// primary subtag (`de` for `de-AT`, `zh-CN` for `zh-TW`).
+/// The best of the `offered` languages for `wanted`: the language with the same tag, otherwise a
+/// language with the same primary subtag (`de` for `de-AT`, `zh-CN` for `zh-TW`).
 #[must_use]
 pub fn closest_language<'a>(
     offered: impl Iterator<Item = &'a str> + Clone,
@@ -123,8 +123,8 @@ pub fn closest_language<'a>(
     same.or_else(|| offered.clone().find(|tag| first(tag) == first(wanted)))
 }
 
-/// Accepts a text without control characters (except line breaks and tabs) and without
-/// bidirectional overrides, which would make the displayed text differ from the stored one.
+/// Checks that a text has no control characters (except line breaks and tabs) and no bidirectional
+/// overrides, which would make the displayed text differ from the stored text.
 ///
 /// # Errors
 /// [`Invalid`] naming the character.
@@ -176,8 +176,8 @@ impl Localised {
         found.and_then(|tag| Some((tag, self.0.get(tag)?.as_str())))
     }
 
-    /// Accepts texts whose languages have valid tags, none of them blank or longer than `most`
-    /// characters.
+    /// Checks that every language tag is valid, and that no text is blank, longer than `most`
+    /// characters or has hidden characters.
     ///
     /// # Errors
     /// [`Invalid`] naming the language.
@@ -200,8 +200,8 @@ impl Localised {
         Ok(())
     }
 
-    /// Accepts a text that differs from each of the `others` in every language: participants could
-    /// not distinguish equal options.
+    /// Checks that the text differs from each of the `others` in every language, because
+    /// participants could not distinguish equal options.
     ///
     /// # Errors
     /// [`Invalid`] naming the language.
@@ -225,7 +225,7 @@ impl Localised {
         Ok(())
     }
 
-    /// As [`Self::check`], for a required text.
+    /// Like [`Self::check`], but for a required text.
     ///
     /// # Errors
     /// [`Invalid`] naming the field or the language.

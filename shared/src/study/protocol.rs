@@ -5,14 +5,14 @@ use super::localised::{Fact, Localised};
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
-/// Longest text in Markdown, characters.
+/// Maximum length of a text in Markdown (characters).
 const MAX_MARKDOWN: usize = 20_000;
 
-/// Longest sentence, characters.
+/// Maximum length of a sentence (characters).
 pub(super) const MAX_SENTENCE: usize = 500;
 
-/// Responsible people and the consent text. The page shows the given parts. If `text` is missing, the
-/// page shows Sidestep's own text.
+/// Responsible people and the consent text. The page shows the parts that are given. If `text` is
+/// missing, the page shows Sidestep's own text.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Consent {
@@ -26,7 +26,7 @@ pub struct Consent {
     pub ethics: Fact,
     /// Retention period and storage location of the data.
     pub retention: Fact,
-    /// The researcher's own text, Markdown, by language.
+    /// The researcher's own text in Markdown, by language.
     pub text: Localised,
 }
 
@@ -61,12 +61,12 @@ pub struct Comprehension {
     /// Further questions.
     pub questions: Vec<CheckQuestion>,
     /// Number of questions drawn at random for each participant, 0 to 26; Sidestep contributes six.
-    /// Default 0: all questions, of Sidestep's own the first three.
+    /// Default: 0, which asks all further questions and Sidestep's first three.
     pub draw: usize,
     /// Consequence of an attempt with a wrong answer. Default: `mark`.
     pub after_wrong: AfterWrong,
-    /// After this many attempts with a wrong answer, the participation ends and counts as screened
-    /// out, 0 to 20. Default 0: unlimited attempts.
+    /// Number of attempts with a wrong answer after which the participation ends and counts as
+    /// screened out, 0 to 20. Default: 0, which allows unlimited attempts.
     pub attempts: usize,
 }
 
@@ -87,18 +87,18 @@ impl Default for Comprehension {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum AfterWrong {
-    /// Each answer is marked as right or wrong; the participant changes the wrong ones.
+    /// Each answer is marked as right or wrong, and the participant changes the wrong answers.
     #[default]
     Mark,
     /// The page does not reveal the wrong answer, and the participant starts again: questions are
     /// redrawn, and options are in another order.
     Renew,
-    /// The same, after the participant has read the instructions again.
+    /// Like [`Self::Renew`], but the participant first reads the instructions again.
     Reread,
 }
 
 impl AfterWrong {
-    /// All of them.
+    /// All consequences.
     pub const ALL: [Self; 3] = [Self::Mark, Self::Renew, Self::Reread];
 
     /// The word in study files and in JSON.
@@ -112,7 +112,7 @@ impl AfterWrong {
     }
 }
 
-/// Number of Sidestep's own questions; the first three are asked unless questions are drawn.
+/// Number of Sidestep's own questions. If no questions are drawn, the first three are asked.
 const STANDARD_QUESTIONS: usize = 6;
 
 /// A question with one right answer.
@@ -121,7 +121,7 @@ const STANDARD_QUESTIONS: usize = 6;
 pub struct CheckQuestion {
     /// The question, by language.
     pub text: Localised,
-    /// The answers, by language: 2 to 8.
+    /// The 2 to 8 answers, by language.
     pub options: Vec<Localised>,
     /// Index of the right answer, from 0.
     pub answer: usize,
@@ -179,17 +179,18 @@ impl Comprehension {
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct TrialSettings {
-    /// Countdown over the still scene before it starts, a whole number of seconds from 1 to
-    /// 10. Default: 3.
+    /// Countdown over the still scene before it starts: a whole number of seconds from 1 to 10.
+    /// Default: 3.
     pub countdown_s: u32,
-    /// Time for which the last picture stays, s, 0 to 5. Default: 0.6.
+    /// Time for which the last picture of a scene stays (s), 0 to 5. Default: 0.6.
     pub end_s: f64,
-    /// Minimum time for which it stays in phases with feedback, from when it is shown, s, 1.5 to 10. Default: 1.5.
+    /// Minimum time for which the last picture stays in phases with feedback (s), counted from when
+    /// it is shown, 1.5 to 10. Default: 1.5.
     pub feedback_s: f64,
-    /// Whether the participant drives an interrupted trial again after all others, as a further
-    /// attempt. The first attempt is kept. Default: false.
+    /// Whether the participant drives an interrupted trial again, after all other trials, as a
+    /// further attempt. The first attempt is kept. Default: false.
     pub repeat_interrupted: bool,
-    /// Number of tasks after which the page offers a rest; 0: never. Default: 10.
+    /// Number of tasks after which the page offers a rest; 0 means never. Default: 10.
     pub rest_after: usize,
     /// Whether the scenes ask for the full screen. Default: true. A participant may decline.
     pub fullscreen: bool,
@@ -209,7 +210,7 @@ impl Default for TrialSettings {
 }
 
 impl TrialSettings {
-    /// Time for which the last picture of a scene stays, s, with or without feedback.
+    /// Time for which the last picture of a scene stays (s), with or without feedback.
     #[must_use]
     pub fn stays_s(&self, feedback: bool) -> f64 {
         if feedback { self.end_s.max(self.feedback_s) } else { self.end_s }
@@ -239,7 +240,7 @@ impl TrialSettings {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Closing {
-    /// What the study was about, Markdown, by language; shown after the last scene.
+    /// What the study was about, in Markdown, by language. Shown after the last scene.
     pub debrief: Localised,
 }
 

@@ -6,7 +6,7 @@ use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Type of the answer.
+/// Type of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -47,7 +47,7 @@ pub struct Question {
     /// Label of the highest number of a scale, by language.
     #[serde(default)]
     pub high: Localised,
-    /// Longest text, characters, 1 to 10000. Default: 2000.
+    /// Maximum length of a text (characters), 1 to 10000. Default: 2000.
     #[serde(default = "two_thousand")]
     pub max_chars: usize,
 }
@@ -116,7 +116,7 @@ impl Question {
         self.check_unused()
     }
 
-    /// Rejects fields of another kind, which would have no effect.
+    /// Rejects fields of another kind of question, which would have no effect.
     fn check_unused(&self) -> Result<(), Invalid> {
         use QuestionKind::{Choice, Scale, Text};
         let fields = [
@@ -142,8 +142,8 @@ impl Question {
         }
     }
 
-    /// Accepts an answer of this question's kind: a string for a text, an option's value for a choice,
-    /// a whole number for a scale.
+    /// Checks that an answer fits this question: a string for a text, an option's value for a
+    /// choice, a whole number for a scale.
     ///
     /// # Errors
     /// [`Invalid`] naming the question.
@@ -198,7 +198,7 @@ impl Question {
     }
 }
 
-/// Accepts a word that can be a column name or a value in exports.
+/// Checks that a word can be a column name or a value in exports.
 fn check_word(field: &str, word: &str) -> Result<(), Invalid> {
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     if !(1..=40).contains(&word.len()) || !word.chars().all(fits) {

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Recruitment {
-    /// URL parameters that may hold the person's id at the recruiting service; the first one
-    /// present counts. Default: `external_id`, Prolific's `PROLIFIC_PID`, MTurk's `workerId`,
-    /// SONA's `survey_code`.
+    /// URL parameters that may hold the person's id at the recruiting service. The first parameter
+    /// that is present counts. Default: `external_id`, Prolific's `PROLIFIC_PID`, MTurk's
+    /// `workerId`, SONA's `survey_code`.
     pub external_id: Vec<String>,
     /// Whether a person without this id is refused. Default: false.
     pub require_external_id: bool,
@@ -19,26 +19,26 @@ pub struct Recruitment {
     /// Allowed hosts of return URLs. Default: none.
     pub return_hosts: Vec<String>,
     /// Return URL after completion: an https URL on one of `return_hosts`, in which `{code}` and
-    /// `{external_id}` are filled in. Empty: none.
+    /// `{external_id}` are filled in. If empty, there is no return URL.
     pub completed_url: String,
-    /// Return URL for people who were screened out. As `completed_url`, without `{code}`.
+    /// Return URL for people who were screened out. Like `completed_url`, but without `{code}`.
     pub screened_out_url: String,
-    /// Return URL for people who withdrew. As `completed_url`, without `{code}`.
+    /// Return URL for people who withdrew. Like `completed_url`, but without `{code}`.
     pub withdrawn_url: String,
     /// Return URL for people who have finished and open the study again in a browser that does not
-    /// have their code. As `completed_url`, without `{code}`, because anybody who knows the person's
-    /// id gets this URL.
+    /// have their code. Like `completed_url`, but without `{code}`, because anyone who knows the
+    /// person's id gets this URL.
     pub finished_url: String,
-    /// Return URL when the study is full. As `completed_url`, without `{code}`.
+    /// Return URL when the study is full. Like `completed_url`, but without `{code}`.
     pub full_url: String,
-    /// Return URL when the study is closed or archived. As `completed_url`, without `{code}`.
+    /// Return URL when the study is closed or archived. Like `completed_url`, but without `{code}`.
     pub closed_url: String,
-    /// Maximum number of completed participants; 0: no limit. Pilots and people who withdrew or
-    /// were screened out do not count. Default: 0.
+    /// Maximum number of completed participants; 0 means no limit. Pilots and people who withdrew
+    /// or were screened out do not count. Default: 0.
     pub quota: u64,
     /// Minutes for which an unfinished participant holds a place in the quota after the server last
-    /// stored data of them, 1 to 10080 (a week). A participant who returns later can still finish.
-    /// Default: 60.
+    /// stored data of this participant, 1 to 10080 (a week). A participant who returns later can
+    /// still finish. Default: 60.
     pub hold_min: f64,
 }
 
@@ -62,7 +62,7 @@ impl Default for Recruitment {
     }
 }
 
-/// Longest external id, characters.
+/// Maximum length of an external id (characters).
 const MAX_ID_CHARS: usize = 128;
 
 impl Recruitment {
@@ -115,7 +115,8 @@ impl Recruitment {
         ]
     }
 
-    /// Accepts an empty URL or an https URL on one of the return hosts.
+    /// Checks that a URL is empty, or on one of the return hosts (https) with no placeholders
+    /// except `places`.
     fn check_url(&self, field: &str, url: &str, places: &[&str]) -> Result<(), Invalid> {
         if url.is_empty() {
             return Ok(());
@@ -144,8 +145,8 @@ impl Recruitment {
         Ok(())
     }
 
-    /// The URL with the code and the external id filled in, percent-encoded; `None` if the URL is
-    /// empty or a required value is missing.
+    /// The URL with the code and the external id filled in, percent-encoded. Returns `None` if the
+    /// URL is empty or a required value is missing.
     #[must_use]
     pub fn filled(url: &str, code: Option<&str>, external_id: Option<&str>) -> Option<String> {
         if url.is_empty() {
@@ -183,9 +184,9 @@ pub fn is_id(text: &str) -> bool {
     (1..=MAX_ID_CHARS).contains(&text.len()) && text.bytes().all(fits)
 }
 
-/// Normalizes a person's id at a recruiting service for comparison: trimmed and in lower case, so that
-/// `P1`, `p1` and ` P1 ` are one person. Services' ids are ASCII; other letters have several encodings
-/// that look the same.
+/// Normalizes a person's id at a recruiting service for comparison: trims it and converts it to
+/// lower case, so that `P1`, `p1` and ` P1 ` are one person. Services' ids are ASCII. Other letters
+/// have several encodings that look the same.
 ///
 /// # Errors
 /// [`Invalid`] for an id that is empty, too long, or has characters other than the letters A to Z,

@@ -1,13 +1,13 @@
-//! Plausibility checks of a study file: likely mistakes, such as degrees for radians, are errors; a recruiting
-//! service without a return URL is only a warning.
+//! Plausibility checks of a study file. Likely mistakes, such as degrees for radians, are errors; a
+//! recruiting service without a return URL is only a warning.
 
 use super::StudyConfig;
 use crate::invalid::Invalid;
 use crate::math::{PI, TAU};
 
 impl StudyConfig {
-    /// Accepts plausible parameters for a study with people. [`StudyConfig::check`] accepts more,
-    /// because recordings from elsewhere may have other parameters.
+    /// Checks that the parameters are plausible for a study with people. [`StudyConfig::check`]
+    /// accepts more, because recordings from elsewhere may have other parameters.
     ///
     /// # Errors
     /// [`Invalid`] naming the field, with the likely mistake.
@@ -50,7 +50,7 @@ impl StudyConfig {
         Ok(())
     }
 
-    /// Probably forgotten optional fields, with the consequence of each.
+    /// Optional fields that were probably forgotten, with the consequence of each.
     #[must_use]
     pub fn forgotten(&self) -> Vec<(&'static str, String)> {
         let recruitment = &self.recruitment;
@@ -60,8 +60,8 @@ impl StudyConfig {
                         their completion code there themselves";
             found.push(("recruitment.completed_url", what.to_owned()));
         }
-        // A URL for finished participants implies a recruiting service that the others can return
-        // to.
+        // A URL for finished participants implies a recruiting service to which others can return,
+        // too.
         if !recruitment.completed_url.is_empty() {
             let is_missing = |(field, url): &(&str, &str)| {
                 url.is_empty() && (*field != "full_url" || recruitment.quota > 0)

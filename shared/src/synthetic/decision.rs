@@ -9,19 +9,20 @@ use crate::scene::{JointState, SceneParameters};
 use crate::vehicle::TurnInput;
 use std::collections::VecDeque;
 
-/// Time constants of perception errors and of the activation, s.
+/// Time constants of perception errors and of the activation (s).
 const NOISE_S: f64 = 0.6;
 const LEAK_S: f64 = 0.35;
-/// Minimum time between pressing and releasing a key, s. Times are multiples of the tick in
-/// floating point: three ticks may fall short of it in the last digit, so that a fourth is needed.
-/// The reference's drives depend on this.
+/// Minimum time between pressing and releasing a key (s). Times are multiples of the tick in
+/// floating point, so rounding may make three ticks slightly shorter than this time, and a fourth
+/// tick is needed. The reference's drives depend on this.
 const REFRACTORY_S: f64 = 0.15;
-/// To choose a side, a person compares imagined turns by this angle to either side, rad.
+/// To choose a side, a person imagines a turn by this angle (rad) to either side and compares the
+/// two.
 const IMAGINED_RAD: f64 = 0.4;
 /// Strength of the preference for the previous side.
 const STICKINESS: f64 = 2.0;
-/// A person may change sides once the predicted distance has fallen by this much since the press,
-/// m.
+/// A person may change sides once the predicted distance has fallen by this much since the key
+/// press (m).
 const WORSE_M: f64 = 0.5;
 
 /// A person at the keyboard, during one trial.
@@ -36,14 +37,14 @@ pub(super) struct Decision<'a> {
     noise: [f64; 2],
     activation: f64,
     finger: Finger,
-    /// The previous side: −1, 0 or 1.
+    /// The side of the previous press: −1, 0 or 1.
     last_side: f64,
 }
 
 /// State of the finger.
 #[derive(Clone, Copy, Debug)]
 enum Finger {
-    /// No key has been down since then, s.
+    /// No key has been down since this time (s).
     Up { since_s: f64 },
     /// A key is down.
     Down(Press),
@@ -53,11 +54,12 @@ enum Finger {
 struct Press {
     side: TurnInput,
     since_s: f64,
-    /// The predicted distance at the press, m.
+    /// The predicted distance at the press (m).
     predicted_m: f64,
-    /// Extra time to hold it after it is no longer needed, s; none for a lapse, whose end is fixed.
+    /// Extra time to hold the key after it is no longer needed (s). `None` for a lapse, whose end
+    /// is fixed.
     overhold_s: Option<f64>,
-    /// The time of release, s, once decided.
+    /// The time of release (s), once it is decided.
     until_s: Option<f64>,
 }
 
@@ -82,8 +84,8 @@ impl<'a> Decision<'a> {
         }
     }
 
-    /// The key held from `t_s` to the next tick. Call it once per tick, in order; it draws random
-    /// numbers in the reference's order.
+    /// The key held from `t_s` to the next tick. Call it once per tick, in order, because it draws
+    /// random numbers in the reference's order.
     pub(super) fn key(&mut self, t_s: f64, state: &JointState) -> TurnInput {
         self.seen.push_back(*state);
         if self.seen.len() > self.lag_ticks + 1 {

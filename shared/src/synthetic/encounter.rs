@@ -1,11 +1,11 @@
-//! The reference's scenes, drawn by rejection. Studies use those of [`crate::scene`].
+//! The reference's scenes, drawn by rejection sampling. Studies use the scenes of [`crate::scene`].
 
 use super::stream::Stream;
 use crate::math::{PI, hypot, sin_cos};
 use crate::scene::{JointState, Scene, SceneParameters};
 use crate::vehicle::{Pose, TurnInput};
 
-/// Interval between distance checks, s.
+/// Interval between distance checks (s).
 const LOOK_S: f64 = 0.05;
 
 /// Draws the next admissible scene.
@@ -18,17 +18,17 @@ pub(super) fn draw(parameters: &SceneParameters, stream: &mut Stream) -> Scene {
     }
 }
 
-/// One draw, in the order of the fields.
+/// One draw, with random numbers in the order of the fields.
 struct Drawn {
-    /// The robot's heading, rad.
+    /// The robot's heading (rad).
     robot_psi: f64,
-    /// The human's heading minus the robot's, rad.
+    /// The human's heading minus the robot's heading (rad).
     approach_rad: f64,
-    /// Time of the closest approach if nobody turns, s.
+    /// Time of the closest approach if nobody turns (s).
     closest_s: f64,
-    /// Signed distance at that time, m.
+    /// Signed distance at the closest approach (m).
     miss_m: f64,
-    /// The robot's position halfway, m.
+    /// The robot's position halfway (m).
     centre: [f64; 2],
 }
 
@@ -43,8 +43,8 @@ impl Drawn {
         }
     }
 
-    /// The scene; none if the vehicles start too close, too far apart or nearly parallel, or if the
-    /// human reaches the danger zone too early, misses it without turning or cannot escape it.
+    /// The scene. `None` if the vehicles start too close, too far apart or nearly parallel, or if
+    /// the human reaches the danger zone too early, misses it without turning or cannot escape it.
     fn scene(&self, parameters: &SceneParameters) -> Option<Scene> {
         let radius = parameters.danger_radius_m;
         let human_psi = self.robot_psi + self.approach_rad;
@@ -84,8 +84,8 @@ impl Drawn {
     }
 }
 
-/// Smallest distance, m, if the human holds `input` for `hold_s` from 1 s on and otherwise drives
-/// straight.
+/// Smallest distance (m) if the human holds `input` for `hold_s` from 1 s on and otherwise drives
+/// straight on.
 fn closest(parameters: &SceneParameters, scene: &Scene, input: TurnInput, hold_s: f64) -> f64 {
     let ticks = |seconds: f64| (seconds / LOOK_S).round() as usize;
     let held = ticks(1.0)..ticks(1.0 + hold_s);

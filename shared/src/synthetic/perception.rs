@@ -4,25 +4,25 @@ use super::person::Person;
 use crate::math::{asin, atan2, exp, hypot, sin_cos, wrap_angle};
 use crate::scene::{JointState, SceneParameters};
 
-/// The geometry that a person sees, assuming that both vehicles drive straight on.
+/// The geometry that a person sees, under the assumption that both vehicles drive straight on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sight {
-    /// Distance, m.
+    /// Distance between the vehicles (m).
     pub(super) distance_m: f64,
-    /// Time to the closest approach, s; negative after it.
+    /// Time to the closest approach (s); negative after it.
     pub(super) closest_s: f64,
-    /// Distance at that time, m; the current distance after it.
+    /// Distance at the closest approach (m); the current distance after it.
     pub(super) predicted_m: f64,
-    /// Rate of the robot's bearing in the world, rad/s.
+    /// Rate of change of the robot's bearing in the world (rad/s).
     pub(super) bearing_rate_radps: f64,
-    /// Speed of the robot relative to the human, m/s.
+    /// Speed of the robot relative to the human (m/s).
     pub(super) closing_mps: f64,
-    /// Direction of the robot relative to the human's heading, rad, positive to the left.
+    /// Direction of the robot relative to the human's heading (rad), positive to the left.
     pub(super) bearing_rad: f64,
 }
 
 impl Sight {
-    /// The view of a human whose heading is off by `turned_rad`.
+    /// The view of a human whose heading is changed by `turned_rad`.
     pub(super) fn of(parameters: &SceneParameters, state: &JointState, turned_rad: f64) -> Self {
         let (human, robot) = (state.human, state.robot);
         let heading = human.psi + turned_rad;
@@ -42,7 +42,7 @@ impl Sight {
             distance_m,
             closest_s,
             predicted_m: if closest_s > 0.0 { cross.abs() / closing_mps } else { distance_m },
-            // At distance zero there is no bearing; any finite rate will do.
+            // At distance zero there is no bearing, so any finite rate will do.
             bearing_rate_radps: cross / (distance_m * distance_m).max(1e-12),
             closing_mps,
             bearing_rad: wrap_angle(atan2(ry, rx) - heading),
@@ -55,17 +55,17 @@ pub(super) fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// The person's conclusions from the view.
+/// What the person concludes from the view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Percept {
-    /// Predicted smallest distance, with the error of the perceived headings, m.
+    /// Predicted smallest distance (m), including the error of the perceived headings.
     pub(super) predicted_m: f64,
     /// Drive to act, in [0, 1].
     pub(super) drive: f64,
 }
 
 impl Percept {
-    /// `noise`: two standard normal numbers, for times and for headings.
+    /// `noise` is two standard normal numbers, for times and for headings.
     pub(super) fn of(person: &Person, radius_m: f64, sight: &Sight, noise: [f64; 2]) -> Self {
         let stretch = exp(person.time_noise * noise[0]);
         let heading_error = person.heading_noise_rad * noise[1];

@@ -6,44 +6,44 @@ use super::stream::Stream;
 /// otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Person {
-    /// Lag of perception, s: 0.2–0.4.
+    /// Lag of perception (s): 0.2–0.4.
     pub lag_s: f64,
-    /// Time scale of the closest approach: later ones matter little, s: 4.2–7.
+    /// Time horizon (s): 4.2–7. Later closest approaches matter little.
     pub horizon_s: f64,
-    /// Desired excess of the predicted distance over the danger radius, m: 0.6–2.2.
+    /// Desired excess of the predicted distance over the danger radius (m): 0.6–2.2.
     pub margin_m: f64,
-    /// Factor of the threshold of bearing rates, rad·s^0.5: 1.2–2.2.
+    /// Factor of the threshold of bearing rates (rad·s^0.5): 1.2–2.2.
     pub bearing_threshold: f64,
-    /// Decay of the repeller with the angle off the danger zone, 1/rad: 1.5–4.
+    /// Decay of the repeller with the angle off the danger zone (1/rad): 1.5–4.
     pub repeller_angle_decay: f64,
-    /// Decay of the repeller with the distance to the danger zone, 1/m: 0.06–0.11.
+    /// Decay of the repeller with the distance to the danger zone (1/m): 0.06–0.11.
     pub repeller_distance_decay: f64,
     /// Gain of the repeller: 2–3.
     pub repeller_gain: f64,
-    /// Standard deviation of perceived headings, rad: 0.03–0.08.
+    /// Standard deviation of perceived headings (rad): 0.03–0.08.
     pub heading_noise_rad: f64,
     /// Standard deviation of the logarithm of perceived times: 0.08–0.25.
     pub time_noise: f64,
     /// Activation above which a key goes down: 0.4–0.6.
     pub press_above: f64,
-    /// Activation below which the key is released: 0.35–0.7 of [`Self::press_above`].
+    /// Activation below which the key is released: 0.35–0.7 times [`Self::press_above`].
     pub release_below: f64,
-    /// Noise of the activation, 1/√s: 0.15–0.35.
+    /// Noise of the activation (1/√s): 0.15–0.35.
     pub activation_noise: f64,
-    /// Mean extra time that a key is held after it is no longer needed, s: 0.1–0.7.
+    /// Mean extra time that a key is held after it is no longer needed (s): 0.1–0.7.
     pub overhold_s: f64,
-    /// Preference for the side that passes at the larger distance, 1/m: 0.8–2.5.
+    /// Preference for the side that passes at the larger distance (1/m): 0.8–2.5.
     pub side_by_distance: f64,
     /// Preference for turning away from the robot's direction: 0–1.5.
     pub side_by_bearing: f64,
-    /// Rate of turns without a reason, 1/s: 0–0.02.
+    /// Rate of turns without a reason (1/s): 0–0.02.
     pub lapses_per_s: f64,
-    /// Rate of side changes while the predicted distance falls, 1/s: 0–0.25.
+    /// Rate of side changes while the predicted distance falls (1/s): 0–0.25.
     pub reversals_per_s: f64,
     /// Weights of the three drives (predicted distance, bearing, repeller), which sum to 1:
-    /// exponential, with means in the ratio 1.2 : 1.2 : 0.8.
+    /// exponentially distributed, with means in the ratio 1.2 : 1.2 : 0.8.
     pub weights: [f64; 3],
-    /// Preference for the left: normal, mean 0, standard deviation 0.5.
+    /// Preference for the left: normally distributed, mean 0, standard deviation 0.5.
     pub side_bias: f64,
 }
 

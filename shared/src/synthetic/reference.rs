@@ -5,10 +5,10 @@ use super::SyntheticParticipant;
 use crate::recording::{Origin, Provenance, RecordedParticipant, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
 
-/// The seed of the project's reference data; their file does not mark them as synthetic.
+/// The seed of the project's reference data, whose file does not mark them as synthetic.
 pub const REFERENCE_SEED: u64 = 20_180_918;
 
-/// The reference's participant numbers; copies may use other names.
+/// The reference's participant numbers. Copies may use other names.
 const REFERENCE_PARTICIPANTS: core::ops::Range<u64> = 0..8;
 
 /// The provenance of these participants' trials from `origin`.
@@ -19,8 +19,8 @@ pub fn provenance(origin: Origin, participants: &[RecordedParticipant]) -> Prove
     Provenance { origin, synthetic: recognised(participants), is_mixed }
 }
 
-/// Evidence that these participants' trials are synthetic, if any: the data say so, or they begin
-/// like trials of the reference, whose scenes are redrawn for comparison.
+/// Evidence that these participants' trials are synthetic, if any. Either the data say so, or the
+/// trials begin like trials of the reference, whose scenes are redrawn for comparison.
 #[must_use]
 pub fn recognised(participants: &[RecordedParticipant]) -> Option<String> {
     let marked: Vec<&str> =

@@ -6,7 +6,7 @@ use crate::math::{TAU, cos, ln};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stream(u64);
 
-/// Multipliers that separate the streams of people and trials: odd, so that no two streams
+/// Multipliers that separate the streams of people and trials. They are odd, so that no two streams
 /// coincide.
 const OF_PERSON: u64 = 0xD134_2543_DE82_EF95;
 const OF_TRIAL: u64 = 0xAF25_1AF3_B0F0_25B5;
@@ -17,7 +17,7 @@ impl Stream {
         Self::of(seed, person, 1)
     }
 
-    /// The stream for everything in a trial; both indices start at 0.
+    /// The stream for everything in a trial. Both indices start at 0.
     pub(super) fn of_trial(seed: u64, person: u64, trial: u64) -> Self {
         Self::of(seed, person, trial.wrapping_add(2))
     }

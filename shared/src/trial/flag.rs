@@ -15,9 +15,9 @@ pub enum Flag {
     LateSample,
     /// The trial was read from a file, without evidence of timing and keys.
     Imported,
-    /// The participant could not drive it without interruption: the page lost focus or was hidden, an input
-    /// was sampled more than [`INTERRUPTED_MS`](super::INTERRUPTED_MS) late, or the scene had been shown
-    /// before.
+    /// The participant could not drive the trial without interruption: the page lost focus or was
+    /// hidden, an input was sampled more than [`INTERRUPTED_MS`](super::INTERRUPTED_MS) late, or
+    /// the scene had been shown before.
     Interrupted,
     /// The page lost focus or was hidden.
     FocusLost,
@@ -33,8 +33,8 @@ pub enum Flag {
     WrongClock,
     /// The times of samples, keys or page events decrease.
     UnorderedTimes,
-    /// More than [`FASTEST_PRESSES`](super::FASTEST_PRESSES) presses within a second: a defective keyboard, or a
-    /// program.
+    /// More than [`FASTEST_PRESSES`](super::FASTEST_PRESSES) presses within a second, which points
+    /// to a defective keyboard or a program.
     FastKeys,
     /// A character that files cannot contain was replaced by U+FFFD.
     ReplacedCharacters,
@@ -59,7 +59,7 @@ impl Flag {
         Self::ReplacedCharacters,
     ];
 
-    /// Flags that earlier versions did not set: trials of those versions may lack them.
+    /// Flags that earlier versions did not set. Trials of those versions may lack them.
     pub const LATER: [Self; 4] =
         [Self::WrongClock, Self::UnorderedTimes, Self::FastKeys, Self::ReplacedCharacters];
 
@@ -84,7 +84,7 @@ impl Flag {
         }
     }
 
-    /// Whether these flags cast doubt on a trial: any flag except [`Self::Imported`] does.
+    /// Whether these flags cast doubt on a trial. Any flag except [`Self::Imported`] does.
     #[must_use]
     pub fn question(flags: &[Self]) -> bool {
         flags.iter().any(|flag| *flag != Self::Imported)

@@ -2,42 +2,43 @@
 
 use super::{Flag, PageEvent};
 
-/// Latest plausible time of a clock, ms since 1970: the year 2100.
+/// Latest plausible time of a clock (ms since 1970): the year 2100.
 pub const LAST_MS: f64 = 4_102_444_800_000.0;
 
-/// Upper bound of a person's key presses within a second.
+/// Upper bound on a person's key presses within a second.
 ///
 /// The record for one piano key is [824 presses in a
 /// minute](https://www.guinnessworldrecords.com/news/2017/6/portuguese-musician-breaks-record-for-astonishingly-fast-piano-key-hitting-475329),
 /// by two alternating fingers: 13.7 per second. Two hands at this rate would make 27.5.
 pub const FASTEST_PRESSES: usize = 30;
 
-/// A key that went down or up.
+/// A key press or release.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecordedKey {
-    /// Time after the scene's start, ms.
+    /// Time after the scene's start (ms).
     pub t_ms: f64,
-    /// Down or up.
+    /// Whether the key went down.
     pub down: bool,
 }
 
-/// The recorded evidence.
+/// The recorded evidence about a trial.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Record<'a> {
-    /// When the trial started by the participant's clock, ms since 1970, if known.
+    /// Start of the trial on the participant's clock (ms since 1970), if known.
     pub started_at_ms: Option<f64>,
-    /// When each input was sampled, ms after the start.
+    /// When each input was sampled (ms after the start).
     pub sampled_at_ms: &'a [f64],
     /// The key events.
     pub keys: &'a [RecordedKey],
     /// The page events.
     pub page_events: &'a [PageEvent],
-    /// Whether one of its texts contains U+FFFD in place of a character that files cannot contain.
+    /// Whether one of the record's texts contains U+FFFD in place of a character that files cannot
+    /// contain.
     pub replaced: bool,
 }
 
 impl Record<'_> {
-    /// Its flags.
+    /// The flags of this record.
     #[must_use]
     pub fn flags(&self) -> Vec<Flag> {
         let keys = || self.keys.iter().map(|key| key.t_ms);
@@ -56,7 +57,7 @@ impl Record<'_> {
     }
 }
 
-/// Whether a clock's time, ms since 1970, is plausible: from 1970 to 2100.
+/// Whether a clock's time (ms since 1970) is plausible: from 1970 to 2100.
 #[must_use]
 pub fn is_right_clock(ms: f64) -> bool {
     (0.0..=LAST_MS).contains(&ms)
@@ -95,7 +96,8 @@ mod tests {
         assert_eq!(of_keys(&pressed(200, 2.0)), [Flag::FastKeys]);
         // Two hands at the record rate: 27.5 presses per second for a whole trial.
         assert_eq!(of_keys(&pressed(275, 1000.0 / 55.0)), []);
-        // The window is a second, half open: the 31st press after 999 ms is too fast, after 1000 ms it is not.
+        // The window is half open and one second long: the 31st press is too fast after 999 ms, but
+        // not after 1000 ms.
         let mut keys = pressed(FASTEST_PRESSES + 1, 1.0);
         for (i, key) in keys.iter_mut().enumerate() {
             key.t_ms = (i / 2) as f64;

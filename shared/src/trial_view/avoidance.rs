@@ -6,15 +6,15 @@ use crate::chart::{LegendItem, Pen, colours};
 use crate::picture::Picture;
 use crate::vehicle::dubins::arc;
 
-/// Parts per step: the optimal turn may change within a step.
+/// Number of parts per step. The optimal turn may change within a step.
 const PARTS: usize = 4;
 
 pub(super) fn pen() -> Pen {
     Pen::new(colours::SERIES[2], 2.0).dashed(7.0, 3.0)
 }
 
-/// The human turns optimally against the worst-case robot, by the gradient of V_HR; the robot drives
-/// straight on, as in the study.
+/// Paints the path. The human turns optimally against the worst-case robot, according to the
+/// gradient of V_HR. The robot drives straight on, as in the study.
 pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     let Some(safety) = &playback.safety else { return };
     let parameters = &playback.recorded.parameters;

@@ -1,12 +1,12 @@
-//! Level curves for the current headings, cached while the headings stay the same: in two of three steps
-//! of a scene, both vehicles drive straight on.
+//! Level curves for the current headings. They are cached while the headings stay the same: in two
+//! of three steps of a scene, both vehicles drive straight on.
 
 use crate::math::sin_cos;
 use crate::reachability::CurveSettings;
 use crate::safety::SafetyLevels;
 use crate::scene::{Evader, JointState};
 
-/// Cache of the last curves of equal V.
+/// Cache of the last level curves of V.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curves(Vec<Kept>);
 
@@ -14,15 +14,15 @@ pub(super) struct Curves(Vec<Kept>);
 struct Kept {
     evader: Evader,
     level_m: f64,
-    /// The relative heading, rad.
+    /// The relative heading (rad).
     psi: f64,
-    /// In the evader's frame, m.
+    /// The curves, in the evader's frame (m).
     curves: Vec<Vec<[f64; 2]>>,
 }
 
 impl Curves {
-    /// {V = `level_m`} of this vehicle for the current headings: closed curves in the evader's frame, m,
-    /// with {V ≤ level} on their left.
+    /// The level set {V = `level_m`} of this vehicle for the current headings, as closed curves in
+    /// the evader's frame (m), with {V ≤ `level_m`} on their left.
     pub(super) fn of(
         &mut self,
         safety: &SafetyLevels,
@@ -40,14 +40,14 @@ impl Curves {
             self.0.len() - 1
         });
         let kept = &mut self.0[place];
-        // Unchanged headings have the same bits. After turning back they may not, which costs one
-        // recomputation.
+        // Unchanged headings have the same bits. After a turn and a turn back the bits may differ,
+        // which costs one recomputation.
         if kept.psi.to_bits() != psi.to_bits() {
             kept.psi = psi;
             let (function, curves) = (safety.of(evader), &mut kept.curves);
             let drawn = function.level_curves_into(psi, level_m, CurveSettings::default(), curves);
             if drawn.is_err() {
-                // A level that no state attains has no curve; the legend says "nowhere".
+                // A level that no state attains has no curve; the legend then says "nowhere".
                 curves.clear();
             }
         }

@@ -5,17 +5,18 @@ use super::view::View;
 use crate::chart::{Align, Drawing, LegendItem, colours, fixed};
 use crate::picture::Picture;
 
-/// Width of the picture, and margin, px.
+/// Width of the picture, and margin (px).
 const WIDTH: f64 = 900.0;
 const MARGIN: f64 = 28.0;
-/// Smallest and largest height of the picture, px.
+/// Smallest and largest height of the picture (px).
 const HEIGHTS: [f64; 2] = [300.0, 900.0];
 
-/// Width of each of two pictures side by side, and the gap between them, px.
+/// Width of each of two pictures side by side, and the gap between them (px).
 const HALF: f64 = 560.0;
 const BETWEEN: f64 = 20.0;
 
-/// The legend of two pictures side by side: that of the first, and the items of the second that the first lacks.
+/// The legend of two pictures side by side: the legend of the first, then the items of the second
+/// that the first lacks.
 #[must_use]
 pub fn legend_of_both(first: &Playback, second: &Playback, view: &View) -> Vec<LegendItem> {
     let mut items = first.legend(view);

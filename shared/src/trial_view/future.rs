@@ -9,7 +9,7 @@ fn human() -> Pen {
     Pen::new(colours::TEXT, 2.0).dashed(2.0, 3.0)
 }
 
-/// A dotted line ahead of the human, and a fainter one ahead of the robot.
+/// Paints a dotted line ahead of the human, and a fainter one ahead of the robot.
 pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     let (state, states) = (playback.now.state, &playback.recorded.states);
     let ahead = states.get(playback.now.step + 1..).unwrap_or_default();

@@ -4,13 +4,13 @@ use crate::chart::{Pen, colours};
 use crate::picture::{Picture, Shape, Window};
 use std::rc::Rc;
 
-/// Distance between two lines, m.
+/// Distance between two lines (m).
 const EVERY_M: f64 = 5.0;
 /// The spacing as text.
 pub(super) const WORDS: &str = "5 m";
 
-/// Paints the grid also around the window, because a frame with another aspect ratio shows more
-/// than the window.
+/// Paints the grid. It also covers the area around the window, because a frame with another aspect
+/// ratio shows more than the window.
 pub(super) fn paint(picture: &mut Picture, window: Window, words: &Rc<str>) {
     let Window { low, high } = window;
     let reach = (high[0] - low[0]).max(high[1] - low[1]);

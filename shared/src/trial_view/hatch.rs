@@ -4,12 +4,13 @@ use crate::chart::Pen;
 use crate::math::sin_cos;
 use crate::picture::Picture;
 
-/// A crossing of a line and an edge: index of the line, position along it, m, and whether the line enters a
-/// polygon there (1) or leaves one (−1).
+/// A crossing of a line and an edge: the index of the line, the position along it (m), and whether
+/// the line enters a polygon there (1) or leaves one (−1).
 pub(super) type Crossing = (i64, f64, i32);
 
-/// Paints parallel lines inside the union of closed polygons (nonzero winding), `apart_m` apart, along `angle`
-/// from +x, rad. The lines are on one lattice in the world, so that those of adjacent areas align.
+/// Paints parallel lines inside the union of closed polygons (nonzero winding rule). The lines are
+/// `apart_m` apart and run along `angle` (rad, from +x). They are on one lattice in the world, so
+/// that the lines of adjacent areas align.
 pub(super) fn paint(
     picture: &mut Picture,
     polygons: &[Vec<[f64; 2]>],
@@ -19,7 +20,7 @@ pub(super) fn paint(
     crossings: &mut Vec<Crossing>,
 ) {
     let (sin, cos) = sin_cos(angle);
-    // In a frame in which the lines are horizontal.
+    // Rotates into a frame in which the lines are horizontal.
     let turned = |[x, y]: [f64; 2]| [cos * x + sin * y, cos * y - sin * x];
     let back = |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];
     crossings.clear();
@@ -32,7 +33,7 @@ pub(super) fn paint(
             let lines = (low / apart_m).floor() as i64..=(high / apart_m).ceil() as i64;
             for line in lines.filter(|_| (high - low).is_finite()) {
                 let y = line as f64 * apart_m;
-                // An edge includes its lower end but not its upper one, so corners count once.
+                // An edge includes its lower end but not its upper end, so corners count once.
                 if (from[1] <= y) != (to[1] <= y) {
                     let x = from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0]);
                     crossings.push((line, x, if to[1] < from[1] { 1 } else { -1 }));
@@ -83,7 +84,7 @@ mod tests {
             let area = |polygons: &[Vec<[f64; 2]>]| 0.01 * length(polygons, angle, 0.01);
             let alone = area(core::slice::from_ref(&concave));
             assert!((alone - 8.0).abs() < 0.05, "{angle}: {alone}");
-            // The overlap, ½ m², is hatched once.
+            // The overlap (½ m²) is hatched once.
             let union = area(&[concave.clone(), square.clone(), concave.clone()]);
             assert!((union - 11.5).abs() < 0.05, "{angle}: {union}");
         }

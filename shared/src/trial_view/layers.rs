@@ -12,9 +12,9 @@ pub struct Layer {
     pub name: &'static str,
     /// Label of its switch.
     pub label: &'static str,
-    /// Subscript of V where the layer shows levels of a value function.
+    /// Subscript of V, if the layer shows levels of a value function.
     pub level: Option<&'static str>,
-    /// Its meaning, in a sentence.
+    /// Its meaning, as a sentence.
     pub meaning: &'static str,
     /// Style class of the colour that it is drawn in.
     pub swatch: &'static str,
@@ -22,7 +22,7 @@ pub struct Layer {
     pub is_usual: bool,
     /// Paints it, with buffers that the playback reuses from frame to frame.
     pub paint: fn(&mut Playback, &Style, &mut Picture),
-    /// Its legend at this moment; empty if it draws nothing.
+    /// Its legend at this moment. Empty if it draws nothing.
     pub legend: fn(&Playback, &Style) -> Vec<LegendItem>,
 }
 

@@ -7,12 +7,14 @@ use crate::chart::{Colour, LegendItem, Pen, colours, number};
 use crate::picture::Picture;
 use crate::scene::Evader;
 
-/// {V_HR ≤ 0}, where a robot with its current heading could force a collision, and other levels.
+/// Paints {V_HR ≤ 0}, where a robot with its current heading could force a collision, and other
+/// levels.
 pub(super) fn human(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     paint(playback, style, Evader::Human, picture);
 }
 
-/// {V_RH ≤ 0}, where a human with their current heading could force a collision, and other levels.
+/// Paints {V_RH ≤ 0}, where a human with their current heading could force a collision, and other
+/// levels.
 pub(super) fn robot(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     paint(playback, style, Evader::Robot, picture);
 }
@@ -27,7 +29,7 @@ pub(super) fn robot_legend(playback: &Playback, style: &Style) -> Vec<LegendItem
     legend(playback, style, Evader::Robot, "V_RH", inside)
 }
 
-/// A solve that did not converge proves nothing: its sets are drawn in grey.
+/// If the solve did not converge, its sets prove nothing and are drawn in grey.
 fn colour(playback: &Playback, evader: Evader) -> Colour {
     match evader {
         _ if playback.is_doubtful(evader) => colours::MUTED,

@@ -14,9 +14,9 @@ use crate::vehicle::VehicleModel;
     reason = "there is one for each pane; with 32 bits it is small"
 )]
 pub enum Method {
-    /// A learned function, from whose predictions Algorithm 1 computes sets.
+    /// A learned function. Algorithm 1 computes sets from its predictions.
     Learned(Learned),
-    /// Sets learned from recorded futures, without probabilities of inputs.
+    /// Sets learned from recorded futures. They have no probabilities of inputs.
     Empirical(Box<EmpiricalSets>),
 }
 
@@ -24,7 +24,7 @@ impl Method {
     /// Scales the paper's settings to the human's turn rate, so that the widest set admits every turn.
     ///
     /// # Errors
-    /// As for [`BoundsSettings::new`].
+    /// The errors of [`BoundsSettings::new`].
     pub fn for_human(mut self, human: &VehicleModel) -> Result<Self, Invalid> {
         if let Self::Learned(learned) = &mut self {
             let usual = &learned.settings.bounds;
@@ -56,29 +56,29 @@ impl From<EmpiricalSets> for Method {
 pub struct PredictedSet<'a> {
     /// Its level in the family.
     pub level: Level,
-    /// Area, m², of all positions within the steps ahead.
+    /// Area of all positions within the steps ahead (m²).
     pub area_m2: f64,
-    /// Closed counter-clockwise polygons in the world frame whose union is all positions within the steps
-    /// ahead, m.
+    /// Closed counter-clockwise polygons in the world frame (m). Their union is the set of all
+    /// positions within the steps ahead.
     pub tube: &'a [Vec<[f64; 2]>],
-    /// The positions after each step, each as one such polygon; empty unless requested.
+    /// The positions after each step, with one such polygon per step. Empty unless requested.
     pub steps: &'a [Vec<[f64; 2]>],
 }
 
 /// The parameter that determines the size of a set in a nested family.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Level {
-    /// The widening ε of the bounds of the turn rate, rad/s.
+    /// The widening ε of the turn-rate bounds (rad/s).
     Widening(f64),
-    /// The share of the recorded futures with the same held input that the set bounds; at 1 it is the whole
-    /// reachable set.
+    /// The share of the recorded futures with the same held input that the set encloses. At 1, it
+    /// is the whole reachable set.
     Share(f64),
     /// The Mahalanobis radius of ellipsoids of the future pose.
     Radius(f64),
 }
 
 impl Level {
-    /// The number.
+    /// The level as a number.
     #[must_use]
     pub fn value(self) -> f64 {
         match self {
@@ -86,7 +86,7 @@ impl Level {
         }
     }
 
-    /// Column header for such numbers.
+    /// Column header for levels of this kind.
     #[must_use]
     pub fn column(self) -> &'static str {
         match self {
@@ -96,7 +96,7 @@ impl Level {
         }
     }
 
-    /// Description with its number.
+    /// Description of the level, with its number.
     #[must_use]
     pub fn words(self) -> String {
         let number = fixed(self.value(), 2);

@@ -7,17 +7,17 @@ use crate::chart::{Colour, LegendItem, colours};
 use crate::picture::Picture;
 use crate::scene::Evader;
 
-/// Ends of the bands, m, from the outermost inwards.
+/// Levels at the edges of the bands (m), from the outermost band inwards.
 const BANDS_M: [f64; 6] = [4.0, 3.0, 2.0, 1.0, 0.0, -1.0];
 /// Opacity that each band adds to the bands around it.
 const OPACITY: f64 = 0.075;
 
-/// V_HR for each position of a robot with its current heading.
+/// Paints V_HR for each position of a robot with its current heading.
 pub(super) fn human(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     paint(playback, Evader::Human, colours::HUMAN, picture);
 }
 
-/// V_RH for each position of a human with their current heading.
+/// Paints V_RH for each position of a human with their current heading.
 pub(super) fn robot(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     paint(playback, Evader::Robot, colours::ROBOT, picture);
 }

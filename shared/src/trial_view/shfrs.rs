@@ -6,13 +6,13 @@ use crate::chart::{Colour, LegendItem, Pen, colours, fixed, lowered};
 use crate::math::PI;
 use crate::picture::Picture;
 
-/// Direction of a region's hatching, rad; the innermost one has none.
+/// Direction of each region's hatching (rad). The innermost region has none.
 const HATCHED: [Option<f64>; 5] =
     [None, Some(0.25 * PI), Some(0.75 * PI), Some(0.0), Some(0.5 * PI)];
-/// Spacing of hatching lines, m.
+/// Spacing of hatching lines (m).
 const APART_M: f64 = 0.3;
 
-/// The colour of region `j`, from 0, of `count`.
+/// The colour of region `j` (from 0) of `count` regions.
 #[must_use]
 pub(super) fn colour(palette: Palette, j: usize, count: usize) -> Colour {
     match palette {
@@ -21,15 +21,15 @@ pub(super) fn colour(palette: Palette, j: usize, count: usize) -> Colour {
     }
 }
 
-/// F_F … F_1 from the largest to the smallest, so that the visible part of each is its region S_j. Each
-/// set is drawn as one tube, or as an area per step.
+/// Paints F_F … F_1 from the largest to the smallest, so that the visible part of each set is its
+/// region S_j. Each set is drawn as one tube, or as one area per step.
 pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     let mut crossings = core::mem::take(&mut playback.crossings);
     let count = playback.set_count();
     for (set, j) in playback.sets().rev().zip((0..count).rev()) {
         let colour = colour(style.palette, j, count);
-        // A line in the background colour separates tubes. The set at a step is thinner than that
-        // line; an outline in its own colour keeps it visible.
+        // A line in the background colour separates tubes. The set at one step is thinner than this
+        // line, so an outline in its own colour keeps it visible.
         let (areas, outline) = match style.sets {
             Sets::Tube => (set.tube, Pen::new(colours::SURFACE, 0.75)),
             Sets::EachStep => (set.steps, Pen::new(colour, 1.5)),
@@ -59,10 +59,10 @@ pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Pictur
     playback.crossings = crossings;
 }
 
-/// Width of the line that hides the seams of a union, px.
+/// Width of the line that hides the seams of a union (px).
 const SEAM: f64 = 0.75;
 
-/// Paints the union of polygons: all edges first, so that only those of the union stay visible.
+/// Paints the union of polygons: first all edges, so that only the edges of the union stay visible.
 fn union(areas: &[Vec<[f64; 2]>], colour: Colour, picture: &mut Picture) {
     let edge = Pen::new(colours::SURFACE, 3.0 * SEAM);
     let areas = || areas.iter().filter(|area| !area.is_empty());

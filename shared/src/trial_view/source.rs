@@ -32,13 +32,15 @@ pub enum Way {
     /// A logistic regression on B_hrd, trained on the participant's earlier trials.
     #[default]
     Earlier,
-    /// The same on these features, the robot's position in the human's frame, and the human's turns so far.
+    /// Like [`Self::Earlier`], but also on the robot's position in the human's frame and the
+    /// human's recent turns.
     History,
     /// Only the likeliest input of [`Self::Earlier`] at each step.
     LearnedDisturbance,
-    /// Hulls of the participant's futures in earlier trials after the same input.
+    /// Hulls of the participant's recorded futures in earlier trials after the same input.
     Empirical,
-    /// Normal distributions of the participant's deviations from holding the input in earlier trials.
+    /// Normal distributions of how the participant deviated from holding the input in earlier
+    /// trials.
     Gaussian,
     /// Every input is equally likely.
     Constant,
@@ -53,7 +55,7 @@ pub enum Way {
 /// Caption of a predictor opened from a file.
 pub const FROM_FILE: &str = "A predictor from a file";
 
-/// Smaller turns are rounding errors, rad.
+/// Smaller turns are rounding errors (rad).
 const LEAST_TURN: f64 = 1e-9;
 
 impl Way {
@@ -102,7 +104,7 @@ impl Way {
         }
     }
 
-    /// Its prediction, in a sentence.
+    /// A sentence that describes its prediction.
     #[must_use]
     pub fn meaning(self) -> &'static str {
         match self {
@@ -140,8 +142,8 @@ impl Way {
     /// The function and settings. `trained` is the model, if the method needs one.
     ///
     /// # Errors
-    /// [`Invalid`] if that model is missing, and for a method that needs the trials themselves: see
-    /// [`fitted`].
+    /// [`Invalid`] if the method needs a model that is missing, or if it needs the trials
+    /// themselves; see [`fitted`].
     pub fn learned(self, trained: Option<Predictor>) -> Result<Learned, Invalid> {
         let trained =
             trained.ok_or_else(|| Invalid::new("predictor", "a model of earlier trials", "none"));
@@ -164,7 +166,7 @@ impl Way {
 pub enum Needs {
     /// Nothing.
     Nothing,
-    /// A model trained on them with the feature set of this name.
+    /// A model trained on these trials with the feature set of this name.
     Model(&'static str),
     /// The trials themselves, for the sets of this family.
     Trials(EmpiricalFamily),
@@ -173,7 +175,7 @@ pub enum Needs {
 /// Learns a family's sets from the participant's earlier trials.
 ///
 /// # Errors
-/// [`Invalid`] if they have too few windows.
+/// [`Invalid`] if the trials have too few windows.
 pub fn fitted(
     family: EmpiricalFamily,
     parameters: &SceneParameters,
@@ -188,7 +190,7 @@ const USUAL_SET: &str = "hrd";
 /// The features in the set with this name, for models trained on earlier trials.
 ///
 /// # Errors
-/// [`Invalid`] for another name.
+/// [`Invalid`] for any other name.
 pub fn features_of(set: &str) -> Result<FeatureSet, Invalid> {
     match set {
         USUAL_SET => FeatureSet::subset(set),
@@ -198,16 +200,17 @@ pub fn features_of(set: &str) -> Result<FeatureSet, Invalid> {
 }
 
 impl Learned {
-    /// Predicts with the paper's settings.
+    /// A function that predicts with the paper's settings.
     ///
     /// # Errors
-    /// As for [`ShfrsSettings::paper`].
+    /// The errors of [`ShfrsSettings::paper`].
     pub fn usual(predictor: Predictor) -> Result<Self, Invalid> {
         let settings = ShfrsSettings::paper(predictor.classes().len())?;
         Ok(Self { predictor, settings })
     }
 
-    /// Likewise with the `k` likeliest inputs at every step, and with these widenings, if given.
+    /// Like [`Self::usual`], but with the `k` likeliest inputs at every step, and with these
+    /// widenings, if given.
     fn of_k(predictor: Predictor, k: usize, epsilon: Option<Vec<f64>>) -> Result<Self, Invalid> {
         let mut learned = Self::usual(predictor)?;
         let usual = &learned.settings.bounds;
@@ -219,12 +222,13 @@ impl Learned {
     }
 }
 
-/// Constant probabilities of right, straight and left.
+/// A predictor with constant probabilities of right, straight and left.
 fn always(probabilities: [f64; 3]) -> Result<Predictor, Invalid> {
     Predictor::constant(FeatureSet::none(), vec![-1, 0, 1], probabilities.to_vec())
 }
 
-/// Predicts the previous step's input, known from the last turn, with near certainty.
+/// A predictor that expects the previous step's input, which it knows from the last turn, with near
+/// certainty.
 fn held() -> Result<Predictor, Invalid> {
     let questions = QuestionsFile {
         feature: vec![0; 5],
@@ -259,7 +263,7 @@ impl Source {
     /// Parses a source: the name of a method, or analysis and file separated by a slash.
     ///
     /// # Errors
-    /// [`Invalid`] naming `field` for another text.
+    /// [`Invalid`] naming `field` for any other text.
     pub fn of(field: &str, text: &str) -> Result<Self, Invalid> {
         if let Some((analysis, file)) = text.split_once('/') {
             return Ok(Self::Model { analysis: analysis.to_owned(), file: file.to_owned() });
@@ -289,8 +293,8 @@ impl Source {
         }
     }
 
-    /// The sources in a link's query, of the pane and of the pane beside it, if any: `predictor=…` or
-    /// `analysis=…&file=…`, and `beside=…`.
+    /// The sources in a link's query, namely `predictor=…` or `analysis=…&file=…` for the pane, and
+    /// `beside=…` for the pane beside it, if any.
     ///
     /// # Errors
     /// [`Invalid`] with the name of an invalid parameter.
@@ -348,7 +352,7 @@ mod tests {
         assert_eq!(of("beside=").unwrap_err().field, "beside");
     }
 
-    /// Compares the areas of the sets with those of the families in `sidestep shfrs`, which have no
+    /// Compares the areas of the sets with those of the families in `sidestep shfrs`, which need no
     /// predictor.
     #[test]
     fn baselines_are_those_of_the_comparison() {

@@ -5,7 +5,7 @@ use crate::scene::Evader;
 /// Style of a picture's layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Style {
-    /// Levels of V_HR and V_RH, m, ascending.
+    /// Levels of V_HR and of V_RH (m), in ascending order.
     pub levels_m: [Vec<f64>; 2],
     /// The drawn part of each predicted set.
     pub sets: Sets,
@@ -21,7 +21,7 @@ impl Default for Style {
 }
 
 impl Style {
-    /// The levels of a vehicle's value function, m.
+    /// The levels of a vehicle's value function (m).
     #[must_use]
     pub fn levels(&self, evader: Evader) -> &[f64] {
         match evader {
@@ -34,7 +34,7 @@ impl Style {
 /// The drawn part of each predicted set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sets {
-    /// All positions within the time ahead.
+    /// All positions within the steps ahead.
     #[default]
     Tube,
     /// The positions after each step.
@@ -49,6 +49,6 @@ pub enum Palette {
     /// Red, yellow, green, blue and purple, as in the paper.
     #[default]
     Paper,
-    /// From dark to bright, and hatched: for colour-blind readers and greyscale print.
+    /// From dark to bright, and hatched, for colour-blind readers and greyscale print.
     Safe,
 }

@@ -79,7 +79,8 @@ fn a_frame_does_not_depend_on_the_frames_before() {
     assert_eq!(paint(&mut used), fresh);
 }
 
-/// A trial that grows step by step, with the last step corrected once, looks at each moment like the whole trial.
+/// A trial that grows step by step, and whose last step is corrected once each time, looks at each
+/// moment like the whole trial.
 #[test]
 fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     let mut whole = playback();
@@ -90,7 +91,7 @@ fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
     live.use_safety(whole.safety().unwrap().clone()).unwrap();
     live.use_learned(whole.learned().cloned()).unwrap();
     live.show_window(whole.window());
-    // Only the future that a recorded trial knows may differ.
+    // Only the future, which only a recorded trial knows, may differ.
     let mut view = View::default();
     view.shown[layers::place("future").unwrap()] = false;
     for step in 1..inputs.len() {
@@ -223,7 +224,8 @@ fn learned_sets_are_shown_without_a_function() {
         assert!(figure.contains(&format!("F₁: where the human may be within 2.0 s, {level} ")));
         assert!(figure.contains(", the worst case"));
         assert!(!figure.contains("rad/s") && !figure.contains("likely futures"));
-        // At the end of a step the held input is that step's; within the next step, the next one's.
+        // At the end of a step, the held input is the input of that step; within the next step, it
+        // is the next step's input.
         for (time_s, held) in [(0.0, TurnInput::Straight), (1.0, inputs[4]), (1.05, inputs[5])] {
             playback.go(&at(time_s)).unwrap();
             let mut expected = source::fitted(family, parameters, &earlier).unwrap().sets;

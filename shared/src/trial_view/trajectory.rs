@@ -6,7 +6,7 @@ use crate::chart::{Colour, LegendItem, Pen, colours};
 use crate::picture::Picture;
 use crate::scene::JointState;
 
-/// A line behind each vehicle.
+/// Paints a line behind each vehicle.
 pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     let states = &playback.history;
     let mut line = |colour: Colour, position: fn(&JointState) -> [f64; 2]| {

@@ -9,7 +9,7 @@ use crate::invalid::Invalid;
 /// The view of a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Time into the trial, s.
+    /// Time since the start of the trial (s).
     pub time_s: f64,
     /// Playback speed, relative to real time.
     pub speed: f64,
@@ -19,10 +19,10 @@ pub struct View {
     pub style: Style,
 }
 
-/// Playback speeds on offer.
+/// The playback speeds that a page offers.
 pub const SPEEDS: [f64; 6] = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 
-/// Most levels of a value function, and most steps ahead, in a picture.
+/// Maximum number of levels of a value function, and of steps ahead, in a picture.
 const MOST_LEVELS: usize = 8;
 const MOST_STEPS: usize = 100;
 
@@ -58,10 +58,10 @@ impl View {
         Ok(view)
     }
 
-    /// Sets one parameter of such a query.
+    /// Sets one parameter of a query.
     ///
     /// # Errors
-    /// As for [`Self::of_query`].
+    /// The errors of [`Self::of_query`].
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), Invalid> {
         match name {
             "t" => {

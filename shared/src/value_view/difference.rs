@@ -6,20 +6,20 @@ use crate::math::TAU;
 use crate::picture::Window;
 use crate::reachability::{ExactValue, ValueFunction};
 
-/// Columns of the grid of errors at a heading.
+/// Number of columns of the grid of errors at one heading.
 const COLUMNS: usize = 150;
-/// Headings at which errors are summarised.
+/// Number of headings at which errors are summarised.
 const HEADINGS: u32 = 24;
 
-/// The solver's V minus the closed form's, over a window.
+/// The solver's V minus V of the closed form, over a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     window: Window,
-    /// Largest absolute error at all headings, m.
+    /// Largest absolute error at all headings (m).
     pub greatest_m: f64,
-    /// (x, y, ψ) of the largest error, m, m, rad.
+    /// (x, y, ψ) of the largest error (m, m, rad).
     pub greatest_at: [f64; 3],
-    /// Mean absolute error at all headings, m.
+    /// Mean absolute error at all headings (m).
     pub mean_m: f64,
     scale: Scale,
 }
@@ -29,14 +29,14 @@ pub struct Difference {
 pub struct AtHeading {
     /// The picture.
     pub map: Map,
-    /// Largest absolute error in it, m.
+    /// Largest absolute error in the picture (m).
     pub greatest_m: f64,
-    /// Mean absolute error in it, m.
+    /// Mean absolute error in the picture (m).
     pub mean_m: f64,
 }
 
 impl Difference {
-    /// Compares both on a grid over `window` at 24 headings.
+    /// Compares the two functions on a grid over `window` at 24 headings.
     #[must_use]
     pub fn new(solved: &ValueFunction, exact: &ExactValue, window: Window) -> Self {
         let (mut greatest_m, mut greatest_at) = (0.0, [0.0; 3]);
@@ -56,7 +56,8 @@ impl Difference {
         Self { window, greatest_m, greatest_at, mean_m: sum / count, scale }
     }
 
-    /// The error at the heading `psi`, rad, in a picture of this width, px. All headings use the same colour scale.
+    /// The error at the heading `psi` (rad), in a picture of this width (px). All headings use the
+    /// same colour scale.
     #[must_use]
     pub fn at(
         &self,

@@ -9,7 +9,7 @@ use crate::math::{TAU, hypot};
 use crate::picture::Window;
 use crate::reachability::{CurveSettings, Nodes, ValueFunction};
 
-/// Widths of the left margin, the gap before the colour bar, the bar, and the right margin, px.
+/// Widths of the left margin, the gap before the colour bar, the bar, and the right margin (px).
 const LEFT: f64 = 40.0;
 const GAP: f64 = 58.0;
 const BAR: f64 = 18.0;
@@ -24,8 +24,8 @@ pub struct Map {
     frame: Frame,
 }
 
-/// The part of the plane that maps of a function show: {V ≤ R/3} at every heading and the danger disc
-/// with a margin, within the function's nodes.
+/// The part of the plane that maps of a function show: {V ≤ R/3} at every heading and the danger
+/// disc, with a margin, but only within the function's nodes.
 #[must_use]
 pub fn domain(function: &ValueFunction) -> Window {
     const HEADINGS: u32 = 24;
@@ -63,8 +63,9 @@ pub fn domain(function: &ValueFunction) -> Window {
 }
 
 impl Map {
-    /// V at the heading `psi`, rad, in a picture of this width, px: one tone between neighbouring
-    /// levels, labelled levels, {V = 0} as the strongest line, the danger disc dashed.
+    /// V at the heading `psi` (rad), in a picture of this width (px). There is one tone between
+    /// neighbouring levels. The levels are labelled, {V = 0} is the strongest line, and the danger
+    /// disc is dashed.
     #[must_use]
     pub fn of_value(
         function: &ValueFunction,
@@ -86,12 +87,12 @@ impl Map {
         let of_level = |level| function.level_curves(psi, level, settings).unwrap_or_default();
         let curves: Vec<(f64, Vec<Vec<Point>>)> =
             scale.levels.iter().map(|&level| (level, of_level(level))).collect();
-        // Draws the largest set first: each is a subset of the next level's.
+        // Draws the largest set first, because each set is a subset of the next level's set.
         for (band, (level, curves)) in curves.iter().enumerate().rev() {
             let mut sized: Vec<_> = curves.iter().map(|curve| (area(curve), curve)).collect();
             sized.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
             for (area, points) in sized {
-                // A hole, which runs clockwise, has the tone above the level.
+                // A hole, whose curve runs clockwise, has the tone above the level.
                 let tone = scale.tone(if area < 0.0 { band + 1 } else { band });
                 let edge = (*level != 0.0).then(|| Pen::new(LIGHT.at(0.55), 1.0));
                 let (name, fill) = (String::new(), Some(tone.into()));
@@ -123,7 +124,8 @@ impl Map {
         }
     }
 
-    /// A quantity in m on a grid over `window`, row by row from the bottom, in a picture of this width, px.
+    /// A quantity (m) on a grid over `window`, row by row from the bottom, in a picture of this
+    /// width (px).
     pub(super) fn of_cells(
         title: &str,
         values: &[f64],
@@ -142,7 +144,7 @@ impl Map {
         for (row, values) in values.chunks(columns.max(1)).enumerate() {
             let y = [row, row + 1].map(|row| window.low[1] + row as f64 * size[1]);
             let mut begin = 0;
-            // Merges neighbours of one tone into one box.
+            // Merges neighbouring cells of the same tone into one box.
             while begin < values.len() {
                 let band = scale.band(values[begin]);
                 let same = values[begin..].iter().take_while(|v| scale.band(**v) == band).count();
@@ -198,7 +200,7 @@ impl Map {
             });
             let apart = |[x, y]: Point| {
                 let distances = placed.iter().map(|[a, b]| hypot(x - a, y - b));
-                // Half the map's width is far enough; among such places, a higher one is easier to
+                // Half the map's width is far enough. Among such places, a higher one is easier to
                 // read.
                 distances.fold(0.5 * (right - left), f64::min) - 0.05 * y
             };
@@ -211,13 +213,13 @@ impl Map {
         }
     }
 
-    /// Converts a state, m, to a position in the picture, px.
+    /// Converts a state (m) to a position in the picture (px).
     #[must_use]
     pub fn to_px(&self, at: Point) -> Point {
         self.chart.place(self.frame, at)
     }
 
-    /// Converts a position in the picture, px, to a state, m; `None` outside the axes.
+    /// Converts a position in the picture (px) to a state (m). Returns `None` outside the axes.
     #[must_use]
     pub fn at_px(&self, px: Point) -> Option<Point> {
         let along = |axis: &Axis, share: f64| axis.ends[0] + share * (axis.ends[1] - axis.ends[0]);
@@ -237,7 +239,8 @@ impl Map {
         drawing
     }
 
-    /// The layers of the evader at the origin and of the pursuer at (x, y) with the heading `psi`, rad.
+    /// The layers of the evader at the origin and of the pursuer at (x, y) with the heading `psi`
+    /// (rad).
     #[must_use]
     pub fn vehicles(at: Point, psi: f64) -> Vec<Layer> {
         let vehicle = |at, angle, colour| {
@@ -249,7 +252,7 @@ impl Map {
     }
 }
 
-/// Area inside a closed curve, positive if it runs counter-clockwise.
+/// Area inside a closed curve. It is positive if the curve runs counter-clockwise.
 fn area(curve: &[Point]) -> f64 {
     let next = curve.iter().cycle().skip(1);
     curve.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()

@@ -1,4 +1,4 @@
-//! {V ≤ c} as triangles with normals.
+//! The sublevel set {V ≤ c} as triangles with normals.
 
 use crate::math::TAU;
 use crate::picture::Window;
@@ -7,20 +7,20 @@ use crate::reachability::{Sampling, Surface, ValueFunction};
 /// Triangles with normals, in the layout that GPUs expect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Six numbers per vertex: x and y, m, ψ, rad, and the outward unit normal in drawn metres.
+    /// Six numbers per vertex: x and y (m), ψ (rad), and the outward unit normal in drawn metres.
     pub vertices: Vec<f32>,
     /// Three vertices per triangle, counter-clockwise seen from outside.
     pub indices: Vec<u32>,
 }
 
-/// V over a window, sampled on nodes from which the solid of any level is extracted.
+/// V over a window, sampled on nodes. The solid of any level is extracted from the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tubes {
     window: Window,
     sampling: Sampling,
 }
 
-/// Nodes of x, y and ψ.
+/// Number of nodes along x, y and ψ.
 const NODES: [usize; 3] = [64, 60, 61];
 
 impl Tubes {
@@ -31,7 +31,7 @@ impl Tubes {
         Self { window, sampling }
     }
 
-    /// {V ≤ `level_m`} of the same function.
+    /// The mesh of {V ≤ `level_m`}; `function` must be the sampled function.
     #[must_use]
     pub fn mesh(&self, function: &ValueFunction, level_m: f64) -> Mesh {
         let value = |state| function.value(state);
@@ -40,12 +40,12 @@ impl Tubes {
     }
 }
 
-/// Cosine of 25°, the angle between triangles above which their edge is sharp.
+/// Cosine of 25°. If the angle between two triangles is larger, their edge is sharp.
 const BENT: f64 = 0.906;
 
 impl Mesh {
-    /// The mesh of a surface over `window`. Triangles that meet at a small angle share the mean of their
-    /// normals, which looks smooth; a ridge has a separate vertex for each side.
+    /// The mesh of a surface over `window`. Triangles that meet at a small angle share the mean of
+    /// their normals, so that they look smooth. A ridge has a separate vertex for each side.
     #[must_use]
     pub fn new(surface: &Surface, window: Window) -> Self {
         let per_radian = height_m(window) / TAU;
@@ -54,7 +54,8 @@ impl Mesh {
             let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
             normal.map(|part| part / length)
         };
-        // The smooth sides at each vertex: the normal of the first triangle and the index of the mesh's vertex.
+        // The smooth sides at each vertex, each with the normal of its first triangle and the index
+        // of the mesh's vertex.
         let mut sides: Vec<Vec<([f64; 3], usize)>> = vec![Vec::new(); surface.vertices.len()];
         let mut corners: Vec<([f64; 3], [f64; 3])> = Vec::new();
         let mut indices = Vec::with_capacity(3 * surface.triangles.len());
@@ -89,7 +90,7 @@ impl Mesh {
     }
 }
 
-/// Height of a full turn, in drawn metres.
+/// Height of a full turn of ψ, in drawn metres.
 pub(super) fn height_m(window: Window) -> f64 {
     let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
     0.8 * sides[0].max(sides[1])

@@ -1,4 +1,5 @@
-//! {V ≤ c} as a solid: ψ upwards over x and y, in orthographic projection from any side.
+//! The sublevel set {V ≤ c} as a solid, with ψ upwards over x and y, in orthographic projection
+//! from any side.
 
 use super::mesh::{Mesh, height_m};
 use super::slices::caption;
@@ -13,7 +14,7 @@ pub struct Orbit {
     window: Window,
     /// Height of one radian of ψ, in drawn metres.
     per_radian: f64,
-    /// Width and height of the picture, px.
+    /// Width and height of the picture (px).
     size: [f64; 2],
     /// Pixels per metre.
     scale: f64,
@@ -23,8 +24,8 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// A box over `window`, seen from azimuth and elevation `turned_deg`, in a picture of this size, px,
-    /// `zoom` times as large as fits from every side.
+    /// A box over `window`, seen from the azimuth and elevation `turned_deg`, in a picture of this
+    /// size (px). The box is `zoom` times the size that fits from every side.
     #[must_use]
     pub fn new(window: Window, turned_deg: [i16; 2], zoom: f64, size: [f64; 2]) -> Self {
         let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
@@ -52,7 +53,7 @@ impl Orbit {
         [x - middle[0], y - middle[1], (psi - PI) * self.per_radian]
     }
 
-    /// Projects a state into the picture, px.
+    /// Projects a state into the picture (px).
     #[must_use]
     pub fn place(&self, state: [f64; 3]) -> [f64; 2] {
         let at = self.metres(state);
@@ -62,7 +63,7 @@ impl Orbit {
         ]
     }
 
-    /// Matrix from (x, y, ψ, 1) to clip coordinates, column by column.
+    /// Matrix from (x, y, ψ, 1) to clip coordinates, in column-major order.
     #[must_use]
     pub fn matrix(&self) -> [f32; 16] {
         let origin = self.metres([0.0; 3]);
@@ -154,7 +155,7 @@ impl Orbit {
             let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
             tiles.push((depth, Tile::Face(flat, shade(dot(normal, light) / length))));
             if let Some(ends) = ring(corners.map(|(state, _)| state)) {
-                // Drawn over its own triangle and the neighbouring ones.
+                // The ring is drawn over its own triangle and the neighbouring triangles.
                 let nearer = 0.01 * self.size[0].min(self.size[1]) / self.scale;
                 tiles.push((depth + nearer, Tile::Ring(ends.map(|state| self.place(state)))));
             }
@@ -162,7 +163,7 @@ impl Orbit {
         tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, tile) in tiles {
             match tile {
-                // An edge of the same colour closes gaps between neighbours.
+                // An edge of the same colour closes gaps between neighbouring triangles.
                 Tile::Face(flat, colour) => {
                     drawing.polygon(flat, Some(colour.into()), Some(Pen::new(colour, 0.6)));
                 }
@@ -202,7 +203,8 @@ impl Orbit {
         for (words, edge, beside) in
             [("x ahead (m)", edge_x, beside_x), ("y to the left (m)", edge_y, beside_y)]
         {
-            // Outside the numbers for any direction of the edge, and within the picture.
+            // The name is outside the numbers for any direction of the edge, and within the
+            // picture.
             let half = [0.5 * width_of(words, 11.5, false), 8.0];
             let away = 30.0 + beside[0].abs() * half[0];
             let at = [0, 1].map(|d| {
@@ -226,8 +228,9 @@ impl Orbit {
     }
 }
 
-/// Unit vector perpendicular to an edge of the floor, away from the floor's centre. For an edge seen end-on, it
-/// points straight away from the centre; for a floor seen edge-on, away from the box.
+/// Unit vector perpendicular to an edge of the floor, pointing away from the floor's centre. If the
+/// edge is seen end-on, it points straight away from the centre. If the floor is seen edge-on, it
+/// points away from the box.
 fn outwards([a, b]: [[f64; 2]; 2], centre: [f64; 2], floor: f64) -> [f64; 2] {
     let [along, from] =
         [[0, 1].map(|d| b[d] - a[d]), [0, 1].map(|d| 0.5 * (a[d] + b[d]) - centre[d])];
@@ -243,14 +246,14 @@ fn outwards([a, b]: [[f64; 2]; 2], centre: [f64; 2], floor: f64) -> [f64; 2] {
     across.map(|part| part * side.signum())
 }
 
-/// An edge shorter than this, px, counts as seen end-on.
+/// An edge shorter than this counts as seen end-on (px).
 const END_ON: f64 = 8.0;
 
-/// The placed labels: left, top, right and bottom of each, px.
+/// The placed labels: left, top, right and bottom of each (px).
 struct Labels(Vec<[f64; 4]>);
 
 impl Labels {
-    /// Writes a label unless it would overlap a placed one.
+    /// Writes a label unless it would overlap one that is already placed.
     fn add(&mut self, drawing: &mut Drawing, words: &str, at: [f64; 2], size: f64, align: Align) {
         let width = width_of(words, size, false);
         let left = if matches!(align, Align::Right) { at[0] - width } else { at[0] - 0.5 * width };
@@ -265,7 +268,7 @@ impl Labels {
     }
 }
 
-/// The robot's red in shadow, as it is, and in bright light.
+/// The robot's red in shadow, unchanged, and in bright light.
 pub const TONES: [Colour; 3] = [
     Colour::rgb([0x7d, 0x1f, 0x1c]),
     Colour::rgb(colours::ROBOT.light),
@@ -296,13 +299,13 @@ fn ring(corners: [[f64; 3]; 3]) -> Option<[[f64; 3]; 2]> {
 fn shade(lit: f64) -> Colour {
     let [shadow, middle, bright] = TONES;
     let lit = (0.16 + 0.84 * lit.max(0.0)).min(1.0);
-    // Few tones, so that neighbours often share one.
+    // The tones are few, so that neighbouring triangles often share one.
     let share = 2.0 * (lit * 48.0).round() / 48.0;
     if share < 1.0 { shadow.towards(middle, share) } else { middle.towards(bright, share - 1.0) }
 }
 
-/// A figure of {V ≤ `level_m`} with a description of the game, for a file; `mesh` is that of the function
-/// and the level.
+/// A figure of {V ≤ `level_m`} with a description of the game, for a file. `mesh` must belong to
+/// this function and level.
 #[must_use]
 pub fn tube(function: &ValueFunction, level_m: f64, mesh: &Mesh, orbit: &Orbit) -> Drawing {
     let title = match level_m {
@@ -318,10 +321,10 @@ pub fn tube(function: &ValueFunction, level_m: f64, mesh: &Mesh, orbit: &Orbit) 
     drawing
 }
 
-/// Spacing of the rings on a solid, rad.
+/// Spacing of the rings on a solid (rad).
 pub const RING: f64 = PI / 4.0;
 
-/// Margin around the box, px.
+/// Margin around the box (px).
 const MARGIN: f64 = 16.0;
 /// Depth range of the clip space, relative to its width.
 const DEEP: f64 = 2.0;
@@ -364,7 +367,7 @@ mod tests {
         }
     }
 
-    /// The labels on the walls: words, and left, top, right and bottom, px.
+    /// The labels on the walls: the words, and left, top, right and bottom (px).
     fn labels(turned_deg: [i16; 2]) -> Vec<(String, [f64; 4])> {
         let walls = orbit(turned_deg).walls("");
         let texts = walls.shapes.into_iter().filter_map(|shape| match shape.form {

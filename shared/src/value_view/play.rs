@@ -6,45 +6,46 @@ use crate::reachability::ValueFunction;
 use crate::vehicle::Pose;
 use crate::vehicle::dubins::{arc, relative_state};
 
-/// A game of optimal play by both vehicles, up to half a turn after they are closest.
+/// A game in which both vehicles play optimally, until half a turn after they are closest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Play {
-    /// Time between two states, s.
+    /// Time between two states (s).
     pub step_s: f64,
     /// The evader in the world: it starts at the origin and heads along +x.
     pub evader: Vec<Pose>,
     /// The pursuer in the world.
     pub pursuer: Vec<Pose>,
-    /// The pursuer in the evader's frame: x, y, m, and ψ, rad.
+    /// The pursuer in the evader's frame: x and y (m), and ψ (rad).
     pub relative: Vec<[f64; 3]>,
     /// The given initial state.
     pub start: [f64; 3],
-    /// V at the start, m.
+    /// V at the start (m).
     pub value_m: f64,
-    /// Index of the state at which they are closest.
+    /// Index of the state at which the vehicles are closest.
     pub closest: usize,
     /// Index of the first state within the danger radius, if any.
     pub caught: Option<usize>,
-    /// Whether the simulation was cut off while the pursuer was still coming closer.
+    /// Whether the simulation was cut off while the pursuer was still approaching.
     pub goes_on: bool,
 }
 
-/// Length of a step: in radians of the faster turn, and as a share of the radius at the closing speed.
+/// Upper limit of a step: in radians of the faster turn, and as a share of the radius at the
+/// closing speed.
 const STEP: f64 = 0.004;
-/// The longest game in radians of the slower turn: chases may take several turns.
+/// Maximum length of a game, in radians of the slower turn. Chases may take several turns.
 const LONGEST: f64 = 8.0 * PI;
-/// Smallest approach that counts, as a share of the radius: for two vehicles side by side, rounding alone
-/// reduces the distance forever.
+/// Smallest approach that counts, as a share of the radius. For two vehicles side by side, rounding
+/// errors alone reduce the distance forever.
 const CLOSER: f64 = 1e-4;
-/// Most steps of a game.
+/// Maximum number of steps of a game.
 const MOST_STEPS: usize = 20_000;
 
-/// Optimal play from the pursuer's pose in the evader's frame (x, y, m; ψ, rad), with the turn rates
-/// from [`ValueFunction::state`], updated at every step.
+/// Optimal play from the pursuer's pose in the evader's frame (x and y in m, ψ in rad). The turn
+/// rates come from [`ValueFunction::state`] and are updated at every step.
 ///
 /// # Errors
-/// [`Invalid`] for a state that is not finite, and for a function of a finite horizon: its turns are
-/// optimal only at the start, because the value changes with the remaining time.
+/// [`Invalid`] for a state that is not finite, and for a function with a finite horizon. Its turns
+/// are optimal only at the start, because the value changes with the remaining time.
 pub fn play(function: &ValueFunction, start: [f64; 3]) -> Result<Play, Invalid> {
     crate::invalid::all_finite("at", &start)?;
     if let ValueFunction::Sampled(samples) = function
@@ -59,7 +60,7 @@ pub fn play(function: &ValueFunction, start: [f64; 3]) -> Result<Play, Invalid> 
     let closing = game.evader.speed_mps + game.pursuer.speed_mps;
     let step_s = (STEP / rates[0].max(rates[1])).min(STEP * game.radius_m / closing);
     let most = ((LONGEST / slower / step_s) as usize).min(MOST_STEPS);
-    // Number of steps without an approach after which the play ends.
+    // Number of steps without an approach after which the game ends.
     let patience = (PI / slower / step_s) as usize;
 
     let mut evader = vec![Pose::new(0.0, 0.0, 0.0)];
@@ -85,20 +86,20 @@ pub fn play(function: &ValueFunction, start: [f64; 3]) -> Result<Play, Invalid> 
 }
 
 impl Play {
-    /// Their least distance, m.
+    /// The least distance between the vehicles (m).
     #[must_use]
     pub fn least_distance_m(&self) -> f64 {
         let [x, y, _] = self.relative[self.closest];
         hypot(x, y)
     }
 
-    /// When they are closest, s.
+    /// Time at which the vehicles are closest (s).
     #[must_use]
     pub fn closest_s(&self) -> f64 {
         self.closest as f64 * self.step_s
     }
 
-    /// When the distance first falls to the danger radius or less, s.
+    /// Time at which the distance first falls to the danger radius or less (s), if it does.
     #[must_use]
     pub fn caught_s(&self) -> Option<f64> {
         self.caught.map(|step| step as f64 * self.step_s)
@@ -117,7 +118,7 @@ mod tests {
         ValueFunction::Exact(ExactValue::new(2.0, 0.5, 3.0).unwrap())
     }
 
-    /// The definition of V: the least distance of optimal play is V + R.
+    /// Checks the definition of V: the least distance of optimal play is V + R.
     #[test]
     fn the_least_distance_is_the_value() {
         let mut rng = SeededRng::new(7);

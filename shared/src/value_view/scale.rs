@@ -11,10 +11,10 @@ use crate::reachability::ValueFunction;
 pub(super) const LIGHT: Colour = Colour::rgb([0xff, 0xff, 0xff]);
 pub(super) const DARK: Colour = Colour::rgb([0x16, 0x10, 0x24]);
 
-/// Most bands of a scale.
+/// Maximum number of bands of a scale.
 const MOST: usize = 13;
 
-/// Ascending levels with a tone below each and one above the last.
+/// Ascending levels, with a tone below each level and one above the last level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
     /// The levels between two tones.
@@ -26,7 +26,7 @@ pub struct Scale {
     tones: [Colour; 5],
 }
 
-/// Blue, white, red: below, at and above zero (after Brewer's RdBu).
+/// Blue, white and red for values below, at and above zero (after Brewer's RdBu).
 const DIVERGING: [Colour; 5] = [
     Colour::rgb([0x21, 0x66, 0xac]),
     Colour::rgb([0x92, 0xc5, 0xde]),
@@ -45,7 +45,7 @@ impl Scale {
         Self { places: places(&levels), levels, ends, tones: colours::SAFE_REGIONS }
     }
 
-    /// The scale for V of a function over a window: from −R to the 90 % quantile on the map.
+    /// The scale for V of a function over a window, from −R to the 90 % quantile of V on the map.
     #[must_use]
     pub fn of(function: &ValueFunction, window: Window) -> Self {
         const SIDE: u32 = 20;
@@ -76,7 +76,7 @@ impl Scale {
         Self { places: places(&levels), levels, ends, tones: DIVERGING }
     }
 
-    /// Index of the band that contains a value: 0 below the first level.
+    /// Index of the band that contains a value; 0 below the first level.
     #[must_use]
     pub fn band(&self, value: f64) -> usize {
         self.levels.partition_point(|level| *level < value)
@@ -91,14 +91,14 @@ impl Scale {
         self.tones[from].towards(self.tones[from + 1], at - from as f64)
     }
 
-    /// The limits of all bands.
+    /// The lower and the upper limit of each band.
     fn limits(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
         let low = [self.ends[0]].into_iter().chain(self.levels.iter().copied());
         let high = self.levels.iter().copied().chain([self.ends[1]]);
         low.zip(high).map(|(low, high)| [low, high])
     }
 
-    /// Draws its tones with the levels' numbers beside them, and a line at zero.
+    /// Draws the tones with the levels' numbers beside them, and a line at zero.
     pub fn draw(&self, name: &str, drawing: &mut Drawing, frame: Frame) {
         let labels = self.levels.iter().map(|level| (*level, fixed(*level, self.places)));
         let y = Axis::ticked("", "", self.ends, labels.collect());

@@ -1,4 +1,4 @@
-//! {V = c} at fixed relative headings: small multiples in the evader's frame.
+//! Level sets {V = c} at fixed relative headings, as small multiples in the evader's frame.
 
 use crate::chart::{
     Area, Axis, Chart, Colour, Drawing, Frame, LegendItem, MARGIN, Note, Pen, Sign, colours, disc,
@@ -8,12 +8,12 @@ use crate::math::PI;
 use crate::picture::Window;
 use crate::reachability::{CurveSettings, ValueFunction};
 
-/// Space left and right of a panel, px.
+/// Space left and right of a panel (px).
 const ROOM: [f64; 2] = [44.0, 16.0];
 
 type Curves = Vec<Vec<[f64; 2]>>;
 
-/// {V = c} for each of `levels` (m, above −R) at each of the headings `psi_deg`.
+/// Draws {V = c} for each of `levels` (m, above −R) at each of the headings `psi_deg`.
 #[must_use]
 pub fn slices(function: &ValueFunction, psi_deg: &[f64], levels: &[f64]) -> Drawing {
     let curves: Vec<Vec<Curves>> = psi_deg
@@ -63,19 +63,19 @@ pub fn slices(function: &ValueFunction, psi_deg: &[f64], levels: &[f64]) -> Draw
     drawing
 }
 
-/// Colour of a level; the lowest non-negative level has the first colour.
+/// Colour of a level. The lowest non-negative level has the first colour.
 fn colour(level: usize, levels: &[f64]) -> Colour {
     let negative = levels.iter().filter(|level| **level < 0.0).count();
     let all = colours::REGIONS.len();
     colours::REGIONS[(level + all * levels.len() - negative) % all]
 }
 
-/// {V ≤ 0} is filled: from there a collision can be forced.
+/// Only {V ≤ 0} is filled, because the pursuer can force a collision from there.
 fn fill(level: usize, levels: &[f64]) -> Option<colours::Ink> {
     (levels[level] == 0.0).then(|| colour(level, levels).at(0.13))
 }
 
-/// The edge of the danger disc.
+/// The pen for the edge of the danger disc.
 fn dashed() -> Pen {
     Pen::new(colours::MUTED, 1.2).dashed(4.0, 4.0)
 }
@@ -98,7 +98,7 @@ fn window_of(curves: &[Vec<Curves>], radius_m: f64) -> Window {
     widened([(high / 1.4 - wide).max(0.0), (0.55 * wide - high).max(0.0)], window)
 }
 
-/// Width and height, m.
+/// Width and height (m).
 fn sides(window: &Window) -> [f64; 2] {
     [0, 1].map(|d| window.high[d] - window.low[d])
 }
@@ -119,7 +119,7 @@ fn panel(
     let most = (most * high / wide).ceil();
     let y = Axis::linear("y to the left", "m", along(1), most as usize);
     let mut chart = Chart::new(&format!("ψ = {}°", number(psi_deg)), "", x, y);
-    // Draws the largest set first: each is a subset of the next level's.
+    // Draws the largest set first, because each set is a subset of the next level's set.
     for (level, curves) in curves.iter().enumerate().rev() {
         for points in curves {
             let edge = Some(Pen::new(colour(level, levels), 2.0));

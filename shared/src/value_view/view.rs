@@ -5,7 +5,7 @@ use crate::invalid::{Invalid, positive};
 use crate::reachability::{ACCURACIES, Accuracy, METHODS, Method, Options, PursuitGame};
 use crate::vehicle::VehicleModel;
 
-/// The displayed aspect of a value function.
+/// What is shown of a value function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// V at one relative heading.
@@ -29,23 +29,23 @@ pub struct View {
     pub game: PursuitGame,
     /// Solution method; `None` selects the best one.
     pub method: Option<Method>,
-    /// Horizon of the game, s; infinite for the converged value.
+    /// Horizon of the game (s); infinite for the converged value.
     pub horizon_s: f64,
-    /// The grid's accuracy.
+    /// The accuracy of the grid.
     pub accuracy: Accuracy,
-    /// The displayed aspect.
+    /// What is shown of the function.
     pub shown: Shown,
-    /// Relative heading of the maps, whole degrees from 0 up to 359.
+    /// Relative heading of the maps, in whole degrees from 0 to 359.
     pub psi_deg: u16,
-    /// The level c of the tube, m.
+    /// The level c of the tube (m).
     pub level_m: f64,
-    /// Position of the cross-hair, m.
+    /// Position of the cross-hair (m).
     pub at_m: [f64; 2],
     /// Whether optimal play from the cross-hair is shown.
     pub plays: bool,
-    /// Azimuth and elevation of the view of the tube, whole degrees.
+    /// Azimuth and elevation of the view of the tube, in whole degrees.
     pub turned_deg: [i16; 2],
-    /// Zoom of the tube, per cent of the size that fits from every side.
+    /// Zoom of the tube, in per cent of the size that fits from every side.
     pub zoom_percent: u16,
 }
 
@@ -68,10 +68,10 @@ impl Default for View {
     }
 }
 
-/// Largest coordinate of the cross-hair, m.
+/// Largest coordinate of the cross-hair (m).
 const FARTHEST_M: f64 = 1e4;
 
-/// The smallest and the largest zoom, per cent.
+/// The smallest and the largest zoom (per cent).
 pub const ZOOM_PERCENT: [u16; 2] = [50, 400];
 
 impl View {
@@ -110,7 +110,7 @@ impl View {
         (view, refused)
     }
 
-    /// Sets one parameter of such a query. The parameters are named like the command line's flags.
+    /// Sets one parameter of a query. The parameters are named like the command line's flags.
     ///
     /// # Errors
     /// [`Invalid`] with the name of an invalid parameter.
@@ -244,7 +244,7 @@ impl View {
             .map_err(|invalid| Invalid { field: parameter(&invalid.field).to_owned(), ..invalid })
     }
 
-    /// The relative heading, rad.
+    /// The relative heading (rad).
     #[must_use]
     pub fn psi(&self) -> f64 {
         f64::from(self.psi_deg).to_radians()

@@ -10,14 +10,15 @@ use crate::chart::{
 use crate::picture::Window;
 use crate::vehicle::Pose;
 
-/// Space left and right of the axes, px.
+/// Space left and right of the axes (px).
 const LEFT: f64 = 40.0;
 const RIGHT: f64 = 8.0;
-/// Most points of a path.
+/// Approximate maximum number of points of a path.
 const POINTS: usize = 400;
 
 impl Play {
-    /// The pursuer's path in the evader's frame, for [`Map::over`]: strong until they are closest, faint after.
+    /// The pursuer's path in the evader's frame, for [`Map::over`]. It is strong until the vehicles
+    /// are closest, and faint afterwards.
     #[must_use]
     pub fn relative_path(&self) -> Vec<Layer> {
         let points: Vec<Point> = self.relative.iter().map(|[x, y, _]| [*x, *y]).collect();
@@ -37,8 +38,8 @@ impl Play {
         layers
     }
 
-    /// Both paths in the world, in a picture of this width, px, with the vehicles at the start and at their
-    /// closest, and the danger disc there.
+    /// Both paths in the world, in a picture of this width (px), with the vehicles at the start and
+    /// when they are closest, and the danger disc at that time.
     #[must_use]
     pub fn world(&self, radius_m: f64, width: f64) -> Drawing {
         let paths = [(&self.evader, colours::HUMAN), (&self.pursuer, colours::ROBOT)];
@@ -49,7 +50,7 @@ impl Play {
         }
         let [wide, high] = [0, 1].map(|d| window.high[d] - window.low[d]);
         let room = 0.08 * wide.max(high);
-        // Both axes have the same scale; limits the aspect ratio.
+        // Both axes have the same scale. This limits the aspect ratio.
         let [more_x, more_y] =
             [(high - wide).max(0.0), (0.5 * wide - high).max(0.0)].map(|more| 0.5 * more + room);
         let x = [window.low[0] - more_x, window.high[0] + more_x];

@@ -1,12 +1,14 @@
 //! The Dubins car: ẋ = v cos ψ, ẏ = v sin ψ, ψ̇ = ω (the paper, eq. 4).
 //!
-//! The motion of one car and the relative state of two are in one file, because they must agree.
+//! The motion of one car and the relative state of two cars are in one file, because they must
+//! agree.
 
 use super::Pose;
 use crate::math::{sin_cos, sinc, wrap_angle};
 
-/// The pose after `seconds` s at constant speed and turn rate: the end of an exact circular arc. Its
-/// chord has length v·τ·sinc(ωτ/2) and direction ψ + ωτ/2, which also holds at ω = 0.
+/// The pose after a time τ = `seconds` at constant speed and turn rate: the end of an exact
+/// circular arc. Its chord has length v·τ·sinc(ωτ/2) and direction ψ + ωτ/2, which also holds for
+/// ω = 0.
 #[must_use]
 pub fn arc(pose: Pose, speed_mps: f64, turn_rate_radps: f64, seconds: f64) -> Pose {
     let half_turn = 0.5 * turn_rate_radps * seconds;
@@ -19,8 +21,8 @@ pub fn arc(pose: Pose, speed_mps: f64, turn_rate_radps: f64, seconds: f64) -> Po
     }
 }
 
-/// The relative state of the pursuit game: the pursuer's pose in the evader's frame (x ahead, y to
-/// the left, m), and the pursuer's heading minus the evader's in (−π, π], rad.
+/// The relative state of the pursuit game: the pursuer's position in the evader's frame (m; x
+/// ahead, y to the left), and the pursuer's heading minus the evader's in (−π, π] (rad).
 #[must_use]
 pub fn relative_state(evader: Pose, pursuer: Pose) -> [f64; 3] {
     let (sin, cos) = sin_cos(evader.psi);

@@ -50,28 +50,31 @@ pub(super) enum Base<'a, T> {
 /// The range of a tube's values.
 #[derive(Clone, Copy)]
 pub(super) struct Range<T> {
-    /// The least value of the target so far. A tube's value is not below it: a path's value is the target's
-    /// somewhere on it, or the obstacle's, which is larger. Higher-order schemes undershoot a little.
+    /// The smallest value of the target so far. V of a tube is never below it, since a path's value
+    /// is the target's value at a point of the path, or a larger obstacle value. Higher-order
+    /// schemes undershoot a little.
     pub(super) lowest: T,
-    /// Bounds that no scheme exceeds in one stage: beyond them the game is wrong, or the number type overflows.
+    /// Bounds that no scheme exceeds in one stage. If a value is beyond them, the game is wrong or
+    /// the number type overflows.
     pub(super) possible: [T; 2],
 }
 
-/// One stage on a part of the slices.
+/// One Runge–Kutta stage.
 pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) game: &'a G,
     pub(super) layout: &'a Layout<D>,
     pub(super) tables: &'a Tables<T, D>,
-    /// Factors of the differences of neighbours, by axis.
+    /// By axis, the factor of the differences between neighbours.
     pub(super) units: [T; D],
-    /// Beside an obstacle: by axis, the difference of neighbours above which there is a jump.
+    /// If there is an obstacle: by axis, the difference between neighbours above which there is a
+    /// jump.
     pub(super) steep: Option<[T; D]>,
-    /// For obstacles with jumps that are lower than `steep`: above 0 near these jumps.
+    /// For obstacles with jumps that are lower than `steep`: positive near these jumps.
     pub(super) near: Option<&'a [T]>,
     /// Whether V can jump because the obstacle does.
     pub(super) jumps: bool,
-    /// Half the scale of the data, for the mean of the two derivatives (negative
-    /// for forward sets) and for their difference.
+    /// Half the scale of the data, for the mean of the two derivatives (negative in a forward
+    /// march) and for their difference.
     pub(super) half_mean: T,
     pub(super) half_difference: T,
     pub(super) time_step: T,
@@ -84,7 +87,7 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
 }
 
 impl<T: Real> Range<T> {
-    /// Clamps a moved value to at least the lowest one; NaN if the value is impossible.
+    /// Raises a moved value to at least `lowest`. Returns NaN if the value is not possible.
     #[inline(always)]
     fn keep(&self, moved: T) -> T {
         let [least, most] = self.possible;
@@ -103,12 +106,12 @@ impl<T: Copy, const D: usize, G, S> Clone for Stage<'_, T, D, G, S> {
 }
 impl<T: Copy, const D: usize, G, S> Copy for Stage<'_, T, D, G, S> {}
 
-/// A stage, and where its results go: slices from `first` on.
+/// A stage, and the slices from `first` on, to which it writes its results.
 pub(super) struct Task<'a, 'b, T, const D: usize, G, S> {
     pub(super) stage: Stage<'a, T, D, G, S>,
     pub(super) first: usize,
     pub(super) slices: &'b mut [T],
-    /// By axis.
+    /// The ghosts of each axis.
     pub(super) ghosts: [Ghosts<'a>; D],
 }
 
@@ -164,13 +167,13 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T,
 
 /// A run of cells along the last axes.
 struct Run<T, const D: usize> {
-    /// Along the loop axes.
+    /// The indices along the loop axes.
     index: [usize; D],
     /// The terms of the loop axes.
     fixed: [[T; TERMS]; D],
-    /// Where its slice begins in the arrays.
+    /// The start of the run's slice in the arrays.
     slice_start: usize,
-    /// Its first cell, in the slice.
+    /// The offset of the run's first cell in the slice.
     offset: usize,
 }
 
@@ -195,25 +198,26 @@ struct Scratch<T, const D: usize> {
     moved: [T; BLOCK],
 }
 
-/// Left derivatives of nodes that are computed later: a face yields them along with the right
+/// Left derivatives of nodes that are computed later. A face yields them along with the right
 /// derivative of the node before it.
 struct Carried<T, const D: usize> {
-    /// By axis, at each node's place in its slice.
+    /// By axis, at the position of each node in its slice.
     lefts: [Vec<T>; D],
-    /// Along axis 0, those of the next slice. Without loop axes there is one slice.
+    /// The left derivatives of the next slice along axis 0. Without loop axes, there is only one
+    /// slice.
     next: Vec<T>,
 }
 
 impl<T: Real, const D: usize> Carried<T, D> {
     #[inline(always)]
     fn new(layout: &Layout<D>) -> Self {
-        // A whole block behind the last cell, and the faces behind that.
+        // Space for a whole block behind the last cell, and for the faces behind the block.
         let array = |stride: usize| vec![T::ZERO; layout.slice_length() + stride + BLOCK];
         let next = if Layout::<D>::LOOP_AXES > 0 { array(0) } else { Vec::new() };
         Self { lefts: layout.strides.map(|stride| array(stride.min(layout.slice_length()))), next }
     }
 
-    /// The storage for the left derivatives from the faces behind the cells from `here` on.
+    /// The storage for the left derivatives from the faces behind a block that starts at `here`.
     #[inline(always)]
     fn behind(&mut self, d: usize, here: usize, layout: &Layout<D>) -> &mut [T; BLOCK] {
         if d == 0 && Layout::<D>::LOOP_AXES > 0 {
@@ -230,13 +234,13 @@ impl<T: Real, const D: usize> Carried<T, D> {
     }
 }
 
-/// The nodes about the `i`-th face of a block, from −2 on.
+/// The nodes around the `i`-th face of a block, numbered from −2 to 3.
 #[inline(always)]
 fn node<T: Real>(rows: [&[T; BLOCK]; 6], i: usize) -> impl Fn(isize) -> T {
     move |k| rows[(k + 2) as usize][i]
 }
 
-/// Whether the scheme's stencil has a difference of neighbours above `most`.
+/// Whether a difference between neighbours in the scheme's stencil exceeds `most` in magnitude.
 #[inline(always)]
 fn is_steeper<T: Real, S: Stencil>(value: impl Fn(isize) -> T, most: T) -> bool {
     let faces = 1 - S::REACH as isize..S::REACH as isize;
@@ -244,8 +248,8 @@ fn is_steeper<T: Real, S: Stencil>(value: impl Fn(isize) -> T, most: T) -> bool 
 }
 
 impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
-    /// The left derivatives of a run's first cells, along each axis whose first nodes they are; along axis 0
-    /// if this is the first slice of a task.
+    /// Computes the left derivatives of a run's first cells, along each axis on which these cells
+    /// are the first nodes. Along axis 0, only the first slice of a task needs this.
     #[inline(always)]
     fn enter(
         &self,
@@ -283,8 +287,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
         }
     }
 
-    /// The right derivatives, along axis `d`, of the nodes from `at` on, and the left ones of the nodes behind
-    /// them.
+    /// Computes, along axis `d`, the right derivatives of the nodes from `at` on and the left
+    /// derivatives of the nodes behind them.
     #[inline(always)]
     fn faces(&self, d: usize, at: usize, rights: &mut [T; BLOCK], lefts: &mut [T; BLOCK]) {
         let stride = self.layout.strides[d];
@@ -301,7 +305,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
         }
     }
 
-    /// Gives the faces across jumps the slopes of their two nodes.
+    /// Replaces the derivatives at faces across jumps by the slopes between their two nodes.
     #[inline(always)]
     fn flatten(&self, d: usize, at: usize, steep: T, [rights, lefts]: [&mut [T; BLOCK]; 2]) {
         let stride = self.layout.strides[d];
@@ -327,7 +331,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
         }
     }
 
-    /// The block of cells of a run from `here` in their slice.
+    /// Computes the block of a run that starts at position `here` of its slice.
     #[inline(always)]
     fn block(
         &self,
@@ -354,7 +358,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
         }
     }
 
-    /// Combines the moved values with the base and limits them.
+    /// Combines the moved values with the base and applies the limits.
     #[inline(always)]
     fn settle(&self, at: usize, moved: &mut [T; BLOCK], target: &mut [T; BLOCK]) {
         match self.base {
@@ -362,8 +366,9 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             Base::Own(keep) => combine(keep, target, moved),
             Base::Other(keep, other) => combine(keep, block(other, at), moved),
         }
-        // Writes to another array than the one that is read: otherwise the compiler makes stores
-        // conditional, which is slow. This order of comparison preserves a NaN from the game.
+        // The result goes to a different array than the one that is read. Otherwise the compiler
+        // would make the stores conditional, which is slow. This order of comparison preserves a
+        // NaN from the game.
         match (self.ceiling, self.floor) {
             (None, None) => *target = *moved,
             (Some(ceiling), None) => {
@@ -387,7 +392,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
         }
     }
 
-    /// source + time step · H of every cell of the block.
+    /// moved ← source + time step · H, for every cell of the block.
     #[inline(always)]
     fn advance(
         &self,

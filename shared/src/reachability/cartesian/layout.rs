@@ -3,8 +3,8 @@
 use super::super::grid::{Boundary, Grid};
 use crate::real::Real;
 
-/// Cells of a block, which is computed at once: it takes a few cache lines of every row that a stencil
-/// reads.
+/// Number of cells in a block, which is computed at once. A block takes a few cache lines of every
+/// row that a stencil reads.
 pub(super) const BLOCK: usize = 256;
 
 /// The memory layout of the axes, including ghosts.
@@ -13,12 +13,12 @@ pub(super) struct Layout<const D: usize> {
     pub(super) reach: usize,
     pub(super) nodes: [usize; D],
     pub(super) strides: [usize; D],
-    /// Entries of an array, with room for the last block's excess.
+    /// Number of entries in an array, including space for the excess of the last block.
     pub(super) length: usize,
 }
 
 impl<const D: usize> Layout<D> {
-    /// The number of axes that form one run of cells; the others are loops.
+    /// The number of axes that form one run of cells. The other axes are loops.
     const RUN_AXES: usize = if D >= 3 { 2 } else { 1 };
     pub(super) const LOOP_AXES: usize = D - Self::RUN_AXES;
 
@@ -32,33 +32,33 @@ impl<const D: usize> Layout<D> {
         Self { reach, nodes, strides, length }
     }
 
-    /// Cells from the first to the last interior node of one run.
+    /// Number of cells from the first to the last interior node of one run.
     pub(super) fn run_length(&self) -> usize {
         (Self::LOOP_AXES..D).map(|d| (self.nodes[d] - 1) * self.strides[d]).sum::<usize>() + 1
     }
 
-    /// Runs of one slice of axis 0 (of everything, in one dimension).
+    /// Number of runs in one slice of axis 0 (in one dimension, in the whole grid).
     pub(super) fn runs_per_slice(&self) -> usize {
         (1..Self::LOOP_AXES).map(|d| self.nodes[d]).product()
     }
 
-    /// Number of slices along axis 0; threads share them.
+    /// Number of slices along axis 0, which are distributed over the threads.
     pub(super) fn slices(&self) -> usize {
         if Self::LOOP_AXES == 0 { 1 } else { self.nodes[0] }
     }
 
-    /// Entries between two slices.
+    /// Number of entries from one slice to the next.
     pub(super) fn slice_length(&self) -> usize {
         if Self::LOOP_AXES == 0 { self.length } else { self.strides[0] }
     }
 
-    /// Entries before the first slice.
+    /// Number of entries before the first slice.
     pub(super) fn lead(&self) -> usize {
         if Self::LOOP_AXES == 0 { 0 } else { self.reach * self.strides[0] }
     }
 
-    /// The loop axes' indices of a run and its first interior cell, counted from
-    /// the start of its slice.
+    /// The indices of a run along the loop axes, and the offset of its first interior cell from the
+    /// start of its slice.
     pub(super) fn run(&self, slice: usize, run: usize) -> ([usize; D], usize) {
         let mut index = [0; D];
         let mut offset = 0;
@@ -79,7 +79,7 @@ impl<const D: usize> Layout<D> {
     }
 }
 
-/// The values of an axis's ghosts.
+/// How the ghosts of an axis are filled.
 #[derive(Clone, Copy)]
 pub(super) enum Ghosts<'a> {
     /// Determined by the boundary condition.
@@ -88,13 +88,13 @@ pub(super) enum Ghosts<'a> {
     Mirrored {
         /// Whether the first node is the middle.
         centred: bool,
-        /// Each index in a row and that of its image.
+        /// The index of each cell in a row, and the index of its mirror image.
         cells: &'a [(usize, usize)],
     },
 }
 
-/// Fills the ghosts of `axis` in `data`, whose entries form whole slices of it. If V can have
-/// `jumps`, they are not continued outside: see [`extend`].
+/// Fills the ghosts of `axis` in `data`, which consists of whole slices of this axis. If V can have
+/// `jumps`, they are not continued outside; see [`extend`].
 #[inline(always)]
 pub(super) fn fill_ghosts<T: Real, const D: usize>(
     data: &mut [T],
@@ -152,11 +152,11 @@ fn extend_high<T: Real>(line: &mut [T], reach: usize, nodes: usize, stride: usiz
     }
 }
 
-/// The ghosts of a periodic axis: the node that each repeats, and itself.
+/// For each ghost of a periodic axis, the node that it repeats and the ghost itself.
 #[inline(always)]
 fn wrapped(reach: usize, nodes: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..reach).flat_map(move |k| {
-        // Modulo, since a short axis wraps more than once.
+        // Modulo, since a short axis may wrap more than once.
         let low = (nodes * reach + k - reach) % nodes;
         [(reach + low, k), (reach + k % nodes, reach + nodes + k)]
     })
@@ -171,9 +171,9 @@ fn wrap<T: Copy>(line: &mut [T], reach: usize, nodes: usize) {
     }
 }
 
-/// The `k`-th row of ghosts beyond the row `edge`, whose neighbours inside are `inner` and
-/// `deeper`. If V has `jumps`, values below 0 use the smaller of the two slopes at the edge: beside
-/// a wall the first slope is the jump, and values far too low would enter from outside.
+/// Fills the `k`-th row of ghosts beyond the row `edge`, whose inner neighbours are `inner` and
+/// `deeper`. If V has `jumps`, values below 0 use the smaller of the two slopes at the edge. Beside
+/// a wall, the first slope is the jump, and values that are far too low would enter from outside.
 #[inline(always)]
 fn extend<T: Real>(ghosts: &mut [T], [edge, inner, deeper]: [&[T]; 3], k: usize, jumps: bool) {
     for (((ghost, edge), inner), deeper) in ghosts.iter_mut().zip(edge).zip(inner).zip(deeper) {
@@ -190,7 +190,7 @@ fn extend<T: Real>(ghosts: &mut [T], [edge, inner, deeper]: [&[T]; 3], k: usize,
     }
 }
 
-/// Calls `f` with the index of every interior node of slice `slice` and its position in it.
+/// Calls `f` with the index of every interior node of slice `slice` and its position in the slice.
 pub(super) fn each_interior<const D: usize>(
     layout: &Layout<D>,
     slice: usize,
@@ -211,7 +211,7 @@ pub(super) fn each_line<const D: usize>(
     mut f: impl FnMut([usize; D], usize),
 ) {
     let first_axis = usize::from(Layout::<D>::LOOP_AXES > 0);
-    // Divisions for each line, not for each node.
+    // This divides once for each line, not for each node.
     let lines: usize = layout.nodes[first_axis..].iter().product::<usize>() / layout.nodes[D - 1];
     for line in 0..lines {
         let mut index = [slice; D];

@@ -1,4 +1,4 @@
-//! Upper and lower limits of V, and their jumps.
+//! Upper and lower limits of V, and the jumps of the obstacle.
 
 use super::super::grid::Grid;
 use super::kernel::Range;
@@ -19,24 +19,24 @@ pub(super) struct Nodes<'a, const D: usize> {
 pub(super) struct Limits<T> {
     pub(super) ceiling: Option<Vec<T>>,
     pub(super) floor: Option<Vec<T>>,
-    /// Whether `floor` has been below the obstacle somewhere.
+    /// Whether `floor` has ever been capped below the obstacle at some node.
     pub(super) is_capped: bool,
     /// Whether the obstacle has had jumps, and V may still have them.
     pub(super) jumps: bool,
-    /// Whether the target's slope has hidden some of them.
+    /// Whether the target's slope has hidden some of these jumps.
     hides_jumps: bool,
-    /// [`NEAR`] at the nodes of hidden jumps, and one less for each cell away from there. Empty if
-    /// no jumps are searched.
+    /// [`NEAR`] at the nodes of hidden jumps, and one less for each cell away from them. Empty if
+    /// no jumps are searched for.
     near: Vec<T>,
     /// The target's steepest slope at the beginning.
     pub(super) slope: f64,
-    /// The least and the largest value of the target so far.
+    /// The smallest and the largest value of the target so far.
     pub(super) seen: [f64; 2],
 }
 
 impl<T: Real> Limits<T> {
-    /// The limits for a target with these values; with `ceiling`, V may not exceed them. `near` is
-    /// empty or as long.
+    /// The limits for a target with these values. With `ceiling`, V may not exceed these values.
+    /// `near` is empty or as long as `target`.
     pub(super) fn new<const D: usize>(
         target: &[T],
         layout: &Layout<D>,
@@ -56,20 +56,21 @@ impl<T: Real> Limits<T> {
         }
     }
 
-    /// Where jumps are hidden, if anywhere: see [`Limits::look_for_jumps`].
+    /// The proximity of hidden jumps, if there are any; see [`Limits::look_for_jumps`].
     pub(super) fn hidden(&self) -> Option<&[T]> {
         self.hides_jumps.then_some(&self.near[..])
     }
 
-    /// By axis, the difference of neighbours above which they are far steeper than the target's slope.
+    /// By axis, the difference between neighbours that is far steeper than the target's slope.
     pub(super) fn steep<const D: usize>(&self, grid: &Grid<D>) -> [f64; D] {
         grid.axes.map(|axis| STEEP * self.slope * axis.spacing())
     }
 
-    /// Lowers an obstacle to M, the largest magnitude of the target. A path's value is max(target at its end,
-    /// highest obstacle on it), and max(l, g) is at most M exactly where max(l, min(g, M)) is, so this changes
-    /// V to min(V, M) and keeps its sign. Otherwise, obstacle values far above the target's (used for
-    /// "never") would round the target's values away, and their error would enter V.
+    /// Caps an obstacle at M, the largest magnitude of the target. A path's value is `max(l, g)`,
+    /// with l the target at its end and g the highest obstacle on it. Since l ≤ M,
+    /// `max(l, min(g, M)) = min(max(l, g), M)`. So V becomes min(V, M) and keeps its sign.
+    /// Otherwise, obstacle values far above the target's (used for "never") would round the
+    /// target's values away, and the error would enter V.
     pub(super) fn cap_floor(&mut self) {
         let cap = T::from_f64(self.largest());
         let mut is_capped = false;
@@ -80,35 +81,35 @@ impl<T: Real> Limits<T> {
         self.is_capped |= is_capped;
     }
 
-    /// The largest magnitude of the target so far; infinite for one that is 0 everywhere.
+    /// The largest magnitude of the target so far; infinite for a target that is 0 everywhere.
     fn largest(&self) -> f64 {
         let largest = self.seen[0].abs().max(self.seen[1].abs());
         if largest > 0.0 { largest } else { f64::INFINITY }
     }
 
-    /// The range of a tube's values, and the range that one stage can reach. Neighbours, ghosts
-    /// too, differ by at most
-    /// the range R of the data, and second differences by at most 2 R, so that no one-sided derivative exceeds
-    /// (1 + 14/6) R over the spacing: ENO3's and WENO's coefficients. A stage moves V by at most
-    /// Δt Σ speed (|mean of two| + |half of their difference|), and Δt Σ speed/Δx is at most the share `cfl`.
+    /// The lowest value of a tube, and the range that one stage can reach. Neighbours, including
+    /// ghosts, differ by at most the range R of the data, and second differences are at most 2 R.
+    /// With the coefficients of ENO3 and WENO5, no one-sided derivative exceeds (1 + 14/6) R over
+    /// the spacing. A stage moves V by at most Δt Σ speed (|mean of the two derivatives| + |half of
+    /// their difference|), and Δt Σ speed/Δx is at most `cfl`.
     pub(super) fn range(&self, cfl: f64) -> Range<T> {
         let lowest = self.seen[0];
         let highest = if self.floor.is_some() { self.largest() } else { self.seen[1] };
         let most = 2.0 * cfl * (10.0 / 3.0) * (highest - lowest);
-        // Rounding of the sums, in the narrower type.
+        // Rounding error of the sums, in the narrower type.
         let rounding = 1e-4 * (most + lowest.abs().max(highest.abs()));
         let possible = [lowest - most - rounding, highest + most + rounding].map(T::from_f64);
         Range { lowest: T::from_f64(lowest), possible }
     }
 
-    /// Records whether the obstacle jumps: whether, within the target's values, the difference of
-    /// two neighbours exceeds a quarter of the obstacle's range and four times the adjacent
-    /// differences of the same sign, which no slope does. If a jump is too low to be far steeper
-    /// than the target's steepest slope, that slope hides the jumps of V. This matters only in
-    /// passages: elsewhere first order would cost more accuracy than jumps do.
+    /// Records whether the obstacle jumps. A jump is a difference between two neighbours, within
+    /// the target's values, that exceeds a quarter of the obstacle's range and four times the
+    /// adjacent differences of the same sign. No slope does so. If a jump is too low to be far
+    /// steeper than the target's steepest slope, that slope hides the jumps of V. This matters only
+    /// in passages. Elsewhere, first order would cost more accuracy than jumps do.
     pub(super) fn look_for_jumps<const D: usize>(&mut self, nodes: &Nodes<'_, D>) {
         let Some(floor) = &self.floor else { return };
-        // A first-order scheme only needs to know whether there are any.
+        // A first-order scheme only needs to know whether there are any jumps.
         let is_first_order = self.near.is_empty();
         if is_first_order && self.jumps {
             return;
@@ -124,7 +125,7 @@ impl<T: Real> Limits<T> {
         let look = |i: usize, near: &mut [T]| {
             each_line(layout, i, |mut index, start| {
                 let start = lead + i * length + start;
-                // Nearly all lines have none, and this check is fast.
+                // Nearly all lines have no jump, and this check is fast.
                 if is_flat_line(floor, grid, layout, &index, start, [least, suspect]) {
                     return;
                 }
@@ -139,7 +140,8 @@ impl<T: Real> Limits<T> {
                             let k = if axis.is_periodic() { k.rem_euclid(nodes) } else { k };
                             (0..nodes).contains(&k).then(|| value(first + k as usize * stride))
                         };
-                        // From the k-th node of the axis to the next; 0 beyond an end.
+                        // The rise from the k-th node of the axis to the next node; 0 beyond an
+                        // end.
                         let rise = |k: isize| match (at(k), at(k + 1)) {
                             (Some(this), Some(next)) => next - this,
                             _ => 0.0,
@@ -150,7 +152,8 @@ impl<T: Real> Limits<T> {
                             let size = this.abs();
                             size > share && size > STEEP * beside(k - 1).max(beside(k + 1))
                         };
-                        // Whether another wall, or the end, is near the foot of this one.
+                        // Whether another wall, or the end of the axis, is near the foot of this
+                        // wall.
                         let is_passage = |k: isize| {
                             let way = -rise(k).signum() as isize;
                             (1..=PASSAGE).map(|nodes| k + way * nodes).any(|k| {
@@ -194,8 +197,9 @@ impl<T: Real> Limits<T> {
     }
 }
 
-/// Whether no value of a line of nodes along the last axis, raised to `least`, differs by more than `suspect` from a
-/// neighbour's. `start` is the place of the line's first node.
+/// Whether all values of a line of nodes along the last axis, raised to at least `least`, differ
+/// from their neighbours' values by at most `suspect`. `start` is the position of the line's first
+/// node.
 fn is_flat_line<T: Real, const D: usize>(
     data: &[T],
     grid: &Grid<D>,
@@ -231,7 +235,7 @@ fn is_flat_line<T: Real, const D: usize>(
 /// Number of independent accumulators.
 const LANES: usize = 16;
 
-/// The largest difference of corresponding values, each raised to `least`.
+/// The largest difference of corresponding values, each raised to at least `least`.
 fn largest_difference<T: Real>(one: &[T], other: &[T], least: T) -> T {
     let difference = |a: T, b: T| (a.larger(least) - b.larger(least)).abs();
     let mut largest = [T::ZERO; LANES];
@@ -245,7 +249,7 @@ fn largest_difference<T: Real>(one: &[T], other: &[T], least: T) -> T {
     largest.into_iter().chain(rest).fold(T::ZERO, T::larger)
 }
 
-/// The least and the largest value at interior nodes.
+/// The smallest and the largest value at interior nodes.
 pub(super) fn range<T: Real, const D: usize>(data: &[T], layout: &Layout<D>) -> [f64; 2] {
     let (mut lows, mut highs) =
         ([T::from_f64(f64::INFINITY); LANES], [T::from_f64(f64::NEG_INFINITY); LANES]);
@@ -265,7 +269,7 @@ pub(super) fn range<T: Real, const D: usize>(data: &[T], layout: &Layout<D>) -> 
         .map(T::to_f64)
 }
 
-/// Largest slope between neighbours along any axis; 1 if there is none.
+/// Largest slope between neighbours along any axis; 1 if it is 0 or not finite.
 pub(super) fn steepest<T: Real, const D: usize>(
     value: &[T],
     layout: &Layout<D>,
@@ -287,7 +291,7 @@ pub(super) fn steepest<T: Real, const D: usize>(
     if steepest > 0.0 && steepest.is_finite() { steepest } else { 1.0 }
 }
 
-/// Spreads the distance to jumps along `axis`.
+/// Spreads the proximity of jumps along `axis`.
 fn spread<T: Real, const D: usize>(
     near: &mut [T],
     layout: &Layout<D>,
@@ -295,7 +299,7 @@ fn spread<T: Real, const D: usize>(
     is_periodic: bool,
 ) {
     let (reach, nodes, stride) = (layout.reach, layout.nodes[axis], layout.strides[axis]);
-    // Twice around a periodic axis.
+    // A periodic axis needs two rounds.
     let steps = if is_periodic { 2 * nodes } else { nodes };
     for line in near.chunks_exact_mut((nodes + 2 * reach) * stride) {
         let mut pass = |to: usize, from: usize| {
@@ -316,14 +320,16 @@ fn spread<T: Real, const D: usize>(
     }
 }
 
-/// The smallest range that contains both.
+/// The smallest range that contains both ranges.
 pub(super) fn joined([low, high]: [f64; 2], [other_low, other_high]: [f64; 2]) -> [f64; 2] {
     [low.min(other_low), high.max(other_high)]
 }
 
-/// Beside an obstacle, a slope this many times as steep as others is a jump.
+/// Beside an obstacle, a slope that is this many times as steep as the others is a jump.
 pub(super) const STEEP: f64 = 4.0;
-/// At most this many nodes between two walls, or a wall and the grid's end, are a passage.
+/// A gap of at most this many nodes between two walls, or between a wall and the end of the grid,
+/// is a passage.
 const PASSAGE: isize = 6;
-/// Faces up to this many cells away from a jump may be of first order although nothing in them jumps.
+/// Faces up to this many cells away from a jump may be of first order although V does not jump
+/// there.
 const NEAR: f64 = 8.0;

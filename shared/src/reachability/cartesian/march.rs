@@ -1,4 +1,4 @@
-//! Steps in time, from the target to the horizon.
+//! Time steps from the target to the horizon.
 
 use super::super::game::Game;
 use super::super::grid::Grid;
@@ -35,7 +35,7 @@ struct Marcher<'a, T, const D: usize, G, S> {
 }
 
 impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
-    /// dst ← base combined with source moved by `time_step`.
+    /// destination ← `base`, combined with `source` advanced by `time_step`.
     fn stage(
         &self,
         time_step: f64,
@@ -108,7 +108,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         Ok(())
     }
 
-    /// The values of the whole grid's nodes at `time`, row-major, with the obstacle at its full height.
+    /// V at the nodes of the whole grid at `time`, row-major, with the obstacle at its full height.
     fn stored(
         &self,
         value: &[T],
@@ -183,7 +183,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         Err(Invalid::new(avoid.name(), expected, found))
     }
 
-    /// Writes `region` at `time` to every interior node.
+    /// Writes `sign` · `region` at `time` to every interior node.
     fn sample(
         &self,
         name: &str,
@@ -227,8 +227,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         }
     }
 
-    /// Checks V after `time`: finite, and a tube's between the bounds from target and obstacle. The
-    /// error names the first node that fails.
+    /// Checks that V after `time` is finite and, for a tube, within the bounds from target and
+    /// obstacle. The error names the first node that fails.
     fn check_values(&self, data: &[T], limits: &Limits<T>, time: f64) -> Result<(), Invalid> {
         let mut complaint = None;
         for slice in 0..self.layout.slices() {
@@ -260,7 +260,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         complaint.map_or(Ok(()), Err)
     }
 
-    /// Returns an error that names the first node from slice `first` on whose value is not finite.
+    /// Returns an error that names the first node, from slice `first` on, whose value is not
+    /// finite.
     fn all_finite(&self, name: &str, sign: f64, data: &[T], first: usize) -> Result<(), Invalid> {
         let (layout, mut complaint) = (&self.layout, None);
         for slice in first..layout.slices() {
@@ -293,11 +294,11 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         return Err(Invalid::new("cfl", "above 0 and at most 1", settings.cfl).into());
     }
     check_times(problem, settings)?;
-    // First order need not search for jumps.
+    // A first-order scheme need not search for jumps.
     let looks = problem.avoid.is_some() && S::REACH > 1;
     let reach = if looks { JUMP_REACH } else { S::REACH };
     let stages = settings.scheme.stages();
-    // The target's values; the obstacle's, and how near its jumps are.
+    // The target's values, the obstacle's values, and the proximity of the obstacle's jumps.
     let limits = [problem.kind == Kind::Tube, problem.avoid.is_some(), looks].map(usize::from);
     let padded = problem
         .grid
@@ -306,7 +307,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
         .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * reach)));
     let arrays = (stages.max(2) + limits.iter().sum::<usize>()).saturating_add(settings.slices);
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
-    // This visits every node, so it follows the check of their number.
+    // This visits every node, so it comes after the check of the number of nodes.
     let mirror = Mirror::of(problem, reach);
     let grid = mirror.as_ref().map_or(problem.grid, Mirror::half);
 
@@ -355,7 +356,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     let speeds = Speeds::of(problem.game, &problem.grid)?;
     let longest_step = settings.cfl / speeds.rate;
     let planned = (longest / longest_step).ceil().max(1.0);
-    // Stored instants are ends of time steps.
+    // Each stored instant must be the end of a time step.
     let parts = settings.slices.max(1) as f64;
     let planned = (planned / parts).ceil() * parts;
     if planned > MOST_STEPS {
@@ -388,7 +389,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
             2 => marcher.stage(time_step, &first, Base::Own(half), &limits, &mut value),
             _ => {
                 let base = Base::Other(quarters, &value[..]);
-                // This stage gives V in the middle of the step.
+                // This stage gives V in the middle of the time step.
                 marcher.move_limits(&mut limits, time - 0.5 * time_step)?;
                 marcher.stage(time_step, &first, base, &limits, &mut second);
                 marcher.move_limits(&mut limits, time)?;
@@ -413,7 +414,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     marcher.check_values(&value, &limits, time)?;
     let values = marcher.stored(&value, &limits, time, &mut first)?;
     let Problem { direction, kind, .. } = *problem;
-    // Exact if the march reached its end.
+    // Without rounding error if the march reached its end.
     let horizon_s = if steps as f64 >= planned { longest } else { steps as f64 * time_step };
     Ok(Solution {
         grid: problem.grid,
@@ -429,7 +430,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     })
 }
 
-/// Rejects settings and regions that need a finite horizon if there is none.
+/// Rejects settings and regions that need a finite horizon, if the problem has none.
 fn check_times<const D: usize, G>(
     problem: &Problem<'_, D, G>,
     settings: &Settings,
@@ -456,9 +457,9 @@ fn check_times<const D: usize, G>(
 const MOST_STEPS: f64 = 1e8;
 /// Fewer cells than this are not worth more than one thread.
 const SMALL: usize = 50_000;
-/// Steps between two measurements of the residual.
+/// Number of steps between two measurements of the residual.
 const RESIDUAL_EVERY: usize = 8;
-/// Steps between two checks of all values, since NaN spreads.
+/// Number of steps between two checks of all values. NaN spreads, so rare checks suffice.
 const CHECK_EVERY: usize = 16;
 
 fn largest_change<T: Real, const D: usize>(from: &[T], to: &[T], layout: &Layout<D>) -> f64 {

@@ -1,15 +1,16 @@
-//! Reflection symmetry: if game, grid, target and obstacle have it, half of the grid determines the other.
+//! Reflection symmetry. If the game, the grid, the target and the obstacle have it, one half of the
+//! grid determines the other half.
 
 use super::super::game::Game;
 use super::super::grid::{Axis, Boundary, Grid};
 use super::layout::Layout;
 use super::{Problem, Region};
 
-/// A symmetry of a problem: V(x) is V at x with some coordinates reversed. The march computes the nodes
-/// from the middle of one axis on.
+/// A symmetry of a problem: V does not change if some coordinates are reversed. The march computes
+/// only the nodes from the middle of one axis onwards.
 pub(super) struct Mirror<const D: usize> {
     whole: Grid<D>,
-    /// The axis that is halved: the first of the reversed ones.
+    /// The axis that is halved: the first reversed axis.
     pub(super) axis: usize,
     reversed: [bool; D],
     /// Whether the first node of the half is the middle of the axis.
@@ -41,7 +42,7 @@ impl<const D: usize> Mirror<D> {
         grid
     }
 
-    /// The values of the whole grid from those of the half, row-major.
+    /// The values of the whole grid from the values of the half, row-major.
     pub(super) fn whole<T: Copy>(&self, half: &[T]) -> Vec<T> {
         let shape = self.half().axes.map(|axis| axis.nodes);
         let middle = self.whole.axes[self.axis].nodes / 2;
@@ -56,21 +57,22 @@ impl<const D: usize> Mirror<D> {
         (0..self.whole.len()).map(node).collect()
     }
 
-    /// Each node of a row of the axes after the halved one, and its mirror image, as positions in `layout`.
+    /// For each node of a row over the axes after the halved axis, its position in `layout` and the
+    /// position of its mirror image.
     pub(super) fn cells(&self, layout: &Layout<D>) -> Vec<(usize, usize)> {
         let count: usize = layout.nodes[self.axis + 1..].iter().product();
         let place = |index: [usize; D]| {
             let places = (self.axis + 1..D).map(|d| (index[d] + layout.reach) * layout.strides[d]);
             places.sum::<usize>()
         };
-        // In row-major order, the first `count` nodes are such a row.
+        // In row-major order, the first `count` nodes form this row.
         let index = |position: usize| self.whole.index(position);
         (0..count)
             .map(|position| (place(index(position)), place(self.image(index(position)))))
             .collect()
     }
 
-    /// The node whose coordinates are reversed.
+    /// The mirror image of a node.
     fn image(&self, index: [usize; D]) -> [usize; D] {
         core::array::from_fn(|d| {
             let Axis { nodes, boundary, .. } = self.whole.axes[d];
@@ -82,7 +84,8 @@ impl<const D: usize> Mirror<D> {
         })
     }
 
-    /// Whether a region has the same value at each node and at its image, up to rounding.
+    /// Whether a region is static and has the same value at each node and its mirror image, up to
+    /// rounding.
     fn keeps(&self, region: &Region<'_, D>) -> bool {
         let Region::Static(region) = region else {
             return false;
@@ -94,7 +97,7 @@ impl<const D: usize> Mirror<D> {
     }
 }
 
-/// Whether the nodes of `axis` are their own mirror images, about 0 or, on a periodic axis, half a period.
+/// Whether the nodes of `axis` are symmetric about 0 or, on a periodic axis, about half a period.
 fn is_symmetric(axis: &Axis) -> bool {
     let Axis { low, high, boundary, .. } = *axis;
     let zero = |x: f64| x.abs() <= ROUNDING * (high - low);
@@ -104,5 +107,5 @@ fn is_symmetric(axis: &Axis) -> bool {
     }
 }
 
-/// Relative tolerance: coordinates of nodes, and values computed from them, are rounded.
+/// Relative tolerance for the rounding errors of node coordinates and of values computed from them.
 const ROUNDING: f64 = 1e-13;

@@ -11,58 +11,59 @@ use serde::{Deserialize, Serialize};
 /// The solution of a problem: V on the nodes, and by interpolation anywhere on the grid.
 ///
 /// # Two times
-/// A solve marches in τ, the time since it began. [`Direction::Backward`] begins at the end of the
-/// game: there τ is the remaining time, and the forward time since the beginning of the game is
-/// t = horizon − τ. [`Direction::Forward`] begins at the initial set, and t = τ. [`Solution::at_time`]
-/// and [`Region::OfTime`](super::Region::OfTime) use t, [`Solution::at_march_time`] and
-/// [`Region::OfMarchTime`](super::Region::OfMarchTime) use τ. [`Solution::value`] and the methods
-/// like it are for the end of the march, after the whole horizon.
+/// A solve marches in τ, the time since the march began. [`Direction::Backward`] begins at the end
+/// of the game. Then τ is the remaining time, and the forward time since the beginning of the game
+/// is t = horizon − τ. [`Direction::Forward`] begins at the initial set, and t = τ.
+/// [`Solution::at_time`] and [`Region::OfTime`](super::Region::OfTime) use t;
+/// [`Solution::at_march_time`] and [`Region::OfMarchTime`](super::Region::OfMarchTime) use τ.
+/// [`Solution::value`] and similar methods refer to the end of the march, after the whole horizon.
 ///
 /// # Accuracy
-/// Between nodes V is linear along each axis, plus a parabola with the smaller of the second differences
-/// at both ends of a cell's edges. Where V is smooth, its error is of third order in the spacing
-/// (of second order in the outermost cells of an axis with ends), and that of its gradient one
-/// order less. At a kink it never overshoots, and its error is at most a quarter of the spacing
-/// times the jump of the slope. Between two walls, where V bends one way at their feet and the
-/// other way at their tops, it is linear. V is continuous, and the gradient is one-sided at nodes
-/// and where the parabolas change. The solver's own error on the nodes is additional. Between
-/// stored instants V is linear in time.
+/// Between nodes, V is interpolated linearly along each axis, plus a parabola whose curvature is
+/// the smaller of the second differences at the two ends of a cell's edge. Where V is smooth, the
+/// interpolation error is of third order in the spacing (of second order in the outermost cells of
+/// an axis with ends). The error of the gradient is one order lower. At a kink, the interpolation
+/// never overshoots, and its error is at most a quarter of the spacing times the jump of the slope.
+/// Between two walls, where V bends one way at their feet and the other way at their tops, it is
+/// linear. The interpolated V is continuous. Its gradient is one-sided at nodes and where the
+/// parabolas change. The error of the solver at the nodes is additional. Between stored instants, V
+/// is linear in time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution<T, const D: usize> {
     /// The nodes.
     pub grid: Grid<D>,
     /// V at the end of the march, row-major.
     pub values: Vec<T>,
-    /// V at earlier instants, from the beginning of the march, evenly spaced:
-    /// [`Settings::slices`](super::Settings::slices) of them.
+    /// V at [`Settings::slices`](super::Settings::slices) earlier instants, evenly spaced from the
+    /// beginning of the march.
     pub earlier: Vec<Vec<T>>,
     /// The direction of time.
     pub direction: Direction,
     /// Tube or set.
     pub kind: Kind,
-    /// Time steps taken.
+    /// Number of time steps taken.
     pub steps: usize,
-    /// Time marched, s.
+    /// Time marched (s).
     pub horizon_s: f64,
-    /// max |∂V/∂τ| at the end, per second; 0 for a converged value.
+    /// max |∂V/∂τ| at the end, per second; close to 0 for a converged value.
     pub residual: f64,
-    /// By axis and node of it: the time, s, before which no path from such a node is beyond an end
-    /// of that axis; infinite if no path ever is. `None` if the solution's file lacks these
+    /// For each axis and each of its nodes: the time (s) before which no path from there passes an
+    /// end of that axis; infinite if no path ever does. `None` if the solution's file lacks these
     /// times. See [`Solution::earliest_exit_s`].
     pub exit_s: Option<[Vec<f64>; D]>,
     /// Set if the obstacle makes V so flat that its sign may be wrong.
     pub shallow: Option<ShallowObstacle>,
 }
 
-/// An obstacle that keeps V far flatter than the target, so that V's sign can be wrong even far
-/// from the obstacle: the scheme's error does not shrink with V. Either most of the free nodes have
-/// one value, as with an indicator, or the steepest slope is less than a quarter of the target's,
-/// as with a distance in a larger unit.
+/// An obstacle that makes V far flatter than the target. The sign of V can then be wrong even far
+/// from the obstacle, because the scheme's error does not shrink with V. Either most of the free
+/// nodes have the same obstacle value, as with an indicator, or the obstacle's steepest slope is
+/// less than a quarter of the target's, as with a distance in a larger unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShallowObstacle {
-    /// V is nowhere below this: −g where g is largest, at the beginning of the march.
+    /// V is nowhere below this value, which is the smallest −g at the beginning of the march.
     pub lowest: f64,
-    /// The least value of the target: V would be this low without the obstacle.
+    /// The smallest value of the target. V would be this low without the obstacle.
     pub target: f64,
 }
 
@@ -83,7 +84,7 @@ impl fmt::Display for ShallowObstacle {
 /// V and its gradient at a state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample<const D: usize> {
-    /// V; the state belongs to the reached set or tube if it is ≤ 0.
+    /// V. The state belongs to the set or tube if V ≤ 0.
     pub value: f64,
     /// ∂V/∂x_d, in the unit of V per unit of x_d.
     pub gradient: [f64; D],
@@ -93,7 +94,7 @@ pub struct Sample<const D: usize> {
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot<'a, T, const D: usize> {
     solution: &'a Solution<T, D>,
-    /// The stored values before and after, and where the instant is between them, 0 … 1.
+    /// The stored values before and after the instant, and its position between them, from 0 to 1.
     before: &'a [T],
     after: &'a [T],
     share: f64,
@@ -111,7 +112,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
     /// V and its gradient at a state, for the whole horizon.
     ///
     /// # Errors
-    /// As [`Self::value`].
+    /// The errors of [`Self::value`].
     pub fn sample(&self, state: [f64; D]) -> Result<Sample<D>, Invalid> {
         self.end().sample(state)
     }
@@ -119,7 +120,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
     /// Both players' optimal inputs at a state; see [`Snapshot::inputs`].
     ///
     /// # Errors
-    /// As [`Self::value`].
+    /// The errors of [`Self::value`].
     pub fn inputs<G: Players<D>>(
         &self,
         game: &G,
@@ -128,24 +129,25 @@ impl<T: Real, const D: usize> Solution<T, D> {
         self.end().inputs(game, state)
     }
 
-    /// The time, s, before which no path from a state leaves the grid; infinite if none ever does, `None` if
-    /// the solution's file lacks these times. After a march of at most this time, V at the state does not
-    /// depend on the values beyond the grid's ends; after a longer one it may.
+    /// The time (s) before which no path from a state leaves the grid; infinite if no path ever
+    /// does. `None` if the solution's file lacks these times. After a march of at most this time, V
+    /// at the state does not depend on the values beyond the grid's ends. After a longer march, it
+    /// may.
     ///
-    /// It is a lower bound for every input of both players: along each axis a path is at most as
-    /// fast as the game's speed bounds at any node of the grid with that coordinate, **in either
-    /// direction**, since the bounds have no sign. The paths that matter may leave much later, or
-    /// never, for instance where everything moves away from an end.
+    /// This is a lower bound for all inputs of both players. Along each axis, the speed of a path
+    /// is bounded by the largest speed bound at any node of the grid with that coordinate, **in
+    /// either direction**, since the bounds have no sign. The paths that matter may leave much
+    /// later, or never, for instance where all states move away from an end.
     ///
     /// # Errors
-    /// As [`Self::value`].
+    /// The errors of [`Self::value`].
     pub fn earliest_exit_s(&self, state: [f64; D]) -> Result<Option<f64>, Invalid> {
         self.grid.check_state(state)?;
         let (cell, share) = self.grid.cell(state);
         Ok(self.exit_s.as_ref().map(|exit_s| {
             let along = (0..D).filter(|d| !self.grid.axes[*d].is_periodic()).map(|d| {
                 let [before, behind] = [exit_s[d][cell[d]], exit_s[d][cell[d] + 1]];
-                // Exactly at a node, the other node does not count: its time may be infinite.
+                // Exactly at a node, the other node does not count, since its time may be infinite.
                 match share[d] {
                     0.0 => before,
                     1.0 => behind,
@@ -156,13 +158,13 @@ impl<T: Real, const D: usize> Solution<T, D> {
         }))
     }
 
-    /// Whether V after `tau_s`, s, of the march may depend on values beyond the grid's ends, node
-    /// by node, row-major; `None` if the solution's file lacks these times. Every node that
-    /// depends on them is marked; but so are many that do not, such as those beside an end from
-    /// which everything moves away. See [`Self::earliest_exit_s`].
+    /// For each node, row-major, whether V after `tau_s` (s) of the march may depend on values
+    /// beyond the grid's ends. `None` if the solution's file lacks the exit times. Every node that
+    /// depends on these values is marked, but so are many nodes that do not, such as nodes beside
+    /// an end from which all states move away. See [`Self::earliest_exit_s`].
     ///
     /// # Errors
-    /// [`Invalid`] for a time that is not from 0 to the horizon.
+    /// [`Invalid`] for a time that is not between 0 and the horizon.
     pub fn depends_on_outside(&self, tau_s: f64) -> Result<Option<Vec<bool>>, Invalid> {
         if !(0.0..=self.horizon_s).contains(&tau_s) {
             let expected = format!("a time from 0 to the horizon, {} s", self.horizon_s);
@@ -174,13 +176,14 @@ impl<T: Real, const D: usize> Solution<T, D> {
         }))
     }
 
-    /// The first time of the march, s, at which a state belongs to the tube: in a backward march
-    /// the time to the target, in a forward one the time after which the state is reached. 0 in the
-    /// target, infinite if the horizon is too short. Between stored instants V is linear in time.
+    /// The first march time (s) at which a state belongs to the tube. In a backward march, this is
+    /// the time to the target; in a forward march, it is the time after which the state is reached.
+    /// It is 0 in the target and infinite if the horizon is too short. Between stored instants, V
+    /// is linear in time.
     ///
     /// # Errors
-    /// As [`Self::value`]; also for a set instead of a tube, and for a solution without earlier
-    /// instants ([`Settings::slices`](super::Settings::slices)).
+    /// The errors of [`Self::value`], and [`Invalid`] for a set instead of a tube, or for a
+    /// solution without earlier instants ([`Settings::slices`](super::Settings::slices)).
     pub fn time_to_reach(&self, state: [f64; D]) -> Result<f64, Invalid> {
         self.grid.check_state(state)?;
         if self.kind != Kind::Tube {
@@ -204,13 +207,13 @@ impl<T: Real, const D: usize> Solution<T, D> {
         Ok(f64::INFINITY)
     }
 
-    /// Both players' optimal inputs at a state at the first stored instant at which it belongs to
-    /// the tube, or at the horizon if it never does. Long before the horizon, V is flat inside a
-    /// tube, and inputs at the horizon depend on rounding errors; at the first instant they lead to
-    /// the target.
+    /// Both players' optimal inputs at a state, at the first stored instant at which the state
+    /// belongs to the tube, or at the horizon if it never does. If a state belongs to the tube long
+    /// before the horizon, V is flat there, and the inputs at the horizon depend on rounding
+    /// errors. The inputs at the first instant lead to the target.
     ///
     /// # Errors
-    /// As [`Self::time_to_reach`].
+    /// The errors of [`Self::time_to_reach`].
     pub fn first_inputs<G: Players<D>>(
         &self,
         game: &G,
@@ -222,7 +225,7 @@ impl<T: Real, const D: usize> Solution<T, D> {
         self.at_march_time(instant.unwrap_or(self.horizon_s))?.inputs(game, state)
     }
 
-    /// The march times τ of the stored instants, s; the last one is the horizon.
+    /// The march times τ of the stored instants (s); the last one is the horizon.
     #[must_use]
     pub fn march_times_s(&self) -> Vec<f64> {
         let intervals = self.earlier.len().max(1) as f64;
@@ -230,12 +233,12 @@ impl<T: Real, const D: usize> Solution<T, D> {
         early.chain([self.horizon_s]).collect()
     }
 
-    /// V at the forward time `t_s`, s, since the beginning of the game or since the initial set
+    /// V at the forward time `t_s` (s) since the beginning of the game or since the initial set
     /// ([`Direction::Forward`]).
     ///
     /// # Errors
-    /// [`Invalid`] for a time that is not from 0 to the horizon, or is not the march's end if no
-    /// earlier instants were stored.
+    /// [`Invalid`] for a time that is not between 0 and the horizon or, if no earlier instants were
+    /// stored, is not the end of the march.
     pub fn at_time(&self, t_s: f64) -> Result<Snapshot<'_, T, D>, Invalid> {
         let march_s = match self.direction {
             Direction::Backward => self.horizon_s - t_s,
@@ -244,10 +247,11 @@ impl<T: Real, const D: usize> Solution<T, D> {
         self.snapshot("t_s", t_s, march_s)
     }
 
-    /// V after `tau_s`, s, of the march: with that much time remaining, or that long after the initial set.
+    /// V after `tau_s` (s) of the march: with that much time remaining (backward), or that long
+    /// after the initial set (forward).
     ///
     /// # Errors
-    /// As [`Self::at_time`].
+    /// The errors of [`Self::at_time`].
     pub fn at_march_time(&self, tau_s: f64) -> Result<Snapshot<'_, T, D>, Invalid> {
         self.snapshot("tau_s", tau_s, tau_s)
     }
@@ -288,7 +292,7 @@ impl<T: Real, const D: usize> Snapshot<'_, T, D> {
     /// V at a state.
     ///
     /// # Errors
-    /// As [`Solution::value`].
+    /// The errors of [`Solution::value`].
     pub fn value(&self, state: [f64; D]) -> Result<f64, Invalid> {
         Ok(self.sample(state)?.value)
     }
@@ -296,7 +300,7 @@ impl<T: Real, const D: usize> Snapshot<'_, T, D> {
     /// V and its gradient at a state.
     ///
     /// # Errors
-    /// As [`Solution::value`].
+    /// The errors of [`Solution::value`].
     pub fn sample(&self, state: [f64; D]) -> Result<Sample<D>, Invalid> {
         let grid = &self.solution.grid;
         grid.check_state(state)?;
@@ -312,11 +316,12 @@ impl<T: Real, const D: usize> Snapshot<'_, T, D> {
         })
     }
 
-    /// The inputs that are optimal for the gradient of V at a state. After a backward march, they are both
-    /// players' inputs at that state and time; after a forward one, the inputs with which they arrived there.
+    /// The inputs that are optimal for the gradient of V at a state. After a backward march, these
+    /// are both players' inputs at that state and time. After a forward march, they are the inputs
+    /// with which the players arrived there.
     ///
     /// # Errors
-    /// As [`Solution::value`].
+    /// The errors of [`Solution::value`].
     pub fn inputs<G: Players<D>>(
         &self,
         game: &G,
@@ -384,13 +389,14 @@ fn interpolated<T: Real, const D: usize>(
     Sample { value, gradient }
 }
 
-/// The curvature along the edge between the middle two of six nodes: the smaller of the second
-/// differences at its ends if they have one sign. Beyond the grid's ends, V continues straight.
+/// The curvature along the edge between the middle two of six nodes. It is the smaller of the
+/// second differences at the edge's ends if both have the same sign, otherwise 0. Beyond the grid's
+/// ends, V continues linearly.
 ///
-/// At the foot of a wall the second difference is large, and at the wall's top it is as large with
-/// the other sign. Twice the opposite bend of a neighbour is subtracted, so that two walls do not
-/// look like a parabola between them. Where V is smooth, neighbours with opposite bends both bend
-/// little, by the third power of the spacing.
+/// At the foot of a wall the second difference is large; at its top it is equally large with the
+/// opposite sign. Twice the opposite second difference of a neighbour is subtracted, so that two
+/// walls do not look like a parabola between them. Where V is smooth, neighbouring second
+/// differences of opposite sign are both small, of the order of the spacing cubed.
 fn bend(nodes: [Option<f64>; 6]) -> f64 {
     let second = |k: usize| Some((nodes[k + 1]? - nodes[k]?) - (nodes[k]? - nodes[k - 1]?));
     let (Some(low), Some(high)) = (second(2), second(3)) else {

@@ -6,9 +6,10 @@ use crate::invalid::Invalid;
 
 /// The speed bounds of a game on a grid.
 pub(super) struct Speeds<const D: usize> {
-    /// max over the nodes of Σ speed_d/Δx_d: one over the largest stable time step.
+    /// max over the nodes of Σ speed_d/Δx_d, the reciprocal of the largest stable time step.
     pub(super) rate: f64,
-    /// By axis d and node of it: the largest speed along d at any node of the grid with that coordinate.
+    /// For each axis d and each of its nodes: the largest speed along d at any node of the grid
+    /// with that coordinate.
     along: [Vec<f64>; D],
 }
 
@@ -22,7 +23,7 @@ impl<const D: usize> Speeds<D> {
         let per_spacing = grid.axes.map(|axis| 1.0 / axis.spacing());
         let mut along = grid.axes.map(|axis| vec![0.0_f64; axis.nodes]);
         let mut index = [0; D];
-        // Lower bound for a game without motion, for which any step will do.
+        // Positive also for a game without motion, for which any time step is stable.
         let mut fastest = 1e-12_f64;
         'nodes: loop {
             let terms = core::array::from_fn(|d| tables[d][index[d]]);
@@ -48,9 +49,9 @@ impl<const D: usize> Speeds<D> {
         }
     }
 
-    /// By axis d and node of it: the time, s, before which no path from there is beyond an end of
-    /// d; infinite if none ever is. A path must cross each cell on its way, and is no faster there
-    /// than the faster of the cell's nodes.
+    /// For each axis d and each of its nodes: the time (s) before which no path from there passes
+    /// an end of d; infinite if no path ever does. A path must cross each cell on its way. Its
+    /// speed in a cell is at most the larger speed of the cell's two nodes.
     pub(super) fn exit_s(&self, grid: &Grid<D>) -> [Vec<f64>; D] {
         core::array::from_fn(|d| {
             let (axis, speeds) = (&grid.axes[d], &self.along[d]);
@@ -64,7 +65,7 @@ impl<const D: usize> Speeds<D> {
     }
 }
 
-/// The times from the first of these nodes to each.
+/// The shortest travel times from the first of these nodes to each node.
 fn times<'a>(axis: &Axis, speeds: impl Iterator<Item = &'a f64>) -> Vec<f64> {
     let (mut elapsed, mut before) = (0.0, f64::INFINITY);
     speeds

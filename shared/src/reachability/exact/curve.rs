@@ -1,16 +1,17 @@
-//! {V = c} at one heading in closed form.
+//! The level set {V = c} at one heading, in closed form.
 //!
-//! In the evader's frame turned to the mean of the two headings (see [`Halfway`](super::Halfway)),
-//! a set {V ≤ c} is half a disc where the range opens. Where it closes, the set is the intersection
-//! of two regions: where the evader that turns right, and where the one that turns left, ends
-//! within the range. Each region is convex. Its edge is a
-//! straight line, the involute of a circle, and an arc, one for each [`Ending`](super::Ending) of the pursuit.
+//! In the evader's frame, rotated to the mean of the two headings (see
+//! [`Halfway`](super::Halfway)), the set {V ≤ c} is half a disc where the range increases. Where it
+//! decreases, the set is the intersection of two convex regions. One contains the states from which
+//! the range falls to R + c or less if the evader turns right, the other if it turns left. The
+//! boundary of a region is a straight line, an involute of a circle, and a circular arc, one for
+//! each [`Ending`](super::Ending) of the pursuit.
 
 use super::{ExactValue, Sheet};
 use crate::invalid::{Invalid, finite};
 use crate::math::{PI, sin_cos, wrap_positive};
 
-/// Rejects a heading that is not finite, and a level, m, that no state can have.
+/// Rejects a heading that is not finite and a level (m) that no state can have.
 pub(in crate::reachability) fn check_slice(
     psi: f64,
     level: f64,
@@ -25,20 +26,20 @@ pub(in crate::reachability) fn check_slice(
     Ok(())
 }
 
-/// Accepts the accuracy of a curve, m; infinite means as coarse as possible.
+/// Checks the tolerance of a curve (m); infinite means as coarse as possible.
 pub(in crate::reachability) fn check_fineness(name: &str, fine_m: f64) -> Result<(), Invalid> {
     if fine_m > 0.0 { Ok(()) } else { Err(Invalid::new(name, "a number > 0", fine_m)) }
 }
 
 impl ExactValue {
-    /// The boundary of {V ≤ `level`} at relative heading `psi`, rad, as a counter-clockwise polygon
-    /// in the evader's frame, m, without repeated end point. Its corners are on the level curve,
-    /// which is never farther than about `flatness_m` from its edges.
+    /// The boundary of {V ≤ `level`} at relative heading `psi` (rad), as a counter-clockwise
+    /// polygon in the evader's frame (m), without a repeated end point. Its vertices are on the
+    /// level curve, and its edges deviate from the curve by at most about `flatness_m`.
     ///
     /// # Errors
     /// [`Invalid`] for a `psi` that is not finite, a `level` that no state can have (not finite, or
-    /// ≤ −R, where the set is at most the point r = 0) or whose range overflows in turning radii, or a
-    /// `flatness_m` that is not > 0.
+    /// ≤ −R, where the set is at most the point r = 0), a `level` whose range in turning radii
+    /// overflows, or a `flatness_m` that is not > 0.
     pub fn level_curve(
         &self,
         psi: f64,
@@ -53,7 +54,7 @@ impl ExactValue {
     /// [`Self::level_curve`], replacing the contents of `curve`.
     ///
     /// # Errors
-    /// As [`Self::level_curve`]; `curve` is empty then.
+    /// The errors of [`Self::level_curve`]; `curve` is then empty.
     pub fn level_curve_into(
         &self,
         psi: f64,
@@ -78,17 +79,19 @@ impl ExactValue {
         // The mirror image, as for the left sheet.
         let left = Side { range, sin_half, cos_half: -cos_half, rest: half };
         let flatness = flatness_m / self.turning_radius_m;
-        // Clockwise here is counter-clockwise in the evader's frame, where `right` points the other way.
+        // The curve is clockwise here and counter-clockwise in the evader's frame, whose y points
+        // to the left.
         let mut add = |[ahead, right]: [f64; 2]| {
             let [x, y] = super::slope([ahead, right], sin_half, cos_half);
             curve.push([x * self.turning_radius_m, y * self.turning_radius_m]);
         };
-        // From straight ahead through the half plane where the range opens to straight behind,
+        // First the half circle from straight ahead to straight behind, where the range increases.
         for angle in places(PI, range, flatness) {
             let (sin, cos) = sin_cos(angle);
             add([range * cos, -range * sin]);
         }
-        // along the left sheet as far as the right one allows, and back along the right sheet.
+        // Then along the left sheet to where it leaves the region of the right sheet, and back
+        // along the right sheet.
         let (end, back) = (left.end(&right), right.end(&left));
         let places = left.places(end, flatness).chain([end]);
         for place in [Side::BEGINNING].into_iter().chain(places) {
@@ -100,29 +103,31 @@ impl ExactValue {
     }
 }
 
-/// The edge of the region where one sheet is within the range, from straight ahead to straight behind. All
-/// lengths are in turning radii. The parameter of a place is the direction of its outward normal from straight
-/// ahead, rad; on the straight line, which has one normal, it runs from −1 to 0.
+/// The boundary of the region where one sheet is at most `range`, from straight ahead to straight
+/// behind. All lengths are in turning radii. The parameter of a boundary point, its *place*, is the
+/// angle of the outward normal from straight ahead (rad). The normal is constant along the straight
+/// line, where the parameter runs from −1 to 0.
 struct Side {
     range: f64,
     sin_half: f64,
     cos_half: f64,
-    /// Normals of the involute end here.
+    /// The largest angle of the involute's normals (rad).
     rest: f64,
 }
 
 impl Side {
-    /// Where the straight line begins.
+    /// The place where the straight line begins.
     const BEGINNING: f64 = -1.0;
 
-    /// (ahead, right) of a place.
+    /// The point (ahead, right) at a place.
     fn point(&self, place: f64) -> [f64; 2] {
         if place <= 0.0 {
             return [self.range, (1.0 + place) * (2.0 + 2.0 * self.cos_half)];
         }
         let (sin, cos) = sin_cos(place);
         if place < self.rest {
-            // The largest of ahead·cos u + a·sin u − 2u is the range where its derivative vanishes.
+            // The maximum of ahead·cos u + a·sin u − 2u, where its derivative is zero, equals the
+            // range.
             let radius = self.range + 2.0 * place;
             [radius * cos - 2.0 * sin, radius * sin + 2.0 * (cos + self.cos_half)]
         } else {
@@ -136,11 +141,12 @@ impl Side {
         Sheet::new(ahead, right, self.sin_half, self.cos_half, self.rest).range
     }
 
-    /// The place where this edge leaves the region of the other side, which has the opposite `ahead`. The two
-    /// edges cross once, since every ray from r = 0 leaves {V ≤ c} once.
+    /// The place where this boundary leaves the region of the other side, whose `ahead` has the
+    /// opposite sign. The two boundaries cross once, since every ray from r = 0 leaves {V ≤ c}
+    /// once.
     fn end(&self, other: &Side) -> f64 {
         let (mut inside, mut outside) = (Self::BEGINNING, PI);
-        // To the precision of a double.
+        // Bisection to double precision.
         for _ in 0..52 {
             let middle = 0.5 * (inside + outside);
             let [ahead, right] = self.point(middle);
@@ -153,16 +159,16 @@ impl Side {
         inside
     }
 
-    /// Places from the end of the straight line to before `end`.
+    /// Places from the end of the straight line up to, but not including, `end`.
     fn places(&self, end: f64, flatness: f64) -> impl DoubleEndedIterator<Item = f64> {
-        // Without a straight line, the first of them is where the line would begin.
+        // If the straight line has no length, its end coincides with its beginning and is omitted.
         let has_line = self.cos_half > -1.0;
         places(end, self.range + 2.0 * self.rest, flatness).skip(usize::from(!has_line))
     }
 }
 
-/// Angles from 0 to before `end`, evenly spaced, whose chords deviate from an arc of this radius by
-/// at most `flatness`, within limits on the spacing.
+/// Evenly spaced angles from 0 up to, but not including, `end`. Their chords deviate from an arc of
+/// this radius by at most `flatness`, within limits on the spacing.
 fn places(
     end: f64,
     radius: f64,
@@ -184,7 +190,7 @@ mod tests {
         polygon.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
     }
 
-    /// Where a ray from r = 0 leaves {V ≤ level}: bisection that uses only the value.
+    /// The range at which a ray from r = 0 leaves {V ≤ level}, by bisection on the value alone.
     fn leaves(game: &ExactValue, psi: f64, level: f64, bearing: f64) -> f64 {
         let (sin, cos) = sin_cos(bearing);
         let is_inside = |r: f64| game.value([r * cos, r * sin, psi]) <= level;
@@ -197,7 +203,7 @@ mod tests {
         inside
     }
 
-    /// Where a ray from r = 0 leaves a polygon around it.
+    /// The range at which a ray from r = 0 leaves a polygon around it.
     fn leaves_polygon(curve: &[[f64; 2]], bearing: f64) -> f64 {
         let (sin, cos) = sin_cos(bearing);
         let next = curve.iter().cycle().skip(1);

@@ -1,4 +1,4 @@
-//! Control-affine games whose number of inputs is known only when the program runs.
+//! Control-affine games whose number of inputs is known only at run time.
 
 use crate::invalid::{Invalid, all_finite, finite, length};
 use crate::reachability::game::{Game, Inputs, Players, TERMS, least};
@@ -6,8 +6,8 @@ use crate::reachability::grid::Grid;
 use crate::reachability::progress::{MEMORY_LIMIT_BYTES, check_memory};
 use crate::real::Real;
 
-/// ẋ = f(x) + G_u(x) u + G_d(x) d from arrays: [`ControlAffine`](super::ControlAffine) with any
-/// number of inputs, for programs that load a game at run time. That type documents the parts.
+/// ẋ = f(x) + G_u(x) u + G_d(x) d from arrays. This is [`ControlAffine`](super::ControlAffine),
+/// which explains the terms, with any number of inputs, for programs that load a game at run time.
 ///
 /// ```
 /// use sidestep::reachability::{Axis, AffineArrays, Grid, Players};
@@ -25,14 +25,14 @@ pub struct AffineArrays<const D: usize> {
     /// The range of each input.
     minimiser: Vec<[f64; 2]>,
     maximiser: Vec<[f64; 2]>,
-    /// Node by node: f + G_u (middle of u) + G_d (middle of d), and then the columns of G_d and of G_u, each
-    /// times half the width of its input's range.
+    /// For each node: f + G_u (middle of u) + G_d (middle of d), followed by the columns of G_d and
+    /// then of G_u, each times half the width of its input's range.
     rates: Vec<[f64; D]>,
 }
 
 /// With more nodes than this on an axis, single precision cannot represent every index.
 const MOST_NODES: usize = 1 << 24;
-/// A coordinate within this share of the spacing of a node counts as that node's.
+/// A coordinate within this fraction of the spacing from a node counts as the node.
 const MISS: f64 = 1e-3;
 
 /// The player to whom inputs belong.
@@ -52,11 +52,12 @@ impl Player {
 }
 
 impl<const D: usize> AffineArrays<D> {
-    /// ẋ = f(x) without players: f at each node of `grid`, row-major over nodes and `D` components.
+    /// ẋ = f(x) without players. `drift` is f at each node of `grid`, row-major over nodes and `D`
+    /// components.
     ///
     /// # Errors
-    /// [`Invalid`] for a bad grid, one that needs too much memory, a wrong number of entries, or an
-    /// f that is not finite.
+    /// [`Invalid`] for an invalid or too large grid, a wrong number of entries, or an f that is not
+    /// finite.
     pub fn new(grid: Grid<D>, drift: &[f64]) -> Result<Self, Invalid> {
         check_grid(&grid, 1)?;
         length("drift", grid.len() * D, drift.len())?;
@@ -65,7 +66,7 @@ impl<const D: usize> AffineArrays<D> {
         Self::of_nodes(grid, rows.to_vec())
     }
 
-    /// The same from f at each node of a grid that was checked.
+    /// [`Self::new`] from f at each node of a grid that is already checked.
     pub(super) fn of_nodes(grid: Grid<D>, rates: Vec<[f64; D]>) -> Result<Self, Invalid> {
         for (node, row) in rates.iter().enumerate() {
             if row.iter().any(|rate| !rate.is_finite()) {
@@ -75,8 +76,8 @@ impl<const D: usize> AffineArrays<D> {
         Ok(Self { grid, minimiser: Vec::new(), maximiser: Vec::new(), rates })
     }
 
-    /// With further inputs u of the minimising player: G_u at each node, row-major over nodes, `D` rows and
-    /// a column for each of `ranges`, the lowest and highest value of each input.
+    /// Adds inputs u of the minimising player. `matrix` is G_u at each node, row-major over nodes,
+    /// `D` rows and one column per input. `ranges` are the lowest and highest value of each input.
     ///
     /// # Errors
     /// [`Invalid`] for a wrong number of entries, a range or a matrix that is not finite, a range
@@ -85,10 +86,10 @@ impl<const D: usize> AffineArrays<D> {
         self.array(Player::Minimiser, matrix, ranges)
     }
 
-    /// With further inputs d of the maximising player; see [`Self::minimiser`].
+    /// Adds inputs d of the maximising player; see [`Self::minimiser`].
     ///
     /// # Errors
-    /// As [`Self::minimiser`].
+    /// The errors of [`Self::minimiser`].
     pub fn maximiser(self, matrix: &[f64], ranges: &[[f64; 2]]) -> Result<Self, Invalid> {
         self.array(Player::Maximiser, matrix, ranges)
     }
@@ -101,12 +102,12 @@ impl<const D: usize> AffineArrays<D> {
         self.with(player, ranges, |node, input, d| matrix[(node * D + d) * n + input])
     }
 
-    /// Checks that the memory suffices for this number of further inputs.
+    /// Checks that the memory suffices for this number of additional inputs.
     pub(super) fn check_room(&self, inputs: usize) -> Result<(), Invalid> {
         check_grid(&self.grid, self.stride().saturating_add(inputs))
     }
 
-    /// With further inputs; `entry` gives the matrix by node, input and coordinate.
+    /// Adds inputs. `entry` returns the matrix entry of a node, an input and a coordinate.
     pub(super) fn with(
         self,
         player: Player,
@@ -155,18 +156,19 @@ impl<const D: usize> AffineArrays<D> {
         Ok(Self { grid, minimiser, maximiser, rates })
     }
 
-    /// The rates at the nodes as stored: for each node f with all inputs in the middle of their
-    /// ranges, then the effect of half the range of each of the maximiser's inputs, then of the
-    /// minimiser's. [`Self::of_rates`] takes them.
+    /// The stored rates, for [`Self::of_rates`]. They contain, for each node, f with all inputs in
+    /// the middle of their ranges, then the effect of half the range of each input of the
+    /// maximiser, then of each input of the minimiser.
     #[must_use]
     pub fn rates(&self) -> &[[f64; D]] {
         &self.rates
     }
 
-    /// The game with these ranges of inputs and rates from [`Self::rates`], row-major.
+    /// The game with these input ranges and with the rates of [`Self::rates`], row-major.
     ///
     /// # Errors
-    /// [`Invalid`] for a bad grid, a range whose ends are not finite or in order, or a wrong number of rates.
+    /// [`Invalid`] for an invalid grid, a range whose ends are not finite or not in order, or a
+    /// wrong number of rates or one that is not finite.
     pub fn of_rates(
         grid: Grid<D>,
         minimiser: Vec<[f64; 2]>,
@@ -207,8 +209,8 @@ impl<const D: usize> AffineArrays<D> {
         1 + self.maximiser.len() + self.minimiser.len()
     }
 
-    /// The centre of a node's rates, and the vectors that the inputs of both players, the maximiser
-    /// first, add to it or subtract from it.
+    /// The centre of a node's rates, and the vectors that the maximiser's and the minimiser's
+    /// inputs add to it or subtract from it.
     #[inline(always)]
     fn at(&self, node: usize) -> ([f64; D], &[[f64; D]], &[[f64; D]]) {
         let stride = self.stride();
@@ -219,18 +221,19 @@ impl<const D: usize> AffineArrays<D> {
         (*centre, maximiser, minimiser)
     }
 
-    /// The vector `place` of a node's rates, interpolated at a state.
+    /// The vector at position `place` of the nodes' rates, interpolated at a state.
     fn blend(&self, state: [f64; D], place: usize) -> [f64; D] {
         let stride = self.stride();
         self.grid.blend(state, |node| self.rates[node * stride + place])
     }
 
-    /// The position, row-major, of the node that `terms` belong to.
+    /// The row-major position of the node to which `terms` belong.
     #[inline(always)]
     fn position<T: Real>(&self, terms: &[[T; TERMS]; D]) -> usize {
         let mut position = 0;
         for (axis, [node, ..]) in self.grid.axes.iter().zip(terms) {
-            // NaN counts as 0: the result at such a cell is replaced, or was rejected.
+            // NaN becomes 0. The result at such a cell is overwritten later, or the solve was
+            // already rejected.
             position = position * axis.nodes + node.to_f64() as usize;
         }
         position.min(self.grid.len() - 1)
@@ -238,7 +241,7 @@ impl<const D: usize> AffineArrays<D> {
 }
 
 impl<const D: usize> Game<D> for AffineArrays<D> {
-    /// The index of the node; NaN elsewhere.
+    /// The index of the node; NaN between nodes and outside the grid.
     fn terms(&self, axis: usize, coordinate: f64) -> [f64; TERMS] {
         let axis = &self.grid.axes[axis];
         let place = (coordinate - axis.low) / axis.spacing();
@@ -272,7 +275,7 @@ impl<const D: usize> Game<D> for AffineArrays<D> {
     #[inline(always)]
     fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; D]) -> [T; D] {
         let (centre, maximiser, minimiser) = self.at(self.position(terms));
-        // NaN if this is not a node.
+        // 0 at a node, otherwise NaN.
         let mut nothing = T::ZERO;
         for [node, ..] in terms {
             nothing += *node * T::ZERO;
@@ -321,7 +324,7 @@ impl<const D: usize> Players<D> for AffineArrays<D> {
     }
 }
 
-/// Checks a grid, and whether memory suffices for this number of vectors at each node.
+/// Checks a grid, and that the memory suffices for this number of vectors at each node.
 pub(super) fn check_grid<const D: usize>(grid: &Grid<D>, vectors: usize) -> Result<(), Invalid> {
     grid.check(1).map_err(|invalid| invalid.within("grid"))?;
     if let Some(d) = grid.axes.iter().position(|axis| axis.nodes > MOST_NODES) {

@@ -1,4 +1,4 @@
-//! Control-affine games from functions or arrays, without a Hamiltonian by hand.
+//! Control-affine games from functions or arrays, without a hand-written Hamiltonian.
 
 use super::affine_arrays::{AffineArrays, Player, check_grid};
 use crate::invalid::Invalid;
@@ -7,14 +7,14 @@ use crate::reachability::grid::Grid;
 use crate::real::Real;
 
 /// ẋ = f(x) + G_u(x) u + G_d(x) d with `D` states. The `M` inputs u minimise V, the `K` inputs d
-/// maximise it, each within its own range. A control that steers to the target is u, and a
-/// disturbance is d; for a control that avoids the target, it is the other way round.
+/// maximise it, each within its own range. If the control steers to the target, it is u, and the
+/// disturbance is d. If the control avoids the target, the control is d, and the disturbance is u.
 ///
 /// f and G are stored at the nodes of a grid, where the Hamiltonian is exact: H = p · f + Σ min
 /// over u_j of (pᵀG_u)_j u_j + Σ max over d_k of (pᵀG_d)_k d_k. Between nodes, [`Players`]
-/// interpolates them linearly along each axis. Problems must be solved on the same grid; on one
-/// with other nodes, [`cartesian::solve`](super::super::cartesian::solve) reports that the game's
-/// speed bounds are not finite.
+/// interpolates f and G linearly along each axis. Problems must be solved on the same grid; on a
+/// grid with other nodes, [`cartesian::solve`](super::super::cartesian::solve) reports that the
+/// game's speed bounds are not finite.
 ///
 /// # Example
 /// A point mass pushed by wind: from where can it be brought into |x| ≤ 0.5 within a second?
@@ -47,7 +47,7 @@ impl<const D: usize> ControlAffine<D, 0, 0> {
     /// ẋ = f(x) without players, at the nodes of `grid`.
     ///
     /// # Errors
-    /// [`Invalid`] for a bad grid, one that needs too much memory, or an f that is not finite at a node.
+    /// [`Invalid`] for an invalid or too large grid, or an f that is not finite at a node.
     pub fn new(grid: Grid<D>, drift: impl Fn([f64; D]) -> [f64; D]) -> Result<Self, Invalid> {
         check_grid(&grid, 1)?;
         Ok(Self { arrays: AffineArrays::of_nodes(grid, at_nodes(&grid, drift))? })
@@ -56,15 +56,15 @@ impl<const D: usize> ControlAffine<D, 0, 0> {
     /// [`Self::new`] from an array: f at each node, row-major over nodes and `D` components.
     ///
     /// # Errors
-    /// As [`Self::new`], or for a wrong number of entries.
+    /// The errors of [`Self::new`], and [`Invalid`] for a wrong number of entries.
     pub fn from_array(grid: Grid<D>, drift: &[f64]) -> Result<Self, Invalid> {
         Ok(Self { arrays: AffineArrays::new(grid, drift)? })
     }
 }
 
 impl<const D: usize, const K: usize> ControlAffine<D, 0, K> {
-    /// With G_u(x) u: row d of the matrix belongs to coordinate d, and `range` has the lowest and
-    /// highest value of each u_j.
+    /// Adds G_u(x) u. Row d of the matrix belongs to coordinate d, and `range` contains the lowest
+    /// and highest value of each u_j.
     ///
     /// # Errors
     /// [`Invalid`] for a range or a matrix that is not finite, a range whose ends are not in order,
@@ -80,7 +80,7 @@ impl<const D: usize, const K: usize> ControlAffine<D, 0, K> {
     /// [`Self::minimiser`] from an array: G_u at each node, row-major over nodes, `D` rows and `M` columns.
     ///
     /// # Errors
-    /// As [`Self::minimiser`], or for a wrong number of entries.
+    /// The errors of [`Self::minimiser`], and [`Invalid`] for a wrong number of entries.
     pub fn minimiser_from_array<const M: usize>(
         self,
         matrix: &[f64],
@@ -91,10 +91,10 @@ impl<const D: usize, const K: usize> ControlAffine<D, 0, K> {
 }
 
 impl<const D: usize, const M: usize> ControlAffine<D, M, 0> {
-    /// With G_d(x) d; see [`ControlAffine::minimiser`].
+    /// Adds G_d(x) d; see [`ControlAffine::minimiser`].
     ///
     /// # Errors
-    /// As [`ControlAffine::minimiser`].
+    /// The errors of [`ControlAffine::minimiser`].
     pub fn maximiser<const K: usize>(
         self,
         matrix: impl Fn([f64; D]) -> [[f64; K]; D],
@@ -106,7 +106,7 @@ impl<const D: usize, const M: usize> ControlAffine<D, M, 0> {
     /// [`Self::maximiser`] from an array; see [`ControlAffine::minimiser_from_array`].
     ///
     /// # Errors
-    /// As [`ControlAffine::minimiser_from_array`].
+    /// The errors of [`ControlAffine::minimiser_from_array`].
     pub fn maximiser_from_array<const K: usize>(
         self,
         matrix: &[f64],
@@ -125,7 +125,7 @@ impl<const D: usize, const M: usize, const K: usize> ControlAffine<D, M, K> {
 }
 
 impl<const D: usize, const M: usize, const K: usize> Game<D> for ControlAffine<D, M, K> {
-    /// The index of the node; NaN elsewhere.
+    /// The index of the node; NaN between nodes and outside the grid.
     fn terms(&self, axis: usize, coordinate: f64) -> [f64; TERMS] {
         self.arrays.terms(axis, coordinate)
     }
@@ -163,7 +163,7 @@ fn at_nodes<R, const D: usize>(grid: &Grid<D>, function: impl Fn([f64; D]) -> R)
     (0..grid.len()).map(|node| function(grid.node(grid.index(node)))).collect()
 }
 
-/// `arrays` with inputs whose matrix is a function.
+/// Adds inputs to `arrays`; their matrix is a function of the state.
 fn with<const D: usize, const N: usize>(
     arrays: AffineArrays<D>,
     player: Player,

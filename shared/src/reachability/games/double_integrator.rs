@@ -3,11 +3,11 @@
 use crate::reachability::game::{Game, Inputs, Players, TERMS, least};
 use crate::real::Real;
 
-/// ẋ = v, v̇ = u with |u| ≤ `acceleration`: state (x, v), m and m/s. The input
+/// ẋ = v, v̇ = u with |u| ≤ `acceleration_mps2`. The state is (x, v) in (m, m/s). The input
 /// minimises V, so {V ≤ 0} contains the states that can be steered to the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DoubleIntegrator {
-    /// Largest acceleration, m/s².
+    /// Largest acceleration (m/s²).
     pub acceleration_mps2: f64,
 }
 
@@ -28,7 +28,7 @@ impl Game<2> for DoubleIntegrator {
 }
 
 impl Players<2> for DoubleIntegrator {
-    /// u, m/s².
+    /// The acceleration u (m/s²).
     type Minimiser = [f64; 1];
     type Maximiser = [f64; 0];
 

@@ -4,14 +4,14 @@ use crate::math::sin_cos;
 use crate::reachability::game::{Game, Inputs, Players, TERMS, least};
 use crate::real::Real;
 
-/// ẋ = v cos ψ, ẏ = v sin ψ, ψ̇ = u with `turn_rate_radps.0` ≤ u ≤ `turn_rate_radps.1`:
-/// state (x, y, ψ), m, m, rad. The input minimises V, so {V ≤ 0} contains the states that can be
+/// ẋ = v cos ψ, ẏ = v sin ψ, ψ̇ = u with `turn_rate_radps.0` ≤ u ≤ `turn_rate_radps.1`. The state
+/// is (x, y, ψ) in (m, m, rad). The input minimises V, so {V ≤ 0} contains the states that can be
 /// steered to the target or, forward in time, the states that can be reached from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DubinsCar {
-    /// v, m/s.
+    /// Speed v (m/s).
     pub speed_mps: f64,
-    /// Lowest and highest turn rate, rad/s.
+    /// Lowest and highest turn rate (rad/s).
     pub turn_rate_radps: (f64, f64),
 }
 
@@ -41,7 +41,7 @@ impl Game<3> for DubinsCar {
 }
 
 impl Players<3> for DubinsCar {
-    /// u, rad/s.
+    /// The turn rate u (rad/s).
     type Minimiser = [f64; 1];
     type Maximiser = [f64; 0];
 

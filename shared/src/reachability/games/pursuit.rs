@@ -5,11 +5,11 @@ use crate::reachability::game::{Game, Inputs, Players, TERMS};
 use crate::reachability::pursuit::PursuitGame;
 use crate::real::Real;
 
-/// The relative motion of two Dubins vehicles, Cartesian: state (x, y, ψ) of the
-/// pursuer in the evader's frame, m, m, rad.
+/// The relative motion of two Dubins vehicles in Cartesian coordinates. The state is the pursuer's
+/// pose (x, y, ψ) in the evader's frame, in (m, m, rad).
 ///
-/// ẋ = −v_e + v_p cos ψ + a y, ẏ = v_p sin ψ − a x, ψ̇ = b − a with |a| ≤ ω_e the
-/// evader's turn rate (maximises) and |b| ≤ ω_p the pursuer's (minimises).
+/// ẋ = −v_e + v_p cos ψ + a y, ẏ = v_p sin ψ − a x, ψ̇ = b − a. The evader's turn rate |a| ≤ ω_e
+/// maximises V; the pursuer's turn rate |b| ≤ ω_p minimises V.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelativeDubins(pub PursuitGame);
 
@@ -39,16 +39,16 @@ impl Game<3> for RelativeDubins {
         [drift_x.abs() + evader * y.abs(), drift_y.abs() + evader * x.abs(), evader + pursuer]
     }
 
-    /// Left and right.
+    /// Left and right are interchangeable.
     fn mirror(&self) -> [bool; 3] {
         [false, true, true]
     }
 }
 
 impl Players<3> for RelativeDubins {
-    /// The pursuer's turn rate b, rad/s.
+    /// The pursuer's turn rate b (rad/s).
     type Minimiser = [f64; 1];
-    /// The evader's turn rate a, rad/s.
+    /// The evader's turn rate a (rad/s).
     type Maximiser = [f64; 1];
 
     fn optimal_inputs(&self, state: [f64; 3], gradient: [f64; 3]) -> Inputs<[f64; 1], [f64; 1]> {

@@ -1,21 +1,21 @@
-//! NumPy archives as bytes: ZIP archives of uncompressed arrays (NumPy calls them .npz and .npy).
+//! Writes NumPy archives (.npz): ZIP archives of uncompressed arrays (.npy).
 
 use crate::reachability::checksum::checksum;
 
-/// An archive that grows array by array.
+/// An archive to which arrays are added one by one.
 #[derive(Default)]
 pub(super) struct Archive {
     bytes: Vec<u8>,
-    /// The table of contents, which comes last.
+    /// The central directory, which comes last.
     contents: Vec<u8>,
     count: u16,
 }
 
 /// Element types of arrays.
 pub(super) trait Number: Copy {
-    /// Its name in NumPy's headers.
+    /// The dtype string in NumPy's headers.
     const DTYPE: &'static str;
-    /// Appends its bytes, little-endian.
+    /// Appends the number as little-endian bytes.
     fn push(self, bytes: &mut Vec<u8>);
 }
 
@@ -40,13 +40,14 @@ impl Number for f64 {
     }
 }
 
-/// Size of a ZIP header without the name, bytes.
+/// Size of a ZIP local file header without the name (bytes).
 const LOCAL: usize = 30;
-/// 1 January 1980, the first day that ZIP can represent: the same function gives the same bytes.
+/// 1 January 1980, the earliest date that ZIP can represent. A fixed date makes the bytes
+/// reproducible.
 const DAY: u16 = 0x21;
 
 impl Archive {
-    /// Adds an array of this shape, row-major.
+    /// Adds an array. `values` are in row-major order.
     pub(super) fn add<T: Number>(
         &mut self,
         name: &str,
@@ -62,7 +63,8 @@ impl Archive {
         self.bytes.extend(header(T::DTYPE, shape));
         values.for_each(|value| value.push(&mut self.bytes));
         let size = (self.bytes.len() - start) as u32;
-        // Version 2.0, no flags, not compressed; the checksum and both sizes; no extra field.
+        // Version 2.0, no flags, no compression, time and date; checksum and both sizes; name
+        // length, no extra field.
         let mut about = Vec::new();
         for half in [20, 0, 0, 0, DAY] {
             about.extend(half.to_le_bytes());
@@ -83,7 +85,7 @@ impl Archive {
         self.count += 1;
     }
 
-    /// The whole archive.
+    /// The bytes of the whole archive.
     pub(super) fn finish(mut self) -> Vec<u8> {
         let (begin, size) = (self.bytes.len() as u32, self.contents.len() as u32);
         self.bytes.append(&mut self.contents);
@@ -97,7 +99,7 @@ impl Archive {
     }
 }
 
-/// The header of an array: NumPy's format, version 1.0, aligned to 64 bytes.
+/// The header of an array in NumPy's format 1.0, padded to a multiple of 64 bytes.
 fn header(dtype: &str, shape: &[usize]) -> Vec<u8> {
     let shape: Vec<String> = shape.iter().map(|count| format!("{count}, ")).collect();
     let shape = shape.concat();

@@ -6,9 +6,9 @@ use crate::reachability::{Nodes, PursuitGame};
 /// The nodes of a file, and the order of their values.
 pub struct Layout {
     nodes: Nodes,
-    /// The numbers of nodes by axis.
+    /// The number of nodes along each axis.
     pub shape: [usize; 3],
-    /// Their coordinates.
+    /// The node coordinates along each axis.
     pub axes: [Vec<f64>; 3],
 }
 
@@ -18,7 +18,7 @@ impl Layout {
     pub fn new(nodes: Nodes) -> Self {
         let [first, second, third] = nodes.coordinates();
         let second = match nodes {
-            // Both angles have the same nodes.
+            // A full turn of bearings has the same nodes as the headings.
             Nodes::Polar { .. } => third.clone(),
             Nodes::Cartesian { .. } => second,
         };
@@ -26,7 +26,7 @@ impl Layout {
         Self { nodes, shape: shape(&nodes), axes }
     }
 
-    /// r − R at a node, m.
+    /// r − R at a node (m).
     #[must_use]
     pub fn margin(&self, game: &PursuitGame, [i, j, k]: [usize; 3]) -> f64 {
         match self.nodes {
@@ -37,7 +37,7 @@ impl Layout {
         }
     }
 
-    /// The node that the library stores for this one.
+    /// The stored node for a node: its mirror image if the bearing is above π.
     #[must_use]
     pub fn kept(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
         match self.nodes {
@@ -46,7 +46,7 @@ impl Layout {
         }
     }
 
-    /// The node at a position of the array.
+    /// The node at a position in the array.
     #[must_use]
     pub fn index(&self, position: usize) -> [usize; 3] {
         let [_, n1, n2] = self.shape;
@@ -60,7 +60,7 @@ impl Layout {
     }
 }
 
-/// The numbers of a file's nodes by axis; bearings cover a full turn.
+/// The number of a file's nodes along each axis. Bearings cover a full turn.
 #[must_use]
 pub fn shape(nodes: &Nodes) -> [usize; 3] {
     match *nodes {
@@ -69,14 +69,14 @@ pub fn shape(nodes: &Nodes) -> [usize; 3] {
     }
 }
 
-/// Checks the numbers of an array that follow from `meta`: coordinates of nodes, or instants.
+/// Checks an array whose elements follow from `meta`: node coordinates or instants.
 ///
 /// # Errors
-/// [`Invalid`] naming the first number that differs.
+/// [`Invalid`] if the lengths differ, or naming the first element that differs.
 pub fn check_axis(name: &str, expected: &[f64], found: &[f64]) -> Result<(), Invalid> {
     length(name, expected.len(), found.len())?;
     let largest = expected.iter().fold(1.0, |most: f64, number| most.max(number.abs()));
-    // NaN is close to nothing.
+    // A comparison with NaN is false, so NaN always differs.
     let close = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-9 * largest;
     match expected.iter().zip(found).position(|pair| !close(pair)) {
         None => Ok(()),

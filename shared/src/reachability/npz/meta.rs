@@ -22,33 +22,33 @@ pub struct Meta {
     pub format: String,
     /// [`Method::name`].
     pub method: String,
-    /// The name in `nodes`, repeated at the top level.
+    /// `polar` or `cartesian`; repeats the entry of this name in `nodes`.
     pub coordinates: String,
     /// The name of each axis.
     pub axes: [String; 3],
-    /// The unit of each.
+    /// The unit of each axis.
     pub units: [String; 3],
-    /// Whether each is a full turn.
+    /// Whether each axis is a full turn.
     pub periodic: [bool; 3],
     /// A description of the values.
     pub stored: String,
     /// The game that was solved.
     pub game: PursuitGame,
-    /// Seconds; `None` for the converged value, since JSON has no infinity.
+    /// The horizon (s); `None` for the converged value, since JSON has no infinity.
     pub horizon: Option<f64>,
     /// The nodes.
     pub nodes: Nodes,
-    /// Whether there is an array `sheet`.
+    /// Whether the archive contains an array `sheet`.
     pub sheet: bool,
     /// Whether the solve converged; null for a finite horizon, absent in older files.
     #[serde(default)]
     pub converged: Option<bool>,
-    /// If it did not: [`SampledValue::unsettled_m`].
+    /// [`SampledValue::unsettled_m`], if the solve did not converge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unsettled_m: Option<f64>,
 }
 
-/// The content of `meta` for this function.
+/// The content of `meta` for a value function.
 #[must_use]
 pub fn meta(samples: &SampledValue, method: Method) -> Meta {
     let words = |words: [&str; 3]| words.map(str::to_owned);

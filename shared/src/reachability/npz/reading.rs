@@ -1,4 +1,4 @@
-//! NumPy archives from bytes, as this library and `numpy.savez` write them: arrays that are not compressed.
+//! Reads NumPy archives of uncompressed arrays, as written by this library and by `numpy.savez`.
 
 use crate::invalid::Invalid;
 use crate::reachability::checksum::checksum;
@@ -6,16 +6,17 @@ use crate::reachability::checksum::checksum;
 /// The arrays of an archive.
 pub(super) struct Arrays<'a>(Vec<(String, Array<'a>)>);
 
-/// An array, row-major.
+/// An array in row-major order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Array<'a> {
-    /// Its name in NumPy's headers: `<f8`.
+    /// The dtype string in NumPy's headers, such as `<f8`.
     pub(super) dtype: String,
     pub(super) shape: Vec<usize>,
     pub(super) bytes: &'a [u8],
 }
 
-/// Sizes of ZIP records without names, bytes.
+/// Sizes of ZIP records without names (bytes): end record, central-directory entry, local file
+/// header.
 const END: usize = 22;
 const ENTRY: usize = 46;
 const LOCAL: usize = 30;
@@ -24,10 +25,10 @@ impl<'a> Arrays<'a> {
     /// Reads an archive.
     ///
     /// # Errors
-    /// [`Invalid`] for bytes that are not such an archive.
+    /// [`Invalid`] if the bytes are not an archive of uncompressed arrays.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, Invalid> {
         let no_archive = || Invalid::new("bytes", "a NumPy archive (.npz)", "other bytes");
-        // A comment of at most 2¹⁶ bytes may follow the last record, which says how long it is.
+        // A comment of at most 2¹⁶ bytes may follow the end record, which contains its length.
         let last = bytes.len().checked_sub(END).ok_or_else(no_archive)?;
         let end = (last.saturating_sub(1 << 16)..=last)
             .rev()
@@ -48,10 +49,10 @@ impl<'a> Arrays<'a> {
         Ok(Self(arrays))
     }
 
-    /// The array of this name.
+    /// Returns the array `name`.
     ///
     /// # Errors
-    /// [`Invalid`] if there is none.
+    /// [`Invalid`] if the archive lacks it.
     pub(super) fn get(&self, name: &str) -> Result<&Array<'a>, Invalid> {
         let found = self.0.iter().find(|(it, _)| it == name);
         let names = || self.0.iter().map(|(name, _)| &name[..]).collect::<Vec<_>>().join(", ");
@@ -62,10 +63,10 @@ impl<'a> Arrays<'a> {
 }
 
 impl Array<'_> {
-    /// Its numbers.
+    /// The elements of the array.
     ///
     /// # Errors
-    /// [`Invalid`] naming the array, if its entries are not float64 or float32.
+    /// [`Invalid`] naming the array, if its elements are not float64 or float32.
     pub(super) fn numbers(&self, name: &str) -> Result<Vec<f64>, Invalid> {
         match &self.dtype[..] {
             "<f8" => {
@@ -81,14 +82,14 @@ impl Array<'_> {
     }
 }
 
-/// The little-endian whole number in `count` bytes from `at` on.
+/// The little-endian unsigned integer in the `count` bytes at offset `at`.
 fn number(bytes: &[u8], at: usize, count: usize) -> Option<usize> {
     let bytes = bytes.get(at..at.checked_add(count)?)?;
     Some(bytes.iter().rev().fold(0, |number, byte| number << 8 | usize::from(*byte)))
 }
 
-/// The array of an entry in the table of contents, and the offset of the next entry; `None` if the
-/// entry points outside the bytes.
+/// The array of the central-directory entry at offset `at`, and the offset of the next entry.
+/// Returns `None` if a record has the wrong signature or extends beyond the bytes.
 fn entry(bytes: &[u8], at: usize) -> Option<Result<(String, Array<'_>, usize), Invalid>> {
     if number(bytes, at, 4)? != 0x0201_4b50 {
         return None;
@@ -121,7 +122,7 @@ fn entry(bytes: &[u8], at: usize) -> Option<Result<(String, Array<'_>, usize), I
     Some(Ok((name, array, name_end + extra? + comment?)))
 }
 
-/// An array in NumPy's format 1.0.
+/// Parses an array in NumPy's format 1.0.
 fn array(content: &[u8]) -> Option<Array<'_>> {
     let rest = content.strip_prefix(b"\x93NUMPY\x01\x00")?;
     let length = number(rest, 0, 2)?;

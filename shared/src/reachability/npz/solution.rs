@@ -1,9 +1,11 @@
-//! Solutions of the general solver as NumPy archives.
+//! Solutions of the Cartesian solver as NumPy archives.
 //!
-//! `value` (float32 or float64; instants, then the axes of the grid, row-major), `tau` (float64, the march
-//! times of the instants, s, the last one the horizon), `axis0`, `axis1`, … (float64, the coordinates of the
-//! nodes), `exit0`, `exit1`, … (float64, by node of an axis the time, s, before which no path is beyond its
-//! ends; missing in files of earlier versions) and `meta` (a JSON object as uint8).
+//! - `value` (float32 or float64): V, row-major over the instants and then the axes of the grid.
+//! - `tau` (float64): the march times of the instants (s). The last one is the horizon.
+//! - `axis0`, `axis1`, … (float64): the coordinates of the nodes.
+//! - `exit0`, `exit1`, … (float64): for each node of an axis, the time (s) before which no path
+//!   passes an end of the axis. Files of earlier versions lack these arrays.
+//! - `meta` (uint8): a JSON object.
 
 use super::archive::Archive;
 use super::layout::check_axis;
@@ -33,7 +35,7 @@ struct Meta {
     steps: usize,
     horizon_s: f64,
     residual: f64,
-    /// Whether there are arrays `exit0`, …; missing in files of earlier versions.
+    /// Whether the archive contains `exit0`, …. Files of earlier versions lack this field.
     #[serde(default)]
     exits: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -41,11 +43,11 @@ struct Meta {
 }
 
 impl<T: Real, const D: usize> Solution<T, D> {
-    /// The solution as a NumPy archive, for `numpy.load` and [`Self::from_npz`]; the same solution gives the
-    /// same bytes.
+    /// Encodes the solution as a NumPy archive, for `numpy.load` and [`Self::from_npz`]. Equal
+    /// solutions give identical bytes.
     ///
     /// # Errors
-    /// [`Invalid`] if it needs 4 GiB or more, which this format cannot hold.
+    /// [`Invalid`] if the values need more than 4 GiB − 64 MiB, which the format does not support.
     pub fn npz(&self) -> Result<Vec<u8>, Invalid> {
         let instants = self.earlier.len() + 1;
         let needed = self.grid.len().saturating_mul(instants).saturating_mul(size_of::<T>());
@@ -87,10 +89,10 @@ impl<T: Real, const D: usize> Solution<T, D> {
         Ok(archive.finish())
     }
 
-    /// A solution from the bytes of [`Self::npz`], even if `numpy.savez` has rewritten its arrays.
+    /// Decodes the bytes of [`Self::npz`], even if `numpy.savez` has rewritten the arrays.
     ///
     /// # Errors
-    /// [`Invalid`] naming the array, or the entry of `meta`, that is invalid.
+    /// [`Invalid`] naming the invalid array or entry of `meta`.
     pub fn from_npz(bytes: &[u8]) -> Result<Self, Invalid> {
         let arrays = Arrays::read(bytes)?;
         let meta: Meta = serde_json::from_slice(arrays.get("meta")?.bytes)
@@ -162,10 +164,11 @@ impl<T: Real, const D: usize> Solution<T, D> {
     }
 }
 
-/// Sizes and offsets in an archive have 32 bits; this leaves room for axes and headers.
+/// Largest size of the values (bytes). Sizes and offsets have 32 bits; the rest is for axes and
+/// headers.
 const MOST_BYTES: usize = (u32::MAX - (1 << 26)) as usize;
 
-/// NumPy's name of a number type.
+/// NumPy's dtype string of a number type.
 fn dtype<T: Real>() -> &'static str {
     if size_of::<T>() == size_of::<f32>() { "<f4" } else { "<f8" }
 }

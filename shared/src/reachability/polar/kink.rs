@@ -1,4 +1,5 @@
-//! The kink of V, where the evader may turn either way, as the larger of two smooth sheets.
+//! The kink of V, where left and right turns are equally good for the evader, as the maximum of two
+//! smooth sheets.
 
 use super::Solution;
 use super::level::{Evader, Level, PAD};
@@ -8,19 +9,20 @@ use crate::math::TAU;
 use crate::parallel::in_widest_lanes;
 use crate::real::Real;
 
-/// Sweeps over a sheet, or steps of [`CFL`](super::sweep::CFL) that the slowest cells of a sheet march.
+/// Number of sweeps over a sheet or, for a finite horizon, of steps of [`CFL`](super::sweep::CFL)
+/// that the slowest cells of a sheet march.
 pub(super) const SHEET_SWEEPS: usize = 12;
 
-/// The kink of the full game is blurred by at most this share of a cell. Where the sheets are lower by
-/// more, the evader has a better strategy than a single turn.
+/// The kink of the full game is blurred by at most this fraction of a cell. Where both sheets are
+/// below the full game by more than this, the evader has a better strategy than a single turn.
 const KINK_BLUR: f64 = 0.2;
 
-/// States in which the sheets differ by more than this many cells are not near the kink.
+/// States where the sheets differ by more than this many cells are not near the kink.
 const KINK_NEAR: f64 = 4.0;
 
 impl<T: Real> Level<T> {
-    /// The game in which the evader turns right or goes straight until it is safe in the full game,
-    /// with the values of the full game, `self`.
+    /// The game in which the evader turns to one side or goes straight until it is safe in the full
+    /// game. Its initial values are the values of the full game, `self`.
     pub(super) fn right_copy(&self) -> Self {
         let (n, ranges) = (self.shape.angle_nodes, self.range.nodes);
         let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);
@@ -34,11 +36,11 @@ impl<T: Real> Level<T> {
         sheet
     }
 
-    /// The converged value of that game.
+    /// The converged value of the game of [`Self::right_copy`].
     pub(super) fn right_sheet(&self) -> Self {
         let mut sheet = self.right_copy();
-        // Where the evader turns right in the full game, its values are already those of the sheet. So
-        // only a few cells beyond the kink need new values.
+        // Where the evader turns to this side in the full game, the sheet already has its final
+        // values. So only a few cells beyond the kink need new values.
         let rest = T::from_f64(SAFE * self.game.radius_m);
         for _ in 0..SHEET_SWEEPS {
             in_widest_lanes(Sweep { level: &mut sheet, rest, full: Some(self) });
@@ -46,7 +48,7 @@ impl<T: Real> Level<T> {
         sheet
     }
 
-    /// Uses the sheet near the kink where it agrees with the full game.
+    /// The solution. It uses the sheet near the kink, where the sheet agrees with the full game.
     pub(super) fn finish(mut self, mut sheet: Self) -> Solution<T> {
         let (n, ranges) = (self.shape.angle_nodes, self.range.nodes);
         for i in 0..ranges {
@@ -77,7 +79,8 @@ impl<T: Real> Level<T> {
                 }
             }
         }
-        // One after the other, so that at most three full grids exist at a time.
+        // The arrays are copied one after the other, so that at most three full grids exist at a
+        // time.
         let deficit = self.inside();
         self.values = Vec::new();
         let sheet = sheet.inside();

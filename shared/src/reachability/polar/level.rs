@@ -1,31 +1,33 @@
-//! One grid of a polar solve: its rows with their ghosts, and its first values from a coarser grid.
+//! One grid of a polar solve: its rows with their ghosts, and its initial values from a coarser
+//! grid.
 
 use super::super::pursuit::PursuitGame;
 use super::range::RangeAxis;
 use crate::math::{TAU, sin_cos};
 use crate::real::Real;
 
-/// Ghost entries at each end of a row, so that shifted reads stay within it.
+/// Number of ghost entries at each end of a row, so that shifted reads stay within the row.
 pub(super) const PAD: usize = 2;
 
 /// The turns that the evader may choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Evader {
-    /// All turns. The value is symmetric, so bearings of half a turn are solved.
+    /// All turns. The value is symmetric, so only half a turn of bearings is solved.
     Free,
-    /// Right or straight, until the range need not close any more. There is no symmetry, so
-    /// bearings of a full turn are solved.
+    /// Only turn rates a ≥ 0, until the evader can keep the range from decreasing. There is no
+    /// symmetry, so a full turn of bearings is solved.
     Right,
 }
 
-/// The memory layout of a grid's values. A *slab* has all rows of one range, a row all headings of one bearing.
+/// The memory layout of a grid's values. A *slab* contains all rows of one range, and a row
+/// contains all headings of one bearing.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
     pub(super) evader: Evader,
     pub(super) angle_nodes: usize,
-    /// Rows of a slab, with `PAD` mirrored or repeated ones at each end.
+    /// Number of rows in a slab, including `PAD` mirrored or repeated rows at each end.
     rows: usize,
-    /// Entries of a row: one turn, and `PAD` repeated entries at each end.
+    /// Number of entries in a row: one turn, and `PAD` repeated entries at each end.
     pub(super) row: usize,
 }
 
@@ -42,7 +44,7 @@ impl Shape {
         self.rows - 2 * PAD
     }
 
-    /// Entries of a slab.
+    /// Number of entries in a slab.
     pub(super) fn slab(self) -> usize {
         self.rows * self.row
     }
@@ -57,7 +59,8 @@ impl Shape {
         (k + PAD) * self.row
     }
 
-    /// Copies row `k` of a slab to its ghosts: periodic in heading, mirrored in bearing.
+    /// Copies row `k` of a slab to its ghosts: periodic in heading; mirrored in bearing, or
+    /// periodic for [`Evader::Right`].
     #[inline(always)]
     pub(super) fn spread<T: Real>(self, slab: &mut [T], k: usize) {
         let (n, last) = (self.angle_nodes, self.bearings() - 1);
@@ -103,10 +106,10 @@ pub(super) struct Level<T> {
     pub(super) activity: Vec<T>,
     /// Signed change of each row since the last measurement, summed over its cells.
     pub(super) drift: Vec<T>,
-    /// Of the angles j·2π/`angle_nodes`.
+    /// Sines and, below, cosines of the angles j·2π/`angle_nodes`.
     pub(super) sin: Vec<T>,
     pub(super) cos: Vec<T>,
-    /// Of the nodes, m.
+    /// The ranges of the nodes (m).
     pub(super) ranges: Vec<f64>,
     pub(super) sweeps: usize,
     pub(super) drift_m: f64,
@@ -160,7 +163,8 @@ impl<T: Real> Level<T> {
         &self.values[self.shape.at_range(i)..][..self.shape.slab()]
     }
 
-    /// Starts from the linear interpolation of a grid with about half as many nodes on each axis.
+    /// Interpolates the initial values linearly from a grid with about half as many nodes on each
+    /// axis.
     pub(super) fn start_from(&mut self, coarse: &Self) {
         let angles = self.shape.angle_nodes;
         for i in 1..self.range.nodes {
@@ -203,15 +207,15 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// Writes W of the full game at any bearing to `row`, from the half turn stored.
+    /// Writes W of the full game at bearing node `k` to `row`, from the stored half turn.
     #[inline(always)]
     pub(super) fn copy_row(&self, i: usize, k: usize, row: &mut [T]) {
         let n = self.shape.angle_nodes;
         if k <= n / 2 {
             row.copy_from_slice(&self.values[self.at(i, k) + PAD..][..n]);
         } else {
-            // Heading j of the mirror image is n − j: the row backwards, from its
-            // repeated first entry on.
+            // Heading j is heading n − j of the mirror image: the row backwards, from the ghost
+            // that repeats its first entry.
             let mirrored = &self.values[self.at(i, n - k) + PAD + 1..][..n];
             for (to, from) in row.iter_mut().zip(mirrored.iter().rev()) {
                 *to = *from;

@@ -1,4 +1,5 @@
-//! The value of a finite horizon: all cells advance by the same time, in Euler steps from V = r − R.
+//! The value of a finite horizon. All cells advance by the same time, in Euler steps that start
+//! from V = r − R.
 
 use super::kink::SHEET_SWEEPS;
 use super::level::{Level, PAD};
@@ -9,23 +10,25 @@ use crate::parallel::{Kernel, Workers, in_widest_lanes};
 use crate::real::Real;
 use core::ops::ControlFlow;
 
-/// Ranges below this share of the radius divide a step into several parts: bearings change quickly
-/// there, and only values at still smaller ranges depend on them.
+/// Below this fraction of the radius, a time step is divided into several parts, because bearings
+/// change quickly there. Only values at still smaller ranges depend on these values.
 const INNER: f64 = 0.3;
 
-/// A step of all cells, and the number of parts into which each slab divides it.
+/// The time steps of all cells, and the number of parts into which each slab divides a step.
 struct Steps<T> {
     count: usize,
     seconds: T,
     /// By range node.
     parts: Vec<usize>,
-    /// Number of final steps in which the sheet marches too: enough to pass a few cells everywhere.
+    /// Number of final steps in which the sheet marches too. They suffice to cross a few cells
+    /// everywhere.
     with_sheet: usize,
 }
 
 impl<T: Real> Level<T> {
-    /// Advances the deficit, which is 0 at first, by `horizon_s`, and returns the sheet. `report` gets the
-    /// largest change of V at the last measurement, m/s, and the share done, and may cancel.
+    /// Advances the deficit, which is initially 0, by `horizon_s`, and returns the sheet. `report`
+    /// receives the largest rate of change of V at the last measurement (m/s) and the fraction
+    /// done, and may cancel the march.
     pub(super) fn march(
         &mut self,
         horizon_s: f64,
@@ -63,7 +66,7 @@ impl<T: Real> Level<T> {
         (horizon_s * self.fastest_outside() / CFL).ceil().max(1.0)
     }
 
-    /// The most cells that information passes per second at ranges that take a step in one part.
+    /// The largest speed of information (cells per second) at ranges that take a step in one part.
     fn fastest_outside(&self) -> f64 {
         let inner = INNER * self.game.radius_m;
         let outer = (1..self.range.nodes).filter(|i| self.ranges[*i] >= inner);
@@ -84,17 +87,17 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// The most cells that information passes per second at range node `i`.
+    /// The largest speed of information (cells per second) at range node `i`.
     fn fastest(&self, i: usize) -> f64 {
         let (evader, pursuer) = (self.game.evader, self.game.pursuer);
         let per_angle = self.shape.angle_nodes as f64 / TAU;
         let turns = 2.0 * evader.turn_rate_radps + pursuer.turn_rate_radps;
         let closing = evader.speed_mps + pursuer.speed_mps;
-        // The relative velocity is at most `closing`, in any direction.
+        // The relative speed is at most `closing`.
         closing * hypot(self.per_range_m(i), per_angle / self.ranges[i]) + turns * per_angle
     }
 
-    /// Moves all cells by one step. `next` becomes the values, and the values before it.
+    /// Advances all cells by one step. Afterwards `next` contains the old values.
     fn step(
         &mut self,
         steps: &Steps<T>,
@@ -116,7 +119,7 @@ impl<T: Real> Level<T> {
         core::mem::swap(&mut self.values, next);
     }
 
-    /// Writes the slab of range node `i`, from `slab`, to `out`.
+    /// Advances `slab`, the slab of range node `i`, by `seconds` and writes it to `out`.
     #[inline(always)]
     fn advance_slab<const FOLLOWS: bool>(
         &self,
@@ -155,8 +158,8 @@ impl<T: Real> Kernel for Slab<'_, T> {
         let Self { level, steps, full, i, out } = self;
         let parts = steps.parts[i];
         let seconds = steps.seconds / T::from_f64(parts as f64);
-        // Information passes along the range much more slowly there, so the neighbours' values are
-        // not updated in between.
+        // Where a step is divided, information travels much more slowly along the range, so the
+        // neighbours' values are not updated in between.
         let mut before = Vec::new();
         for part in 0..parts {
             let slab = if part == 0 {

@@ -6,7 +6,7 @@ use crate::parallel::{Kernel, in_widest_lanes};
 use crate::real::Real;
 use core::ops::ControlFlow;
 
-/// Sweeps between two measurements of the drift.
+/// Number of sweeps between two measurements of the drift.
 pub const WINDOW: usize = 16;
 
 /// One pass over all rows.
@@ -14,7 +14,7 @@ pub(super) struct Sweep<'a, T> {
     pub(super) level: &'a mut Level<T>,
     /// A row is skipped while nothing in its stencil changes by more than this.
     pub(super) rest: T,
-    /// For a sheet: the full game, whose values it takes where that game is safe.
+    /// For a sheet: the full game, whose values the sheet takes where the full game is safe.
     pub(super) full: Option<&'a Level<T>>,
 }
 
@@ -23,7 +23,7 @@ impl<T: Real> Kernel for Sweep<'_, T> {
     fn run(self) {
         let Self { level, rest, full } = self;
         let (ranges, bearings) = (level.range.nodes, level.bearings());
-        // Information mostly flows from small ranges outwards.
+        // Information mostly travels outwards, so only every eighth sweep goes inwards.
         let inwards = level.sweeps % 8 == 7;
         let backwards = level.sweeps % 2 == 1;
         let n = level.shape.angle_nodes;
@@ -52,8 +52,9 @@ impl<T: Real> Kernel for Sweep<'_, T> {
 }
 
 impl<T: Real> Level<T> {
-    /// Sweeps until the mean drift of the rows is at most `tolerance`, m, or `most_sweeps` ≥ 1 are
-    /// done. `report` gets the drift and the number of sweeps, and may cancel.
+    /// Sweeps until the mean drift of the rows is at most `tolerance` (m), or `most_sweeps` ≥ 1
+    /// sweeps are done. `report` receives the drift and the number of sweeps, and may cancel the
+    /// solve.
     pub(super) fn converge(
         &mut self,
         tolerance: f64,
@@ -70,7 +71,7 @@ impl<T: Real> Level<T> {
         }
         self.converged = self.drift_m <= tolerance;
         if self.drift_m.is_infinite() {
-            // Fewer sweeps than a window: extrapolates to a whole one.
+            // Fewer sweeps than a window: the drift is extrapolated to a whole one.
             self.drift_m = self.mean_drift_m() * WINDOW as f64 / self.sweeps as f64;
         }
         ControlFlow::Continue(())
@@ -82,7 +83,7 @@ impl<T: Real> Level<T> {
         sum / (self.drift.len() * self.shape.angle_nodes) as f64
     }
 
-    /// Whether anything in the stencil of a row changed at its last update.
+    /// Whether any row in a row's stencil changed by more than `rest` at its last update.
     fn is_active(&self, i: usize, k: usize, rest: T) -> bool {
         let bearings = self.bearings();
         let moved = |i: usize, k: usize| self.activity[i * bearings + k] > rest;
@@ -94,8 +95,8 @@ impl<T: Real> Level<T> {
             || wraps && k + PAD >= bearings && (0..=k + PAD - bearings).any(|k| moved(i, k))
     }
 
-    /// Moves one row by its cells' own time steps; returns the largest change. `FOLLOWS`: see
-    /// [`Self::follows`].
+    /// Advances the cells of one row by their own time steps and returns the largest change. For
+    /// `FOLLOWS`, see [`Self::follows`].
     #[inline(always)]
     fn update<const FOLLOWS: bool>(
         &mut self,
@@ -130,10 +131,10 @@ impl<T: Real> Level<T> {
     }
 }
 
-/// Cells in the widest lanes, in single precision.
+/// Number of single-precision cells in the widest SIMD register.
 const LANES: usize = 16;
 
-/// Adds each lane's change to `totals`, and keeps the largest.
+/// Adds each lane's change to `totals`, and keeps the largest magnitude in `most`.
 #[inline(always)]
 fn tally<T: Real>(
     new: &[T; LANES],
@@ -148,12 +149,12 @@ fn tally<T: Real>(
     }
 }
 
-/// Fewer cells than lanes, filled up with zeros.
+/// Pads fewer cells than lanes with zeros.
 fn padded<T: Real>(cells: &[T]) -> [T; LANES] {
     let mut lanes = [T::ZERO; LANES];
     lanes[..cells.len()].copy_from_slice(cells);
     lanes
 }
 
-/// Share of the stable time step. From about 0.8 on, sweeps no longer converge.
+/// CFL number, as a fraction of the stable time step. From about 0.8 on, sweeps no longer converge.
 pub(super) const CFL: f64 = 0.6;

@@ -1,4 +1,5 @@
-//! How fast the deficits of a row change: upwind differences on each axis, and both players' best turns.
+//! How fast the deficits of a row change, from upwind differences on each axis and both players'
+//! optimal turns.
 
 use super::level::{Evader, Level, PAD};
 use crate::math::TAU;
@@ -6,12 +7,12 @@ use crate::real::Real;
 
 /// The time step of a cell.
 pub(super) trait Pace<T>: Copy {
-    /// The deficit `w` after that time, which changes by `rate` per second. Information passes
+    /// The deficit `w` after the time step, if it changes by `rate` per second. Information travels
     /// `speeds` cells per second.
     fn moved(self, w: T, rate: T, speeds: T) -> T;
 }
 
-/// The same seconds for all cells.
+/// The same time step for all cells.
 #[derive(Clone, Copy)]
 pub(super) struct Seconds<T>(pub(super) T);
 
@@ -22,7 +23,7 @@ impl<T: Real> Pace<T> for Seconds<T> {
     }
 }
 
-/// Each cell's own longest stable time, times this share.
+/// Each cell's own largest stable time step, times this fraction.
 #[derive(Clone, Copy)]
 pub(super) struct Share<T>(pub(super) T);
 
@@ -34,14 +35,15 @@ impl<T: Real> Pace<T> for Share<T> {
 }
 
 impl<T: Real> Level<T> {
-    /// Whether the evader may copy the pursuer's turn without turning as fast as it can.
+    /// Whether the evader may be able to copy the pursuer's turn without turning at its full rate.
     pub(super) fn follows(&self) -> bool {
         let (evader, pursuer) = (self.game.evader, self.game.pursuer);
         pursuer.turn_rate_radps < evader.turn_rate_radps || self.shape.evader == Evader::Right
     }
 
-    /// Writes row `k` of range node `i`, advanced by one time step, to `moved`. `slab` has the rows
-    /// of that range; those of its neighbours are in `self`. `FOLLOWS`: see [`Self::follows`].
+    /// Advances row `k` of range node `i` by one time step and writes it to `moved`. `slab`
+    /// contains the rows of this range; the rows of neighbouring ranges are in `self`. For
+    /// `FOLLOWS`, see [`Self::follows`].
     #[inline(always)]
     pub(super) fn advance<const FOLLOWS: bool>(
         &self,
@@ -63,7 +65,7 @@ impl<T: Real> Level<T> {
         let (ahead_cos, ahead_sin) = (pursuer_speed * cos_a, pursuer_speed * sin_a);
         let (evader_turn, pursuer_turn) = (f(evader.turn_rate_radps), f(pursuer.turn_rate_radps));
         let evader_left = if self.shape.evader == Evader::Free { evader_turn } else { T::ZERO };
-        // V is at least −R.
+        // V ≥ −R, so W ≥ −r.
         let lowest = f(-range_m);
         let per_range = f(1.0 / range_m);
         let per_step = f(self.per_range_m(i));
@@ -90,7 +92,8 @@ impl<T: Real> Level<T> {
             let slope = if opening > zero { range_out } else { range_in };
             let drift = (evader_aside + ahead_cos * sin[j] - ahead_sin * cos[j]) * per_range;
             let upwind = |speed: T, low: T, high: T| speed * if speed > zero { high } else { low };
-            // Linear in a between its ends and the values at which an angle is constant.
+            // Piecewise linear in a, so the maximum is at an end of a's range or where an angle is
+            // constant.
             let answer = |b: T| {
                 let with = |a: T| {
                     upwind(drift - a, bearing_in, bearing_out)
@@ -117,8 +120,8 @@ impl<T: Real> Level<T> {
         1.0 / ((self.ranges[i] + self.range.knee_m) * self.range.step)
     }
 
-    /// For a sheet: the values of `full`, the game of all turns, where that game is safe. `spare` has room
-    /// for a row.
+    /// For a sheet: raises the values to at least the values of `full`, the game with all turns,
+    /// where `full` is safe. `spare` is a buffer for a row.
     #[inline(always)]
     pub(super) fn keep_safe(
         &self,
@@ -135,18 +138,20 @@ impl<T: Real> Level<T> {
     }
 }
 
-/// A deficit up to this share of the radius counts as zero: the range need not close.
+/// A deficit of at most this fraction of the radius counts as zero: the evader can keep the range
+/// from decreasing.
 pub(super) const SAFE: f64 = 1.0 / 3000.0;
 
-/// Left and right differences (undivided) at the middle of five values: third order where the data are
-/// smooth, as ENO2 elsewhere.
+/// Undivided left and right differences at the middle of five values. They are of third order where
+/// the data are smooth, and like ENO2 elsewhere.
 #[inline(always)]
 fn one_sided<T: Real>(a: T, b: T, c: T, d: T, e: T) -> (T, T) {
     let (d0, d1, d2, d3) = (b - a, c - b, d - c, e - d);
     let (low, middle, high) = (d1 - d0, d2 - d1, d3 - d2);
     let third = T::from_f64(1.0 / 3.0);
     let two = T::from_f64(2.0);
-    // (outer + 2 inner)/3 is third order; it is limited to twice the smaller of both.
+    // (outer + 2 inner)/3 is of third order. It is limited to twice the smaller of the two
+    // magnitudes.
     let limited = |outer: T, inner: T| {
         let bound = two * if outer.abs() < inner.abs() { outer } else { inner };
         let wanted = (outer + two * inner) * third;

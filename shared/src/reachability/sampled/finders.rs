@@ -1,4 +1,4 @@
-//! The cell of a position, without logarithms and arc tangents.
+//! Finds the cell of a position without logarithms and arc tangents.
 
 use super::Nodes;
 use crate::math::{PI, sin_cos};
@@ -8,10 +8,10 @@ use crate::reachability::polar::RangeAxis;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RangeFinder {
     knee_m: f64,
-    /// One over the logarithmic step.
+    /// The reciprocal of the logarithmic step.
     per_step: f64,
     nodes_m: Vec<f64>,
-    /// Cell of every multiple of the smallest spacing.
+    /// The cell of each multiple of the smallest spacing.
     cells: Vec<u32>,
     per_metre: f64,
 }
@@ -38,7 +38,8 @@ impl RangeFinder {
         Self { knee_m, per_step: 1.0 / axis.step, nodes_m, cells, per_metre }
     }
 
-    /// Cell, share, whether it is inside, and d(position)/d(range).
+    /// The cell, the fractional position in it, whether the range is on the axis, and
+    /// d(position)/d(range).
     pub(super) fn cell(&self, range_m: f64) -> (usize, f64, bool, f64) {
         let last = self.nodes_m.len() - 1;
         if range_m >= self.nodes_m[last] {
@@ -52,7 +53,7 @@ impl RangeFinder {
         }
         let from = self.nodes_m[cell] + self.knee_m;
         // ln((r + c)/(rᵢ + c)) = 2 artanh(z). The ratio is close to 1, so a few terms suffice for
-        // 10⁻¹².
+        // an error of 10⁻¹².
         let z = (range_m - self.nodes_m[cell]) / (range_m + self.knee_m + from);
         let z2 = z * z;
         let ln = 2.0 * z * (1.0 + z2 * (1.0 / 3.0 + z2 * (0.2 + z2 * (1.0 / 7.0 + z2 / 9.0))));
@@ -61,12 +62,13 @@ impl RangeFinder {
     }
 }
 
-/// Finds angles of the upper half plane without an arc tangent.
+/// Finds angles in the upper half plane without an arc tangent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BearingFinder {
     /// (cos, sin, angle) of rays over half a turn.
     rays: Vec<[f64; 3]>,
-    /// The nearest ray in the first quadrant, by y/(|x| + y), which grows with the angle.
+    /// The nearest ray in the first quadrant, tabulated by y/(|x| + y), which increases with the
+    /// angle.
     nearest: Vec<u16>,
 }
 
@@ -91,7 +93,7 @@ impl BearingFinder {
         }
     }
 
-    /// atan2(y, x) for y ≥ 0, in [0, π], to 10⁻¹¹; 0 at the origin.
+    /// atan2(y, x) for y ≥ 0, in [0, π], with an error below 10⁻¹¹; 0 at the origin.
     #[inline]
     pub(super) fn angle(&self, x: f64, y: f64) -> f64 {
         let sum = x.abs() + y;
@@ -100,7 +102,7 @@ impl BearingFinder {
         }
         let nearest = self.nearest[(y / sum * Self::ENTRIES as f64) as usize] as usize;
         let [cos, sin, angle] = self.rays[if x < 0.0 { Self::RAYS - nearest } else { nearest }];
-        // The angle from the ray is small.
+        // The angle from the ray is small, so a few terms suffice.
         let t = (y * cos - x * sin) / (x * cos + y * sin);
         let t2 = t * t;
         (angle + t * (1.0 - t2 * (1.0 / 3.0 - 0.2 * t2))).clamp(0.0, PI)

@@ -10,25 +10,25 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "coordinates", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Nodes {
-    /// Range r = c (eˢ − 1), bearing, relative heading; both angles have the same
-    /// nodes, from 0 over a full turn.
+    /// Range r = c (eˢ − 1), bearing and relative heading. Both angles have the same nodes, from 0
+    /// over a full turn.
     Polar {
-        /// c, m.
+        /// c (m).
         knee_m: f64,
-        /// Last range, m.
+        /// Range of the last node (m).
         range_m: f64,
-        /// Nodes of the range axis, r = 0 included.
+        /// Number of nodes of the range axis, including r = 0.
         range_nodes: usize,
-        /// Nodes of a full turn.
+        /// Number of nodes in a full turn.
         angle_nodes: usize,
     },
     /// x, y, ψ of the pursuer in the evader's frame.
     Cartesian {
-        /// x, m.
+        /// x (m).
         x: Axis,
-        /// y, m.
+        /// y (m).
         y: Axis,
-        /// ψ, rad: one turn from 0, periodic.
+        /// ψ (rad): one turn from 0, periodic.
         psi: Axis,
     },
 }
@@ -40,7 +40,7 @@ impl Nodes {
         self.shape().iter().fold(1, |n, m| n.saturating_mul(*m))
     }
 
-    /// The numbers of stored nodes by axis; only bearings in [0, π] are stored.
+    /// The number of stored nodes along each axis. Only bearings in [0, π] are stored.
     #[must_use]
     pub fn shape(&self) -> [usize; 3] {
         match *self {
@@ -51,7 +51,7 @@ impl Nodes {
         }
     }
 
-    /// Coordinates of all stored nodes by axis.
+    /// Coordinates of all stored nodes along each axis.
     #[must_use]
     pub fn coordinates(&self) -> [Vec<f64>; 3] {
         match *self {
@@ -77,7 +77,7 @@ impl Nodes {
             Self::Polar { knee_m, range_m, range_nodes, angle_nodes } => {
                 crate::invalid::positive("knee_m", knee_m)?;
                 crate::invalid::positive("range_m", range_m)?;
-                // Beyond, no number of nodes suffices, and logarithms lose digits.
+                // Outside these limits, no number of nodes suffices, and logarithms lose digits.
                 let ratio = range_m / knee_m;
                 if !(1e-3..=1e6).contains(&ratio) {
                     let expected = format!("between 0.001 and 10⁶ times {knee_m} m");

@@ -2,13 +2,14 @@
 
 use super::super::table::Table;
 
-/// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where the evader may turn either way. Between nodes,
-/// the two smooth functions keep the kink sharp, which one table would cut off.
+/// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where left and right turns are equally good for the
+/// evader. Between nodes, the two smooth functions keep the kink sharp; one table would cut it off.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sheet {
-    /// Deficits of Q; the bearings are a full turn.
+    /// Deficits of Q over a full turn of bearings.
     pub(super) table: Table,
-    /// A bit for each cell of the half turn: whether the kink passes through it or a neighbour.
+    /// One bit for each cell of the half turn: whether the kink passes through the cell or a
+    /// neighbour.
     kinked: Vec<u64>,
 }
 
@@ -32,8 +33,8 @@ impl Sheet {
             if !crosses([i, j, k]) {
                 continue;
             }
-            // The neighbours are marked too: beyond them no stencil sees both sides, so one table and
-            // two give the same value on the face between.
+            // The neighbours are marked too. Beyond them no stencil contains both sides of the
+            // kink, so one table and two tables give the same value on the face between cells.
             for i in i.saturating_sub(1)..=(i + 1).min(n0 - 1) {
                 for j in -1..=1 {
                     for k in [k + n2 - 1, k, k + 1] {

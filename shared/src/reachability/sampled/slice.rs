@@ -4,7 +4,8 @@ use super::{Nodes, SampledValue, split};
 use crate::math::{TAU, wrap_positive};
 
 impl SampledValue {
-    /// The slice at heading `psi`, for drawing: V at its nodes needs no further search of the cell.
+    /// The slice at heading `psi`, for drawing. V at its nodes needs no further search for the
+    /// cell.
     pub(in super::super) fn slice(&self, psi: f64) -> Slice<'_> {
         let n = self.nodes.shape()[2];
         let (k, share) = split(wrap_positive(psi) * n as f64 / TAU, n);
@@ -16,13 +17,13 @@ impl SampledValue {
 /// All nodes of one heading.
 pub(in super::super) struct Slice<'a> {
     function: &'a SampledValue,
-    /// Cell and share of ψ, and of −ψ for bearings below 0.
+    /// Cell and fractional position of ψ and, for bearings below 0, of −ψ.
     heading: [(usize, f64); 2],
 }
 
 impl Slice<'_> {
-    /// Nodes of the two axes in the plane; the second one is a full turn of
-    /// bearings in polar coordinates.
+    /// The number of nodes along the two axes in the plane. In polar coordinates, the second axis
+    /// is a full turn of bearings.
     pub(in super::super) fn size(&self) -> [usize; 2] {
         match self.function.nodes {
             Nodes::Polar { range_nodes, angle_nodes, .. } => [range_nodes, angle_nodes],

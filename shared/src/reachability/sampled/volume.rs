@@ -4,16 +4,17 @@ use super::{Nodes, SampledValue};
 use crate::math::hypot;
 use crate::reachability::polar::RangeAxis;
 
-/// The number of pieces of a cell's side if the boundary of the set may cross the cell.
+/// The number of pieces into which a cell's side is divided if the boundary of the set may cross
+/// the cell.
 const PIECES: usize = 4;
 
 impl SampledValue {
-    /// Volume, m²·rad, of the set in the nodes' domain where the interpolated V is ≤ 0.
+    /// The volume (m²·rad) of the set within the grid where the interpolated V is ≤ 0.
     ///
-    /// In each slice of equal heading, cells that the boundary may cross are divided into 4 × 4 pieces,
-    /// and V is approximated as linear on four triangles of each piece. The volume is the sum of the
-    /// slices' areas. On the 51×40×50 nodes of Mitchell's example it differs from the closed form's by
-    /// less than 0.05 %.
+    /// In each slice of equal heading, cells that the boundary may cross are divided into 4 × 4
+    /// pieces, and V is approximated as linear on four triangles of each piece. The volume is the
+    /// sum of the slices' areas times the spacing of the headings. On the 51×40×50 nodes of
+    /// Mitchell's example, it differs from the volume of the closed form by less than 0.05 %.
     #[must_use]
     pub fn volume(&self) -> f64 {
         let [rows, columns, headings] = self.nodes.shape();
@@ -25,8 +26,8 @@ impl SampledValue {
         };
         let mut volume = 0.0;
         for [i, j] in (0..rows - 1).flat_map(|i| (0..columns - 1).map(move |j| [i, j])) {
-            // Two points of the cell are at most this far apart, m, and V changes by at most the
-            // distance of two points.
+            // Two points of the cell are at most this far apart (m), and V changes by at most the
+            // distance between two points.
             let [a, b] = [i, j].map(|cell| cell * PIECES);
             let far = sides[0].points[a + PIECES];
             let across = sides[1].length(b) * if polar { far } else { 1.0 };
@@ -68,8 +69,8 @@ impl SampledValue {
 /// An axis in the plane whose cells are divided into pieces.
 struct Side {
     points: Vec<f64>,
-    /// A function of the points: its differences times those of the other axis are areas (r²/2 for
-    /// ranges).
+    /// A function of the points (r²/2 for ranges). Areas are products of its differences along both
+    /// axes.
     measures: Vec<f64>,
 }
 
@@ -102,7 +103,7 @@ impl Side {
         Self { measures: points.clone(), points }
     }
 
-    /// Length of a cell from piece `from` on.
+    /// The length of the cell that begins at piece `from`.
     fn length(&self, from: usize) -> f64 {
         self.points[from + PIECES] - self.points[from]
     }
@@ -112,19 +113,19 @@ impl Side {
     }
 }
 
-/// The coordinates of all pieces of an axis; `at` takes a fractional node index.
+/// The coordinates of the ends of all pieces of an axis; `at` takes a fractional node index.
 fn pieces(nodes: usize, at: impl Fn(f64) -> f64) -> Vec<f64> {
     (0..=(nodes - 1) * PIECES).map(|piece| at(piece as f64 / PIECES as f64)).collect()
 }
 
-/// The share of a square with values ≤ 0, for values that are linear on the four triangles around its
-/// middle. `ring` contains the values at the corners, in order.
+/// The fraction of a square where the values are ≤ 0, for values that are linear on the four
+/// triangles around its centre. `ring` contains the values at the corners, in order.
 fn share_inside(ring: [f64; 4]) -> f64 {
     let middle = 0.25 * ring.iter().sum::<f64>();
     (0..4).map(|n| 0.25 * triangle_inside([ring[n], ring[(n + 1) % 4], middle])).sum()
 }
 
-/// The share of a triangle where a linear function with these corner values is ≤ 0.
+/// The fraction of a triangle where a linear function with these corner values is ≤ 0.
 fn triangle_inside(mut corners: [f64; 3]) -> f64 {
     corners.sort_by(f64::total_cmp);
     let [a, b, c] = corners;

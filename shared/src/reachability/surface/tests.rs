@@ -7,7 +7,7 @@ use crate::vehicle::VehicleModel;
 use core::ops::ControlFlow;
 use std::collections::HashMap;
 
-/// Every edge is traversed equally often in both directions.
+/// Checks that every edge is traversed equally often in both directions.
 fn check_closed(surface: &Surface) {
     let mut edges: HashMap<_, i32> = HashMap::new();
     for &[a, b, c] in &surface.triangles {
@@ -59,8 +59,9 @@ fn vertices_are_on_the_level() {
     }
 }
 
-/// Two planes that meet in a slanting line: the vertices along it are on the line, wherever the grid is, and
-/// the triangles beside it are flat. Marching along the grid's edges would cut it off in steps.
+/// Two planes that meet in a slanting line. The vertices along the line are on it, whatever the
+/// position of the grid, and the triangles beside it are flat. Marching along the grid's edges
+/// would cut off the line in steps.
 #[test]
 fn a_ridge_is_a_line_of_vertices() {
     let sides = [[0.8, 0.6, 0.1], [0.6, -0.8, 0.3]];
@@ -76,7 +77,8 @@ fn a_ridge_is_a_line_of_vertices() {
     let is_ridge = |state: &[f64; 3]| heights(*state).iter().all(|h| (h - 1.0).abs() < 0.02);
     let ridge = surface.vertices.iter().filter(|state| is_ridge(state)).count();
     assert!(ridge >= 16, "{ridge} vertices on the ridge");
-    // No triangle goes from one side to the other: the middle of each is on the level.
+    // No triangle extends from one side to the other, so the middle of each triangle is on the
+    // level.
     let inner =
         |[x, y, psi]: &[f64; 3]| x.abs() < 4.9 && y.abs() < 4.9 && (0.01..TAU - 0.01).contains(psi);
     for triangle in &surface.triangles {
@@ -89,7 +91,8 @@ fn a_ridge_is_a_line_of_vertices() {
     }
 }
 
-/// Where the function jumps, the surface is the jump, whatever the gradient says on its sides.
+/// Where the function jumps, the surface follows the jump, whatever the gradient is on its two
+/// sides.
 #[test]
 fn a_jump_is_part_of_the_surface() {
     let value = |[x, y, _]: [f64; 3]| if x + 0.3 * y < 0.7 { -2.0 + 0.1 * y } else { 5.0 };

@@ -4,10 +4,10 @@ use super::QUANTUM_M;
 use crate::invalid::Invalid;
 use crate::reachability::sampled::{Nodes, SampledValue};
 
-/// Upper bound on the quanta of a deficit: 10⁹ m.
+/// Upper bound on the number of quanta of a deficit: about 10⁹ m.
 const MOST_STEPS: u64 = 1 << 40;
 
-/// Deficits and sheet in whole quanta, as differences to predictions.
+/// Encodes deficits and sheet in whole quanta, as differences from predictions.
 pub(super) fn rounded(sampled: &SampledValue) -> Vec<u8> {
     let quantum = QUANTUM_M * sampled.game().length_unit_m();
     let steps: Vec<i64> =
@@ -70,7 +70,7 @@ pub(super) fn take_rounded(
     Ok((deficit, sheet))
 }
 
-/// Deficits and sheet as little-endian f32.
+/// Encodes deficits and sheet as little-endian f32.
 pub(super) fn floats(sampled: &SampledValue) -> Vec<u8> {
     let values = sampled.deficit().chain(sampled.sheet().into_iter().flatten());
     values.flat_map(f32::to_le_bytes).collect()
@@ -98,7 +98,7 @@ pub(super) fn take_floats(
     Ok((deficit, sheet.then_some(sheet_values)))
 }
 
-/// Maps an entry of a sheet, over a full turn of bearings, to its deficit.
+/// Maps an entry of a sheet, which covers a full turn of bearings, to its deficit.
 struct Mirror([usize; 3]);
 
 impl Mirror {
@@ -114,7 +114,8 @@ impl Mirror {
     }
 }
 
-/// The prediction of an entry from those before it: the corner of the parallelepiped.
+/// Predicts an entry from the entries before it, as the missing corner of a parallelepiped (Lorenzo
+/// predictor).
 struct Predictor {
     strides: [usize; 3],
     shape: [usize; 3],
@@ -156,7 +157,7 @@ fn put_signed(bytes: &mut Vec<u8>, value: i64) {
     put(bytes, ((value << 1) ^ (value >> 63)) as u64);
 }
 
-/// `base` plus the next difference.
+/// Reads the next difference and returns `base` plus this difference.
 fn take_step(bytes: &mut &[u8], what: &str, position: usize, base: i64) -> Result<i64, Invalid> {
     let field = || format!("{what}[{position}]");
     let folded = take(bytes).ok_or_else(|| Invalid::new(field(), "a whole number", "nothing"))?;

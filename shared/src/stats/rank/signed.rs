@@ -2,10 +2,10 @@
 //!
 //! Pairs without a difference are dropped **everywhere**, as in R's `wilcox.test`: the test, the
 //! effect size, the estimate and the interval all use only nonzero differences. The interval
-//! inverts the test with a single null distribution, that of the ranks at zero. Let W(x) be the
-//! number of pairwise means above x, plus half the number of those equal to x; W(0) is the test
-//! statistic, even with ties. W falls as x grows, so the x whose W the null distribution does not
-//! reject form an interval between two of these means.
+//! inverts the test with a single null distribution, which belongs to the ranks at zero. Let W(x)
+//! be the number of pairwise means above x, plus half the number of pairwise means equal to x. W(0)
+//! is the test statistic, even with ties. W decreases as x grows, so the values of x that the null
+//! distribution does not reject form an interval between two of these means.
 
 use super::{MOST_COUNTED, TIE, check, doubled_ranks, is_shown, normal_two_sided};
 use super::{tie_term, two_sided, ways_to_sign};
@@ -13,13 +13,13 @@ use crate::invalid::{Invalid, length};
 
 /// Wilcoxon's signed-rank test of whether differences tend to be positive or negative.
 ///
-/// The results are consistent: the interval contains the estimate; it contains 0 exactly if the
-/// test does not reject at [`LEVEL`](super::LEVEL); and if the test rejects, the estimate and the
+/// The results are consistent: the interval contains the estimate, and it contains 0 if and only if
+/// the test does not reject at [`LEVEL`](super::LEVEL). If the test rejects, the estimate and the
 /// whole interval have the sign of the effect size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SignedRank {
-    /// The number of nonzero differences. All other fields use only these.
+    /// The number of nonzero differences. All other fields use only these differences.
     pub differing: usize,
     /// The p-value of [`wilcoxon`].
     pub p: f64,
@@ -27,9 +27,10 @@ pub struct SignedRank {
     pub rank_biserial: f64,
     /// The typical difference: [`hodges_lehmann`] of the nonzero differences.
     pub typical: f64,
-    /// The shifts that the test does not reject; none if it could not reject any. If the test
-    /// rejects 0, but no shift next to it, the interval begins or ends next to 0, with
-    /// [`f64::MIN_POSITIVE`] or its negative; so does the typical difference.
+    /// The shifts that the test does not reject; `None` if it could not reject any. If the test
+    /// rejects 0 but no shift next to it, the interval begins or ends next to 0, with
+    /// [`f64::MIN_POSITIVE`] or its negative. A typical difference of 0 is replaced in the same
+    /// way.
     pub interval: Option<[f64; 2]>,
 }
 
@@ -37,7 +38,7 @@ impl SignedRank {
     /// Tests these differences.
     ///
     /// # Errors
-    /// [`Invalid`] if there are no differences, or one is not finite.
+    /// [`Invalid`] if there are no differences, or if one is not finite.
     pub fn of(differences: &[f64]) -> Result<Self, Invalid> {
         check("differences", differences)?;
         let of = Signed::of(differences.iter().copied());
@@ -45,7 +46,8 @@ impl SignedRank {
         let (p, rank_biserial) = (null.p(of.positive()), of.balance());
         let means = sorted_means(&of.differences);
         let (mut typical, mut interval) = (median(&means), null.kept(&means));
-        // The interval would include a pairwise mean at 0 in full, but the test counts half of it.
+        // The interval would fully include a pairwise mean of 0, but the test counts only half of
+        // it.
         if is_shown(p) {
             let beside = if rank_biserial > 0.0 {
                 |x: f64| x.max(f64::MIN_POSITIVE)
@@ -59,13 +61,13 @@ impl SignedRank {
     }
 }
 
-/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs, without
-/// equal pairs: the probability that random signs give the differences' ranks a sum at least as far
-/// from its mean. Exact up to 60 pairs; above that, normal with the correction for ties. 1 if all
-/// pairs are equal.
+/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs; equal pairs
+/// are dropped. It is the probability that random signs give the differences' ranks a sum at least
+/// as far from its mean. Exact for up to 60 pairs; above that, the normal approximation with the
+/// correction for ties. It is 1 if all pairs are equal.
 ///
 /// # Errors
-/// [`Invalid`] if the lists are empty or differ in length, or a number is not finite.
+/// [`Invalid`] if the lists are empty or differ in length, or if a number is not finite.
 pub fn wilcoxon(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
     check("first", first)?;
     check("second", second)?;
@@ -75,28 +77,29 @@ pub fn wilcoxon(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
 }
 
 /// The matched-pairs rank-biserial correlation, the effect size of [`wilcoxon`]: the rank sum of
-/// the pairs in which `first` is larger, minus that of the others, over the sum of all ranks
-/// (Kerby, Comprehensive Psychology 3, 2014). From −1 (`second` is larger in every pair) to 1;
-/// equal pairs are omitted, and the result is 0 if all are equal.
+/// the pairs in which `first` is larger, minus the rank sum of the others, over the sum of all
+/// ranks (Kerby, Comprehensive Psychology 3, 2014). It ranges from −1 (`second` is larger in every
+/// pair) to 1. Equal pairs are omitted; it is 0 if all pairs are equal.
 #[must_use]
 pub fn rank_biserial(first: &[f64], second: &[f64]) -> f64 {
     Signed::of(first.iter().zip(second).map(|(a, b)| a - b)).balance()
 }
 
 /// The Hodges–Lehmann estimate of a typical difference: the median of the means of all pairs of
-/// differences, including each with itself (Annals of Mathematical Statistics 34, 1963). It matches
-/// [`wilcoxon`] if no difference is zero; [`SignedRank`] omits zeros. 0 for an empty list.
+/// differences, including each difference with itself (Annals of Mathematical Statistics 34, 1963).
+/// It matches [`wilcoxon`] if no difference is zero; [`SignedRank`] omits zeros. Returns 0 for an
+/// empty list.
 #[must_use]
 pub fn hodges_lehmann(differences: &[f64]) -> f64 {
     median(&sorted_means(differences))
 }
 
-/// The nonzero differences.
+/// The nonzero differences and their ranks.
 struct Signed {
-    /// Tied sizes are made equal, so that the mean of two opposite differences is 0 exactly if
-    /// their ranks are tied.
+    /// Tied absolute values are made equal, so that the mean of two opposite differences is 0 if
+    /// and only if their ranks are tied.
     differences: Vec<f64>,
-    /// Twice the rank of each difference by size.
+    /// Twice the rank of each difference by absolute value.
     ranks: Vec<usize>,
 }
 
@@ -119,8 +122,8 @@ impl Signed {
         all.filter(|(_, d)| **d > 0.0).map(|(rank, _)| rank).sum()
     }
 
-    /// The rank sum of the positive differences minus that of the others, over the sum of all
-    /// ranks.
+    /// The rank sum of the positive differences minus the rank sum of the others, over the sum of
+    /// all ranks.
     fn balance(&self) -> f64 {
         let (all, positive) = (self.ranks.iter().sum::<usize>(), self.positive());
         (2.0 * positive as f64 - all as f64) / all.max(1) as f64
@@ -129,9 +132,9 @@ impl Signed {
 
 /// The distribution of twice the rank sum of positive differences under random signs.
 enum Null {
-    /// The number of ways to obtain each value.
+    /// The number of ways to obtain each value of the doubled sum.
     Exact(Vec<f64>),
-    /// Mean and variance of the sum itself.
+    /// Mean and variance of the sum, which is not doubled.
     Normal { mean: f64, variance: f64 },
 }
 
@@ -156,8 +159,8 @@ impl Null {
         }
     }
 
-    /// The least and greatest shifts that are not rejected, given the sorted pairwise `means`; none
-    /// if no shift is rejected.
+    /// The smallest and the largest shift that are not rejected, given the sorted pairwise `means`.
+    /// Returns `None` if no shift is rejected.
     fn kept(&self, means: &[f64]) -> Option<[f64; 2]> {
         // Doubled sums from 0 to the sum of all ranks, which is twice the number of means.
         let sums: Vec<usize> = (0..=means.len()).collect();

@@ -26,8 +26,9 @@ fn the_typical_difference_is_no_mean() {
     assert_eq!(hodges_lehmann(&gains), 2.0);
 }
 
-/// p of a shift, by brute force: visits every pair, and compares the sum with every choice of signs
-/// of the ranks at zero (`null`, sorted). Sums are doubled, so that halves become integers.
+/// The p-value of a shift by brute force: visits every pair, and compares the sum with the sum for
+/// every choice of signs of the ranks at zero (`null`, sorted). Sums are doubled, so that halves
+/// become integers.
 fn plain_p(differences: &[f64], null: &[usize], shift: f64) -> f64 {
     let mut sum = 0;
     for i in 0..differences.len() {
@@ -57,7 +58,7 @@ fn plain_null(differences: &[f64]) -> Vec<usize> {
     sums
 }
 
-/// Invariants of every sample.
+/// Checks invariants that hold for every sample.
 fn check_sample(all: &[f64]) -> SignedRank {
     let found = SignedRank::of(all).unwrap();
     let shown = found.p < LEVEL;
@@ -100,7 +101,8 @@ fn those_who_tie_do_not_turn_those_who_gain() {
     gains[..6].copy_from_slice(&[10.0, 14.0, 8.0, 12.0, 20.0, 7.333_333_333_333_333]);
     let found = check_sample(&gains);
     assert_eq!((found.differing, found.p, found.rank_biserial), (6, 0.03125, 1.0));
-    // Six differences, as without the others: the range, and the median of 21 means by hand.
+    // The results are those of the six differences alone: their range, and the median of 21 means
+    // by hand.
     assert_eq!(found.interval, Some([7.333_333_333_333_333, 20.0]));
     assert!((found.typical - 11.0).abs() < 1e-9, "{found:?}");
     assert_eq!(SignedRank::of(&gains[..6]).unwrap(), found);
@@ -112,7 +114,7 @@ fn those_who_tie_do_not_turn_those_who_gain() {
 fn an_end_at_zero_is_on_the_side_of_the_test() {
     let gains: Vec<f64> = (0..60).map(|i| if i < 40 { 2.0 } else { -2.0 }).collect();
     let found = check_sample(&gains);
-    // P(at most 20 of 60 heads), twice, by summing binomials.
+    // Twice P(at most 20 heads in 60 throws), by summing binomial probabilities.
     assert!((found.p - 0.013_489_293_731_191_86).abs() < 1e-12, "{}", found.p);
     assert_eq!(
         (found.typical, found.interval),
@@ -132,7 +134,7 @@ fn extremes() {
     assert_eq!(check_sample(&[1.0, 2.0, 3.0, 4.0, 5.0, 0.0, 0.0]).interval, None);
     assert_eq!(SignedRank::of(&[]).unwrap_err().field, "differences");
     assert_eq!(SignedRank::of(&[1.0, f64::NAN]).unwrap_err().field, "differences[1]");
-    // Above 60 the test is the normal approximation.
+    // Above 60 differences, the test uses the normal approximation.
     let many: Vec<f64> = (0..200).map(|i| 0.2 * f64::from(i * 37 % 90 - 40)).collect();
     let found = check_sample(&many);
     assert!(found.differing < 200 && found.interval.is_some());
