@@ -1,6 +1,6 @@
-//! Predictors: they map numbers to a probability for each class, and know nothing about the meaning
-//! of features or classes. Each kind of model has its own file with its file form;
-//! the table below combines them into predictor.json (`predict/file.rs`).
+//! A predictor maps a row of numbers to a probability for each class. It knows nothing about the
+//! meaning of features or classes. Each kind of model, with its fields in predictor.json, has its
+//! own source file. The table below combines the kinds into this file format (`predict/file.rs`).
 
 mod kind;
 pub mod scale;
@@ -31,7 +31,7 @@ kinds! {
     Svm: (Scale, Svm) = SvmFile,
     /// `"kind": "tree"`: a decision tree.
     Tree: Tree = TreeFields,
-    /// `"kind": "constant"`: the same probabilities for all features.
+    /// `"kind": "constant"`: constant probabilities that do not depend on the features.
     Constant: Constant = Constant,
 }
 
@@ -49,11 +49,11 @@ impl Predictor {
         Self { features, classes, actions: None, model }
     }
 
-    /// The same predictor with the turn rate of each class, rad/s. Without rates, the classes are
-    /// turns: −1 right, 0 straight, 1 left.
+    /// Sets the turn rate of each class (rad/s). Without turn rates, the classes are turn
+    /// directions: −1 right, 0 straight, 1 left.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one finite rate per class, in ascending order.
+    /// [`Invalid`] if there is not exactly one finite rate per class, in strictly ascending order.
     pub fn with_actions(self, actions: Vec<f64>) -> Result<Self, Invalid> {
         length("actions", self.classes.len(), actions.len())?;
         all_moderate("actions", &actions)?;
@@ -64,7 +64,7 @@ impl Predictor {
         Ok(Self { actions: Some(actions), ..self })
     }
 
-    /// The turn rate of each class, rad/s, if set.
+    /// The turn rate of each class (rad/s), if the predictor has turn rates.
     #[must_use]
     pub fn actions(&self) -> Option<&[f64]> {
         self.actions.as_deref()
@@ -82,8 +82,8 @@ impl Predictor {
         &self.classes
     }
 
-    /// The predicted class for a row of raw features: the likeliest, the first on a tie; for an SVM
-    /// the class with the most votes.
+    /// The predicted class for a row of raw features: the most probable class, or for an SVM the
+    /// class with the most votes. On a tie, the first of these classes.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> i8 {
         let class = self.model.class(row, self.classes.len());
@@ -96,7 +96,7 @@ impl Predictor {
     }
 }
 
-/// Concatenates rows of `width` finite numbers.
+/// Checks that each row has `width` finite numbers, and concatenates the rows.
 fn flat(field: &str, width: usize, rows: &[Vec<f64>]) -> Result<Vec<f64>, Invalid> {
     for (i, row) in rows.iter().enumerate() {
         length(&format!("{field}[{i}]"), width, row.len())?;
@@ -111,7 +111,7 @@ mod tests {
     use crate::document::from_value;
     use serde_json::{Value, json};
 
-    /// One file of each kind, and SVMs with both kernels. Numbers are in serde_json's format.
+    /// One file of each kind, with both kernels for SVMs. Numbers are in serde_json's format.
     fn files() -> [Value; 6] {
         let logistic = r#"{"format":"sidestep-predictor/1","kind":"logistic",
             "features":["distance","v_h"],"classes":[-1,0,1],"actions":[-0.3,0.1,0.6],
@@ -156,7 +156,7 @@ mod tests {
         p
     }
 
-    /// The field in the error after `pointer` gets another value; `None` removes it.
+    /// Sets the value at `pointer` (`None` removes it) and returns the field that the error names.
     fn field(document: &Value, pointer: &str, value: impl Into<Option<Value>>) -> String {
         let mut document = document.clone();
         match value.into() {
@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(said, expected);
     }
 
-    /// JSON has no NaN and no infinity, but the library's types have.
+    /// JSON has no NaN and no infinity, but the library's types can hold them.
     #[test]
     fn numbers_that_are_not_finite_are_refused() {
         let complain = |document: &Value, change: fn(&mut ModelFile)| {

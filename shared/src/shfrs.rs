@@ -1,5 +1,5 @@
-//! Stochastic human forward reachable sets: nested regions of the plane, predicted from the states
-//! so far.
+//! Stochastic human forward reachable sets (SHFRS): nested regions of the plane that are predicted
+//! from the states so far.
 
 pub mod file;
 pub mod window;
@@ -32,22 +32,22 @@ use crate::safety::SafetyLevels;
 use crate::scene::{JointState, SceneParameters};
 use core::ops::ControlFlow;
 
-/// A predictor as the learned function G of Algorithm 1.
+/// Uses a predictor as the learned function G of Algorithm 1.
 pub struct PredictedHuman<'a> {
     predictor: &'a Predictor,
     safety: &'a SafetyLevels,
     actions: Actions<'a>,
 }
 
-/// The turn rates of a predictor's classes, rad/s.
+/// The turn rates of a predictor's classes (rad/s).
 enum Actions<'a> {
-    /// Given by the predictor.
+    /// Turn rates from the predictor.
     Given(&'a [f64]),
-    /// For classes of turns: the first N of these rates, one per class.
+    /// For classes that are turn directions: the turn rates in the first N entries, one per class.
     OfTurns([f64; 3], usize),
 }
 
-/// Maximum number of features of a predictor, which uses each at most once.
+/// Maximum number of features of a predictor. A predictor uses each feature at most once.
 const MOST_FEATURES: usize = FEATURES.len();
 
 impl<'a> PredictedHuman<'a> {
@@ -63,12 +63,12 @@ impl<'a> PredictedHuman<'a> {
         Self::within(predictor, safety, parameters.human.turn_range())
     }
 
-    /// A human with turn rates from `turn_rate.0` to `turn_rate.1`, rad/s, predicted by
-    /// `predictor`. If the predictor has no turn rates for its classes, −1 is the lowest rate, 0 is
-    /// straight and 1 is the highest rate.
+    /// A human whose turn rate is from `turn_rate.0` to `turn_rate.1` (rad/s), predicted by
+    /// `predictor`. If the predictor has no turn rates for its classes, class −1 means the lowest
+    /// turn rate, class 0 means straight and class 1 means the highest turn rate.
     ///
     /// # Errors
-    /// [`Invalid`] if the predictor has no turn rates and its classes are not −1, 0 and 1.
+    /// [`Invalid`] if the predictor has no turn rates and a class is not −1, 0 or 1.
     pub fn within(
         predictor: &'a Predictor,
         safety: &'a SafetyLevels,
@@ -124,22 +124,23 @@ pub struct ShfrsSettings {
     pub bounds: BoundsSettings,
     /// Settings of the polygons.
     pub polygon: PolygonSettings,
-    /// Whether to compute polygons of the positions after each step, in addition to the tube.
+    /// Whether to compute a polygon of the positions after each step, in addition to the tube.
     pub by_step: bool,
 }
 
 impl ShfrsSettings {
-    /// Tubes under these bounds, with [`PolygonSettings::default`].
+    /// Settings with these bounds and [`PolygonSettings::default`], for tubes only.
     #[must_use]
     pub fn new(bounds: BoundsSettings) -> Self {
         Self { bounds, polygon: PolygonSettings::default(), by_step: false }
     }
 
     /// The paper's settings (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and k = 2, 2, 1, 1
-    /// … over ten steps, with roll-outs that keep regions nested when ε changes, and polygons with
-    /// an accuracy of 1 mm. For a predictor with a single action, k = 1. These ε are for a human of
-    /// 0.5 rad/s; for others, [`in_proportion`](crate::bounds::in_proportion) scales them so that
-    /// the last one admits every turn.
+    /// … over ten steps. A predictor with a single action has k = 1. Roll-outs are
+    /// [`Rollout::Base`], which keeps regions nested when ε changes. Polygons are accurate to 1 mm.
+    /// These ε are for a human who turns at up to 0.5 rad/s. For others,
+    /// [`in_proportion`](crate::bounds::in_proportion) scales them so that the last ε admits every
+    /// turn.
     ///
     /// # Errors
     /// [`Invalid`] if there are no actions.
@@ -147,7 +148,7 @@ impl ShfrsSettings {
         let k = (0..10).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect();
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
-        // Far below a pixel at any zoom of a scene.
+        // 1 mm is far below a pixel at any zoom level of a scene.
         Ok(Self { polygon: PolygonSettings::new(1e-3, 8)?, ..Self::new(bounds) })
     }
 
@@ -163,7 +164,7 @@ impl ShfrsSettings {
         Self { polygon, ..self }
     }
 
-    /// Sets [`Self::by_step`], whether to compute polygons after each step in addition to the tube.
+    /// Sets [`Self::by_step`], whether to compute a polygon for each step in addition to the tube.
     #[must_use]
     pub fn with_by_step(self, by_step: bool) -> Self {
         Self { by_step, ..self }
@@ -174,26 +175,26 @@ impl ShfrsSettings {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NestedSet {
-    /// The widening ε of the bounds, rad/s.
+    /// The widening ε of the bounds (rad/s).
     pub epsilon: f64,
-    /// The bounds.
+    /// The bounds on the human's turn rate.
     pub bounds: InputBounds,
-    /// All positions reachable within the steps ahead: a closed counter-clockwise polygon in the
-    /// world frame, m.
+    /// All positions that are reachable within the steps ahead, as a closed counter-clockwise
+    /// polygon in the world frame (m).
     pub tube: Vec<[f64; 2]>,
-    /// Whether the tube follows the set or is a convex polygon around it.
+    /// Whether the tube's polygon follows the set or is a convex polygon around it.
     pub tube_outline: Outline,
-    /// Area of the tube, m².
+    /// Area of the tube (m²).
     pub area_m2: f64,
-    /// The positions reachable after exactly 1 … T steps, each as a polygon like the tube; empty
-    /// without [`ShfrsSettings::by_step`].
+    /// The positions that are reachable after exactly 1 … T steps, one polygon per step, in the
+    /// same form as `tube`. Empty without [`ShfrsSettings::by_step`].
     pub steps: Vec<Vec<[f64; 2]>>,
     /// Like `tube_outline`, for each polygon of `steps`.
     pub step_outlines: Vec<Outline>,
 }
 
 impl NestedSet {
-    /// An empty set, whose buffers are reused.
+    /// An empty set. [`Self::take`] fills it and reuses its buffers.
     fn empty(bounds: InputBounds) -> Self {
         Self {
             epsilon: 0.0,
@@ -206,8 +207,8 @@ impl NestedSet {
         }
     }
 
-    /// Replaces this set by `reachable`, the set of these bounds. Calls `goes_on` before each
-    /// polygon.
+    /// Replaces this set by `reachable`, the reachable set under `bounds`. Calls `goes_on` before
+    /// each polygon and stops if it returns `Break`.
     fn take(
         &mut self,
         epsilon: f64,
@@ -234,11 +235,11 @@ impl NestedSet {
     }
 }
 
-/// Nested forward reachable sets of the human. Their probabilities come from trajectories, not from
-/// a single prediction.
+/// Nested forward reachable sets of the human. Their probabilities are estimated from recorded
+/// trajectories, not from a single prediction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shfrs {
-    /// From the smallest to the largest.
+    /// The sets, from the smallest to the largest.
     pub sets: Vec<NestedSet>,
 }
 
@@ -257,7 +258,7 @@ pub struct Shfrs {
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let parameters = SceneParameters::default();
 /// let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
-/// // Usually a trained one: right, straight, left.
+/// // Usually a trained model. The classes are right, straight and left.
 /// let predictor =
 ///     Predictor::constant(FeatureSet::subset("hrd")?, vec![-1, 0, 1], vec![0.6, 0.3, 0.1])?;
 /// let human = PredictedHuman::new(&predictor, &safety, &parameters)?;
@@ -273,21 +274,24 @@ pub struct Shfrs {
 #[derive(Clone, Debug, Default)]
 pub struct ShfrsPredictor {
     algorithm: Algorithm1,
-    /// The reachable sets of `shfrs`, and their speed and step.
+    /// The reachable sets of `shfrs`.
     reachable: Vec<ReachableSet>,
+    /// The speed (m/s) and the time step (s) of `reachable`.
     made_for: Option<(f64, f64)>,
     workspace: Workspace,
     shfrs: Shfrs,
 }
 
 impl ShfrsPredictor {
-    /// The sets of the latest predicted frame; empty before the first.
+    /// The sets of the latest predicted frame. Empty before the first frame and after a cancelled
+    /// prediction.
     #[must_use]
     pub fn shfrs(&self) -> &Shfrs {
         &self.shfrs
     }
 
-    /// Predicts the sets from the joint states up to now. The robot drives straight on.
+    /// Predicts the sets from the joint states up to now. Assumes that the robot drives straight
+    /// on.
     ///
     /// # Errors
     /// The errors of [`Algorithm1::run`].
@@ -303,7 +307,8 @@ impl ShfrsPredictor {
         Ok(&self.shfrs)
     }
 
-    /// Like [`Self::predict`], but can be cancelled before each polygon; returns none if cancelled.
+    /// Like [`Self::predict`], but calls `goes_on` before each polygon. If it returns `Break`, the
+    /// prediction is cancelled and the result is `None`.
     ///
     /// # Errors
     /// The errors of [`Self::predict`].
@@ -396,8 +401,8 @@ mod tests {
         predict(&[now], &parameters, &human, &ShfrsSettings::paper(3).unwrap()).unwrap()
     }
 
-    /// The paper's setting of Figure 3, left, for a predictor that expects a turn to the right:
-    /// areas, m², of the reference sketch of the replay page.
+    /// The paper's settings of Figure 3, left, with a predictor that expects a turn to the right.
+    /// The expected areas (m²) are those of the reference sketch of the replay page.
     #[test]
     fn areas_of_a_human_who_turns_right() {
         let areas: Vec<f64> = sets([0.6, 0.3, 0.1]).sets.iter().map(|set| set.area_m2).collect();
@@ -436,7 +441,7 @@ mod tests {
         }
     }
 
-    /// A predictor reused for frames with different settings gives the results of a fresh one.
+    /// A predictor reused for frames with different settings gives the same results as a new one.
     #[test]
     fn nothing_is_left_from_the_frame_before() {
         let (parameters, safety, predictor) = setup([0.6, 0.3, 0.1]);

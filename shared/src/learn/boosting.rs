@@ -1,13 +1,13 @@
 //! Gradient-boosted trees for the multinomial deviance (Friedman 2001, with Newton steps and a
 //! penalty on leaves as in Chen and Guestrin 2016).
 //!
-//! In each round a small tree for each class's score is fitted to the gradient of the deviance at
-//! the current scores, and a share (`rate`) of its Newton step is added. Columns are cut into
-//! quantile bins first. Nothing is random.
+//! In each round, a small tree for each class's score is fitted to the gradient of the deviance at
+//! the current scores, and a share (`rate`) of its Newton step is added to the score. Before
+//! training, columns are cut into quantile bins. Nothing is random.
 //!
-//! Gradients and Hessians are rounded to multiples of 2⁻⁴⁰ and added as integers. Sums, and with
-//! them every split, thus depend on sets of rows and not on their order: permuting rows changes no
-//! bit of a model. Ties are broken as in [`tree`](super::tree).
+//! Gradients and Hessians are rounded to multiples of 2⁻⁴⁰ and added as integers. So the sums, and
+//! therefore all splits, depend only on sets of rows and not on their order. Permuting rows does
+//! not change a bit of the model. Ties are broken as in [`tree`](super::tree).
 
 mod settings;
 mod bins;
@@ -21,10 +21,10 @@ use crate::predict::boosting::{Boosted, Summand};
 use booster::{Booster, to_shares};
 pub use settings::BoostingSettings;
 
-/// The choice of grouped cross-validation.
+/// The settings that grouped cross-validation chose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chosen {
-    /// Depth of the trees.
+    /// Maximum depth of the trees.
     pub depth: usize,
     /// Number of rounds.
     pub rounds: usize,
@@ -32,8 +32,8 @@ pub struct Chosen {
     pub log_loss: f64,
 }
 
-/// Boosts trees for all of the settings' rounds. A class that does not occur is improbable, not
-/// impossible: the initial scores are logarithms of (n_c + 1) / (n + K).
+/// Boosts trees for all rounds of the settings. A class that does not occur is improbable but not
+/// impossible, because the initial scores are the logarithms of (n_c + 1) / (n + K).
 ///
 /// # Errors
 /// [`Invalid`] if there are fewer than two classes, a setting is out of range, there are more
@@ -47,13 +47,14 @@ pub fn fit(samples: &Samples<'_>, settings: &BoostingSettings) -> Result<Boosted
     Ok(booster.finish())
 }
 
-/// Chooses depth and rounds by the log loss on held-out rows, fold by fold, then boosts with them
-/// on all rows. `folds` contains the fold of each row, from 0; rows of one trial must be in one
-/// fold. Ties go to fewer rounds, then to the depth listed first.
+/// Chooses the depth and the number of rounds by the log loss on the held-out rows of all folds,
+/// then boosts with them on all rows. `folds` contains the fold of each row, from 0. All rows of a
+/// trial must be in the same fold. For each depth, a tie goes to fewer rounds; between depths, to
+/// the depth listed first.
 ///
 /// # Errors
-/// The errors of [`fit`], or [`Invalid`] if `folds` and rows differ in length, there are fewer than
-/// two folds or one is empty, or `depths` is empty.
+/// The errors of [`fit`], and [`Invalid`] if `folds` and the rows differ in length, there are fewer
+/// than two folds, a fold is empty, or `depths` is empty.
 pub fn fit_by_folds(
     samples: &Samples<'_>,
     folds: &[usize],
@@ -152,7 +153,7 @@ impl<'a> LeftOut<'a> {
         Self { part, width, outputs: intercepts.len(), scores }
     }
 
-    /// Adds the values of a round's trees.
+    /// Adds the values of a round's trees to the scores.
     fn add(&mut self, trees: &[Summand]) {
         let rows = self.part.values.chunks_exact(self.width);
         for (row, scores) in rows.zip(self.scores.chunks_exact_mut(self.outputs)) {

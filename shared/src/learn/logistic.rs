@@ -1,10 +1,11 @@
 //! Logistic regression with an L2 penalty, trained by Newton's method.
 //!
-//! Minimises C · Σ over rows of −log P(class) + ½ · Σ over weights of w², intercepts unpenalised:
-//! the objective of scikit-learn's `LogisticRegression`. As in scikit-learn, two classes have
-//! **one** vector of weights, log P(second) − log P(first); three or more have one each, and the
-//! penalty makes their sum zero. (Two vectors for two classes would be penalised half as much.) The
-//! intercepts of three or more classes, of which only differences matter, sum to zero.
+//! It minimises C · Σ over rows of −log P(class) + ½ · Σ over weights of w², without a penalty on
+//! intercepts. This is the objective of scikit-learn's `LogisticRegression`. As in scikit-learn,
+//! two classes have **one** vector of weights, for the log-odds log P(second) − log P(first). Three
+//! or more classes have one vector each, and the penalty makes the sum of the vectors zero. (Two
+//! vectors for two classes would be penalised half as much.) With three or more classes, only
+//! differences of intercepts matter, so the intercepts are made to sum to zero.
 //!
 //! Row order changes the result only by rounding (less than 10⁻¹² on standardised data).
 
@@ -22,8 +23,8 @@ use objective::{Objective, Point};
 #[non_exhaustive]
 pub struct LogisticSettings {
     /// The fit ends with the Newton step whose squared decrement, gᵀ H⁻¹ g, is at most this times
-    /// 1 + C. Since H ⪰ 1 for the weights, √(tolerance · (1 + C)) bounds that step, and its square,
-    /// times the rows' typical length, bounds the remaining error.
+    /// 1 + C. Since H ⪰ 1 for the weights, √(tolerance · (1 + C)) bounds this step. The square of
+    /// this bound, times the typical length of a row, bounds the remaining error.
     pub tolerance: f64,
     /// Maximum number of Newton steps for each C. The problem is strictly convex; about ten
     /// suffice.
@@ -50,18 +51,19 @@ impl LogisticSettings {
     }
 }
 
-/// Trains on standardised rows with inverse penalty strength `c` > 0.
+/// Trains on standardised rows with inverse regularisation strength `c` > 0.
 ///
 /// # Errors
-/// [`Invalid`] if `c` is not positive, there are fewer than two classes, one of them does not
-/// occur, or the fit does not converge.
+/// [`Invalid`] if `c` is not positive, there are fewer than two classes, a class does not occur, or
+/// the fit does not converge.
 pub fn fit(samples: &Samples<'_>, c: f64, settings: LogisticSettings) -> Result<Logistic, Invalid> {
     let mut models = fit_path(samples, &[c], settings)?;
     models.pop().ok_or_else(|| Invalid::new("c", "at least one", "none"))
 }
 
-/// Trains with each of several penalties, in the given order. Each fit starts from an extrapolation
-/// of the previous one, which saves about half of the work if the penalties are sorted.
+/// Trains a model with each inverse regularisation strength of `strengths`, in the given order.
+/// Each fit starts from an extrapolation of the previous solution, which saves about half of the
+/// work if the strengths are sorted.
 ///
 /// # Errors
 /// The errors of [`fit`].
@@ -95,7 +97,7 @@ pub fn fit_path(
     Ok(models)
 }
 
-/// The minimum, and loss, gradient and Hessian one step before it.
+/// The minimum, and the loss, gradient and Hessian one step before the minimum.
 fn minimise(
     objective: &mut Objective<'_>,
     mut theta: DVector<f64>,
@@ -113,9 +115,9 @@ fn minimise(
         if decrement <= settings.tolerance * (1.0 + c) {
             return Ok((theta - step, point));
         }
-        // Full steps converge near the solution; farther away, steps are halved if necessary. Near
-        // the solution the decrease is below the rounding error of the loss, which the slack
-        // permits.
+        // Full steps converge near the solution; farther away, steps are halved if necessary. The
+        // slack is needed because near the solution the decrease is below the rounding error of the
+        // loss.
         let slack = 1e-12 * point.loss;
         let mut share = 1.0;
         loop {
@@ -132,7 +134,7 @@ fn minimise(
     Err(Invalid::new("rows", "a problem that converges", found))
 }
 
-/// One row of weights and one intercept for each class; with two classes, the first has zeros.
+/// A row of weights and an intercept for each class; with two classes, the first has zeros.
 fn model(objective: &Objective<'_>, theta: &DVector<f64>) -> Result<Logistic, Invalid> {
     let width = objective.width();
     let mut blocks: Vec<Vec<f64>> =
@@ -152,7 +154,7 @@ fn model(objective: &Objective<'_>, theta: &DVector<f64>) -> Result<Logistic, In
 }
 
 impl Objective<'_> {
-    /// The optimum without informative features: all weights zero, intercepts from `counts`.
+    /// The optimum for uninformative features: zero weights, and intercepts from `counts`.
     fn intercepts_only(&self, counts: &[usize]) -> DVector<f64> {
         let logs: Vec<f64> = counts.iter().map(|&count| ln(count as f64)).collect();
         let mut theta = DVector::zeros(self.unknowns());

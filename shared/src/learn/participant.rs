@@ -11,7 +11,7 @@ use crate::safety::SafetyLevels;
 use crate::scene::JointState;
 use crate::vehicle::TurnInput;
 
-/// One trial for training: the input of each step, and the states before each.
+/// A trial for training: the input of each step, and the joint state before each step.
 pub type Driven = (Vec<TurnInput>, Vec<JointState>);
 
 /// A predictor, and how it was trained.
@@ -19,15 +19,16 @@ pub type Driven = (Vec<TurnInput>, Vec<JointState>);
 pub struct Trained {
     /// The predictor.
     pub predictor: Predictor,
-    /// Why the predictor has only the frequencies of the inputs; none if it is trained.
+    /// Why the predictor has only the frequencies of the inputs. `None` if it is a trained model.
     pub fallback: Option<String>,
 }
 
-/// With fewer trials, a trained model would reflect chance more than the participant.
+/// Minimum number of trials. With fewer, a model would reflect chance more than the participant.
 const MIN_TRIALS: usize = 5;
 
-/// A logistic regression on `features` that predicts the turn direction (experiment 1), or constant
-/// probabilities with the reason: too few trials, or no safety levels.
+/// Trains a logistic regression on `features` that predicts the turn direction (experiment 1). If
+/// this is impossible, for example with too few trials or without safety levels, the predictor has
+/// constant probabilities and [`Trained::fallback`] contains the reason.
 ///
 /// # Example
 /// ```
@@ -57,7 +58,7 @@ const MIN_TRIALS: usize = 5;
 /// ```
 ///
 /// # Errors
-/// [`Invalid`] for inconsistent features or probabilities, which is a bug in this library.
+/// [`Invalid`] for inconsistent features or probabilities, which would be a bug in this library.
 pub fn train(
     features: &FeatureSet,
     safety: Option<&SafetyLevels>,
@@ -105,8 +106,8 @@ fn enough(trials: &[Driven], least: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Logistic regression (C = 1) on standardised rows. Only inputs that occur are classes: there are
-/// no data about the others.
+/// Trains a logistic regression (C = 1) on standardised rows. Only inputs that occur in the data
+/// become classes, because there are no data about the others.
 ///
 /// # Errors
 /// [`Invalid`] if there is no row, or a number is not finite.
@@ -130,7 +131,7 @@ pub fn logistic(data: &Dataset) -> Result<Predictor, Invalid> {
 /// straight in three of five steps.
 const PRIOR: [f64; 3] = [1.0, 3.0, 1.0];
 
-/// The frequencies of the inputs so far, including the prior counts.
+/// A predictor with the frequencies of the inputs so far, including the prior counts.
 fn frequencies(features: &FeatureSet, trials: &[Driven]) -> Result<Predictor, Invalid> {
     let inputs = || trials.iter().flat_map(|(inputs, _)| inputs);
     let total = inputs().count() as f64 + PRIOR.iter().sum::<f64>();

@@ -45,7 +45,7 @@ impl<'a> Samples<'a> {
         self.width
     }
 
-    /// The number of classes, including those that do not occur.
+    /// The number of classes, including classes that do not occur.
     #[must_use]
     pub fn classes(&self) -> usize {
         self.classes

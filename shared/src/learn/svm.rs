@@ -1,9 +1,9 @@
 //! Support vector machines with soft margins (C-SVC), one for each pair of classes, with
 //! calibrated probabilities.
 //!
-//! The optimum is that of libsvm and scikit-learn's `SVC`. The SVM of a pair minimises ½|w|² + C Σ
-//! max(0, 1 − y_i f(x_i)) over f(x) = w·φ(x) + b. Rows are sorted (by label and features) before
-//! anything is computed, so the caller's order changes no bit.
+//! The optimum is the same as in libsvm and scikit-learn's `SVC`. The SVM of a pair minimises
+//! ½|w|² + C Σ max(0, 1 − y_i f(x_i)) over f(x) = w·φ(x) + b. Rows are sorted (by label and
+//! features) before anything is computed, so the caller's row order changes no bit of the result.
 
 mod rows;
 mod gram;
@@ -33,14 +33,14 @@ pub struct SvmSettings {
     pub kernel: Kernel,
     /// The cost of a unit of margin violation, C > 0.
     pub c: f64,
-    /// Stop when the optimality conditions hold to this tolerance (radial basis functions).
+    /// A fit ends when the optimality conditions hold to this (radial basis functions only).
     pub tolerance: f64,
-    /// Maximum number of pairwise steps (radial basis functions).
+    /// Maximum number of pairwise steps (radial basis functions only).
     pub max_steps: usize,
 }
 
 impl SvmSettings {
-    /// The default stopping rule: 10⁻⁶, ten million steps.
+    /// Settings with the default stopping rule: tolerance 10⁻⁶, at most ten million steps.
     #[must_use]
     pub fn new(kernel: Kernel, c: f64) -> Self {
         Self { kernel, c, tolerance: 1e-6, max_steps: 10_000_000 }
@@ -58,7 +58,7 @@ impl SvmSettings {
         Self { c, ..self }
     }
 
-    /// Sets [`Self::tolerance`], to which the optimality conditions must hold.
+    /// Sets [`Self::tolerance`], the tolerance of the optimality conditions.
     #[must_use]
     pub fn with_tolerance(self, tolerance: f64) -> Self {
         Self { tolerance, ..self }
@@ -71,7 +71,7 @@ impl SvmSettings {
     }
 }
 
-/// The sigmoid of each pair, from held-out decision values (rows × pairs, row-major).
+/// Fits the sigmoid of each pair to held-out decision values (rows × pairs, row-major).
 ///
 /// # Errors
 /// [`Invalid`] if there is not one value for each row and pair.
@@ -90,8 +90,8 @@ pub fn calibrate(target: Target<'_>, decisions: &[f64]) -> Result<Vec<Sigmoid>, 
     Ok(pairs(target.classes).enumerate().map(of_pair).collect())
 }
 
-/// Trains on `rows` (row-major, `width` raw features) after standardising them, with a sigmoid for
-/// each pair of classes.
+/// Standardises `rows` (row-major, `width` raw features) and trains on them. `sigmoids` has the
+/// sigmoid of each pair of classes.
 ///
 /// # Errors
 /// [`Invalid`] if lengths do not match, a number is not finite, C, γ or the tolerance is not > 0, a

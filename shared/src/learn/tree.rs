@@ -1,10 +1,10 @@
 //! Decision trees: CART with Gini impurity.
 //!
 //! A node is split where the impurity falls most. Ties (compared exactly, in integers) go to the
-//! lowest feature index, then to the lowest threshold, so a tree depends on the set of its rows and
-//! not on their order. A node becomes a leaf if it is pure, if no split leaves enough rows on both
-//! sides, or if it is at the maximum depth. A split need not lower the impurity, because two
-//! features that are informative only together do not lower it at first.
+//! lowest feature index, then to the lowest threshold, so a tree depends only on the set of its
+//! rows and not on their order. A node becomes a leaf if it is pure, if no split leaves enough rows
+//! on both sides, or if it is at the maximum depth. A split need not reduce the impurity, because a
+//! first split on one of two features that are informative only together does not reduce it.
 //!
 //! Numbers are handled as in scikit-learn: features are rounded to single precision, values closer
 //! than 10⁻⁷ are never separated, and thresholds are midpoints. (scikit-learn breaks ties at
@@ -21,7 +21,7 @@ use grower::{Columns, Criterion, Limits, grow as grow_with};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TreeSettings {
-    /// Maximum depth; none for as deep as the rows allow, up to
+    /// Maximum depth. `None` means as deep as the rows allow, up to
     /// [`DEEPEST`](crate::predict::tree::DEEPEST).
     pub max_depth: Option<usize>,
     /// Minimum number of rows in a leaf.
@@ -36,7 +36,7 @@ impl Default for TreeSettings {
 }
 
 impl TreeSettings {
-    /// Sets [`Self::max_depth`], the maximum depth; none for as deep as the rows allow.
+    /// Sets [`Self::max_depth`], the maximum depth. `None` means as deep as the rows allow.
     #[must_use]
     pub fn with_max_depth(self, max_depth: impl Into<Option<usize>>) -> Self {
         Self { max_depth: max_depth.into(), ..self }
@@ -59,8 +59,8 @@ pub fn grow(samples: &Samples<'_>, settings: TreeSettings) -> Result<Tree, Inval
     trees.pop().ok_or_else(|| Invalid::new("min_leaf", "at least one", "none"))
 }
 
-/// Grows one tree per minimum leaf size (ascending). The trees share work while their splits agree;
-/// each is identical to the result of [`grow`]. [`Tree::truncated`] gives trees of lower depth.
+/// Grows one tree per minimum leaf size (ascending). The trees share work while their splits agree.
+/// Each one is identical to the result of [`grow`]. [`Tree::truncated`] gives trees of lower depth.
 ///
 /// # Errors
 /// The errors of [`grow`], and [`Invalid`] if `min_leaves` are not ascending.
@@ -89,15 +89,15 @@ struct Gini<'a> {
 struct Sides {
     left: Vec<u64>,
     right: Vec<u64>,
-    /// Sums of squared counts, and numbers of rows.
+    /// Sum of squared counts on each side, and number of rows on each side.
     left_squares: u64,
     right_squares: u64,
     left_rows: u64,
     right_rows: u64,
 }
 
-/// Σ over both sides of squared counts divided by rows, as a fraction; it is greatest where the
-/// impurity is lowest. With n ≤ 2²¹ rows the numerator is at most n³/4.
+/// Σ over both sides of (sum of squared counts / number of rows), as a fraction. It is greatest
+/// where the impurity is lowest. With n ≤ 2²¹ rows, the numerator is at most n³/4.
 #[derive(Clone, Copy)]
 struct Concentration {
     numerator: u64,

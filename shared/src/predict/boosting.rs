@@ -14,14 +14,14 @@ use serde_json::Value;
 /// Trees with numbers at their leaves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boosted {
-    /// The initial score of each class; with two classes only the second's, because the first's is
-    /// 0.
+    /// The initial score of each class. With two classes, only the second class's score, because
+    /// the first class's score is 0.
     intercepts: Vec<f64>,
     /// Tree i adds to the score with index i modulo the number of scores.
     trees: Vec<Summand>,
 }
 
-/// A tree with the value that each node adds to a score (only leaves matter).
+/// A tree, with the value that each node adds to a score. Only the values of leaves matter.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Summand {
     pub(crate) questions: Questions,
@@ -35,29 +35,30 @@ impl Summand {
     }
 }
 
-/// The file form of [`Boosted`].
+/// The fields of a [`Boosted`] in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BoostedFile {
-    /// The initial score of each class; with two classes only the second's (the first's is 0).
+    /// The initial score of each class. With two classes, only the second class's score (the first
+    /// class's score is 0).
     pub intercepts: Vec<f64>,
-    /// Trees in rounds, with one tree per intercept in each round.
+    /// The trees, round by round, with one tree per intercept in each round.
     pub trees: Vec<SummandFile>,
 }
 
 /// The fields of a predictor.json with boosted trees.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BoostedFields {
-    /// First scores and trees.
+    /// The initial scores and the trees.
     pub boosted: BoostedFile,
 }
 
-/// The file form of a tree that adds to a score.
+/// The fields of a tree that adds to a score, in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SummandFile {
-    /// The questions.
+    /// The questions (splits) of the tree.
     #[serde(flatten)]
     pub questions: QuestionsFile,
-    /// One entry per node: the value that a leaf adds to the score; 0 at other nodes.
+    /// One entry per node: the value that a leaf adds to the score, or 0 at other nodes.
     pub value: Vec<f64>,
 }
 
@@ -80,8 +81,8 @@ impl BoostedFile {
     /// The model, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one intercept per score, a round lacks trees, a tree is not
-    /// valid (see [`QuestionsFile`]) or a number is not finite.
+    /// [`Invalid`] if there is not one intercept per score, the last round is incomplete, a tree is
+    /// not valid (see [`QuestionsFile`]) or a number is not finite.
     pub fn check(&self, width: usize, classes: usize) -> Result<Boosted, Invalid> {
         let scores = scores_of(classes);
         length("intercepts", scores, self.intercepts.len())?;
@@ -142,7 +143,7 @@ impl Boosted {
         softmax(out);
     }
 
-    /// The same model for features before scaling with `scale`.
+    /// Converts a model for features that `scale` standardised to a model for raw features.
     #[must_use]
     pub fn unscaled(&self, scale: &Scale) -> Self {
         let unscale = |tree: &Summand| Summand {
@@ -157,7 +158,7 @@ impl Boosted {
 }
 
 impl Predictor {
-    /// Boosted trees on features as they are ([`Boosted::unscaled`]).
+    /// Boosted trees on raw features (see [`Boosted::unscaled`]).
     #[must_use]
     pub fn boosted(features: FeatureSet, classes: Vec<i8>, model: Boosted) -> Self {
         Self::new(features, classes, Model::Boosted(model))

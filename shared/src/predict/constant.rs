@@ -1,4 +1,4 @@
-//! The same probabilities for all features.
+//! A model with constant probabilities, which do not depend on the features.
 
 use super::kind::{Kind, field};
 use super::{Model, Predictor};
@@ -14,10 +14,11 @@ pub struct Constant {
 }
 
 impl Predictor {
-    /// The same probabilities for all features; the feature set may be empty.
+    /// A predictor with constant probabilities. The feature set may be empty.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not one probability ≥ 0 a class, summing to 1.
+    /// [`Invalid`] if there is not exactly one probability ≥ 0 per class, or the probabilities do
+    /// not sum to 1.
     pub fn constant(
         features: FeatureSet,
         classes: Vec<i8>,

@@ -8,8 +8,8 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
-/// A predictor's file form, `predictor.json`; docs/predictor.md describes it for users. A logistic
-/// model trained elsewhere can be written in this form and used everywhere.
+/// The content of a `predictor.json`; docs/predictor.md describes it for users. A logistic model
+/// that was trained elsewhere can be written in this format and used everywhere.
 ///
 /// # Example
 /// ```
@@ -26,21 +26,21 @@ use serde_json::Value;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct PredictorFile {
-    /// The meaning of the classes, if stated: 1 the direction of a turn, 2 whether the human
-    /// avoids.
+    /// The meaning of the classes, if stated: 1 for the direction of a turn, 2 for whether the
+    /// human avoids.
     pub experiment: Option<u8>,
     /// Names of the features, in column order.
     pub features: Vec<String>,
     /// The classes: −1 right, 0 straight, 1 left.
     pub classes: Vec<i8>,
-    /// The turn rate of each class, rad/s, ascending. Without rates, a class is multiplied by the
-    /// vehicle's turn rate.
+    /// The turn rate of each class (rad/s), ascending. Without turn rates, the turn rate of a class
+    /// is the class times the vehicle's turn rate.
     pub actions: Option<Vec<f64>>,
-    /// The model, by its kind.
+    /// The fields of the model, which depend on its kind.
     pub model: ModelFile,
 }
 
-/// The version of the file form.
+/// The version of the file format.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 enum Format {
@@ -48,23 +48,23 @@ enum Format {
     V1,
 }
 
-/// The fields common to all kinds, first in the file.
+/// The fields common to all kinds, which come first in the file.
 #[derive(Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(expecting = "an object, {…}, as in a predictor.json")]
 struct Head {
-    /// The version of the file form.
+    /// The version of the file format.
     format: Format,
     /// The kind of the model.
     kind: KindName,
-    /// What the classes mean: 1 the direction of a turn, 2 whether the human avoids.
+    /// The meaning of the classes: 1 for the direction of a turn, 2 for whether the human avoids.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     experiment: Option<u8>,
     /// Names of the features, in column order.
     features: Vec<String>,
     /// The classes: −1 right, 0 straight, 1 left.
     classes: Vec<i8>,
-    /// The turn rate of each class, rad/s, ascending.
+    /// The turn rate of each class (rad/s), ascending.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     actions: Option<Vec<f64>>,
 }
@@ -109,7 +109,7 @@ impl schemars::JsonSchema for PredictorFile {
         "PredictorFile".into()
     }
 
-    /// The fields common to all kinds; docs/predictor.md describes those of each kind.
+    /// The fields common to all kinds; docs/predictor.md describes the fields of each kind.
     fn json_schema(schemas: &mut schemars::SchemaGenerator) -> schemars::Schema {
         let mut schema = Head::json_schema(schemas);
         let text = "A predictor.json; docs/predictor.md describes the further fields of each kind.";
@@ -132,7 +132,7 @@ impl From<&Predictor> for PredictorFile {
 }
 
 impl PredictorFile {
-    /// The predictor, if its classes are turns.
+    /// The predictor, if its classes are turn directions.
     ///
     /// # Errors
     /// [`Invalid`] if the file states that its classes are not turns, or if it is invalid.

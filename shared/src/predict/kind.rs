@@ -1,31 +1,33 @@
-//! The table of kinds of model, and what each kind implements.
+//! The trait that each kind of model implements, and the macro that combines all kinds.
 
 use crate::document::from_value;
 use crate::invalid::Invalid;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-/// A kind of model. Each has a file in this folder, and a line in the table of `predict.rs`.
+/// A kind of model. Each kind has a source file in this folder, and a line in the table of
+/// `predict.rs`.
 pub(super) trait Kind: Sized {
-    /// Its fields in a predictor.json.
+    /// The fields of this kind in a predictor.json.
     type File;
 
-    /// Whether its probabilities depend on features.
+    /// Whether the probabilities depend on features.
     const NEEDS_FEATURES: bool = true;
 
-    /// Reads its fields of a document; ignores others.
+    /// Reads the fields of this kind from a document and ignores all others.
     fn read(document: &Value) -> Result<Self::File, Invalid>;
 
-    /// The model in a file, for `width` features and `classes` classes.
+    /// The model with these fields, for `width` features and `classes` classes.
     fn of_file(file: Self::File, width: usize, classes: usize) -> Result<Self, Invalid>;
 
-    /// The file form.
+    /// The fields of the model in a file.
     fn to_file(&self) -> Self::File;
 
     /// Writes the probability of each class to `out`, given a row of raw features.
     fn probabilities_into(&self, row: &[f64], out: &mut [f64]);
 
-    /// The index of the predicted class of `classes`: the likeliest, the first on a tie.
+    /// The index of the predicted class, below `classes`: the most probable class, the first on a
+    /// tie.
     fn class(&self, row: &[f64], classes: usize) -> usize {
         let mut p = vec![0.0; classes];
         self.probabilities_into(row, &mut p);
@@ -34,7 +36,7 @@ pub(super) trait Kind: Sized {
     }
 }
 
-/// One field of a document.
+/// Reads one field of a document.
 pub(super) fn field<T: DeserializeOwned>(document: &Value, name: &str) -> Result<T, Invalid> {
     match document.get(name) {
         None | Some(Value::Null) => Err(Invalid::new(name, "a value", "nothing")),
@@ -42,10 +44,11 @@ pub(super) fn field<T: DeserializeOwned>(document: &Value, name: &str) -> Result
     }
 }
 
-/// Makes the enums of models and of their file forms from the table, and what calls each kind.
+/// Generates, from the table of kinds, the enums of models and of their file fields, and the
+/// functions that dispatch to a kind.
 macro_rules! kinds {
     ($($(#[$about:meta])* $kind:ident: $model:ty = $file:ty,)*) => {
-        /// The kinds, as files name them.
+        /// The names of the kinds in files.
         #[derive(Clone, Copy, serde::Serialize, serde::Deserialize)]
         #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema), schemars(rename = "Kind"))]
         #[serde(rename_all = "lowercase")]

@@ -1,4 +1,4 @@
-//! Logistic regression: probabilities are proportional to the exponentials of linear scores.
+//! Logistic regression: probabilities are the softmax of linear scores.
 //! [`learn::logistic`](crate::learn::logistic) trains it.
 
 use super::kind::Kind;
@@ -12,30 +12,30 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// A row of weights and an intercept for each class. With two classes, training in this crate sets
-/// the first to zeros and the second to the weights of its log-odds.
+/// the first row to zeros and the second row to the weights of the second class's log-odds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Logistic {
     width: usize,
-    /// Row-major: classes × (weights …, intercept).
+    /// Row-major: classes × features.
     weights: Vec<f64>,
     intercepts: Vec<f64>,
 }
 
-/// The file form of a [`Logistic`] on standardised features.
+/// The fields of a [`Logistic`] on standardised features in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogisticFile {
-    /// Mean, subtracted from each feature.
+    /// The mean of each feature, which is subtracted from it.
     pub mean: Vec<f64>,
-    /// Divisor of each feature, after the subtraction.
+    /// The divisor of each feature after this subtraction.
     pub scale: Vec<f64>,
-    /// Classes × features: weights.
+    /// Weights: classes × features.
     pub coefficients: Vec<Vec<f64>>,
     /// An intercept for each class.
     pub intercepts: Vec<f64>,
 }
 
 impl LogisticFile {
-    /// The file form of a model and its scale.
+    /// The fields of a model and its scale.
     fn of(scale: &Scale, model: &Logistic) -> Self {
         Self {
             mean: scale.mean().to_vec(),
@@ -58,7 +58,7 @@ impl LogisticFile {
 }
 
 impl Logistic {
-    /// A model from its numbers: a row of `width` weights and an intercept for each class.
+    /// A model with a row of `width` weights and an intercept for each class.
     ///
     /// # Errors
     /// [`Invalid`] if lengths do not match or a number is not finite.

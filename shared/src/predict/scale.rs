@@ -13,7 +13,8 @@ impl Scale {
     /// A scale from means and divisors.
     ///
     /// # Errors
-    /// [`Invalid`] if lengths differ, a number exceeds 10¹⁰⁰ or a divisor is not > 10⁻¹⁰⁰.
+    /// [`Invalid`] if lengths differ, a mean is beyond ±10¹⁰⁰ or a divisor is outside 10⁻¹⁰⁰ to
+    /// 10¹⁰⁰.
     pub fn new(mean: Vec<f64>, scale: Vec<f64>) -> Result<Self, Invalid> {
         length("scale", mean.len(), scale.len())?;
         for (i, (&mean, &scale)) in mean.iter().zip(&scale).enumerate() {
@@ -39,7 +40,7 @@ impl Scale {
         };
         let mean = column_mean(&|_, value| value);
         let variance = column_mean(&|j, value| (value - mean[j]) * (value - mean[j]));
-        // Rounding gives a constant column a variance of about (ε·mean)².
+        // Because of rounding errors, a constant column has a variance of about (ε·mean)².
         let scale = variance.iter().zip(&mean).map(|(&variance, &mean)| {
             let sd = variance.sqrt();
             if sd <= 1e-12 * (1.0 + mean.abs()) { 1.0 } else { sd }
@@ -48,7 +49,7 @@ impl Scale {
         Self { mean, scale }
     }
 
-    /// The scale of `rows`, and the rows on that scale.
+    /// The scale fitted to `rows`, and the standardised rows.
     #[must_use]
     pub fn standardised(width: usize, rows: &[f64]) -> (Self, Vec<f64>) {
         let scale = Self::fit(width, rows);

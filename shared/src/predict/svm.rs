@@ -1,8 +1,8 @@
 //! Support vector machines, one for each pair of classes.
 //!
-//! A pair (a, b), a < b, has a decision value f; f > 0 is a vote for a. Pairs are in the order (0,
-//! 1), (0, 2), …, (1, 2), …. The class with the most votes wins, the first on a tie. Signs, order
-//! and votes are libsvm's.
+//! A pair (a, b) with a < b has a decision value f. It is a vote for a if f > 0, otherwise for b.
+//! Pairs are in the order (0, 1), (0, 2), …, (1, 2), …. The class with the most votes wins, the
+//! first on a tie. Signs, order and votes are the same as in libsvm.
 
 mod pairs;
 mod coupling;
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use support::Support;
 
-/// Generalises the inner product of two standardised rows.
+/// A kernel, which generalises the inner product of two standardised rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Kernel {
@@ -34,7 +34,7 @@ pub enum Kernel {
     },
 }
 
-/// A decision value as a probability, P = 1 / (1 + exp(a·f + b)): Platt's sigmoid.
+/// Platt's sigmoid, which maps a decision value f to the probability P = 1 / (1 + exp(a·f + b)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sigmoid {
     /// Slope; negative if greater decision values favour the pair's first class.
@@ -48,7 +48,7 @@ impl Sigmoid {
     #[must_use]
     pub fn probability(self, decision: f64) -> f64 {
         let z = self.a * decision + self.b;
-        // Both forms are equal; each is used where its exponential is below 1.
+        // Both forms are mathematically equal. Each is used where its exponential is at most 1.
         if z >= 0.0 { exp(-z) / (1.0 + exp(-z)) } else { 1.0 / (1.0 + exp(z)) }
     }
 }
@@ -59,21 +59,21 @@ pub struct Svm {
     width: usize,
     classes: usize,
     pairwise: Pairwise,
-    /// One per pair.
+    /// One intercept per pair.
     intercepts: Vec<f64>,
-    /// One per pair.
+    /// One sigmoid per pair.
     sigmoids: Vec<Sigmoid>,
 }
 
 /// The SVMs of all pairs.
 #[derive(Clone, Debug, PartialEq)]
 enum Pairwise {
-    /// Row-major: pairs × features.
+    /// Weights, row-major: pairs × features.
     Linear(Vec<f64>),
     Rbf(Support),
 }
 
-/// The file form of an [`Svm`] on standardised features; its `kernel` field selects the variant.
+/// The fields of an [`Svm`] on standardised features in a file; `kernel` selects the variant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum SvmFile {
@@ -91,15 +91,16 @@ enum KernelWord {
     Rbf,
 }
 
-/// The file form of a linear [`Svm`]. Pairs of classes are in the order (first, second), (first,
-/// third), …, (second, third), …; a positive decision value is a vote for the pair's first class.
+/// The fields of a linear [`Svm`] in a file. Pairs of classes are in the order (first, second),
+/// (first, third), …, (second, third), …. A positive decision value is a vote for the pair's first
+/// class.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LinearSvmFile {
-    /// Mean, subtracted from each feature.
+    /// The mean of each feature, which is subtracted from it.
     pub mean: Vec<f64>,
-    /// Divisor of each feature, after the subtraction.
+    /// The divisor of each feature after this subtraction.
     pub scale: Vec<f64>,
-    /// Pairs × features: weights.
+    /// Weights: pairs × features.
     pub coefficients: Vec<Vec<f64>>,
     /// An intercept for each pair.
     pub intercepts: Vec<f64>,
@@ -108,28 +109,29 @@ pub struct LinearSvmFile {
     pub sigmoids: Vec<[f64; 2]>,
 }
 
-/// The file form of an [`Svm`] with radial basis functions; pairs as in [`LinearSvmFile`].
+/// The fields of an [`Svm`] with radial basis functions in a file. Pairs are in the same order as
+/// in [`LinearSvmFile`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RbfSvmFile {
-    /// Mean, subtracted from each feature.
+    /// The mean of each feature, which is subtracted from it.
     pub mean: Vec<f64>,
-    /// Divisor of each feature, after the subtraction.
+    /// The divisor of each feature after this subtraction.
     pub scale: Vec<f64>,
     /// An intercept for each pair.
     pub intercepts: Vec<f64>,
     kernel: KernelWord,
     /// γ of exp(−γ |x − z|²), on standardised features.
     pub gamma: f64,
-    /// Vectors × features, standardised.
+    /// Standardised support vectors: vectors × features.
     pub support_vectors: Vec<Vec<f64>>,
-    /// Pairs × support vectors: α times +1 or −1.
+    /// Dual coefficients, α times +1 or −1: pairs × support vectors.
     pub dual_coefficients: Vec<Vec<f64>>,
     /// As in [`LinearSvmFile`].
     pub sigmoids: Vec<[f64; 2]>,
 }
 
 impl SvmFile {
-    /// The file form of a model and its scale.
+    /// The fields of a model and its scale.
     fn of(scale: &Scale, model: &Svm) -> Self {
         let (mean, scale) = (scale.mean().to_vec(), scale.scale().to_vec());
         let intercepts = model.intercepts.clone();
@@ -217,10 +219,10 @@ impl Svm {
         Self::new(width, classes, Pairwise::Linear(weights), intercepts, sigmoids)
     }
 
-    /// SVMs with radial basis functions: f = Σ over support vectors of their dual coefficient times
-    /// exp(−γ |x − vector|²), plus the intercept. `support_vectors` are rows of `width`
-    /// standardised features, shared by all pairs; `dual_coefficients` has a row for each pair,
-    /// with an entry for each vector.
+    /// SVMs with radial basis functions. A decision value f is the intercept plus the sum, over the
+    /// support vectors, of the dual coefficient times exp(−γ |x − vector|²). `support_vectors` are
+    /// rows of `width` standardised features, shared by all pairs. `dual_coefficients` has a row
+    /// for each pair, with an entry for each vector.
     ///
     /// # Errors
     /// [`Invalid`] if lengths do not match, a number is not finite or γ is not > 0.
@@ -290,8 +292,8 @@ impl Svm {
     }
 }
 
-/// Class probabilities from decision values, one per pair: each pair's sigmoid, then pairwise
-/// coupling (Wu, Lin, Weng 2004, the second method).
+/// Class probabilities from the decision value of each pair. Each pair's sigmoid gives a pairwise
+/// probability; pairwise coupling combines these (Wu, Lin, Weng 2004, the second method).
 pub fn couple(sigmoids: &[Sigmoid], decisions: &[f64], out: &mut [f64]) {
     let pairwise = sigmoids.iter().zip(decisions).map(|(sigmoid, &f)| sigmoid.probability(f));
     coupling::couple(&pairwise.collect::<Vec<_>>(), out);
@@ -324,7 +326,7 @@ impl Kind for (Scale, Svm) {
         self.1.probabilities_into(&self.0, row, out);
     }
 
-    /// The class with the most votes of the pairs.
+    /// The class with the most votes.
     fn class(&self, row: &[f64], _classes: usize) -> usize {
         self.1.class(&self.0, row)
     }

@@ -12,14 +12,14 @@ use serde_json::Value;
 /// Maximum depth of a tree, which bounds the cost of a prediction.
 pub const DEEPEST: usize = 1000;
 
-/// One question, or a leaf.
+/// A question (split), or a leaf.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Node {
     pub(crate) threshold: f64,
     pub(crate) feature: u32,
-    /// The node for rows whose feature is ≤ threshold; at a leaf 0, the root's index.
+    /// The child for rows whose feature is ≤ threshold; 0 at a leaf, because the root is no child.
     pub(crate) left: u32,
-    /// The node for the other rows.
+    /// The child for the other rows.
     pub(crate) right: u32,
 }
 
@@ -31,7 +31,7 @@ impl Node {
     }
 }
 
-/// The questions of a tree. Node 0 is the root, and children follow their parents.
+/// The questions of a tree. Node 0 is the root, and children come after their parents.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Questions(pub(crate) Vec<Node>);
 
@@ -57,7 +57,7 @@ impl Questions {
         depths
     }
 
-    /// The same questions for features before scaling with `scale`.
+    /// Converts questions about features that `scale` standardised to questions about raw features.
     pub(crate) fn unscaled(&self, scale: &Scale) -> Self {
         let unscale = |node: &Node| match node.is_leaf() {
             true => *node,
@@ -71,7 +71,7 @@ impl Questions {
     }
 }
 
-/// The file form of a tree's questions: one entry per node, the root first, children after their
+/// The questions of a tree in a file: one entry per node, the root first, and children after their
 /// parents.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct QuestionsFile {
@@ -98,12 +98,12 @@ impl From<&Questions> for QuestionsFile {
 }
 
 impl QuestionsFile {
-    /// The questions about `width` features, verified to form a tree.
+    /// Checks that the questions form a tree for `width` features, and returns them.
     ///
     /// # Errors
-    /// [`Invalid`] if the lists differ in length, a feature does not exist, a threshold is not
-    /// finite, a child does not follow its parent or has several parents, a node has no parent, or
-    /// the tree is deeper than [`DEEPEST`].
+    /// [`Invalid`] if there is no node, the lists differ in length, a feature does not exist, a
+    /// threshold is not finite, a child does not follow its parent or has several parents, a node
+    /// has no parent, or the tree is deeper than [`DEEPEST`].
     pub(crate) fn check(&self, width: usize) -> Result<Questions, Invalid> {
         let count = self.feature.len();
         if count == 0 {
@@ -154,7 +154,7 @@ impl QuestionsFile {
 pub struct Tree {
     questions: Questions,
     classes: usize,
-    /// Nodes × classes: the number of training rows of each class that passed the node.
+    /// The number of training rows of each class that reached each node: nodes × classes.
     counts: Vec<u32>,
 }
 
@@ -165,13 +165,13 @@ pub struct TreeFields {
     pub tree: TreeFile,
 }
 
-/// The file form of a [`Tree`].
+/// The fields of a [`Tree`] in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TreeFile {
-    /// The questions.
+    /// The questions (splits) of the tree.
     #[serde(flatten)]
     pub questions: QuestionsFile,
-    /// Nodes × classes: the number of training rows of each class that passed the node.
+    /// The number of training rows of each class that reached each node: nodes × classes.
     pub counts: Vec<Vec<u32>>,
 }
 
@@ -186,8 +186,8 @@ impl TreeFile {
     /// The tree, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if the questions do not form a tree, a count is missing, or children's counts do
-    /// not add up to their parent's.
+    /// [`Invalid`] if the questions do not form a tree, a count is missing, or the counts of two
+    /// children do not add up to the count of their parent.
     pub fn check(&self, width: usize, classes: usize) -> Result<Tree, Invalid> {
         let questions = self.questions.check(width)?;
         length("counts", questions.0.len(), self.counts.len())?;
@@ -233,12 +233,13 @@ impl Tree {
         self.questions.depths().into_iter().max().unwrap_or(0)
     }
 
-    /// The number of training rows of each class that passed a node.
+    /// The number of training rows of each class that reached a node.
     fn counts(&self, node: usize) -> &[u32] {
         &self.counts[node * self.classes..][..self.classes]
     }
 
-    /// The most frequent class of the training rows at the leaf of `row`; on a tie the lowest.
+    /// The most frequent class of the training rows at the leaf that `row` reaches. On a tie, the
+    /// lowest class.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> usize {
         let counts = self.counts_at(row);
@@ -246,15 +247,15 @@ impl Tree {
         counts.iter().position(|count| count == most).unwrap_or(0)
     }
 
-    /// The number of training rows of each class at the leaf of `row`.
+    /// The number of training rows of each class at the leaf that `row` reaches.
     #[must_use]
     pub fn counts_at(&self, row: &[f64]) -> &[u32] {
         self.counts(self.questions.leaf(row))
     }
 
-    /// Writes the probability of each class to `out`: (n_c + 1) / (n + K) for n training rows at
-    /// the leaf, n_c of them of this class, and K classes. (Laplace's rule: a class that does not
-    /// occur there is not impossible.)
+    /// Writes the probability of each class to `out`: (n_c + 1) / (n + K), for n training rows at
+    /// the leaf, n_c of them in this class, and K classes. (By Laplace's rule, a class that does
+    /// not occur at the leaf is not impossible.)
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
         let counts = self.counts_at(row);
         let total = counts.iter().map(|&count| f64::from(count)).sum::<f64>();
@@ -288,7 +289,7 @@ impl Tree {
         Self { questions: Questions(nodes), classes: self.classes, counts }
     }
 
-    /// The same tree for features before scaling with `scale`: thresholds get the features' units.
+    /// Converts a tree for features that `scale` standardised to a tree for raw features.
     #[must_use]
     pub fn unscaled(&self, scale: &Scale) -> Self {
         Self { questions: self.questions.unscaled(scale), ..self.clone() }
@@ -296,7 +297,7 @@ impl Tree {
 }
 
 impl Predictor {
-    /// A decision tree on features as they are ([`Tree::unscaled`]).
+    /// A decision tree on raw features (see [`Tree::unscaled`]).
     #[must_use]
     pub fn tree(features: FeatureSet, classes: Vec<i8>, model: Tree) -> Self {
         Self::new(features, classes, Model::Tree(model))

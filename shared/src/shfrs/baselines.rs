@@ -1,10 +1,10 @@
 //! Baselines: families of predicted sets to compare with SHFRS.
 //!
-//! Four families are widened reachable sets under simple bounds without Algorithm 1
-//! ([`worst_case`], [`constant_velocity`], [`hold_the_input`], [`learned_disturbance`], all through
+//! Four families are widened reachable sets under simple bounds ([`worst_case`],
+//! [`constant_velocity`], [`hold_the_input`], [`learned_disturbance`], all through
 //! `WidenedInputs`). Two families are learned from the positions of recorded futures and use no
-//! vehicle model: [`Gaussian`] and [`PerModeEmpirical`]. Their largest set is the worst-case set,
-//! so every family has a level whose set contains every window.
+//! vehicle model: [`Gaussian`] and [`PerModeEmpirical`]. Their largest set is the worst-case set.
+//! So every family has a level whose set contains every window.
 
 mod swept;
 mod simple_bounds;
@@ -33,12 +33,12 @@ use crate::vehicle::{Pose, VehicleModel};
 pub enum Nominal {
     /// Drives straight on: constant velocity.
     Straight,
-    /// Holds the turn rate of the last step, or drives straight if there is none.
+    /// Holds the turn rate of the last step, or drives straight if there is no last step.
     Held,
 }
 
 impl Nominal {
-    /// The turn rate, rad/s, within the range of `human`.
+    /// The assumed turn rate (rad/s), clamped to the range of `human`.
     fn turn_rate(self, window: &Window<'_>, human: VehicleModel) -> f64 {
         match self {
             Self::Straight => 0.0,
@@ -50,36 +50,36 @@ impl Nominal {
     }
 }
 
-/// A family learned from recorded futures: its sets after each step are convex.
+/// A family learned from recorded futures. Its set after each step is convex.
 trait LearnedFamily: Family {
     /// [`Family::score`].
     fn least_level(&self, window: &Window<'_>) -> Result<f64, Invalid>;
 
-    /// The sets of positions after each step at a level: vertices of a convex set in the frame of
-    /// the human at the window's start, m. None at the largest level, whose set is the worst-case
-    /// set.
+    /// The set of positions after each step at a level, as the vertices of a convex polygon in the
+    /// frame of the human at the window's start (m). `None` at the largest level, whose set is the
+    /// worst-case set.
     fn step_sets(&self, window: &Window<'_>, level: f64) -> Option<Vec<Vec<[f64; 2]>>>;
 }
 
-/// The human's poses after each step of the window, relative to the current pose.
+/// The human's pose after each step of the window, relative to the current pose.
 fn future_seen_from_now(window: &Window<'_>) -> impl Iterator<Item = Pose> {
     let now = window.now().human;
     window.future().iter().map(move |state| Pose::from(relative_state(now, state.human)))
 }
 
-/// The poses after each step at a constant turn rate, relative to the start.
+/// The pose after each step at a constant turn rate, relative to the start.
 fn nominal_poses(human: VehicleModel, turn_rate: f64, steps: usize, step_s: f64) -> Vec<Pose> {
     let origin = Pose::new(0.0, 0.0, 0.0);
     (1..=steps).map(|n| arc(origin, human.speed_mps, turn_rate, n as f64 * step_s)).collect()
 }
 
-/// A position in the frame of `pose`, transformed to the frame in which `pose` is given, m.
+/// Transforms a position (m) from the frame of `pose` to the frame in which `pose` is given.
 fn place(pose: Pose, [x, y]: [f64; 2]) -> [f64; 2] {
     let (sin, cos) = sin_cos(pose.psi);
     [pose.x + cos * x - sin * y, pose.y + sin * x + cos * y]
 }
 
-/// Cache of the areas at one level, by their other parameters, which neighbouring windows share.
+/// Cache of areas at one level. The key is an area's other parameter, which many windows share.
 #[derive(Clone, Debug, Default)]
 struct Areas {
     level: Option<f64>,

@@ -1,8 +1,8 @@
-//! Re-evaluates the same windows under other settings with cached intermediate results.
+//! Evaluates the same windows under changing settings, with cached intermediate results.
 //!
-//! Neither Algorithm 1 with `base` roll-outs nor the bounds before widening depend on ε, and the
-//! area of a tube depends only on its bounds, which many windows share. A change of ε therefore
-//! needs only membership tests in the changed set and one area per distinct bounds.
+//! With `base` roll-outs, Algorithm 1 and its bounds before widening do not depend on ε. The area
+//! of a tube depends only on its bounds, which many windows share. So a change of ε requires only
+//! membership tests in the changed set, and one area per distinct bounds.
 
 use super::probability::{Judged, first_inside, holds};
 use super::widened::{tube_area_m2, widened};
@@ -13,37 +13,37 @@ use crate::invalid::Invalid;
 use std::collections::HashMap;
 
 /// Cache for the windows of some trajectories under one [`Prediction`]. Results are bit-identical
-/// to those of [`judge`](super::probability::judge). Another prediction or other trajectories need
-/// another cache.
+/// to those of [`judge`](super::probability::judge). A different prediction or different
+/// trajectories need a new cache.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
-    /// The roll-out settings of `windows`.
+    /// The roll-out settings for which `windows` was computed.
     rollouts: Option<Rollouts>,
-    /// By trajectory and by the start step of the window.
+    /// Cached results by trajectory and by the first step of the window.
     windows: Vec<Vec<Option<Known>>>,
     bases: Bases,
     algorithm: Algorithm1,
 }
 
-/// Settings that determine the roll-outs: the choice of actions, and the widening, rad/s.
+/// Settings that determine the roll-outs: the choice of actions, and the widening (rad/s).
 type Rollouts = (ActionChoice, f64);
 
 /// Cached results of a window.
 #[derive(Clone, Debug)]
 struct Known {
-    /// Index of its bounds before widening.
+    /// Index of the window's bounds before widening, in [`Bases::all`].
     base: usize,
-    /// Whether sets of these widenings, rad/s, contain its trajectory.
+    /// For each cached widening (rad/s), whether the set contains the window's trajectory.
     held: Recent<bool>,
 }
 
-/// Lowest and highest turn rate of each step, rad/s.
+/// Lowest and highest turn rate of each step (rad/s).
 type Rates = Vec<(f64, f64)>;
 
 /// Distinct bounds before widening.
 #[derive(Clone, Debug, Default)]
 struct Bases {
-    /// The bounds, and the areas, m², of their tubes by widening, rad/s.
+    /// The bounds, and the areas (m²) of their tubes by widening (rad/s).
     all: Vec<(Rates, Recent<f64>)>,
     /// Indices into `all`, by the bits of the rates.
     places: HashMap<Vec<u64>, usize>,
@@ -53,14 +53,14 @@ struct Bases {
 #[derive(Clone, Debug)]
 struct Recent<T>(Vec<(f64, T)>);
 
-/// Number of cached widenings: those of the sets, and some earlier slider positions.
+/// Maximum number of cached widenings. It suffices for all sets and some earlier slider positions.
 const RECENT: usize = 32;
 
-/// Maximum number of distinct bounds that stay cached when the choice of actions changes.
+/// Maximum number of distinct bounds that stay cached when the roll-out settings change.
 const BASES: usize = 4096;
 
 impl Memory {
-    /// Evaluates windows of trajectory `place`, all of which have the steps of `settings`.
+    /// Evaluates windows of trajectory `place`, which must have the number of steps of `settings`.
     ///
     /// # Errors
     /// [`Invalid`] if the prediction fails.
@@ -78,7 +78,7 @@ impl Memory {
         windows.iter().map(|window| self.judge_one(place, window, prediction, settings)).collect()
     }
 
-    /// Clears the cache if the roll-out settings changed.
+    /// If the roll-out settings changed, clears the windows, and the bounds if there are too many.
     fn prepare(&mut self, settings: &BoundsSettings) {
         let widening = match settings.rollout() {
             Rollout::Paper => settings.epsilon()[0],
@@ -188,8 +188,8 @@ mod tests {
         }
     }
 
-    /// A sequence of settings, as when a user moves sliders; each result is bit-identical to an
-    /// uncached one.
+    /// Changes settings as a user does who moves sliders. Each result is bit-identical to a result
+    /// without a cache.
     #[test]
     fn what_was_known_before_changes_no_bit() {
         let mut rng = SeededRng::new(7);
@@ -224,7 +224,7 @@ mod tests {
                 found.extend(kept.iter().map(|judged| judged.first));
             }
         }
-        // Every set was the smallest containing one for some window.
+        // Each set was the smallest set that contains the trajectory of some window.
         assert!((0..4).all(|set| found.contains(&set)));
     }
 

@@ -4,9 +4,9 @@
 //! future trajectory. S_1 … S_n are the scores of the calibration trajectories.
 //!
 //! * If F_ε(t_i) misses the robot's disc at every step, the human can enter the disc only if S > ε.
-//!   So for the largest such ε, U = (1 + #{S_i > ε})/(n + 1).
-//! * If F_ε(t_i) lies inside the disc at some step, the human can stay out only if S > ε. So for
-//!   the largest such ε, L = 1 − (1 + #{S_i > ε})/(n + 1) = #{S_i ≤ ε}/(n + 1).
+//!   For the largest such ε, the upper bound is U = (1 + #{S_i > ε})/(n + 1).
+//! * If F_ε(t_i) lies inside the disc at some step, the human can stay out only if S > ε. For the
+//!   largest such ε, the lower bound is L = 1 − (1 + #{S_i > ε})/(n + 1) = #{S_i ≤ ε}/(n + 1).
 //!
 //! # What the bounds guarantee
 //! If the current trajectory is exchangeable with the calibration trajectories, the conformal p-value
@@ -16,9 +16,9 @@
 //! * P(the human enters, and U ≤ α) ≤ α and
 //! * P(the human stays out, and L ≥ 1 − α) ≤ α.
 //!
-//! For an ε that is fixed beforehand, U and L also bound mean frequencies: P(the human enters, and
+//! If ε were fixed in advance, U and L would also bound mean frequencies: P(the human enters, and
 //! F_ε misses) ≤ E U. But here ε depends on the scene. If people are harder to predict near the
-//! robot, U can be too small there: it is a marginal bound, not a bound for each scene.
+//! robot, U can be too small there, because it is a marginal bound and not a bound for each scene.
 
 use super::guarantee::Unit;
 use super::scores::Scores;
@@ -41,26 +41,26 @@ pub struct DangerBounds {
     pub low: f64,
     /// Upper bound U.
     pub high: f64,
-    /// The largest calibrated ε, rad/s, whose set lies inside the disc at some step; none if not even
-    /// the smallest set does.
+    /// The largest calibrated ε (rad/s) whose set lies inside the disc at some step. `None` if not
+    /// even the smallest set does.
     pub epsilon_inside: Option<f64>,
-    /// The largest calibrated ε, rad/s, whose set misses the disc at every step; none if not even the
-    /// smallest set does.
+    /// The largest calibrated ε (rad/s) whose set misses the disc at every step. `None` if not even
+    /// the smallest set does.
     pub epsilon_missing: Option<f64>,
     /// Steps ahead, T.
     pub steps: usize,
     /// Number of calibration trajectories, n.
     pub calibration: usize,
-    /// The guarantee of the bounds, in a sentence to print beside them.
+    /// The guarantee of the bounds in words, to print beside them.
     pub statement: String,
 }
 
-/// Upper bound on how much polygons are too small, m: at the rear of sets without straight driving
-/// (within 3.7 mm of the reference), and because of chords.
+/// Upper bound on the distance (m) by which polygons fall short of their sets: at the rear of sets
+/// without straight driving (within 3.7 mm of the reference), and because edges are chords.
 const DRAWN_TOO_SMALL_M: f64 = 0.004;
 
-/// The bounds for the joint states up to now. `scores` are the scores of `choice` (`base`
-/// roll-outs) on calibration trajectories, with the prediction's tolerance.
+/// Computes the bounds from the joint states up to now. `scores` are the scores of calibration
+/// trajectories for `choice`, with `base` roll-outs and the prediction's tolerance.
 ///
 /// # Errors
 /// [`Invalid`] if the prediction fails, or if the robot's turns depend on the human's actions, so
@@ -89,7 +89,7 @@ pub fn danger_bounds(
     let sorted = scores.sorted();
     let missing = count_while(sorted, |epsilon| Ok(disc.missed_by(&set(epsilon)?)))?;
     let inside = count_while(sorted, |epsilon| Ok(disc.surrounds(&set(epsilon)?)))?;
-    // If no drive can enter, or none can stay out, no statistics are needed.
+    // If no drive can enter the disc, or no drive can stay out of it, no statistics are needed.
     let everything = set(prediction.full_range())?;
     let n = sorted.len();
     let of_all = |count: usize| count as f64 / (n + 1) as f64;
@@ -107,9 +107,9 @@ pub fn danger_bounds(
     })
 }
 
-/// A sentence to print beside the bounds: their meaning, and the number of `calibration`
-/// trajectories or people ([`Split::parts_of_people`](super::tuning::Split::parts_of_people) draws
-/// one trajectory per person).
+/// The meaning of the bounds in words, to print beside them. `calibration` counts trajectories or
+/// people ([`Split::parts_of_people`](super::tuning::Split::parts_of_people) draws one trajectory
+/// per person).
 #[must_use]
 pub fn statement(calibration: usize, unit: Unit) -> String {
     let from = unit.calibrating(calibration);
@@ -120,7 +120,7 @@ pub fn statement(calibration: usize, unit: Unit) -> String {
     )
 }
 
-/// The robot's poses after each step.
+/// The robot's pose after each step.
 fn robot_future(found: &PredictedBounds) -> Result<Vec<Pose>, Invalid> {
     let future = |states: &[JointState]| -> Vec<Pose> {
         states[1..].iter().map(|state| state.robot).collect()
@@ -133,7 +133,8 @@ fn robot_future(found: &PredictedBounds) -> Result<Vec<Pose>, Invalid> {
     Err(Invalid::new("robot_action", expected, "different turns in the high and the low roll-out"))
 }
 
-/// The number of scores, ascending, that satisfy a predicate that holds up to some level.
+/// Counts the scores that satisfy `holds`, by binary search. `sorted` is ascending, and `holds` is
+/// true up to some level and false above it.
 fn count_while(
     sorted: &[f64],
     holds: impl Fn(f64) -> Result<bool, Invalid>,
@@ -154,15 +155,15 @@ fn count_while(
 struct Disc {
     robot: Vec<Pose>,
     radius_m: f64,
-    /// Margin that enlarges sets on all sides.
+    /// Margin by which sets are enlarged on all sides.
     slack_m: f64,
-    /// Distance that the human drives in a step.
+    /// Distance that the human drives in one step.
     step_m: f64,
     polygon: PolygonSettings,
 }
 
 impl Disc {
-    /// Whether no position of the set is within the radius at any step.
+    /// Whether, at every step, the whole set is outside the disc.
     fn missed_by(&self, set: &ReachableSet) -> bool {
         let outside = self.radius_m + self.slack_m;
         let start = set.start();
@@ -174,7 +175,7 @@ impl Disc {
         })
     }
 
-    /// Whether every position of the set is within the radius at some step.
+    /// Whether there is a step at which the whole set is inside the disc.
     fn surrounds(&self, set: &ReachableSet) -> bool {
         let inside = self.radius_m - self.slack_m;
         let near = |robot: &Pose, [x, y]: &[f64; 2]| hypot(x - robot.x, y - robot.y) <= inside;
@@ -229,7 +230,8 @@ mod tests {
         least_widening(&base, &window, prediction.parameters, prediction.tolerance).unwrap()
     }
 
-    /// Humans who ignore the robot: the bounds hold on average, and both theorems hold for every α.
+    /// For humans who ignore the robot, the bounds hold on average, and both inequalities in the
+    /// module's documentation hold for every α.
     #[test]
     fn the_bounds_hold_on_average() {
         let (parameters, model) = (SceneParameters::default(), Always([0.1, 0.8, 0.1]));
@@ -284,9 +286,10 @@ mod tests {
         };
         assert_eq!(bounds(60.0, 0.0, 0.0), (0.0, 0.0));
         assert_eq!(bounds(1.0, 0.0, 0.0), (1.0, 1.0));
-        // They meet if the human drives straight; the human may or may not avoid that by turning.
+        // The vehicles meet if the human drives straight. The human may or may not avoid this by
+        // turning.
         assert_eq!(bounds(4.5, -6.0, 1.57), (20.0 / 21.0, 1.0));
-        // They pass each other; they meet only if the human turns.
+        // The vehicles pass each other. They meet only if the human turns.
         assert_eq!(bounds(9.0, 4.2, PI), (0.0, 1.0 / 21.0));
     }
 

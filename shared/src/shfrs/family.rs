@@ -4,15 +4,15 @@ use super::window::Window;
 use crate::invalid::Invalid;
 
 /// Sets that are predicted at the start of a window and grow with a *level*. For SHFRS with `base`
-/// roll-outs the level is ε, rad/s; other families define their own. Levels range from 0 to
-/// [`Family::most`], whose set contains every window.
+/// roll-outs the level is ε (rad/s); other families define their own level. Levels range from 0 to
+/// [`Family::most`]. The set of the largest level contains every window.
 ///
-/// Tuning, tests and comparisons use only these functions, so a new predictor of sets is one file.
+/// Scores and comparisons use only these functions, so a new predictor of sets needs only one file.
 pub trait Family {
     /// The name of the family in tables and files.
     fn name(&self) -> String;
 
-    /// The name of its level, with unit.
+    /// The name of the family's level, with its unit.
     fn level_name(&self) -> &'static str {
         "ε (rad/s)"
     }
@@ -27,8 +27,7 @@ pub trait Family {
     /// [`Invalid`] if the prediction fails.
     fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid>;
 
-    /// Area, m², of the set predicted for a window at a level: of all positions within the window's
-    /// steps.
+    /// Area (m²) of the set for a window at a level: of all positions within the window's steps.
     ///
     /// # Errors
     /// [`Invalid`] if the prediction fails.

@@ -6,29 +6,29 @@ use crate::invalid::{Invalid, length};
 use core::cmp::Ordering;
 use serde::{Deserialize, Serialize};
 
-/// User-editable settings of predicted sets, `shfrs-settings.json`: the laboratory's explorer saves
-/// them, and `sidestep shfrs --settings` reads them. They may be invalid; [`Self::settings`] checks
-/// them.
+/// User-editable settings of predicted sets, `shfrs-settings.json`. The laboratory's explorer saves
+/// this file, and `sidestep shfrs --settings` reads it. The settings may be invalid;
+/// [`Self::settings`] checks them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShfrsFile {
     format: Format,
-    /// Steps ahead, T: from 1 to [`MOST_STEPS`].
+    /// Number of steps ahead, T, from 1 to [`MOST_STEPS`].
     pub steps: usize,
-    /// The widening ε of each set's bounds, rad/s, ascending: up to [`MOST_SETS`].
+    /// The widening ε of each set's bounds (rad/s), ascending; at most [`MOST_SETS`] sets.
     pub epsilon: Vec<f64>,
-    /// Number of likeliest actions to include at each step ahead, from 1; excludes `tau`.
+    /// Number of most probable actions to include at each step ahead, ≥ 1; not together with `tau`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub k: Option<Vec<usize>>,
-    /// The probability from which an action is included, in (0, 1]; excludes `k`.
+    /// Minimum probability of an included action, in (0, 1]; not together with `k`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tau: Option<f64>,
-    /// Whether roll-outs are widened by ε_1.
+    /// Whether the bounds in roll-outs are widened by ε_1.
     #[serde(default = "usual_rollout")]
     pub rollout: Rollout,
 }
 
-/// The version of the file form.
+/// The version of the file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Format {
     #[serde(rename = "sidestep-shfrs/1")]
@@ -48,12 +48,12 @@ fn usual_rollout() -> Rollout {
 /// One of the paper's settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preset {
-    /// Its panel in the paper.
+    /// The panel of the figure in the paper.
     pub name: &'static str,
-    /// How it differs from the others.
+    /// How this preset differs from the other presets.
     pub meaning: &'static str,
     epsilon: [f64; 5],
-    /// Number of first steps with two actions; later steps have one.
+    /// Number of initial steps with two actions. Later steps have one action.
     twos: usize,
 }
 
@@ -80,7 +80,7 @@ pub const PRESETS: [Preset; 3] = [
 ];
 
 impl Preset {
-    /// These settings for a model with `actions` actions; k is at most `actions`.
+    /// The settings of this preset for a model with `actions` actions. k is at most `actions`.
     #[must_use]
     pub fn settings(&self, actions: usize) -> ShfrsFile {
         let k = |i| if i < self.twos { actions.min(2) } else { 1 };
@@ -96,7 +96,7 @@ impl Preset {
 }
 
 impl ShfrsFile {
-    /// Scales the paper's ε with this human's turn rate, see [`in_proportion`].
+    /// Scales the paper's ε to a human with this turn rate (see [`in_proportion`]).
     #[must_use]
     pub fn for_turn_rate(mut self, turn_rate_radps: f64) -> Self {
         self.epsilon = in_proportion(&self.epsilon, turn_rate_radps);
@@ -122,10 +122,10 @@ impl From<&BoundsSettings> for ShfrsFile {
 }
 
 impl ShfrsFile {
-    /// The URL parameters of [`Self::set`].
+    /// Names of the URL parameters that [`Self::set`] accepts.
     pub const NAMES: [&str; 5] = ["T", "eps", "k", "tau", "rollout"];
 
-    /// Sets the roll-outs.
+    /// Sets [`Self::rollout`], the kind of roll-outs.
     #[must_use]
     pub fn with_rollout(self, rollout: Rollout) -> Self {
         Self { rollout, ..self }
@@ -165,8 +165,8 @@ impl ShfrsFile {
         }
     }
 
-    /// Sets the number of sets. The last one always stays, because it contains everything; new ones
-    /// are inserted midway between the last two.
+    /// Sets the number of sets. The last set always stays, because it contains everything. New sets
+    /// are inserted midway between the last two sets.
     pub fn resize(&mut self, sets: usize) {
         while self.epsilon.len() > sets.max(1) {
             let place = self.epsilon.len() - 2;
@@ -181,9 +181,9 @@ impl ShfrsFile {
         }
     }
 
-    /// Sets the widening of the set at this index to `epsilon`, rad/s. Earlier sets are limited to
-    /// at most this, later ones raised to at least this, so that sets stay nested. Does nothing if
-    /// the index is out of range.
+    /// Sets the widening of the set at index `place` to `epsilon` (rad/s). Earlier sets get at most
+    /// this widening and later sets at least this widening, so that sets stay nested. Does nothing
+    /// if the index is out of range.
     pub fn widen(&mut self, place: usize, epsilon: f64) {
         if place >= self.epsilon.len() {
             return;
@@ -197,8 +197,8 @@ impl ShfrsFile {
         }
     }
 
-    /// Takes the steps, actions, roll-outs and first ε from `first`. Sets that are not wider than
-    /// its first set are spread evenly between it and the next wider one.
+    /// Copies the steps, actions, roll-outs and first ε from `first`. Sets that are not wider than
+    /// this first set are spread evenly between it and the next wider set.
     pub fn begin_with(&mut self, first: &Self) {
         (self.steps, self.rollout) = (first.steps, first.rollout);
         (self.k, self.tau) = (first.k.clone(), first.tau);
@@ -219,7 +219,7 @@ impl ShfrsFile {
         self.epsilon[0] = least;
     }
 
-    /// Whether the first set equals that of `first`.
+    /// Whether the first set is the same as the first set of `first`.
     #[must_use]
     pub fn begins_with(&self, first: &Self) -> bool {
         let of = |file: &Self| Self { epsilon: file.epsilon[..1].to_vec(), ..file.clone() };
@@ -227,8 +227,8 @@ impl ShfrsFile {
         some(self) && some(first) && of(self) == of(first)
     }
 
-    /// The settings as URL parameters: `T=10&eps=0,0.4,1&k=2,2,1,…`, or `tau=0.1` instead of k, and
-    /// `rollout=paper` unless roll-outs are the default.
+    /// The settings as URL parameters, such as `T=10&eps=0,0.4,1&k=2,2,1,…`. An adaptive choice has
+    /// `tau=0.1` instead of `k`. Roll-outs that are not the default add `rollout=paper`.
     #[must_use]
     pub fn query(&self) -> String {
         let listed = |numbers: Vec<String>| numbers.join(",");
@@ -247,8 +247,8 @@ impl ShfrsFile {
     /// Sets one URL parameter. Ignores unknown names.
     ///
     /// # Errors
-    /// [`Invalid`] with the name of a value that cannot be parsed. Parsed values may still be
-    /// invalid.
+    /// [`Invalid`] that names the parameter, if its value cannot be parsed or `T` is out of range.
+    /// Other parsed values may still be invalid.
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), Invalid> {
         match name {
             "T" => {
@@ -286,7 +286,8 @@ impl ShfrsFile {
     }
 }
 
-/// A number ≥ 0 in the format of [`decimal`]: all of its digits, but at most twelve places.
+/// Formats a number ≥ 0 for [`decimal`]: with all of its digits if it fits into 16 characters,
+/// otherwise with twelve decimal places.
 fn written(value: f64) -> String {
     let text = value.to_string();
     if text.len() > 16 { format!("{value:.12}") } else { text }

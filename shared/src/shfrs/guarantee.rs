@@ -1,11 +1,11 @@
 //! Calibration guarantees about the sets of future trajectories.
 //!
 //! All guarantees are *marginal*: they hold over trajectories that are exchangeable with the
-//! calibration trajectories, not for each scene or each participant. The split determines which
-//! trajectories these are ([`Unit`]): new tasks of the same people are exchangeable with their
-//! other tasks; trajectories of new people are not, because those of one person are alike.
-//! Guarantees also require people who drive like the vehicle of the prediction; `Trajectory::check`
-//! verifies this for recorded ones.
+//! calibration trajectories, not for each scene or each participant. The split of the data
+//! ([`Unit`]) determines which trajectories are exchangeable. New tasks of the same people are
+//! exchangeable with these people's other tasks. Trajectories of new people are not, because the
+//! trajectories of one person are alike. Guarantees also require that people drive like the vehicle
+//! of the prediction; `Trajectory::check` verifies this for recorded trajectories.
 
 use super::scores::Scores;
 use crate::invalid::Invalid;
@@ -13,25 +13,26 @@ use crate::math::ln;
 use crate::stats::{beta_cdf, binomial_at_least, open_probability};
 use serde::Serialize;
 
-/// The observations that a guarantee treats as exchangeable, and a confidence interval as
+/// The observations that a guarantee treats as exchangeable and a confidence interval treats as
 /// independent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Unit {
-    /// Trajectories, whoever drove them: statements hold for new tasks of the same people.
+    /// Trajectories, regardless of who drove them. Statements hold for new tasks of the same
+    /// people.
     #[default]
     Trajectories,
-    /// People, with one random trajectory drawn from each: statements hold for new people. If
-    /// people are exchangeable, the drawn trajectories are too, however alike each person's
-    /// trajectories are and however many each person drove; so everything that holds for
-    /// exchangeable scores holds for theirs (Dunn, Wasserman and Ramdas, Journal of the American
-    /// Statistical Association 118, 2023, call this subsampling once).
+    /// People, with one random trajectory drawn from each person. Statements hold for new people.
+    /// If people are exchangeable, the drawn trajectories are exchangeable too, no matter how
+    /// similar the trajectories of a person are and how many each person drove. So everything that
+    /// holds for exchangeable scores holds for their scores (Dunn, Wasserman and Ramdas, Journal of
+    /// the American Statistical Association 118, 2023, call this subsampling once).
     People,
 }
 
 impl Unit {
-    /// Its name in results.
+    /// The name of this unit in results.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -53,19 +54,19 @@ impl Unit {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Guarantee {
-    /// Split conformal prediction: the ⌈(n + 1)p⌉-th score. The set contains the next trajectory with
-    /// probability ≥ p, on average over calibrations.
+    /// Split conformal prediction: the level is the ⌈(n + 1)p⌉-th smallest score. The set contains
+    /// the next trajectory with probability ≥ p, on average over calibrations.
     Conformal,
-    /// Probably approximately correct: the j-th score, j the least with
-    /// P(Beta(j, n + 1 − j) ≤ p) ≤ δ. For all but a share δ of calibrations, the sets contain a share
-    /// ≥ p of future trajectories.
+    /// Probably approximately correct: the level is the j-th smallest score, where j is the least
+    /// rank with P(Beta(j, n + 1 − j) ≤ p) ≤ δ. For all but a share δ of calibrations, the sets
+    /// contain a share ≥ p of future trajectories.
     Pac {
         /// Probability that the calibration fails, δ, in (0, 1).
         delta: f64,
     },
-    /// For sets that need not be nested (`paper` roll-outs): levels are tested in sequence, the
-    /// safest first. The first level with P(Bin(n, p) ≥ hits) > δ fails, and the level before it is
-    /// used. The guarantee is that of `Pac`, for any sets.
+    /// For sets that need not be nested (`paper` roll-outs). Levels are tested in sequence, the
+    /// safest first. The sequence ends at the first level with P(Bin(n, p) ≥ hits) > δ, and the
+    /// level before it is used. The guarantee is the same as for `Pac`, but it holds for any sets.
     FixedSequence {
         /// Probability that the calibration fails, δ, in (0, 1).
         delta: f64,
@@ -75,7 +76,7 @@ pub enum Guarantee {
 }
 
 impl Guarantee {
-    /// Its name in results.
+    /// The name of this guarantee in results.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
@@ -133,8 +134,8 @@ impl Guarantee {
         Err(Invalid::new("calibration trajectories", expected, n))
     }
 
-    /// The rank, from 1, of the score to use as the level among `n` ascending scores, so that the
-    /// sets of a nested family have the guarantee.
+    /// The rank, from 1, of the score among `n` ascending scores that gives the level. With this
+    /// level, the sets of a nested family have the guarantee.
     ///
     /// # Errors
     /// [`Invalid`] if there are too few scores, a probability is not in (0, 1), or the guarantee is
@@ -159,9 +160,10 @@ impl Guarantee {
         }
     }
 
-    /// The parameters (a, b) = (rank, n + 1 − rank) of the Beta distribution of the share of
-    /// trajectories that the sets will contain at the level from `n` scores. A choice before the
-    /// calibration must assume this distribution. For a fixed sequence it is that of `Pac`.
+    /// The parameters (a, b) = (rank, n + 1 − rank) of a Beta distribution. It is the distribution
+    /// of the share of trajectories that the sets will contain after a calibration with `n` scores.
+    /// A choice that is made before the calibration must assume this distribution. A fixed sequence
+    /// has the parameters of `Pac`.
     ///
     /// # Errors
     /// The errors of [`Self::enough`].
@@ -182,7 +184,7 @@ impl Guarantee {
         Ok(scores.ranked(self.rank(scores.len(), p)?))
     }
 
-    /// The guarantee of a calibration with `calibration` units, in a sentence to print beside every
+    /// The guarantee of a calibration with `calibration` units in words, to print beside every
     /// number.
     #[must_use]
     pub fn statement(&self, p: f64, calibration: usize, unit: Unit) -> String {
@@ -214,10 +216,10 @@ impl Guarantee {
     }
 }
 
-/// Tests settings in order, the safest first, and returns the index of the last one before the
-/// first failure. `hits(i)` is the number of the `n` calibration trajectories that setting i
-/// contains; the setting passes if P(Bin(n, p) ≥ hits) ≤ δ. Because testing stops at the first
-/// failure, the probability that *any* accepted setting contains a share below p is at most δ
+/// Tests settings in order, the safest first, and returns the index of the last setting before the
+/// first failure. `hits(i)` is the number of the `n` calibration trajectories that the set of
+/// setting i contains. The setting passes if P(Bin(n, p) ≥ hits) ≤ δ. Because testing stops at the
+/// first failure, the probability that *any* accepted setting contains a share below p is at most δ
 /// (fixed-sequence testing, as in Angelopoulos et al., Learn then Test). The order must not depend
 /// on these trajectories.
 ///
@@ -249,8 +251,8 @@ pub fn fixed_sequence(
     })
 }
 
-/// The least integer ≥ `x`, ignoring a rounding error above an integer: 0.55 · 20 is
-/// 11.000000000000002.
+/// The least integer ≥ `x`, except that a rounding error above an integer is ignored. For example,
+/// 0.55 · 20 is 11.000000000000002.
 fn rounded_up(x: f64) -> f64 {
     let whole = x.round();
     if (x - whole).abs() <= 1e-9 * x.abs().max(1.0) { whole } else { x.ceil() }
@@ -341,14 +343,14 @@ mod tests {
         }
     }
 
-    /// Studies of 22 people with 10 tasks each. Four fifths of the people always stay inside sets
-    /// of level 0.1; of the others, only a share u of trajectories stays inside sets of level u. So
-    /// sets of level u ≥ 0.1 contain a share 0.8 + 0.2 u of new people's trajectories, and the
-    /// least level for p = 0.9 is 0.5.
+    /// Simulates studies of 22 people with 10 tasks each. Four fifths of the people always stay
+    /// inside sets of level 0.1. For the other people, only a share u of trajectories stays inside
+    /// sets of level u. So sets of level u ≥ 0.1 contain a share 0.8 + 0.2 u of new people's
+    /// trajectories, and the least level for p = 0.9 is 0.5.
     ///
     /// With one trajectory per person, the calibration fails as rarely as stated. With all
-    /// trajectories, as if they were from 200 people, it fails far more often: the result depends
-    /// on whether 2 or 6 people steer differently.
+    /// trajectories, as if they were from 220 people, it fails far more often, because the result
+    /// depends on whether 2 or 6 people steer differently.
     #[test]
     fn a_guarantee_for_new_people_needs_people_as_observations() {
         let mut rng = SeededRng::new(21);
@@ -366,7 +368,7 @@ mod tests {
             }
             for (failed, scores) in failed.iter_mut().zip([one_each, all]) {
                 let level = guarantee.level(&Scores::new(scores).unwrap(), p).unwrap();
-                // Below 0.1 the first group leaves the sets too.
+                // At levels below 0.1, even the first group leaves the sets.
                 *failed += usize::from(level < 0.5);
             }
         }
@@ -387,7 +389,8 @@ mod tests {
         assert!(pac.starts_with("With confidence 0.95") && pac.contains("new people's"), "{pac}");
     }
 
-    /// Settings contain shares in no particular order; the accepted one is rarely wrong.
+    /// The settings contain shares of trajectories in no particular order. The accepted setting is
+    /// rarely wrong.
     #[test]
     fn a_fixed_sequence_is_seldom_wrong() {
         let mut rng = SeededRng::new(12);

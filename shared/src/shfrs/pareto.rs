@@ -1,4 +1,4 @@
-//! Coverage against area of families of predicted sets, on the same windows.
+//! Compares families of predicted sets by coverage and area, on the same windows.
 //!
 //! Levels are calibrated on some trajectories and evaluated on others. The set of a calibrated level
 //! contains a new trajectory with probability ≥ p, on average over trajectories that are exchangeable
@@ -32,11 +32,11 @@ pub enum Compared {
     HoldTheInput,
     /// The most likely action with a bounded disturbance.
     LearnedDisturbance,
-    /// Normal distributions about the held input.
+    /// Normal distributions around a drive with the held input.
     Gaussian,
-    /// Hulls of recorded futures by the most likely action.
+    /// Convex hulls of recorded futures, grouped by the most likely action.
     LikelyAction,
-    /// Hulls of recorded futures by the held input.
+    /// Convex hulls of recorded futures, grouped by the held input.
     HeldInput,
 }
 
@@ -52,8 +52,8 @@ impl Compared {
         Self::HeldInput,
     ];
 
-    /// The family for this `prediction`. Families learned from recorded futures use every window of
-    /// `steps` steps of `training`.
+    /// Creates the family for this `prediction`. Families learned from recorded futures use every
+    /// window of `steps` steps of `training`.
     ///
     /// # Errors
     /// [`Invalid`] if there are too few windows, or the settings do not match the model.
@@ -98,8 +98,8 @@ pub const POINTS: usize = 60;
 
 impl ParetoSettings {
     /// - `targets`: probabilities p in (0, 1) that a set contains a trajectory
-    /// - `confidence`: of the intervals of a coverage, in (0, 1)
-    /// - `choice` and `steps` ≥ 1: the windows, at most one per trajectory
+    /// - `confidence`: confidence of the coverage intervals, in (0, 1)
+    /// - `choice` and `steps` ≥ 1: the windows (at most one per trajectory) and their length
     /// - `points` ≥ 2: maximum number of levels on a curve
     ///
     /// # Errors
@@ -136,21 +136,21 @@ pub struct Pareto {
     pub window_choice: String,
     /// Steps of a window.
     pub steps: usize,
-    /// Number of trajectories with a window for calibration.
+    /// Number of calibration trajectories with a window.
     pub calibration_trajectories: usize,
-    /// Number of trajectories with a window for evaluation.
+    /// Number of test trajectories with a window.
     pub test_trajectories: usize,
     /// Confidence of the intervals.
     pub confidence: f64,
-    /// A row for each family, in the given order, and each target.
+    /// One row for each family (in the given order) and each target.
     pub rows: Vec<ParetoRow>,
-    /// A curve for each family, in the given order.
+    /// One curve for each family, in the given order.
     pub curves: Vec<ParetoCurve>,
 }
 
 impl Pareto {
-    /// The mean area of a row as a share of the worst case's, which is a family too; none if the
-    /// comparison lacks it.
+    /// The mean area of a row as a share of the mean area of the worst-case family. `None` if the
+    /// comparison lacks the worst case.
     #[must_use]
     pub fn share_of_worst_case(&self, row: &ParetoRow) -> Option<f64> {
         let worst = self.rows.iter().find(|of| of.family == WORST_CASE)?;
@@ -167,31 +167,31 @@ impl Pareto {
 /// A family at its calibrated level for a target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParetoRow {
-    /// [`Family::name`].
+    /// The name of the family, [`Family::name`].
     pub family: String,
     /// The target probability p.
     pub target: f64,
-    /// [`Family::level_name`].
+    /// The name of the level, [`Family::level_name`].
     pub level_name: String,
     /// The calibrated level: the ⌈(n + 1)p⌉-th smallest of n calibration scores
     /// ([`Guarantee::Conformal`]).
     pub level: f64,
-    /// Share of the test windows inside the set of that level.
+    /// Share of the test windows inside the set of this level.
     pub coverage: f64,
     /// Lower end of the interval of `coverage` (Clopper and Pearson).
     pub coverage_low: f64,
-    /// Upper end.
+    /// Upper end of this interval.
     pub coverage_high: f64,
-    /// Mean area of the set of that level over the test windows, m².
+    /// Mean area of the set of this level over the test windows (m²).
     pub mean_area_m2: f64,
 }
 
-/// A family at all of its levels, on the test windows.
+/// The coverage and area of a family at all of its levels, on the test windows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParetoCurve {
-    /// [`Family::name`].
+    /// The name of the family, [`Family::name`].
     pub family: String,
-    /// Its points, in order of coverage.
+    /// The points, in ascending order of coverage.
     pub points: Vec<ParetoPoint>,
 }
 
@@ -210,16 +210,16 @@ pub struct ParetoPoint {
     pub level: f64,
     /// Share of the test windows inside the set.
     pub coverage: f64,
-    /// Mean area over the test windows, m².
+    /// Mean area over the test windows (m²).
     pub mean_area_m2: f64,
 }
 
-/// Compares `families`, which were trained on other trajectories. Threads share the families; the
-/// result does not depend on the number of threads.
+/// Compares `families`, which must have been trained on other trajectories. The families are
+/// distributed over threads, but the result does not depend on the number of threads.
 ///
 /// # Errors
-/// [`Invalid`] if no trajectory has such a window, there are too few trajectories for a target (the
-/// error states how many are needed), or a prediction fails.
+/// [`Invalid`] if no calibration or no test trajectory has a window, there are too few trajectories
+/// for a target (the error states how many are needed), or a prediction fails.
 pub fn pareto(
     families: &mut [Box<dyn Family + Send + '_>],
     calibration: &[Trajectory],
@@ -292,7 +292,7 @@ fn judge(
         })
     };
     let rows = settings.targets.iter().map(row).collect::<Result<_, Invalid>>()?;
-    // Among levels that differ only by rounding, the largest represents all.
+    // Of levels that differ only by rounding, only the largest is kept.
     let mut levels: Vec<f64> = scores.sorted().iter().rev().copied().collect();
     levels.dedup_by(|smaller, larger| *larger - *smaller <= 1e-6 * family.most());
     levels.reverse();
@@ -321,7 +321,7 @@ fn mean_area(
     Ok(areas.sum::<Result<f64, Invalid>>()? / windows.len() as f64)
 }
 
-/// At most `most` of the values, evenly spread, with both ends.
+/// At most `most` of the values, evenly spaced in the list and including both ends.
 fn thinned(values: &[f64], most: usize) -> impl Iterator<Item = f64> {
     let count = values.len().min(most);
     let last = values.len() - 1;

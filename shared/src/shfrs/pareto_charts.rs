@@ -1,10 +1,11 @@
-//! Charts of coverage against area: one panel per family, with the others in grey behind it.
+//! Charts of coverage against area: one panel per family, with the curves of the other families in
+//! grey behind it.
 
 use super::pareto::{Pareto, ParetoCurve};
 use crate::chart::{Axis, Chart, Colour, Mark, Pen, Point, Series, colours, fixed};
 
-/// A chart for each family: its curve, in the accent colour for SHFRS, and at each calibrated level
-/// a mark with the interval of the coverage. All charts have the same axes.
+/// One chart for each family. It shows the family's curve (in the accent colour for SHFRS) and, at
+/// each calibrated level, a mark with the interval of the coverage. All charts have the same axes.
 #[must_use]
 pub fn panels(found: &Pareto) -> Vec<Chart> {
     let axes = Axes::around(found);
@@ -75,7 +76,8 @@ impl Axes {
         chart
     }
 
-    /// A staircase: a larger set has the same coverage until it contains another trajectory.
+    /// The curve is a staircase, because a larger set has the same coverage until it contains
+    /// another trajectory.
     fn curve(&self, curve: &ParetoCurve, colour: Colour, opacity: f64, width: f64) -> Series {
         let mut line: Vec<Point> = Vec::new();
         let mut before = self.least_coverage;

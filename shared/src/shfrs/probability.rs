@@ -22,19 +22,19 @@ pub struct Probabilities {
     /// p_F: the probability that a trajectory is inside each set, from the smallest to the largest.
     /// The last one is 1 by construction.
     pub inside: Vec<Estimate>,
-    /// p_S: the probability of each region; they sum to 1.
+    /// p_S: the probability of each region. These probabilities sum to 1.
     pub region: Vec<Estimate>,
     /// Number of windows.
     pub windows: usize,
-    /// Number of trajectories with such windows.
+    /// Number of trajectories with at least one window.
     pub trajectories: usize,
     /// Confidence of the intervals.
     pub confidence: f64,
 }
 
-/// The probabilities. For each window of trajectory i, `first[i]` contains the index, from 0, of
-/// the smallest of `sets` sets that contains it. Intervals are as in [`share`]: trajectories are
-/// independent, windows are not.
+/// Estimates the probabilities. `first[i]` has an entry for each window of trajectory i: the index,
+/// from 0, of the smallest of the `sets` sets that contains the window. The intervals are those of
+/// [`share`], which assumes that trajectories are independent, but not that windows are.
 ///
 /// # Errors
 /// [`Invalid`] if there are no sets or no windows, an index is too large, or `confidence` is not in
@@ -78,10 +78,10 @@ pub fn probabilities(
 }
 
 /// Nested sets with their probabilities on recorded trajectories, and the settings that determine
-/// these.
+/// the sets and the probabilities.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Regions {
-    /// The widening ε of each set's bounds, rad/s.
+    /// The widening ε of each set's bounds (rad/s).
     pub epsilon: Vec<f64>,
     /// The choice of actions, in words.
     pub actions: String,
@@ -91,26 +91,26 @@ pub struct Regions {
     pub steps: usize,
     /// The choice of windows, [`WindowChoice::word`].
     pub window_choice: String,
-    /// Largest distance from the set, m, at which a recorded position counted as inside.
+    /// Largest distance from the set (m) at which a recorded position counted as inside.
     pub tolerance_m: f64,
-    /// Largest difference, rad, at which a recorded heading counted as inside.
+    /// Largest difference (rad) at which a recorded heading counted as inside.
     pub tolerance_rad: f64,
-    /// The probabilities with trajectories as independent observations: for new tasks of the same
-    /// people.
+    /// The probabilities with trajectories as independent observations. They hold for new tasks of
+    /// the same people.
     pub probabilities: Probabilities,
-    /// The same probabilities with people as independent observations: for new people;
-    /// `trajectories` then counts people. None if the drivers are unknown.
+    /// The probabilities with people as independent observations. They hold for new people, and
+    /// their `trajectories` field counts people. `None` if the drivers are unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by_people: Option<Probabilities>,
-    /// Mean area, m², of each set's tube over the windows.
+    /// Mean area of each set's tube over the windows (m²).
     pub mean_area_m2: Vec<f64>,
-    /// These areas as shares of the worst case's, which is that of the last set: it admits every
-    /// turn rate.
+    /// Each mean area as a share of the worst-case area, which is the area of the last set because
+    /// it admits every turn rate.
     pub share_of_worst_case: Vec<f64>,
 }
 
-/// Runs Algorithm 1 at every chosen window of `trajectories` and counts the sets that contain the
-/// recorded future.
+/// Runs Algorithm 1 at the start of every chosen window of `trajectories` and counts the windows
+/// whose recorded future is inside each set.
 ///
 /// # Errors
 /// [`Invalid`] if the last ε does not admit every turn rate, there is no window, `confidence`
@@ -126,7 +126,8 @@ pub fn regions(
     count.regions(choice, prediction.tolerance, settings, confidence)
 }
 
-/// Like [`regions`], for trajectories driven by `person[i]`, from 0; sets [`Regions::by_people`].
+/// Like [`regions`], but also sets [`Regions::by_people`]. Person `person[i]`, counted from 0,
+/// drove trajectory i.
 ///
 /// # Errors
 /// The errors of [`regions`].
@@ -179,8 +180,8 @@ pub fn admits_everything(
     Err(Invalid::new(format!("epsilon[{last}]"), expected, epsilon))
 }
 
-/// Incremental [`regions`], for programs that show progress: the results for each window of each
-/// trajectory.
+/// An incremental version of [`regions`], for programs that show progress. It stores the results
+/// for each window of each trajectory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Count(Vec<Vec<Judged>>);
 
@@ -191,7 +192,7 @@ impl Count {
         Self(vec![Vec::new(); trajectories])
     }
 
-    /// Sets the results for the windows of trajectory `place`, replacing earlier ones.
+    /// Sets the results for the windows of trajectory `place`, and replaces any earlier results.
     ///
     /// # Panics
     /// If `place` is out of range.
@@ -199,7 +200,7 @@ impl Count {
         self.0[place] = judged;
     }
 
-    /// The regions counted so far. The order of trajectories changes no bit of them.
+    /// The regions from all results so far. They are bit-identical in any order of calls of `put`.
     ///
     /// # Errors
     /// [`Invalid`] if nothing was counted, or `confidence` is not in (0, 1).
@@ -246,8 +247,8 @@ pub struct Judged {
     pub(super) area_m2: Vec<f64>,
 }
 
-/// Runs Algorithm 1 at each of `windows`. [`Memory`](super::cache::Memory) does the same for
-/// windows that are evaluated repeatedly.
+/// Runs Algorithm 1 at the start of each window. For windows that are evaluated repeatedly,
+/// [`Memory`](super::cache::Memory) gives the same results from a cache.
 ///
 /// # Errors
 /// [`Invalid`] if the prediction fails.
@@ -266,8 +267,8 @@ pub fn judge(
     windows.iter().map(judge).collect()
 }
 
-/// The index of the smallest of `sets` sets that contains a trajectory; `holds` tests a set. The
-/// sets are nested, and the last one contains every trajectory.
+/// The index of the smallest of `sets` nested sets that contains a trajectory. `holds(j)` tests set
+/// j. The last set contains every trajectory and is not tested.
 pub(super) fn first_inside(
     sets: usize,
     mut holds: impl FnMut(usize) -> Result<bool, Invalid>,
@@ -283,7 +284,7 @@ pub(super) fn first_inside(
 /// Whether a window's trajectory is inside the reachable set under `bounds` at every step.
 ///
 /// # Errors
-/// [`Invalid`] if the window has another number of steps, or a parameter is invalid.
+/// [`Invalid`] if the window's number of steps is not that of `bounds`, or a parameter is invalid.
 pub(super) fn holds(
     bounds: &InputBounds,
     window: &Window<'_>,
@@ -311,11 +312,11 @@ mod tests {
     use crate::shfrs::testing::{Always, drive};
     use crate::stats::clopper_pearson;
 
-    /// Studies of 8 people with 50 tasks each. Tasks of four fifths of the people stay inside with
-    /// probability 0.97, those of the others with 0.3: for new people, a share 0.8 · 0.97 + 0.2 ·
-    /// 0.3 = 0.836 stays inside. The interval with people as observations covers it as often as
-    /// stated; with tasks as observations, as if they were from 400 people, it misses more often
-    /// than not.
+    /// Simulates studies of 8 people with 50 tasks each. For four fifths of the people, a task
+    /// stays inside with probability 0.97; for the others, with probability 0.3. So for new people,
+    /// the probability is 0.8 · 0.97 + 0.2 · 0.3 = 0.836. The interval with people as observations
+    /// covers this probability as often as stated. The interval with tasks as observations, as if
+    /// the tasks were from 400 people, misses it more often than not.
     #[test]
     fn intervals_for_new_people_need_people_as_observations() {
         let mut rng = SeededRng::new(12);
@@ -391,7 +392,7 @@ mod tests {
         assert_eq!((found.steps, found.window_choice.as_str()), (3, "avoidance_onset"));
         assert!(found.mean_area_m2.is_sorted() && found.mean_area_m2[0].abs() < 1e-6);
         assert!((found.mean_area_m2[2] - 4.0 / 6.0 * 0.6 * 0.6 * 0.6).abs() < 1e-9);
-        // Two people with two drives each: the same shares, and wider intervals.
+        // Two people with two drives each give the same shares and wider intervals.
         let onset = WindowChoice::AvoidanceOnset;
         let both =
             regions_of_people(&drives, &[0, 1, 1, 0], onset, prediction, &settings, 0.9).unwrap();
@@ -405,7 +406,7 @@ mod tests {
         }
         assert!(by_people.inside[0].low < found.probabilities.inside[0].low);
         assert_eq!(found.share_of_worst_case[2], 1.0);
-        // There is one worst case: the last set has the reference area of other results.
+        // The area of the last set is the worst-case area to which other results refer.
         let worst = crate::shfrs::baselines::worst_case_area_m2(&parameters, 3).unwrap();
         assert!((found.mean_area_m2[2] - worst).abs() < 1e-12);
         let settings = prediction
@@ -416,7 +417,7 @@ mod tests {
         assert_eq!(many.probabilities.inside[0].value, 5.0 / 8.0);
     }
 
-    /// Trajectory by trajectory, in any order, the bits are the same.
+    /// A count filled trajectory by trajectory, in any order, is bit-identical to [`regions`].
     #[test]
     fn a_count_ends_where_all_at_once_ends() {
         let mut rng = SeededRng::new(9);

@@ -1,4 +1,4 @@
-//! Draws the sets of known bounds again.
+//! Draws sets again from their known bounds.
 
 use super::{NestedSet, Shfrs, ShfrsSettings};
 use crate::bounds::InputBounds;
@@ -8,11 +8,12 @@ use crate::vehicle::Pose;
 use core::ops::ControlFlow;
 
 impl Shfrs {
-    /// The sets of a human at `start` under `bounds`, one per ε of the settings, drawn as a
-    /// prediction with these bounds would draw them.
+    /// The sets of a human at `start` under `bounds`, which has one entry per ε of the settings.
+    /// The sets are drawn exactly as by a prediction with these bounds.
     ///
     /// # Errors
-    /// [`Invalid`] for another number of bounds, and the errors of [`ReachableSet::new`].
+    /// [`Invalid`] if the number of bounds is not the number of ε, and the errors of
+    /// [`ReachableSet::new`].
     pub fn redrawn(
         start: Pose,
         bounds: &[InputBounds],

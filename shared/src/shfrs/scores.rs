@@ -10,8 +10,8 @@ use crate::invalid::Invalid;
 /// Prefix of the names of these families.
 pub(super) const SHFRS: &str = "SHFRS";
 
-/// The sets F(ε) for one choice of actions, with `base` roll-outs. The level is ε, rad/s; the largest
-/// level is the range of the turn rate, at which F contains every trajectory.
+/// The sets F(ε) for one choice of actions, with `base` roll-outs. The level is ε (rad/s). The
+/// largest level is the range of the turn rate; its set contains every trajectory.
 pub struct ShfrsFamily<'a, M> {
     prediction: Prediction<'a, M>,
     base: BoundsSettings,
@@ -26,10 +26,10 @@ impl<'a, M: ActionModel> ShfrsFamily<'a, M> {
         Ok(Self { prediction, base: prediction.settings(vec![0.0], choice, Rollout::Base)? })
     }
 
-    /// The bounds before widening, rad/s, of each step of a window.
+    /// The bounds (rad/s) of each step of a window, before widening.
     ///
     /// # Errors
-    /// [`Invalid`] if the window has another number of steps, or Algorithm 1 fails.
+    /// [`Invalid`] if the window does not have the family's number of steps, or Algorithm 1 fails.
     pub fn base_bounds(&self, window: &Window<'_>) -> Result<Vec<(f64, f64)>, Invalid> {
         same_steps(window, self.base.steps())?;
         Ok(self.prediction.bounds(window.history(), &self.base)?.raw)
@@ -56,12 +56,12 @@ impl<M: ActionModel> Family for ShfrsFamily<'_, M> {
     }
 }
 
-/// The scores of independent trajectories, one each, ascending. Never empty.
+/// The scores of independent trajectories, one score per trajectory, ascending. Never empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scores(Vec<f64>);
 
 impl Scores {
-    /// Scores in any order; all must be finite and ≥ 0.
+    /// Sorts `scores`, which may be in any order. All must be finite and ≥ 0.
     ///
     /// # Errors
     /// [`Invalid`] if the list is empty, or a score is negative or not finite.
@@ -107,7 +107,7 @@ impl Scores {
         &self.0
     }
 
-    /// The `rank`-th smallest score, from 1 to n.
+    /// The `rank`-th smallest score, for a rank from 1 to n.
     ///
     /// # Panics
     /// For any other rank.

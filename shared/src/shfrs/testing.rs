@@ -19,12 +19,12 @@ impl ActionModel for Always {
     }
 }
 
-/// A drive at 2 m/s, with each of these turn rates for 0.2 s, far from a robot.
+/// A drive at 2 m/s that holds each of these turn rates (rad/s) for 0.2 s, far from a robot.
 pub(super) fn drive(rates: &[f64]) -> Trajectory {
     drive_told(rates, rates)
 }
 
-/// A drive under `rates` with recorded turn rates `told`.
+/// A drive with the turn rates `rates`, whose recording states the turn rates `told`.
 pub(super) fn drive_told(rates: &[f64], told: &[f64]) -> Trajectory {
     trajectory(Pose::new(-40.0, 0.0, 3.0), rates, told)
 }

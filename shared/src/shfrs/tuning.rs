@@ -21,24 +21,24 @@ use crate::stats::{Estimate, Tally, open_probability, share};
 use least_area::{least_area, ranks};
 use serde::{Deserialize, Serialize};
 
-/// The shares of a split of trajectories. The remainder is for testing.
+/// The shares of a split of trajectories. The remaining trajectories are for testing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
     /// Share for training, in (0, 1).
     pub training: f64,
-    /// Share for calibration, in (0, 1); at most 1 together with `training`.
+    /// Share for calibration, in (0, 1). The sum with `training` is at most 1.
     pub calibration: f64,
     /// Seed of the random split.
     pub seed: u64,
 }
 
 impl Split {
-    /// The default, also for the command line and the laboratory: 40 % training, 30 % calibration,
-    /// 30 % test.
+    /// The default split, also on the command line and in the laboratory: 40 % training, 30 %
+    /// calibration, 30 % test.
     pub const USUAL: Self = Self { training: 0.4, calibration: 0.3, seed: 0 };
 }
 
-/// Separates the seed of people's trajectories from that of the people.
+/// Changes the seed, so that people and their trajectories are drawn with different random numbers.
 const ONE_EACH: u64 = 0x6f6e_655f_6561_6368;
 
 impl Default for Split {
@@ -48,7 +48,7 @@ impl Default for Split {
     }
 }
 
-/// A random split, as indices.
+/// A random split, as indices of trajectories.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Parts {
     /// For the choice of actions.
@@ -74,7 +74,7 @@ impl Parts {
     /// The trajectories of each part.
     ///
     /// # Panics
-    /// If there are fewer trajectories than in the split.
+    /// If an index of the split is out of range.
     #[must_use]
     pub fn sample(&self, trajectories: &[Trajectory]) -> Sample {
         let pick = |part: &[usize]| part.iter().map(|&i| trajectories[i].clone()).collect();
@@ -87,7 +87,7 @@ impl Parts {
 }
 
 impl Split {
-    /// Splits 0 … `n` − 1; shares are rounded to whole trajectories.
+    /// Splits the indices 0 … `n` − 1. Shares are rounded to whole trajectories.
     ///
     /// # Errors
     /// [`Invalid`] if a share is not in (0, 1), or their sum exceeds 1.
@@ -106,9 +106,9 @@ impl Split {
         Ok(Parts { training, calibration, test })
     }
 
-    /// Splits trajectories so that each person is in only one part; `person[i]`, from 0, drove
-    /// trajectory i, and shares are of the people. The training part has every trajectory of its
-    /// people, the other parts have a random one of each person ([`Unit::People`]).
+    /// Splits trajectories so that each person is in only one part. Person `person[i]`, from 0,
+    /// drove trajectory i. Shares are shares of people. The training part has every trajectory of
+    /// its people; the other parts have one random trajectory of each person ([`Unit::People`]).
     ///
     /// # Errors
     /// The errors of [`Self::parts`].
@@ -130,7 +130,7 @@ impl Split {
     }
 }
 
-/// The aim of tuning.
+/// The aim and the settings of tuning.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct TuningSettings {
@@ -138,9 +138,9 @@ pub struct TuningSettings {
     pub p: f64,
     /// The kind of guarantee.
     pub guarantee: Guarantee,
-    /// The window of each trajectory; at most one.
+    /// The choice of windows, with at most one window per trajectory.
     pub windows: WindowChoice,
-    /// The candidates, all with the same number of steps; by default [`candidates`].
+    /// The candidates, all with the same number of steps; [`candidates`] returns the default ones.
     pub candidates: Vec<ActionChoice>,
     /// Confidence of the interval of the measured coverage, in (0, 1).
     pub confidence: f64,
@@ -149,7 +149,7 @@ pub struct TuningSettings {
 }
 
 impl TuningSettings {
-    /// One random window of each trajectory (seed 0), and intervals of 95 %.
+    /// Settings with one random window per trajectory (seed 0), and intervals of 95 % confidence.
     #[must_use]
     pub fn new(p: f64, guarantee: Guarantee, candidates: Vec<ActionChoice>) -> Self {
         let windows = WindowChoice::RandomOne { seed: 0 };
@@ -157,13 +157,13 @@ impl TuningSettings {
         Self { p, guarantee, windows, candidates, confidence: 0.95, unit }
     }
 
-    /// Sets [`Self::windows`], the window of each trajectory.
+    /// Sets [`Self::windows`], the choice of windows.
     #[must_use]
     pub fn with_windows(self, windows: WindowChoice) -> Self {
         Self { windows, ..self }
     }
 
-    /// Sets [`Self::unit`]: [`Unit::People`] for a sample of [`Split::parts_of_people`].
+    /// Sets [`Self::unit`]. Use [`Unit::People`] for a sample from [`Split::parts_of_people`].
     #[must_use]
     pub fn with_unit(self, unit: Unit) -> Self {
         Self { unit, ..self }
@@ -176,14 +176,14 @@ impl TuningSettings {
     }
 }
 
-/// Probabilities τ of the adaptive candidates. A finer grid overfits the training part: with steps
-/// of 0.01, the calibrated tubes become larger, not smaller.
+/// Thresholds τ of the adaptive candidates. A finer grid overfits the training part: with steps of
+/// 0.01, the calibrated tubes become larger, not smaller.
 const TAUS: [f64; 14] =
     [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
 
-/// The default candidates: adaptive sets with τ from 0.005 to 0.5, and every schedule of k that
-/// includes all `actions` in the first a steps, half of them (rounded up) until step b, then 1 (for
-/// three actions: 3, 2, 1).
+/// The default candidates: adaptive choices with τ from 0.005 to 0.5, and schedules of k. A
+/// schedule includes all `actions` until step a, half of them (rounded up) until step b, and then
+/// one (for three actions: 3, 2, 1). There is a schedule for all a ≤ b.
 #[must_use]
 pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
     let mut found: Vec<ActionChoice> =
@@ -215,13 +215,13 @@ pub struct Tuned {
     /// The choice of actions.
     #[serde(serialize_with = "in_words")]
     pub choice: ActionChoice,
-    /// ε_1, rad/s.
+    /// ε_1 (rad/s).
     pub epsilon: f64,
     /// `base` or `paper` roll-outs.
     pub rollout: String,
     /// The target probability, p.
     pub p: f64,
-    /// [`Guarantee::word`].
+    /// The kind of guarantee, [`Guarantee::word`].
     pub guarantee: String,
     /// The guarantee in words, with its scope and the number of trajectories.
     pub statement: String,
@@ -243,15 +243,15 @@ pub struct Tuned {
     pub coverage: Estimate,
     /// Confidence of that interval.
     pub confidence: f64,
-    /// Mean area of the tube of F_1, m², over the test part, or over the calibration part if there is
-    /// no test part.
+    /// Mean area (m²) of the tube of F_1 over the test part, or over the calibration part if there
+    /// is no test part.
     pub mean_area_m2: f64,
-    /// That area as a share of the worst case's, which contains everything that the vehicle can
-    /// reach. Near 1, the guarantee says no more than the vehicle model.
+    /// This mean area as a share of the worst-case area, which contains everything that the vehicle
+    /// can reach. If the share is near 1, the guarantee says no more than the vehicle model.
     pub share_of_worst_case: f64,
-    /// Largest distance from the set, m, at which a recorded position counted as inside.
+    /// Largest distance from the set (m) at which a recorded position counted as inside.
     pub tolerance_m: f64,
-    /// Largest difference, rad, at which a recorded heading counted as inside.
+    /// Largest difference (rad) at which a recorded heading counted as inside.
     pub tolerance_rad: f64,
 }
 
@@ -273,7 +273,7 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
 /// use sidestep::shfrs::window::Trajectory;
 /// use sidestep::synthetic::{Keys, SyntheticParticipant};
 ///
-/// struct Straight; // somebody who is expected to drive straight on
+/// struct Straight; // a person who is expected to drive straight on
 /// impl ActionModel for Straight {
 ///     fn actions(&self) -> &[f64] {
 ///         &[-0.5, 0.0, 0.5] // rad/s
@@ -385,10 +385,10 @@ pub fn tune_watched(
     })
 }
 
-/// From this share of the worst case on, a set says next to nothing.
+/// If a set's share of the worst-case area is at least this, the set says next to nothing.
 const SAYS_NOTHING: f64 = 0.95;
 
-/// A warning if the set is hardly smaller than the worst case's; otherwise empty.
+/// A warning if the set is hardly smaller than the worst-case set; otherwise an empty string.
 fn beside_worst_case(share: f64) -> String {
     if share < SAYS_NOTHING {
         return String::new();
@@ -400,14 +400,14 @@ fn beside_worst_case(share: f64) -> String {
     )
 }
 
-/// The share of trajectories that stay inside, with one window each.
+/// The share of trajectories that stay inside, with one window per trajectory.
 fn share_of_one(Tally { hits, of }: Tally, confidence: f64) -> Result<Estimate, Invalid> {
     let tallies: Vec<Tally> =
         (0..of).map(|i| Tally { hits: usize::from(i < hits), of: 1 }).collect();
     share(&tallies, confidence)
 }
 
-/// Checks the settings, and those of Algorithm 1 of every candidate.
+/// Checks the settings. Returns the settings of Algorithm 1 for each candidate.
 fn families(
     prediction: &Prediction<'_, impl ActionModel>,
     settings: &TuningSettings,
@@ -472,7 +472,7 @@ mod tests {
             assert_eq!(everybody, (0..10).collect::<Vec<_>>());
             let alone = [who(&calibration), who(&test)].concat();
             assert!(alone.iter().all(|person| !who(&training).contains(person)));
-            // All of their trajectories are for training.
+            // All trajectories of the people for training are in the training part.
             let trains = |i: &usize| who(&training).contains(&people[*i]);
             assert_eq!((0..people.len()).filter(trains).count(), training.len());
         }

@@ -1,4 +1,5 @@
-//! Bounds widened by ε: the least ε for a recorded window, and the area of the reachable set.
+//! Bounds widened by ε: the least ε that a recorded window needs, and the area of the reachable
+//! set.
 
 use super::window::Window;
 use super::window_sets::same_steps;
@@ -10,10 +11,11 @@ use crate::reach::{Membership, PolygonSettings, ReachableSet, Tolerance};
 use crate::scene::SceneParameters;
 use crate::vehicle::Pose;
 
-/// Scores exceed the true least widening by at most this, rad/s.
+/// Scores exceed the exact least widening by at most this (rad/s).
 pub const RESOLUTION_RADPS: f64 = 1e-4;
 
-/// The bounds of each step, rad/s, lowered and raised by `epsilon` ≥ 0 within `turn_rate`.
+/// The bounds of each step (rad/s), widened by `epsilon` ≥ 0 on both sides and clamped to
+/// `turn_rate`.
 ///
 /// # Errors
 /// [`Invalid`] if there are no steps, a bound is outside `turn_rate`, or a lower bound exceeds its
@@ -28,15 +30,15 @@ pub fn widened(
     InputBounds::new(lo, hi, turn_rate)
 }
 
-/// The least widening of `base`, rad/s, under which a window's trajectory is inside at every step, to
-/// [`RESOLUTION_RADPS`] from above.
+/// The least widening of `base` (rad/s) with which a window's trajectory is inside the reachable
+/// set at every step. The result is at most [`RESOLUTION_RADPS`] above the exact value.
 ///
 /// The state after a step is inside if the recorded turn rates up to that step satisfy the bounds,
 /// or if it is certainly in the reachable set, within `tolerance`. A set that admits every turn
 /// rate contains every trajectory by definition, so a least widening always exists.
 ///
 /// # Errors
-/// [`Invalid`] if `base` and window differ in length, or `base` is not valid bounds.
+/// [`Invalid`] if `base` and the window differ in length, or `base` are not valid bounds.
 pub fn least_widening(
     base: &[(f64, f64)],
     window: &Window<'_>,
@@ -47,7 +49,7 @@ pub fn least_widening(
     let by_inputs = enough_by_inputs(base, window, range)?;
     let start = window.now().human;
     let mut least = 0.0;
-    // Later states need the most widening, so the earlier states then need few tests.
+    // Later states need the most widening. If they are tested first, earlier states need few tests.
     for step in (1..=base.len()).rev() {
         let enough = by_inputs[step - 1];
         if enough <= least {
@@ -68,8 +70,8 @@ pub fn least_widening(
     Ok(least)
 }
 
-/// An interval that contains [`least_widening`], from turn rates and headings alone, at a few per
-/// cent of the cost.
+/// An interval that contains the result of [`least_widening`], from turn rates and headings alone,
+/// at a few per cent of the cost.
 ///
 /// # Errors
 /// The errors of [`least_widening`].
@@ -94,9 +96,9 @@ pub fn widening_between(
     Ok((least, by_inputs.last().copied().unwrap_or(0.0)))
 }
 
-/// For each step, the least widening for which the state after the step is certainly inside,
-/// because of the recorded turn rates or because every turn rate is admitted. These widenings never
-/// decrease.
+/// For each step, the least widening with which the state after the step is certainly inside,
+/// because the widened bounds admit either the recorded turn rates up to this step or every turn
+/// rate. These widenings never decrease from step to step.
 fn enough_by_inputs(
     base: &[(f64, f64)],
     window: &Window<'_>,
@@ -114,8 +116,9 @@ fn enough_by_inputs(
     Ok(held.collect())
 }
 
-/// A lower bound, in an interval of widenings, on the widening with which the heading can change by
-/// `turned`, rad. It is the interval's start if turns may exceed a full circle.
+/// A lower bound, in the interval `within`, on the widening with which the heading can change by
+/// `turned` (rad). The heading is known only modulo 2π, so bounds that let it change by π or more
+/// to one side always pass the test.
 fn needed_by_heading(
     base: &[(f64, f64)],
     turned: f64,
@@ -137,9 +140,10 @@ fn needed_by_heading(
     first_true(within, |epsilon| Ok(admitted(epsilon))).map_or(within.0, |(below, _)| below)
 }
 
-/// Where a monotone predicate becomes true: an interval, no longer than [`RESOLUTION_RADPS`], from
-/// a value at which it is false to one at which it is true. It is assumed to be true at the upper
-/// end of `within`. If it is true at the lower end, both ends are that end.
+/// Bisection for the value at which a monotone predicate becomes true. Returns an interval, no
+/// longer than [`RESOLUTION_RADPS`], from a value at which it is false to a value at which it is
+/// true. It is assumed to be true at the upper end of `within`. If it is true at the lower end,
+/// both ends of the result are this lower end.
 fn first_true(
     within: (f64, f64),
     holds: impl Fn(f64) -> Result<bool, Invalid>,
@@ -159,7 +163,7 @@ fn first_true(
     Ok((no, yes))
 }
 
-/// Area, m², of all positions within the steps of `bounds`.
+/// Area (m²) of all positions that are reachable within the steps of `bounds`.
 ///
 /// If straight driving is always admissible and headings differ by at most π, the area is
 /// Σ c_i (hi_i − lo_i) with c_i = (v²/6)((T − t_i)³ − (T − t_{i+1})³), T and t in seconds. Otherwise it
@@ -243,7 +247,7 @@ mod tests {
         assert!(opposite > 0.9 && opposite <= 1.0, "{opposite}");
     }
 
-    /// An impossible drive for this vehicle is inside only the full set.
+    /// A drive that is impossible for this vehicle is inside only the full set.
     #[test]
     fn impossible_drives_need_everything() {
         let drive = drive(&[1.5; 4]);

@@ -20,8 +20,8 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// `states[i]` is the joint state before step i, and the last one is the state after the last
-    /// step; `turn_rates[i]`, rad/s, is the human's turn rate in step i.
+    /// `states[i]` is the joint state before step i, and the last entry is the state after the last
+    /// step. `turn_rates[i]` is the human's turn rate in step i (rad/s).
     ///
     /// # Errors
     /// [`Invalid`] if there are no steps, lengths do not match, or a number is not finite.
@@ -39,7 +39,7 @@ impl Trajectory {
         Ok(Self { states, turn_rates })
     }
 
-    /// The trajectory of a human who held these inputs, with the vehicles of `scene`.
+    /// The trajectory of a human who held `inputs[i]` in step i, with the vehicles of `scene`.
     ///
     /// # Errors
     /// The errors of [`Self::new`].
@@ -61,8 +61,8 @@ impl Trajectory {
             .map_err(|what| Fault { line: trial.line, what })
     }
 
-    /// Accepts trajectories that the human's vehicle of `scene` can have driven with these turn
-    /// rates; a calibration guarantees nothing about others. The robot's path may be arbitrary.
+    /// Checks that the human's vehicle of `scene` can have driven the trajectory with these turn
+    /// rates. A calibration guarantees nothing about others. The robot's path may be arbitrary.
     ///
     /// # Errors
     /// The errors of [`plausibility::check_drive`].
@@ -76,20 +76,20 @@ impl Trajectory {
         self.turn_rates.len()
     }
 
-    /// The joint states, one more than steps.
+    /// The joint states. There is one more state than steps.
     #[must_use]
     pub fn states(&self) -> &[JointState] {
         &self.states
     }
 
-    /// The human's turn rate in each step, rad/s.
+    /// The human's turn rate in each step (rad/s).
     #[must_use]
     pub fn turn_rates(&self) -> &[f64] {
         &self.turn_rates
     }
 
-    /// Mixes the seed with every bit of the trajectory: equal trajectories give equal seeds, and
-    /// any difference gives an effectively random one.
+    /// A seed that depends on `seed` and on every bit of the trajectory. Equal trajectories give
+    /// equal seeds, and any difference gives an effectively random seed.
     fn mixed_with(&self, seed: u64) -> u64 {
         let poses = self.states.iter().flat_map(|state| [state.human, state.robot]);
         let numbers = poses.flat_map(<[f64; 3]>::from).chain(self.turn_rates.iter().copied());
@@ -112,7 +112,7 @@ fn mixed(bits: u64) -> u64 {
     bits ^ (bits >> 31)
 }
 
-/// `steps` steps of a trajectory from `begin` on.
+/// A window: `steps` steps of a trajectory, from step `begin` on.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
     trajectory: &'a Trajectory,
@@ -121,7 +121,7 @@ pub struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    /// The window from `begin`, if enough steps are left.
+    /// The window from step `begin` on. Returns `None` if `steps` is 0 or too few steps are left.
     #[must_use]
     pub fn new(trajectory: &'a Trajectory, begin: usize, steps: usize) -> Option<Self> {
         let fits = steps > 0 && begin + steps <= trajectory.steps();
@@ -140,13 +140,13 @@ impl<'a> Window<'a> {
         self.begin
     }
 
-    /// The joint states up to the current one, which a prediction may use.
+    /// The joint states up to and including the current one. A prediction may use only these.
     #[must_use]
     pub fn history(&self) -> &'a [JointState] {
         &self.trajectory.states[..=self.begin]
     }
 
-    /// The human's turn rates up to now, rad/s.
+    /// The human's turn rates up to now (rad/s).
     #[must_use]
     pub fn past_turn_rates(&self) -> &'a [f64] {
         &self.trajectory.turn_rates[..self.begin]
@@ -158,37 +158,37 @@ impl<'a> Window<'a> {
         self.trajectory.states[self.begin]
     }
 
-    /// The future: the joint states after each step.
+    /// The future: the joint state after each step of the window.
     #[must_use]
     pub fn future(&self) -> &'a [JointState] {
         &self.trajectory.states[self.begin + 1..=self.begin + self.steps]
     }
 
-    /// The human's future turn rates, rad/s.
+    /// The human's turn rate in each step of the window (rad/s).
     #[must_use]
     pub fn turn_rates(&self) -> &'a [f64] {
         &self.trajectory.turn_rates[self.begin..self.begin + self.steps]
     }
 }
 
-/// The choice of windows.
+/// The rule that selects the windows of a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WindowChoice {
-    /// From every step with enough steps left: several per trajectory.
+    /// A window from every step with enough steps left, so several per trajectory.
     EveryStep,
-    /// One per trajectory, from a random step.
+    /// One window per trajectory, from a random step.
     RandomOne {
         /// Seed of the random steps.
         seed: u64,
     },
-    /// One per trajectory, from the first step in which the human turns. Trajectories without a
-    /// turn, or with too few steps left, have none.
+    /// One window per trajectory, from the first step in which the human turns. Trajectories
+    /// without a turn, or with too few steps left from there, have no window.
     AvoidanceOnset,
 }
 
 impl WindowChoice {
-    /// Its name in results.
+    /// The name of this choice in results.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -204,9 +204,9 @@ impl WindowChoice {
         self != Self::EveryStep
     }
 
-    /// The windows of `steps` ≥ 1 steps, one list per trajectory. A trajectory's random window
-    /// depends only on the seed and on the bits of the trajectory, not on its index in a list,
-    /// which would give the same steps to calibration and test.
+    /// The windows of `steps` ≥ 1 steps, one list per trajectory. A random window depends only on
+    /// the seed and on the bits of its trajectory. It does not depend on the trajectory's index in
+    /// a list, which would give the same steps to calibration and test trajectories.
     #[must_use]
     pub fn windows(self, trajectories: &[Trajectory], steps: usize) -> Vec<Vec<Window<'_>>> {
         let of = |trajectory| {
@@ -258,7 +258,7 @@ mod tests {
         }
     }
 
-    /// Two parts of a split have different steps, and a trajectory keeps its step in any list.
+    /// Two parts of a split have different steps. A trajectory has the same step in any list.
     #[test]
     fn random_steps_belong_to_trajectories_and_not_to_places() {
         let drives: Vec<Trajectory> = (0..400)
@@ -270,10 +270,12 @@ mod tests {
         };
         let (all, later) = (begins(&drives), begins(&drives[200..]));
         assert_eq!(all[200..], later);
-        // Of 200 pairs of 41 steps, about 5 agree by chance; selection by index would make it 200.
+        // With 41 possible steps, about 5 of 200 pairs agree by chance. If the index selected the
+        // step, all 200 pairs would agree.
         let same = all.iter().zip(&later).filter(|(a, b)| a == b).count();
         assert!(same < 15, "{same}");
-        // As uniform as dice: χ² of 41 steps and 400 drives has mean 40 and standard deviation 9.
+        // The steps are uniformly distributed: χ² of 41 steps and 400 drives has mean 40 and
+        // standard deviation 9.
         let expected = 400.0 / 41.0;
         let counts = (0..41).map(|step| all.iter().filter(|begin| **begin == step).count());
         let chi: f64 =

@@ -14,7 +14,7 @@ pub struct Prediction<'a, M> {
     pub parameters: &'a SceneParameters,
     /// The probability of each action of the human.
     pub model: &'a M,
-    /// The robot's turn rate, rad/s, given the states so far (getRobotAction).
+    /// The robot's turn rate (rad/s), given the states so far (getRobotAction).
     pub robot_action: &'a (dyn Fn(&[JointState]) -> f64 + Sync),
     /// Largest distance from a set at which a recorded state counts as inside.
     pub tolerance: Tolerance,
@@ -34,14 +34,14 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
         Self { parameters, model, robot_action: &|_| 0.0, tolerance: Tolerance::default() }
     }
 
-    /// Lowest and highest turn rate of the human, rad/s.
+    /// Lowest and highest turn rate of the human (rad/s).
     #[must_use]
     pub fn turn_rate(&self) -> (f64, f64) {
         self.parameters.human.turn_range()
     }
 
-    /// Difference between the highest and the lowest turn rate, rad/s. Bounds widened by this admit
-    /// every turn rate.
+    /// Difference between the highest and the lowest turn rate (rad/s). Bounds widened by this
+    /// difference admit every turn rate.
     #[must_use]
     pub fn full_range(&self) -> f64 {
         2.0 * self.parameters.human.turn_rate_radps
@@ -66,7 +66,7 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
         BoundsSettings::new(epsilon, choice.clone(), rollout, self.actions())
     }
 
-    /// Runs Algorithm 1 for the states in `history`, the current one last.
+    /// Runs Algorithm 1 for the states in `history`, the last of which is the current one.
     ///
     /// # Errors
     /// The errors of [`input_bounds`].
@@ -79,7 +79,7 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
     }
 }
 
-/// Accepts a window with the prediction's number of steps.
+/// Accepts a window of `steps` steps.
 ///
 /// # Errors
 /// [`Invalid`] for any other window.

@@ -7,7 +7,7 @@ use core::ops::Range;
 
 /// The bins of each row.
 pub(super) struct Bins {
-    /// Rows × columns: the index of the bin, over all columns.
+    /// Rows × columns: the index of the bin, counted over the bins of all columns.
     cells: Vec<u32>,
     /// First bin of each column, and the total number of bins.
     begins: Vec<usize>,
@@ -73,8 +73,8 @@ impl Bins {
         &self.cells[row * width..(row + 1) * width]
     }
 
-    /// The feature's threshold between two bins with only empty bins in between: after the middle
-    /// bin.
+    /// The feature's threshold between two bins, if all bins between them are empty. It is the
+    /// threshold after the middle bin.
     pub(super) fn threshold(&self, column: usize, last: usize, next: usize) -> f64 {
         self.edges[column][(last + next) / 2]
     }
@@ -100,7 +100,7 @@ mod tests {
     fn many_values_share_bins_equally() {
         let values: Vec<f64> = (0..100).map(f64::from).collect();
         assert_eq!(bins(&values, 4), [24.5, 49.5, 74.5]);
-        // A value that would fill several bins takes one.
+        // A value that is frequent enough to fill several bins takes only one.
         let values: Vec<f64> = (0..100).map(|i| f64::from((i - 60).max(0))).collect();
         assert_eq!(bins(&values, 4), [0.5, 14.5]);
     }

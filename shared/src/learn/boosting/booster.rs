@@ -18,7 +18,7 @@ pub(super) struct Booster<'a> {
     rate: f64,
     intercepts: Vec<f64>,
     trees: Vec<Summand>,
-    /// Rows × scores, and the corresponding probabilities.
+    /// Scores of all rows (rows × scores), and the corresponding probabilities.
     scores: Vec<f64>,
     shares: Vec<f64>,
     newton: Newton,
@@ -61,7 +61,7 @@ impl<'a> Booster<'a> {
         Boosted::new(self.intercepts, self.trees)
     }
 
-    /// Adds a tree to each score.
+    /// Adds a tree for each score. Returns the new trees.
     pub(super) fn round(&mut self) -> &[Summand] {
         let outputs = self.intercepts.len();
         self.shares.copy_from_slice(&self.scores);
@@ -89,8 +89,8 @@ impl<'a> Booster<'a> {
         &self.trees[begin..]
     }
 
-    /// A tree of Newton steps, multiplied by the rate, on unbinned features. Records each row's
-    /// leaf.
+    /// Grows a tree of Newton steps, multiplied by the rate, with thresholds for unbinned features.
+    /// Records each row's leaf.
     fn tree(&mut self) -> Summand {
         let grown = self.grower.grow(&self.bins, &self.newton, &mut self.leaf_of);
         let value = |(node, sums): (&Node, Sums)| match node.is_leaf() {
@@ -102,7 +102,8 @@ impl<'a> Booster<'a> {
     }
 }
 
-/// Logarithms of (n_c + 1) / (n + K); for two classes, the second's minus the first's.
+/// The initial scores: the logarithms of (n_c + 1) / (n + K). Two classes have a single score, the
+/// second logarithm minus the first.
 fn first_scores(counts: &[usize]) -> Vec<f64> {
     let whole = (counts.iter().sum::<usize>() + counts.len()) as f64;
     let logs: Vec<f64> = counts.iter().map(|&n| ln((n + 1) as f64 / whole)).collect();
@@ -112,8 +113,8 @@ fn first_scores(counts: &[usize]) -> Vec<f64> {
     }
 }
 
-/// Converts scores to probabilities; returns the logarithm of the sum of all e^score. A single
-/// score is the second of two classes'.
+/// Converts scores to probabilities. Returns the logarithm of the sum of all e^score. A single
+/// score belongs to the second of two classes; the score of the first class is then 0.
 pub(super) fn to_shares(scores: &mut [f64]) -> f64 {
     let two = scores.len() == 1;
     let top = scores.iter().copied().fold(if two { 0.0 } else { f64::NEG_INFINITY }, f64::max);

@@ -1,10 +1,11 @@
 //! Grows the trees of boosting from histograms.
 //!
-//! A node's histogram has, for each bin of each column, the sums of its rows' gradients and
-//! Hessians and their number. All splits are evaluated on it. Of two children, only the smaller
-//! one's rows are summed; the other's sums are the differences from the parent's. Sums are
-//! integers, so both ways give the same result. Ties are broken as in [`tree`](super::super::tree):
-//! by the lowest column index, then by the lowest threshold.
+//! A node's histogram has, for each bin of each column, the sums of the gradients and Hessians of
+//! the bin's rows, and the number of these rows. All splits are evaluated on the histogram. Of two
+//! children, only the rows of the smaller child are summed. The larger child's histogram is the
+//! difference from the parent's histogram. Sums are integers, so both ways give the same result.
+//! Ties are broken as in [`tree`](super::super::tree): by the lowest column index, then by the
+//! lowest threshold.
 
 use super::bins::Bins;
 use super::newton::{Newton, Sums};
@@ -44,7 +45,7 @@ impl SubAssign for Bin {
     }
 }
 
-/// A split: rows in a bin of `column` up to `last` go left.
+/// A split. Rows whose bin of `column` is at most `last` go left.
 #[derive(Clone, Copy)]
 struct Split {
     score: f64,
@@ -55,7 +56,7 @@ struct Split {
     left: Bin,
 }
 
-/// A tree: its nodes in preorder, and the sums of each.
+/// A tree: its nodes in preorder, and the sums of each node.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Grown {
     pub(super) nodes: Vec<Node>,
@@ -101,8 +102,8 @@ struct Growing<'a> {
 }
 
 impl Growing<'_> {
-    /// Adds the node of `rows` and its subtree; returns its index. Without a histogram it is a
-    /// leaf.
+    /// Adds the node of `rows` and its subtree. Returns the index of the node. A node without a
+    /// histogram becomes a leaf.
     fn node(
         &mut self,
         rows: &mut [u32],
@@ -137,7 +138,8 @@ impl Growing<'_> {
         place as u32
     }
 
-    /// Histograms of two children that may be split. Their parent's is no longer needed.
+    /// Histograms of the two children, at least of those that may be split. The parent's histogram
+    /// is no longer needed.
     fn children(
         &mut self,
         left: &[u32],
@@ -184,7 +186,7 @@ impl Growing<'_> {
         for column in 0..self.bins.columns() {
             let bins = &histogram[self.bins.range(column)];
             let mut left = Bin::default();
-            // The last non-empty bin.
+            // The previous non-empty bin.
             let mut last = None;
             for (next, bin) in bins.iter().enumerate().filter(|(_, bin)| bin.rows > 0) {
                 let smaller = (left.rows as usize).min(rows - left.rows as usize);
@@ -203,7 +205,7 @@ impl Growing<'_> {
         best.filter(|best| best.score > self.newton.gain(sums))
     }
 
-    /// Moves rows that go left before the others; returns their number.
+    /// Moves rows that go left to the front. Returns their number.
     fn part(&self, rows: &mut [u32], split: Split) -> usize {
         let last = self.bins.range(split.column).start + split.last;
         let mut end = 0;
@@ -223,10 +225,10 @@ mod tests {
     use crate::learn::tree::grower::{self, Columns, Criterion};
     use crate::math::SeededRng;
 
-    /// The reference implementation: every split of the sorted rows.
+    /// The reference implementation evaluates every split of the sorted rows.
     impl Criterion for Newton {
         type Total = Sums;
-        /// On the left, and in total.
+        /// The sums on the left, and in total.
         type Scan = (Sums, Sums);
         type Score = f64;
 

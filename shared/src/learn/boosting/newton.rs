@@ -6,12 +6,13 @@ const QUANTUM: f64 = 1.0 / (1u64 << 40) as f64;
 /// Sums of gradients and of Hessians, in quanta.
 pub(super) type Sums = [i64; 2];
 
-/// With at most 2²¹ rows and gradients from −1 to 1, sums stay below 2⁶¹.
+/// Rounds to a whole number of quanta. With at most 2²¹ rows and gradients from −1 to 1, sums are
+/// at most 2⁶¹, so they do not overflow.
 pub(super) fn in_quanta(value: f64) -> i64 {
     (value / QUANTUM).round() as i64
 }
 
-/// The decrease of the deviance through a split, to second order.
+/// Second-order approximation of the deviance, for gains of splits and values of leaves.
 pub(super) struct Newton {
     /// Gradient and Hessian of each row's deviance with respect to the score.
     pub(super) derivatives: Vec<Sums>,

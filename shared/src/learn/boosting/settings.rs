@@ -8,9 +8,9 @@ use crate::invalid::{Invalid, positive};
 pub struct BoostingSettings {
     /// Maximum number of trees for each score.
     pub rounds: usize,
-    /// In cross-validation: stop after this many consecutive rounds without a lower log loss.
+    /// Cross-validation stops after more than this many rounds in a row without a lower log loss.
     pub patience: usize,
-    /// Depth of the trees.
+    /// Maximum depth of the trees.
     pub depth: usize,
     /// Learning rate: the applied share of each Newton step.
     pub rate: f64,
@@ -49,7 +49,7 @@ impl BoostingSettings {
         Self { patience, ..self }
     }
 
-    /// Sets [`Self::depth`], the depth of the trees.
+    /// Sets [`Self::depth`], the maximum depth of the trees.
     #[must_use]
     pub fn with_depth(self, depth: usize) -> Self {
         Self { depth, ..self }

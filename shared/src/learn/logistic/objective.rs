@@ -1,20 +1,21 @@
 //! The penalised loss, its gradient and its Hessian in one pass over the rows.
 //!
-//! Unknowns are blocks of (weights …, intercept): for two classes one block, the score of the
-//! second class; for K ≥ 3 the scores of all but the last, which is minus their sum.
+//! The unknowns are blocks of (weights …, intercept). Two classes have one block, for the score of
+//! the second class. K ≥ 3 classes have a block for the score of each class but the last, which is
+//! minus the sum of the other scores.
 //!
-//! Columns are contiguous and every sum over rows has [`LANES`] fixed partial sums, so that
-//! wide lanes compute them without changing a bit.
+//! Columns are contiguous, and every sum over rows has [`LANES`] fixed partial sums. SIMD lanes of
+//! any width therefore give bit-identical results.
 
 use crate::learn::samples::Samples;
 use crate::math::{exp, ln};
 use crate::parallel::{Kernel, in_widest_lanes};
 use nalgebra::{DMatrix, DVector};
 
-/// Partial sums of a sum over rows.
+/// Number of partial sums of a sum over rows.
 const LANES: usize = 8;
 
-/// Rows of a chunk, whose intermediate results fit into the first-level cache.
+/// Number of rows of a chunk. The intermediate results of a chunk fit into the first-level cache.
 const CHUNK: usize = 256;
 
 /// Loss, gradient and Hessian at a point.
@@ -29,11 +30,12 @@ pub(super) struct Point {
 pub(super) struct Objective<'a> {
     labels: &'a [usize],
     classes: usize,
-    /// Blocks of unknowns: 1 for two classes, else one fewer than classes.
+    /// Number of blocks of unknowns: 1 for two classes, otherwise the number of classes minus 1.
     blocks: usize,
-    /// Weights and intercept of a block.
+    /// Number of unknowns of a block: its weights and its intercept.
     stride: usize,
-    /// Columns of [`Self::padded`] rows, the last column all ones; zeros after the last row.
+    /// Columns of [`Self::padded`] rows. The last column is all ones. Entries after the last row
+    /// are zero.
     columns: Vec<f64>,
     /// Classes × rows: 1 where the row has the class.
     wanted: Vec<f64>,
@@ -42,19 +44,20 @@ pub(super) struct Objective<'a> {
 }
 
 /// Arrays of [`CHUNK`] entries for one chunk of rows. Entries after the last row do not matter,
-/// since their columns are zero.
+/// because the columns are zero there.
 struct Scratch {
-    /// Blocks × rows, and for three or more classes the last class's.
+    /// Scores: blocks × rows. With three or more classes, the scores of the last class follow.
     scores: Vec<f64>,
-    /// Classes × rows: probabilities. With two classes, only the second's are computed.
+    /// Probabilities: classes × rows. Used only with three or more classes.
     shares: Vec<f64>,
-    /// Rows: the highest score.
+    /// The highest score of each row. Used only with three or more classes.
     tops: Vec<f64>,
-    /// Rows: Σ of exp(score − top), then its inverse.
+    /// For each row, Σ of exp(score − top), and then the inverse of this sum. With two classes,
+    /// exp(−|score|).
     totals: Vec<f64>,
-    /// Blocks × rows: gradient of the loss with respect to the block's score.
+    /// Derivative of the loss with respect to the score of each block: blocks × rows.
     gradients: Vec<f64>,
-    /// Pairs of blocks × rows (lower triangle): second derivatives.
+    /// Second derivatives: pairs of blocks (lower triangle) × rows.
     hessians: Vec<f64>,
     /// A column times a second derivative.
     weighted: Vec<f64>,
@@ -102,7 +105,7 @@ impl<'a> Objective<'a> {
         self.blocks * self.stride
     }
 
-    /// Second derivative of the penalty with respect to the same weight of two blocks.
+    /// Second derivative of the penalty with respect to the same weight in blocks `a` and `b`.
     fn penalty(&self, a: usize, b: usize) -> f64 {
         if self.classes > 2 && a == b { 2.0 } else { 1.0 }
     }
@@ -130,8 +133,8 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// The Newton step from the minimum `theta` of one C when C is multiplied by `ratio`, with the
-    /// Hessian near that minimum. It needs no pass over the rows.
+    /// Extrapolates from the minimum `theta` to the minimum for C times `ratio`, by one Newton step
+    /// with the Hessian near `theta`. It needs no pass over the rows.
     pub(super) fn carried_over(
         &self,
         theta: &DVector<f64>,
@@ -220,8 +223,8 @@ impl Kernel for Pass<'_, '_> {
                         for ((w, x), c) in weighted.iter_mut().zip(column(j)).zip(hessians) {
                             *w = x * c;
                         }
-                        // Column j of block b, rows of block a. Blocks on the diagonal are symmetric,
-                        // so only their lower triangle is computed.
+                        // Column j of block b, and the rows of block a. Blocks on the diagonal are
+                        // symmetric, so only their lower triangle is computed.
                         let first = if a == b { j } else { 0 };
                         let at = (b * stride + j) * unknowns + a * stride;
                         let out = &mut self.sums.hessian[at + first..at + stride];
@@ -234,7 +237,7 @@ impl Kernel for Pass<'_, '_> {
 }
 
 impl Scratch {
-    /// The loss of some rows, given their scores; fills gradients and Hessians.
+    /// The loss of some rows of two classes, given their scores. Fills in gradients and Hessians.
     #[inline(always)]
     fn of_two(&mut self, labels: &[usize], wanted: &[f64]) -> f64 {
         let rows = wanted.len();
@@ -259,7 +262,7 @@ impl Scratch {
         loss.total()
     }
 
-    /// The same for three or more classes.
+    /// Like [`Self::of_two`], for three or more classes.
     #[inline(always)]
     fn of_several<'a>(
         &mut self,
@@ -329,7 +332,7 @@ impl Scratch {
     }
 }
 
-/// Σ of terms and of logarithms: the logarithm of a product is cheaper than that of each factor.
+/// A sum of terms and of logarithms. One logarithm of a product is cheaper than one per factor.
 struct Loss {
     sum: f64,
     product: f64,
@@ -429,7 +432,7 @@ mod tests {
     #[test]
     fn derivatives_agree_with_differences() {
         let mut rng = SeededRng::new(2);
-        // Fewer rows than lanes, more than a chunk.
+        // Fewer rows than lanes, and more rows than a chunk.
         for (n, classes) in [(5, 2), (5, 3), (300, 2), (300, 3), (300, 5)] {
             let width = 4;
             let values: Vec<f64> = (0..n * width).map(|_| rng.uniform(-1.5, 1.5)).collect();

@@ -12,31 +12,31 @@ pub(super) struct Variable {
 }
 
 impl Variable {
-    /// Whether it is free: it can both rise and fall.
+    /// Whether the variable is free, so that it can both rise and fall.
     pub(super) fn is_free(self) -> bool {
         self.lower < self.beta && self.beta < self.upper
     }
 }
 
-/// Arrays by variable, in blocks; padding entries can neither rise nor fall.
+/// Arrays with an entry for each variable, in blocks. Padding entries can neither rise nor fall.
 #[derive(Clone, Debug)]
 pub(super) struct Dense<T> {
     pub(super) variables: Vec<Variable>,
-    /// Blocks from one row of `matrix` to the next: one more than the capacity, so that a column's
-    /// entries do not all map to the same few cache sets.
+    /// Number of blocks from one row of `matrix` to the next: one more than the capacity, so that a
+    /// column's entries do not all map to the same few cache sets.
     pub(super) stride: usize,
-    /// K between the variables.
+    /// The kernel matrix K of the variables.
     pub(super) matrix: Vec<Block<T>>,
-    /// One over the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`; valid
-    /// only in rows that are `ready`. Many steps raise the same few variables, and division is the
-    /// slowest operation.
+    /// The inverse of the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`. It
+    /// is valid only in rows that are `ready`. It is cached because many steps raise the same few
+    /// variables and division is the slowest operation.
     pub(super) inverse: Vec<Block<T>>,
     pub(super) ready: Vec<bool>,
     /// Buffer for a row of `matrix`.
     gathered: Vec<T>,
     /// K_ii.
     pub(super) diagonal: Vec<Block<T>>,
-    /// v.
+    /// The gradient v.
     pub(super) gradient: Vec<Block<T>>,
     /// 0 if β can rise, otherwise −∞.
     pub(super) rise: Vec<Block<T>>,
@@ -69,7 +69,7 @@ impl<T: Entry> Dense<T> {
         self.fall.fill(Block::all(never));
     }
 
-    /// Allocates memory for `count` variables, one more than before; the caller sets their values.
+    /// Allocates memory for `count` variables, one more than before; the caller sets the new one.
     pub(super) fn widen(&mut self, count: usize) {
         let none = Variable { beta: 0.0, lower: 0.0, upper: 0.0 };
         self.variables.resize(count, none);
@@ -93,7 +93,8 @@ impl<T: Entry> Dense<T> {
         }
     }
 
-    /// Copies the kernel between variable `slot` and all `members` from its row of the full matrix.
+    /// Copies the kernel between variable `slot` and all `members` from `row`, the variable's row
+    /// of the full matrix.
     pub(super) fn fill(&mut self, slot: usize, members: &[usize], row: &[Block<T>]) {
         self.ready.fill(false);
         self.gathered.clear();
@@ -109,7 +110,7 @@ impl<T: Entry> Dense<T> {
         *entry_mut(&mut self.diagonal, slot) = *entry(row, members[slot]);
     }
 
-    /// Sets variable `i`.
+    /// Sets variable `i` and its gradient.
     pub(super) fn set(&mut self, i: usize, variable: Variable, gradient: f64) {
         self.variables[i] = variable;
         self.gradient[i / LANES].0[i % LANES] = T::from_f64(gradient);

@@ -1,4 +1,4 @@
-//! Kernel matrices in lanes. Each row is computed on first use.
+//! Kernel matrices in SIMD lanes. Each row is computed on first use.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -6,7 +6,7 @@ use crate::parallel::{Kernel, in_widest_lanes};
 use crate::predict::svm::exponential::{exp32, exp64};
 use crate::real::Real;
 
-/// Entries of a block. Work is done in blocks, for any lane width of the processor.
+/// Number of entries of a block. Work is done in blocks, for any lane width of the processor.
 pub(super) const LANES: usize = 16;
 
 /// A block of a row, aligned to a cache line.
@@ -60,7 +60,7 @@ impl Entry for f64 {
 /// Rows of a matrix, each computed on first use; many are never used.
 #[derive(Clone, Debug)]
 struct Lazy<T> {
-    /// The position of each row in `data`, in rows; [`NOWHERE`] before the row is computed.
+    /// The position of each row in `data`, counted in rows; [`NOWHERE`] before the row is computed.
     place: Vec<u32>,
     data: Vec<Block<T>>,
 }
@@ -89,7 +89,7 @@ impl<T: Entry> Lazy<T> {
         &self.data[self.place[i] as usize * blocks..][..blocks]
     }
 
-    /// Adds a row of zeros.
+    /// Adds row `i`, filled with zeros.
     fn add(&mut self, i: usize, blocks: usize) -> &mut [Block<T>] {
         let begin = self.data.len();
         self.place[i] = (begin / blocks) as u32;
@@ -98,8 +98,8 @@ impl<T: Entry> Lazy<T> {
     }
 }
 
-/// The kernel exp(−γ · squared distance) between all data rows and the first `columns` of them (the
-/// training rows; the others are held out). Rows are computed on first use.
+/// The kernel exp(−γ · squared distance) between all data rows and the first `columns` data rows
+/// (the training rows; the others are held out). Rows of the kernel are computed on first use.
 #[derive(Clone, Debug)]
 pub(super) struct Gram<T> {
     width: usize,
@@ -107,15 +107,15 @@ pub(super) struct Gram<T> {
     gamma: T,
     /// Row-major.
     data: Vec<f64>,
-    /// The first `columns` rows in blocks, feature by feature within each.
+    /// The first `columns` rows in blocks, feature by feature within each block.
     by_block: Vec<Block<T>>,
-    /// Squared distances, cached if several γ follow each other.
+    /// Squared distances, which are cached if several γ are used in succession.
     squares: Option<Lazy<T>>,
     kernel: Lazy<T>,
 }
 
 impl<T: Entry> Gram<T> {
-    /// Buffers for the next matrices: for several γ on the same data, or for one.
+    /// Empty buffers. `of_several` states whether several γ will be used on the same data.
     pub(super) fn empty(of_several: bool) -> Self {
         Self {
             width: 0,
@@ -128,8 +128,8 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// Sets the data: rows `data` (row-major, `width` columns). The caller must then call
-    /// [`Self::set_gamma`].
+    /// Sets the data: rows `data` (row-major, `width` columns), the first `columns` of which are
+    /// for training. The caller must then call [`Self::set_gamma`].
     pub(super) fn set_data(&mut self, width: usize, data: &[f64], columns: usize) {
         (self.width, self.columns) = (width, columns);
         self.data.clear();
@@ -164,7 +164,7 @@ impl<T: Entry> Gram<T> {
         self.columns.div_ceil(LANES)
     }
 
-    /// Computes a row unless it is cached.
+    /// Computes row `i` unless it is cached.
     pub(super) fn want(&mut self, i: usize) {
         if !self.kernel.has(i) {
             let Self { width, gamma, data, by_block, squares, kernel, .. } = self;
@@ -174,20 +174,20 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// A computed row; padding entries are undefined.
+    /// Row `i`, which must already be computed. Padding entries are undefined.
     #[inline(always)]
     pub(super) fn row(&self, i: usize) -> &[Block<T>] {
         self.kernel.row(i, self.blocks())
     }
 
-    /// Computes a row into `out` and caches only the distances.
+    /// Computes row `i` into `out` and caches only its squared distances.
     pub(super) fn row_into(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
         let row = &data[i * *width..(i + 1) * *width];
         in_widest_lanes(Fresh { gamma: *gamma, i, row, by_block, squares, out });
     }
 
-    /// The same with the build's lane width.
+    /// Like [`Self::row_into`], with the lane width of the build.
     #[cfg(test)]
     pub(super) fn row_into_plainly(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
@@ -195,7 +195,7 @@ impl<T: Entry> Gram<T> {
         Fresh { gamma: *gamma, i, row, by_block, squares, out }.run();
     }
 
-    /// Stores all inner products of the rows instead of a kernel.
+    /// A matrix of all inner products of the rows instead of a kernel.
     #[cfg(test)]
     pub(super) fn of_products(width: usize, data: &[f64]) -> Self {
         let mut gram = Self::empty(false);
@@ -212,7 +212,7 @@ impl<T: Entry> Gram<T> {
     }
 }
 
-/// Row `i` of the kernel, from the squared distances, which are computed if missing.
+/// Computes row `i` of the kernel from the squared distances, which are computed first if missing.
 struct Fresh<'a, T> {
     gamma: T,
     i: usize,
@@ -250,7 +250,7 @@ impl<T: Entry> Kernel for Fresh<'_, T> {
     }
 }
 
-/// Squared distances of `row` from all columns.
+/// Squared distances between `row` and all columns (training rows).
 #[inline(always)]
 fn distances<T: Entry>(row: &[f64], by_block: &[Block<T>], out: &mut [Block<T>]) {
     for (out, features) in out.iter_mut().zip(by_block.chunks_exact(row.len())) {
@@ -265,7 +265,8 @@ fn distances<T: Entry>(row: &[f64], by_block: &[Block<T>], out: &mut [Block<T>])
     }
 }
 
-/// Adds `share` times each given row to `sums`, on a range of blocks.
+/// Adds multiples of kernel rows to `sums`, on the blocks from `first` on. `rows` has the index and
+/// the factor of each row.
 pub(super) struct Combine<'a, T> {
     pub(super) gram: &'a Gram<T>,
     pub(super) rows: &'a [(usize, f64)],
@@ -308,7 +309,7 @@ const GROUP: usize = 4;
 /// them.
 pub(super) const TOGETHER: usize = 4;
 
-/// Coefficients without the all-zero groups of blocks.
+/// Coefficients without the groups of blocks that are all zero.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
     groups: Vec<(usize, [Block<f64>; GROUP])>,
@@ -332,7 +333,7 @@ pub(super) struct Products<'a, T> {
     /// [`TOGETHER`] rows.
     pub(super) rows: &'a [Block<T>],
     pub(super) coefficients: &'a [Sparse],
-    /// For each row, one result per set of coefficients.
+    /// For each set of coefficients, one result per row.
     pub(super) out: &'a mut [[f64; TOGETHER]],
 }
 

@@ -1,8 +1,7 @@
 //! Cross-validation of many settings at once.
 //!
-//! The distances of a fold are shared by every γ; a kernel matrix is shared by every C, pair of
-//! classes and target, and by the held-out rows. Each C starts from the solution of the previous
-//! one.
+//! All γ share the distances of a fold. All C, pairs of classes, targets and held-out rows share a
+//! kernel matrix. Each C starts from the solution for the previous C.
 
 use super::dense::Dense;
 use super::gram::{Block, Gram, Products, Sparse, TOGETHER};
@@ -28,17 +27,18 @@ pub enum Kernels {
 pub struct Grid {
     /// Linear, or the values of γ.
     pub kernels: Kernels,
-    /// The values of C, preferably ascending: each starts from the solution of the previous one.
+    /// The values of C, preferably ascending, because each fit starts from the solution for the
+    /// previous C.
     pub c: Vec<f64>,
-    /// Stop when the optimality conditions hold to this tolerance (radial basis functions).
+    /// A fit ends when the optimality conditions hold to this (radial basis functions only).
     pub tolerance: f64,
-    /// Maximum number of pairwise steps of a fit (radial basis functions).
+    /// Maximum number of pairwise steps of a fit (radial basis functions only).
     pub max_steps: usize,
 }
 
 impl Grid {
-    /// C of 0.01, 0.1, 1 and 10 for linear SVMs and of 0.1, 1, 10 and 100 for radial
-    /// basis functions, with libsvm's tolerance 10⁻³.
+    /// A grid with C = 0.01, 0.1, 1 and 10 for linear SVMs, and C = 0.1, 1, 10 and 100 for radial
+    /// basis functions. The tolerance is libsvm's, 10⁻³.
     #[must_use]
     pub fn new(kernels: Kernels) -> Self {
         let c = match kernels {
@@ -72,24 +72,25 @@ pub struct GridCell {
     pub kernel: Kernel,
     /// C.
     pub c: f64,
-    /// For each fold, ascending by number: the share of held-out rows whose label is predicted (by
-    /// votes).
+    /// For each fold, in ascending order of its number, the share of held-out rows whose label is
+    /// predicted correctly (by votes).
     pub accuracy: Vec<f64>,
-    /// Decision values of each row from the SVMs trained without its fold (rows × pairs,
-    /// row-major). If a class of the pair is missing there, 1 or −1 for the other class.
+    /// Decision values of each row from the SVMs that were trained without its fold (rows × pairs,
+    /// row-major). If a class of the pair does not occur in the training rows, the value is 1 or −1
+    /// for the other class, or 0 if neither class occurs.
     pub decisions: Vec<f64>,
 }
 
 impl GridCell {
-    /// Mean over folds.
+    /// Mean accuracy over the folds.
     #[must_use]
     pub fn mean_accuracy(&self) -> f64 {
         self.accuracy.iter().sum::<f64>() / self.accuracy.len() as f64
     }
 }
 
-/// The cell with the highest mean accuracy, the first on a tie. Means that differ only by rounding
-/// are a tie: a difference of one row is far larger.
+/// The cell with the highest mean accuracy; on a tie, the first cell. Means that differ only by
+/// rounding are a tie. (A difference of one row is far larger.)
 #[must_use]
 pub fn best(cells: &[GridCell]) -> Option<&GridCell> {
     let better =
@@ -99,13 +100,13 @@ pub fn best(cells: &[GridCell]) -> Option<&GridCell> {
 
 /// Tries all settings on all targets. Returns each target's cells, ordered by C, then by γ.
 ///
-/// `rows` are raw features (row-major, `width` columns), standardised by the training rows of each
-/// fold; `folds` contains the number of each row's fold. Memory: at most two matrices of all rows ×
-/// training rows in f32.
+/// `rows` are raw features (row-major, `width` columns). They are standardised by the training rows
+/// of each fold. `folds` contains the fold number of each row. Memory use is at most two f32
+/// matrices of all rows × training rows.
 ///
 /// # Errors
-/// [`Invalid`] if lengths do not match, a number is not finite or not > 0 where it must be, there
-/// are fewer than two folds, or a fit does not converge.
+/// [`Invalid`] if lengths do not match, a number is not finite, a setting is not > 0, there are
+/// fewer than two folds, or a fit does not converge.
 pub fn cross_validate(
     width: usize,
     rows: &[f64],
@@ -153,7 +154,7 @@ pub fn cross_validate(
             }
             Kernels::Rbf(gammas) => {
                 gram.set_data(width, &data, trained.len());
-                // For each target and pair, the last kernel's solution for the first C.
+                // For each target and pair, the previous kernel's solution for the first C.
                 let mut starts: Vec<Vec<Start>> =
                     targets.iter().map(|target| vec![None; pair_count(target.classes)]).collect();
                 for (k, &gamma) in gammas.iter().enumerate() {
@@ -192,7 +193,7 @@ pub fn cross_validate(
     Ok(cells)
 }
 
-/// Linear SVMs for a cell's C. Fills in the decisions of the held-out rows, which follow the
+/// Trains linear SVMs for a cell's C. Fills in the decisions of the held-out rows, which follow the
 /// training rows in `data`.
 fn planes(
     width: usize,
@@ -219,7 +220,7 @@ fn planes(
     Ok(())
 }
 
-/// The decision value if only one side occurs.
+/// The constant decision value if the two sides do not both occur.
 fn constant(sides: &[i8]) -> Option<f64> {
     match (sides.contains(&1), sides.contains(&-1)) {
         (true, true) => None,
@@ -237,11 +238,12 @@ struct Radial<'a> {
     grid: &'a Grid,
 }
 
-/// A solution, or the constant decision value if all rows are on one side.
+/// A solution, or the constant decision value if the two sides do not both occur.
 type Trained = Result<DualSolution, f64>;
 
 impl Radial<'_> {
-    /// Trains for each pair and C, and passes each solution to the callback with both indices.
+    /// Trains for each pair and C, and passes each solution to the callback, with the indices of
+    /// the pair and of C.
     fn solve(
         &self,
         gram: &mut Gram<f32>,

@@ -1,16 +1,18 @@
-//! Linear SVMs: an interior-point method on the dual, for many rows of few features.
+//! Linear SVMs: an interior-point method on the dual, for many rows with few features.
 //!
-//! With g_i = y_i (w·x_i + b), the conditions of the optimum are w = Σ α_i y_i x_i,
-//! Σ α_i y_i = 0, g_i − 1 = z_i − u_i, α_i z_i = 0 and (C − α_i) u_i = 0 with all of α, C − α,
-//! z and u ≥ 0. Newton steps aim at products μ in place of 0; after elimination of α, z and u, a
-//! linear system for (w, b) alone remains (Ferris and Munson 2002, "Interior-point methods for
-//! massive support vector machines"). A predictor and a corrector choose μ (Mehrotra 1992). The
-//! corrector assumes a full step; if only a small part of one is feasible, the iteration may cycle
-//! (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual corrector interior point
-//! algorithm for linear programming"). Therefore, once a step has not reduced the sum of products,
-//! later steps have no corrector and are short enough to stay in a neighbourhood of the central
-//! path that contains the current point, where the sum always falls (Wright 1997, "Primal-dual
-//! interior-point methods", chapter 5).
+//! With g_i = y_i (w·x_i + b), the optimality conditions are w = Σ α_i y_i x_i, Σ α_i y_i = 0,
+//! g_i − 1 = z_i − u_i, α_i z_i = 0 and (C − α_i) u_i = 0, with all of α, C − α, z and u ≥ 0.
+//! Newton steps aim at a value μ of the products α_i z_i and (C − α_i) u_i instead of 0. After
+//! elimination of α, z and u, only a linear system for (w, b) remains (Ferris and Munson 2002,
+//! "Interior-point methods for massive support vector machines").
+//!
+//! A predictor and a corrector choose μ (Mehrotra 1992). The corrector assumes that the full step
+//! is feasible. If only a small part of the step is feasible, the iteration may cycle (Cartis 2009,
+//! "Some disadvantages of a Mehrotra-type primal-dual corrector interior point algorithm for linear
+//! programming"). Therefore, once a step has not reduced the sum of the products, all later steps
+//! are *plain*: they have no corrector, and they are short enough to stay in a neighbourhood of the
+//! central path that contains the current point. In this neighbourhood, such steps always reduce
+//! the sum (Wright 1997, "Primal-dual interior-point methods", chapter 5).
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -21,19 +23,20 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// A step goes at most this share of the way to the nearest bound.
 const SHARE: f64 = 0.995;
-/// Plain steps aim at a mean of products in this range, as a share of the current mean.
+/// Plain steps aim at a mean product in this range, as a share of the current mean product.
 const PLAIN_CENTRE: (f64, f64) = (0.1, 0.8);
-/// Plain steps leave no product below this share of the mean, or below the smallest product's share
-/// when they began: outside that neighbourhood there might be no such step.
+/// In plain steps, no product falls below this share of the mean product. If a product is already
+/// lower when plain steps begin, the limit is slightly below its share, because otherwise there
+/// might be no plain step.
 const NEIGHBOURHOOD: f64 = 1e-4;
-/// Plain steps reduce the sum by at least this share of the step length.
+/// Plain steps reduce the sum of products by at least this share, times the step length.
 const DECREASE: f64 = 0.01;
-/// The iteration ends when the mean of products is below this times 1 + C …
+/// The iteration ends when the mean product is at most this times 1 + C.
 const MEAN_PRODUCT: f64 = 1e-12;
-/// … or after this many steps; about fifteen are needed.
+/// Maximum number of steps. About fifteen are needed.
 const MAX_STEPS: usize = 200;
 
-/// Rows in a block: sums over several rows stay in registers before they are stored.
+/// Number of rows in a block. Sums over several rows stay in registers before they are stored.
 const ROWS: usize = 4 * LANES;
 
 type Block = [f64; ROWS];
@@ -55,11 +58,11 @@ impl Plane {
     }
 }
 
-/// The SVM of the rows `data` (row-major, `width` columns, standardised). `sides` is 1 or −1, both
-/// of which must occur, or 0 for rows to ignore.
+/// Trains the SVM on the rows `data` (row-major, `width` columns, standardised). `sides` is 1 or −1
+/// for the two classes, both of which must occur, or 0 for rows that are ignored.
 ///
 /// # Errors
-/// [`Invalid`] if it does not converge.
+/// [`Invalid`] if the iteration does not converge.
 pub(super) fn fit(width: usize, data: &[f64], sides: &[i8], c: f64) -> Result<Plane, Invalid> {
     let mut state = State::new(width, data, sides, c);
     let mut converged = false;
@@ -87,7 +90,7 @@ struct State {
     columns: Vec<Block>,
     rows: Vec<Row>,
     alpha: Vec<Block>,
-    /// C − α, stored separately: the difference would cancel.
+    /// C − α. It is stored separately, because the subtraction would cause cancellation.
     room: Vec<Block>,
     z: Vec<Block>,
     u: Vec<Block>,
@@ -103,7 +106,7 @@ struct Row {
     weight: Block,
     /// 1 − g.
     lack: Block,
-    /// Right-hand sides of the two products.
+    /// Right-hand sides for the two products.
     p: Block,
     q: Block,
     /// Changes of α, z and u.
@@ -127,7 +130,7 @@ impl State {
             }
             columns[width][k % ROWS] = y;
         }
-        // In the middle of the box, on the plane Σ α y = 0.
+        // Start inside the box, on the plane Σ α y = 0.
         let first = mine.iter().filter(|&&i| sides[i] > 0).count() as f64 / count as f64;
         let mut alpha = vec![[0.5 * c; ROWS]; blocks];
         let mut theta = DVector::zeros(width + 1);
@@ -173,7 +176,7 @@ impl Kernel for Fit<'_> {
     fn run(self) {
         let state = self.state;
         let products = 2.0 * state.count as f64;
-        // The neighbourhood of plain steps, once these have begun.
+        // The limit of the neighbourhood, once plain steps have begun.
         let (mut last, mut neighbourhood) = (f64::INFINITY, None);
         for _ in 0..MAX_STEPS {
             let (gap, system) = state.linearise();
@@ -190,13 +193,13 @@ impl Kernel for Fit<'_> {
             }
             last = gap;
             let Some(system) = system.cholesky() else { return };
-            // Predictor: towards products of 0.
+            // Predictor: aims at products of 0.
             let step = state.solve(&system);
             let (longest, curvature) = state.turn(&step);
             let share = longest.min(1.0);
             let reached = ((1.0 - share) * gap + share * share * curvature).max(0.0) / gap;
-            // Corrector: the shorter the predictor's step, the more central; includes second-order
-            // terms.
+            // Corrector, with second-order terms: the shorter the predictor's step, the more it
+            // centres.
             let centre = reached * reached * reached;
             if neighbourhood.is_some() {
                 let (least, most) = PLAIN_CENTRE;
@@ -208,7 +211,7 @@ impl Kernel for Fit<'_> {
             let (longest, _) = state.turn(&step);
             let mut share = (SHARE * longest).min(1.0);
             if let Some(neighbourhood) = neighbourhood {
-                // Steps this short differ only by rounding.
+                // Steps shorter than this differ only by rounding.
                 while share > f64::EPSILON && !state.stays_in(neighbourhood, share, gap) {
                     share *= 0.8;
                 }
@@ -219,7 +222,7 @@ impl Kernel for Fit<'_> {
 }
 
 impl State {
-    /// The sum of products, and the system's matrix. Sets the right-hand sides p and q to 0.
+    /// The sum of products, and the matrix of the linear system. Sets the right-hand sides to 0.
     #[inline(always)]
     fn linearise(&mut self) -> (f64, DMatrix<f64>) {
         let Self { theta, columns, rows, alpha, room, z, u, count, .. } = self;
@@ -235,7 +238,7 @@ impl State {
                     margin[l] += theta * column[l];
                 }
             }
-            // Padding rows: 0 instead of 1.
+            // 0 for padding rows, otherwise 1.
             let part: Block = if (b + 1) * ROWS <= *count {
                 [1.0; ROWS]
             } else {
@@ -297,8 +300,8 @@ impl State {
         system.solve(&right)
     }
 
-    /// Computes the changes of α, z and u for a step of (w, b). Returns the longest feasible share
-    /// of them, and Σ Δα (Δz − Δu).
+    /// Computes the changes of α, z and u for a step of (w, b). Returns the largest feasible share
+    /// of these changes, and Σ Δα (Δz − Δu).
     #[inline(always)]
     fn turn(&mut self, step: &DVector<f64>) -> (f64, f64) {
         let Self { columns, rows, z, u, .. } = self;
@@ -333,8 +336,8 @@ impl State {
         (1.0 / fastest.into_iter().fold(0.0, f64::max), total(&curvature))
     }
 
-    /// Right-hand sides for products μ, minus a share of the second-order terms of the current
-    /// changes.
+    /// Sets the right-hand sides for products μ, minus a share of the second-order terms of the
+    /// current changes.
     #[inline(always)]
     fn aim(&mut self, mu: f64, second_order: f64) {
         for row in &mut self.rows {
@@ -353,8 +356,8 @@ impl State {
         places.map(product).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether a share of the changes keeps every product at least `neighbourhood` times their mean
-    /// and reduces their sum, currently `gap`.
+    /// Whether a share of the changes keeps every product at least `neighbourhood` times the mean
+    /// product, and sufficiently reduces their sum, which is now `gap`.
     fn stays_in(&self, neighbourhood: f64, share: f64, gap: f64) -> bool {
         let (mut least, mut sum) = (f64::INFINITY, 0.0);
         for (b, row) in self.rows.iter().enumerate() {

@@ -1,15 +1,15 @@
 //! Newton steps on the free variables of a small problem.
 //!
-//! If the variables at a bound are known, the optimum of the others is the solution of a linear
-//! system: K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly if K is nearly singular (large
-//! C, small γ), but then few variables are free and the system is small. A share ≤ 1 of Δ never
-//! worsens the objective.
+//! If the variables at a bound are known, the optimum of the free variables is the solution of a
+//! linear system: K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly if K is nearly singular
+//! (large C, small γ), but then few variables are free and the system is small. A share ≤ 1 of Δ
+//! never worsens the objective.
 
 use super::dense::Dense;
 use super::gram::{Entry, LANES, entry};
 
-/// A variable whose pivot is below this does not move: to single precision it is a linear
-/// combination of others.
+/// A variable whose pivot is at most this times K_ii does not move, because to single precision it
+/// is a linear combination of other variables.
 const LEAST_PIVOT: f64 = 1e-7;
 /// Rows are padded to a multiple of this.
 const WIDTH: usize = 8;
@@ -19,19 +19,19 @@ const BOUNDS: usize = 4;
 /// A Cholesky factor and vectors, with reusable memory.
 #[derive(Debug, Default)]
 pub(super) struct Newton {
-    /// The variables to move.
+    /// The free variables, which are to be moved.
     free: Vec<usize>,
     /// Rows of the upper triangle, `stride` apart.
     factor: Vec<f64>,
     stride: usize,
-    /// One over the factor's diagonal; 0 for a variable that does not move.
+    /// The inverse of the factor's diagonal; 0 for a variable that does not move.
     inverse: Vec<f64>,
     step: Vec<f64>,
     unit: Vec<f64>,
 }
 
 impl Newton {
-    /// Moves the free variables to their optimum, or to the first bounds on the way.
+    /// Moves the free variables to their optimum, or only to the first bounds on the way.
     #[inline(always)]
     pub(super) fn step<T: Entry>(&mut self, dense: &mut Dense<T>) {
         for _ in 0..BOUNDS {
@@ -46,8 +46,8 @@ impl Newton {
         }
     }
 
-    /// The Cholesky factor of K for the free variables. All operations go row by row, so that lanes
-    /// compute the same as scalar code.
+    /// Computes the Cholesky factor of K for the free variables. All operations go row by row, so
+    /// that lanes compute the same result as scalar code.
     #[inline(always)]
     fn factorise<T: Entry>(&mut self, dense: &Dense<T>) {
         let Self { free, factor, stride, inverse, .. } = self;
@@ -150,7 +150,7 @@ impl Newton {
     }
 }
 
-/// `target` − `share` · `row`.
+/// Subtracts `share` · `row` from `target`.
 #[inline(always)]
 fn subtract(target: &mut [f64], share: f64, row: &[f64]) {
     for (target, &entry) in target.iter_mut().zip(row) {

@@ -1,11 +1,12 @@
 //! Sequential minimal optimisation on a small dense problem. Most of the time is spent here.
 //!
-//! The dual in β_i = y_i α_i: maximise Σ y_i β_i − ½ βᵀKβ with Σ β_i = 0 and β_i between 0 and y_i
-//! C. Its gradient is v_i = y_i − Σ_j K_ij β_j. A step raises one β_i and lowers one β_j by the
-//! same amount. i has the greatest gradient among those that can rise; j, among those that can fall
-//! and have a lower gradient, gains most (Fan, Chen, Lin 2005, "Working set selection using second
-//! order information"). The iteration ends when the greatest gradient that can rise exceeds the
-//! least that can fall by less than the tolerance: libsvm's criterion.
+//! The dual problem in β_i = y_i α_i is to maximise Σ y_i β_i − ½ βᵀKβ subject to Σ β_i = 0, with
+//! β_i between 0 and y_i C. Its gradient is v_i = y_i − Σ_j K_ij β_j. A step raises one β_i and
+//! lowers one β_j by the same amount. Variable i has the greatest gradient among the variables that
+//! can rise. Variable j has the greatest gain among the variables that can fall and have a lower
+//! gradient (Fan, Chen, Lin 2005, "Working set selection using second order information"). As in
+//! libsvm, the iteration ends when the greatest gradient among variables that can rise, minus the
+//! least gradient among variables that can fall, is at most the tolerance.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -18,7 +19,7 @@ use crate::real::Real;
 /// Lower bound on the curvature, as in libsvm; identical rows have curvature 0.
 const LEAST_CURVATURE: f64 = 1e-12;
 
-/// Number of blocks that are processed together; the capacity for variables is a multiple of it.
+/// Number of blocks that are processed together. The capacity for variables is a multiple of it.
 const GROUP: usize = 4;
 
 /// Solves the small problem to the tolerance, or gives up after `steps` steps.
@@ -35,7 +36,7 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
         let Self { dense, newton, tolerance, steps } = self;
         while *steps > 0 {
             // Pairwise steps determine which variables are at a bound. They may take slightly
-            // longer than a Newton step, which then solves for the rest.
+            // longer than a Newton step, which then solves for the other variables.
             let free = dense.variables.iter().filter(|variable| variable.is_free()).count();
             let budget = 4 * dense.variables.len() + free * free * free / 1000;
             if exchange(dense, tolerance, budget.min(*steps), steps) {
@@ -46,7 +47,7 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     }
 }
 
-/// Takes pairwise steps until the tolerance is reached, at most `budget`, and subtracts their
+/// Takes pairwise steps until the tolerance is reached, but at most `budget` steps. Subtracts their
 /// number from `steps`. Returns whether the tolerance is reached.
 #[inline(always)]
 fn exchange<T: Entry>(
@@ -88,8 +89,9 @@ fn exchange<T: Entry>(
     false
 }
 
-/// Gradients after β_i rose and β_j fell by `step`. Returns the greatest gradient that can rise,
-/// the least that can fall, and the first variable with the greatest.
+/// Updates the gradients after β_i rose and β_j fell by `step`. Returns the greatest gradient of a
+/// variable that can rise, the least gradient of a variable that can fall, and the first variable
+/// with this greatest gradient.
 #[inline(always)]
 fn move_on<T: Entry>(
     dense: &mut Dense<T>,
@@ -107,7 +109,7 @@ fn move_on<T: Entry>(
     let mut place = [T::ZERO; LANES];
     let mut here = T::ZERO;
     let one = T::from_f64(1.0);
-    // First the best of a few blocks in registers, then the best so far in memory.
+    // Find the best of a few blocks in registers first, then update the best so far in memory.
     let groups = gradient.as_chunks_mut::<GROUP>().0.iter_mut().zip(rise.as_chunks::<GROUP>().0);
     let groups = groups.zip(fall.as_chunks::<GROUP>().0);
     let rows = row_i.as_chunks::<GROUP>().0.iter().zip(row_j.as_chunks::<GROUP>().0);
@@ -153,8 +155,8 @@ fn invert<T: Entry>(dense: &mut Dense<T>, blocks: usize, i: usize, least: T) {
     dense.ready[i] = true;
 }
 
-/// The variable that can fall, has a gradient below `top`, and gains most in an exchange with `i`:
-/// (top − v_j)² / (K_ii + K_jj − 2 K_ij).
+/// The variable that gains most in an exchange with `i`, among the variables that can fall and have
+/// a gradient below `top`. The gain is (top − v_j)² / (K_ii + K_jj − 2 K_ij).
 #[inline(always)]
 fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T) -> usize {
     let inverse = &dense.inverse[i * dense.stride..i * dense.stride + blocks];
@@ -185,8 +187,8 @@ fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T) -> usize
     first_greatest(&most, &place).1
 }
 
-/// The greatest of the lanes and its variable, the first on a tie. Branch-free, because branches
-/// would be unpredictable.
+/// The greatest value of the lanes, and its variable; on a tie, the first variable. Branch-free,
+/// because branches would be unpredictable.
 #[inline(always)]
 fn first_greatest<T: Entry>(values: &[T; LANES], place: &[T; LANES]) -> (T, usize) {
     let best = reduced(*values, T::larger);

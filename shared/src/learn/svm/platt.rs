@@ -1,23 +1,25 @@
 //! Platt scaling: the sigmoid that turns held-out decision values into probabilities.
 //!
-//! Lin, Lin and Weng (2007), "A note on Platt's probabilistic outputs for support vector
-//! machines": cross entropy with Laplace-smoothed targets, minimised by Newton's method with
-//! halving of steps, in a form that neither overflows nor cancels.
+//! The method is that of Lin, Lin and Weng (2007), "A note on Platt's probabilistic outputs for
+//! support vector machines". It minimises the cross entropy with Laplace-smoothed targets by
+//! Newton's method with step halving, in a form that neither overflows nor cancels.
 
 use crate::math::{exp, ln};
 use crate::predict::svm::Sigmoid;
 
 /// Added to the Hessian's diagonal, because constant decision values make the Hessian singular.
 const RIDGE: f64 = 1e-12;
-/// Newton's method ends when no component of the gradient exceeds this times the number of values.
+/// Newton's method ends when no component of the gradient exceeds this times the number of decision
+/// values.
 const TOLERANCE: f64 = 1e-12;
 /// Maximum number of Newton steps; about six are needed.
 const MAX_STEPS: usize = 100;
-/// Newton's method ends when a step is halved below this share: the loss is flat to rounding.
+/// Newton's method ends when a step is halved below this share, because the loss is then flat to
+/// rounding error.
 const LEAST_SHARE: f64 = 1e-10;
 
-/// The sigmoid for held-out rows, each with its decision value and whether the first class is true.
-/// Without rows, all probabilities are ½.
+/// Fits the sigmoid to held-out rows. Each row has its decision value and whether its class is the
+/// pair's first class. Without rows, all probabilities are ½.
 pub(super) fn sigmoid(decisions: &[(f64, bool)]) -> Sigmoid {
     let first = decisions.iter().filter(|&&(_, first)| first).count() as f64;
     let second = decisions.len() as f64 - first;
@@ -111,7 +113,7 @@ mod tests {
         // One class only: Laplace's rule.
         let p = sigmoid(&[(1.0, true); 8]).probability(1.0);
         assert!((p - 0.9).abs() < 1e-6, "{p}");
-        // Separated classes do not reach certainty.
+        // Even for separated classes, the probability stays below 1.
         let separated: Vec<_> = (0..20).map(|i| (f64::from(i) - 9.5, i >= 10)).collect();
         let p = sigmoid(&separated).probability(9.5);
         assert!(p > 0.9 && p < 1.0, "{p}");

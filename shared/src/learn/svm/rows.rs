@@ -13,7 +13,7 @@ pub struct Target<'a> {
     pub classes: usize,
 }
 
-/// 1 for rows of the first class, −1 for the second, 0 for others.
+/// 1 for rows of class `first`, −1 for rows of class `second`, 0 for other rows.
 pub(super) fn sides(labels: &[usize], first: usize, second: usize) -> Vec<i8> {
     let side = |&label: &usize| i8::from(label == first) - i8::from(label == second);
     labels.iter().map(side).collect()
@@ -31,7 +31,7 @@ pub(super) fn check(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Resul
 }
 
 /// The order of rows in computations: by labels, then by features. Swapping rows that are equal in
-/// all of these has no effect.
+/// labels and features has no effect.
 pub(super) fn order(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Vec<usize> {
     let row = |i: usize| &rows[i * width..(i + 1) * width];
     let mut order: Vec<usize> = (0..rows.len() / width.max(1)).collect();
@@ -46,7 +46,7 @@ pub(super) fn order(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Vec<u
     order
 }
 
-/// The scale of the rows `fitted`, and the rows `wanted` standardised by it.
+/// The scale fitted to the rows `fitted`, and the rows `wanted` standardised by this scale.
 pub(super) fn standardised(
     width: usize,
     rows: &[f64],

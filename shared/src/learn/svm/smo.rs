@@ -1,10 +1,10 @@
-//! One pair of classes: the dual problem on a kernel matrix, solved through small problems.
+//! The dual problem of one pair of classes on a kernel matrix, solved through small problems.
 //!
-//! Most rows stay at a bound, so steps are taken on a dense copy of the few other rows
-//! ([`Pairwise`]). Then the gradients of all rows are updated and the rows that violate the
-//! optimality conditions most join the copy, until no row violates them. The next C starts from the
-//! solution for the previous C, multiplied by the ratio of the two: variables at a bound stay
-//! there.
+//! Most variables stay at a bound. Therefore, steps are taken in a small problem, a dense copy of
+//! the few other rows ([`Pairwise`]). Then the gradients of all rows are updated, and the rows that
+//! violate the optimality conditions most join the small problem. This repeats until no row
+//! violates the conditions. The next C starts from the solution for the previous C, multiplied by
+//! the ratio of the two, so that variables at a bound stay there.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -16,11 +16,11 @@ use crate::invalid::Invalid;
 use crate::parallel::{Kernel, in_widest_lanes};
 use core::ops::Range;
 
-/// Number of rows of either kind that join the small problem at once.
+/// Maximum number of rows of each kind (to rise or to fall) that join the small problem at once.
 const JOIN: usize = 24;
-/// At this size, settled rows leave the small problem when others join.
+/// From this size on, settled rows leave the small problem when other rows join.
 const FULL: usize = 48;
-/// The small problem is solved to this share of the current gap, because the problem will change.
+/// The small problem is solved only to this share of the current gap, because it will change.
 const SHARE: f64 = 0.1;
 
 /// The SVM of a pair: decision f = Σ β_i K(x_i, x) + intercept.
@@ -36,7 +36,7 @@ pub(super) struct Smo<'a, T> {
     gram: &'a mut Gram<T>,
     /// 1 or −1 for the two classes, 0 for rows of other classes.
     sides: &'a [i8],
-    /// The range of the pair's rows, in blocks.
+    /// The ranges of blocks that contain rows of the pair.
     runs: Vec<Range<usize>>,
     c: f64,
     rows: Rows,
@@ -60,9 +60,9 @@ struct Rows {
 }
 
 impl<'a, T: Entry> Smo<'a, T> {
-    /// The problem for rows with `sides` 1, −1 (both occur) or 0 (ignored), with this C. It starts
-    /// from `start`, a solution of a similar problem with the same sides and C. Without one, all
-    /// rows of the smaller class, and equally many of the other, start at the bound.
+    /// The problem for this C and for rows with `sides` 1, −1 (both must occur) or 0 (ignored).
+    /// `start` is the solution of a similar problem with the same sides and C. Without it, all rows
+    /// of the smaller class, and equally many rows of the other class, start at the bound.
     pub(super) fn new(
         gram: &'a mut Gram<T>,
         sides: &'a [i8],
@@ -204,14 +204,16 @@ impl<'a, T: Entry> Smo<'a, T> {
         }
     }
 
-    /// The greatest gradient that can rise, and the least that can fall.
+    /// The greatest gradient among variables that can rise, and the least among those that can
+    /// fall.
     fn extremes(&self) -> (f64, f64) {
         let mut extremes = (f64::NEG_INFINITY, f64::INFINITY);
         in_widest_lanes(Extremes { rows: &self.rows, runs: &self.runs, extremes: &mut extremes });
         extremes
     }
 
-    /// The rows outside the small problem that violate the conditions most, of either kind.
+    /// The rows outside the small problem that violate the optimality conditions most, at most
+    /// [`JOIN`] of each kind.
     fn violators(&self, middle: f64) -> Vec<usize> {
         let mut found = Vec::new();
         in_widest_lanes(Violators {
@@ -237,7 +239,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         most
     }
 
-    /// Adds rows to the small problem; if it is full, they replace settled rows.
+    /// Adds rows to the small problem. If it is full, they replace settled rows first.
     fn join(&mut self, rows: &[usize], middle: f64) {
         let mut rows = rows.iter().copied();
         if self.members.len() >= FULL {
@@ -307,7 +309,7 @@ impl<'a, T: Entry> Smo<'a, T> {
     }
 }
 
-/// All rows of the smaller class at the bound, and equally many of the other, evenly spread.
+/// All rows of the smaller class at the bound, and equally many of the other class, evenly spread.
 fn balanced(sides: &[i8], c: f64) -> Vec<Block<f64>> {
     let count = |side: i8| sides.iter().filter(|&&s| s == side).count();
     let wanted = count(1).min(count(-1));
@@ -321,7 +323,7 @@ fn balanced(sides: &[i8], c: f64) -> Vec<Block<f64>> {
     beta
 }
 
-/// The greatest gradient that can rise and the least that can fall, on ranges of blocks.
+/// Computes [`Smo::extremes`] on ranges of blocks.
 struct Extremes<'a> {
     rows: &'a Rows,
     runs: &'a [Range<usize>],
@@ -348,7 +350,7 @@ impl Kernel for Extremes<'_> {
     }
 }
 
-/// The rows that violate the conditions, and the distances of their gradients from the middle.
+/// Finds the rows that violate the conditions, and their gradients' distances from the middle.
 struct Violators<'a> {
     rows: &'a Rows,
     runs: &'a [Range<usize>],

@@ -20,8 +20,8 @@ fn clouds(seed: u64, count: usize, width: usize) -> (Vec<f64>, Vec<i8>) {
     (rows, sides)
 }
 
-/// Violation of the optimality conditions, recomputed from scratch: the greatest gradient that can
-/// rise minus the least that can fall; and |Σ β|.
+/// Violation of the optimality conditions, recomputed from scratch: the greatest gradient among
+/// variables that can rise, minus the least among those that can fall, and |Σ β|.
 fn breach<T: Entry>(gram: &Gram<T>, sides: &[i8], solution: &DualSolution, c: f64) -> (f64, f64) {
     let (mut top, mut bottom) = (f64::NEG_INFINITY, f64::INFINITY);
     let mut total = 0.0;
@@ -81,7 +81,7 @@ fn conditions_of_the_optimum_hold_in_double_precision() {
 fn linear_svms_are_those_of_pairwise_steps() {
     for (seed, width) in [(5, 1), (6, 3), (7, 9)] {
         let (mut rows, sides) = clouds(seed, 120, width);
-        // A duplicate feature, and a constant one.
+        // A duplicate feature and a constant feature.
         if width == 9 {
             for row in rows.chunks_mut(width) {
                 (row[7], row[8]) = (row[6], 0.0);
@@ -106,7 +106,8 @@ fn linear_svms_are_those_of_pairwise_steps() {
     }
 }
 
-/// `rounding`: tolerance of w, in units of 1 + C.
+/// Checks the optimality conditions of a linear SVM. `rounding` is the tolerance of w and of Σ y α,
+/// in units of 1 + C.
 fn check_plane(width: usize, rows: &[f64], sides: &[i8], c: f64, rounding: f64) {
     let plane = linear::fit(width, rows, sides, c).unwrap();
     let mine = (0..sides.len()).filter(|&i| sides[i] != 0);
@@ -115,7 +116,8 @@ fn check_plane(width: usize, rows: &[f64], sides: &[i8], c: f64, rounding: f64) 
         let (row, side) = (&rows[i * width..(i + 1) * width], f64::from(sides[i]));
         let slack = side * plane.decision(row) - 1.0;
         assert!((-1e-12..=c * (1.0 + 1e-12)).contains(&alpha));
-        // Away from a bound, on the margin; at C, inside it; at 0, outside.
+        // Rows with 0 < α < C are on the margin, rows with α = C inside it, rows with α = 0
+        // outside.
         assert!(alpha * slack.max(0.0) < 1e-8 * (1.0 + c), "{alpha} {slack}");
         assert!((c - alpha) * (-slack).max(0.0) < 1e-8 * (1.0 + c), "{alpha} {slack}");
         total += side * alpha;
@@ -139,8 +141,8 @@ fn conditions_of_the_optimum_hold_for_linear_svms() {
     }
 }
 
-/// With few rows of nearly dependent features, full corrector steps cycle, as they do for the first
-/// three of these.
+/// With few rows of nearly dependent features, full corrector steps may cycle. They do so in the
+/// first three cases.
 #[test]
 fn linear_svms_do_not_go_in_circles() {
     let check = |seed, count, width, c| {
@@ -148,7 +150,7 @@ fn linear_svms_do_not_go_in_circles() {
         for row in rows.chunks_mut(width) {
             (row[0], row[2]) = (row[1] * row[1], row[1] + 0.01 * row[2]);
         }
-        // Features that depend on each other to 1 % cost four digits.
+        // Features that depend on each other to 1 % cost four digits of accuracy.
         check_plane(width, &rows, &sides, c, 1e-7);
     };
     check(1392, 130, 9, 1.0);
@@ -162,8 +164,8 @@ fn linear_svms_do_not_go_in_circles() {
     }
 }
 
-/// One row against all others, separated by a feature of only one or two rows. Cycling starts far
-/// from the central path, outside the usual neighbourhood.
+/// One to three rows against all others. Each feature distinguishes a single row. Cycling starts
+/// far from the central path, outside the default neighbourhood.
 #[test]
 fn linear_svms_of_a_single_row_are_fitted() {
     for count in [200, 1280, 1878, 1950, 2000, 2500, 2999] {
@@ -189,7 +191,7 @@ fn lanes_change_no_bit() {
     wide.set_data(5, &rows, sides.len());
     let mut narrow = Gram::<f32>::empty(false);
     narrow.set_data(5, &rows, sides.len());
-    // Cached distances of one γ serve the next.
+    // The cached distances of one γ are reused for the next.
     for gamma in [0.7, 0.3] {
         wide.set_gamma(gamma);
         narrow.set_gamma(gamma);
@@ -232,7 +234,7 @@ fn the_first_of_equal_cells_is_best() {
         accuracy: accuracy.to_vec(),
         decisions: vec![],
     };
-    // The same numbers, with sums that round differently.
+    // The last three cells have the same numbers, but their sums round differently.
     let cells = [
         cell(1.0, &[0.5, 0.5, 0.5]),
         cell(2.0, &[0.7, 0.1, 0.8]),

@@ -1,25 +1,25 @@
 //! Grows trees by exhaustive search over splits, for any criterion.
 //!
-//! Each column is sorted once. A node contains its rows in the order of every column; a split
-//! divides each of these lists and keeps their order. Trees that differ only in their minimum leaf
-//! size are grown together until their best splits differ.
+//! Each column is sorted once. A node has one list of its rows for each column, in the order of
+//! this column. A split divides each of these lists and keeps their order. Trees that differ only
+//! in their minimum leaf size are grown together until their best splits differ.
 
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
 use crate::predict::tree::{DEEPEST, Node};
 
-/// More rows would overflow the sums of a criterion.
+/// Maximum number of rows. More rows could overflow the sums of a criterion.
 const MOST_ROWS: usize = 1 << 21;
 
-/// No split separates values closer than this. (In single precision, as in scikit-learn: next to
-/// large values it rounds to 0, so only equal values stay together.)
+/// No split separates values that differ by at most this. In single precision, as in scikit-learn,
+/// it vanishes beside large values, so that only equal values stay together.
 const CLOSE: f32 = 1e-7;
 
 /// The criterion of a split. All results must depend only on sets of rows, not on their order.
 pub(crate) trait Criterion {
     /// The summary of a node's rows.
     type Total;
-    /// The summary of both sides of a split while it moves to the right.
+    /// The summary of both sides of a split while the split moves to the right.
     type Scan;
     /// The score of a split.
     type Score: Copy;
@@ -50,7 +50,7 @@ struct Entry {
 }
 
 impl Entry {
-    /// Whether a value not less than this one is too close to separate.
+    /// Whether `next`, whose value is not less than this one, is too close to be separated.
     #[inline(always)]
     fn is_close_to(self, next: Self) -> bool {
         next.value <= self.value + CLOSE
@@ -78,7 +78,7 @@ impl Columns {
             return Err(Invalid::new("rows", format!("at most {MOST_ROWS} rows"), rows));
         }
         let mut entries = Vec::with_capacity(rows * samples.width());
-        // Sign, exponent and fraction as one order-preserving integer; then the row.
+        // Sort keys: sign, exponent and fraction as one order-preserving integer, then the row.
         let mut keys: Vec<u64> = Vec::with_capacity(rows);
         for j in 0..samples.width() {
             keys.clear();
@@ -112,7 +112,7 @@ impl Columns {
         self.column(column).iter().map(|entry| entry.row as usize)
     }
 
-    /// The possible splits of a column: number of rows on the left, and threshold.
+    /// The possible splits of a column, each with the number of rows on the left and the threshold.
     pub(crate) fn partings(&self, column: usize) -> impl Iterator<Item = (usize, f64)> {
         let pairs = (1..).zip(self.column(column).windows(2));
         pairs
@@ -156,16 +156,16 @@ struct Best<S> {
     threshold: f64,
 }
 
-/// A node that waits for its split.
+/// A node that is not split yet.
 struct OpenNode {
-    /// Its rows in the order of each column, column by column; only one column if it is known to be
-    /// a leaf.
+    /// The node's rows in the order of each column, column by column. Only one column if the node
+    /// is known to be a leaf.
     entries: Vec<Entry>,
     rows: usize,
     depth: usize,
-    /// The trees that contain it.
+    /// The trees that contain the node.
     trees: Vec<usize>,
-    /// Its parent in each of these trees, unless it is the root.
+    /// The node's parent in each of these trees. Empty for the root.
     parents: Vec<usize>,
     is_right: bool,
 }
@@ -224,7 +224,7 @@ where
                 i += 1;
                 continue;
             };
-            // Larger leaves allow fewer splits, so trees that agree are adjacent.
+            // A larger minimum leaf size allows fewer splits, so trees that agree are adjacent.
             let same = |other: &Option<Best<C::Score>>| {
                 other.is_some_and(|o| (o.column, o.left) == (split.column, split.left))
             };
@@ -237,7 +237,7 @@ where
             for (i, entry) in column.iter().enumerate() {
                 goes_left[entry.row as usize] = i < split.left;
             }
-            // Last in, first out: left children come first, as in preorder.
+            // The stack is last in, first out, so the left child is taken next, as in preorder.
             for is_right in [true, false] {
                 let rows = if is_right { &column[split.left..] } else { &column[..split.left] };
                 let is_leaf = open.depth + 1 == limits.depth || rows.len() < 2 * leaves[i];
@@ -284,8 +284,9 @@ fn best_splits<C: Criterion>(
                 continue;
             }
             let score = criterion.score(&scan);
-            // The best split for smaller leaves is at least as good as for larger ones. A split no
-            // better than the best for larger leaves is therefore no better for smaller ones.
+            // A smaller minimum leaf size allows all splits of a larger one, so its best split is
+            // at least as good. A split no better than the best for a larger minimum is no better
+            // for a smaller one.
             for (best, _) in best.iter_mut().zip(leaves).rev().filter(|(_, l)| **l <= smaller) {
                 if best.is_some_and(|best| !criterion.is_better(&score, &best.score)) {
                     break;
@@ -301,9 +302,10 @@ fn best_splits<C: Criterion>(
     best
 }
 
-/// One side of each list of `rows` entries: `kept` entries of each.
+/// One side of the split: `kept` entries of each list of `rows` entries.
 fn part(entries: &[Entry], goes_left: &[bool], left: bool, rows: usize, kept: usize) -> Vec<Entry> {
-    // One spare slot for the other side's entries, because writing them is cheaper than a branch.
+    // One spare slot, because the other side's entries are written too and then overwritten, which
+    // is cheaper than a branch.
     let mut side = vec![Entry { value: 0.0, row: 0 }; entries.len() / rows * kept + 1];
     let mut end = 0;
     for entry in entries {

@@ -1,17 +1,17 @@
 //! Pairwise coupling: class probabilities from pairwise probabilities.
 //!
-//! Wu, Lin and Weng (2004), "Probability estimates for multi-class classification by
-//! pairwise coupling", second method: the p with Σ p = 1 that minimises
-//! Σ over pairs of (r_ba p_a − r_ab p_b)², where r_ab is the probability of a among {a, b}.
-//! Its conditions are linear: Q p = λ 1 and Σ p = 1.
+//! This is the second method of Wu, Lin and Weng (2004), "Probability estimates for multi-class
+//! classification by pairwise coupling". It finds the p with Σ p = 1 that minimises the sum over
+//! pairs of (r_ba p_a − r_ab p_b)², where r_ab is the probability of a among {a, b}. The optimality
+//! conditions are linear: Q p = λ 1 and Σ p = 1.
 
 use super::pairs::pairs;
 
-/// Probabilities stay at least this far from 0 and 1, as in libsvm: with all r inside (0, 1) the
-/// system has exactly one solution, and it is positive.
+/// Pairwise probabilities r are clamped to stay at least this far from 0 and 1, as in libsvm. With
+/// all r inside (0, 1), the system has exactly one solution, and it is positive.
 const EDGE: f64 = 1e-7;
 
-/// Writes the class probabilities to `out`; `pairwise` contains P(first class) of each pair.
+/// Writes the class probabilities to `out`. `pairwise` contains P(first class) of each pair.
 pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
     let k = out.len();
     if let ([r], [first, second]) = (pairwise, &mut *out) {
@@ -19,7 +19,7 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
         (*first, *second) = (r, 1.0 - r);
         return;
     }
-    // Rows of Q, each with a column for −λ and the right-hand side; then Σ p = 1.
+    // The rows of Q, with a column for −λ and the right-hand side, then the row for Σ p = 1.
     let stride = k + 2;
     let mut system = vec![0.0; (k + 1) * stride];
     for ((a, b), &r) in pairs(k).zip(pairwise) {
@@ -38,7 +38,7 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
     solve(&mut system, k + 1);
     let mut total = 0.0;
     for (class, p) in out.iter_mut().enumerate() {
-        // Rounding may make an impossible class slightly negative.
+        // Rounding errors may make the probability of an impossible class slightly negative.
         *p = system[class * stride + k + 1].max(0.0);
         total += *p;
     }
@@ -47,8 +47,8 @@ pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Gauss–Jordan elimination with row pivoting: n rows of n entries and a right-hand side, which the
-/// solution replaces.
+/// Gauss–Jordan elimination with partial pivoting. `system` has n rows of n coefficients and a
+/// right-hand side, which the solution replaces.
 fn solve(system: &mut [f64], n: usize) {
     let stride = n + 1;
     for column in 0..n {

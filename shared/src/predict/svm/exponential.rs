@@ -1,15 +1,17 @@
-//! eˣ for x ≤ 0 in lanes: additions, multiplications and a shift, with the same bits in every lane
-//! width and in WebAssembly. `libm` branches, which lanes cannot.
+//! eˣ for x ≤ 0 in SIMD lanes. It uses only additions, multiplications and a shift, so results are
+//! bit-identical for every lane width and in WebAssembly. `libm` uses branches, which are
+//! impossible in lanes.
 //!
-//! x = n·ln 2 + r with |r| ≤ ½ ln 2; eʳ by its Taylor polynomial, 2ⁿ by its exponent.
+//! With x = n·ln 2 + r and |r| ≤ ½ ln 2, eʳ is a Taylor polynomial, and adding n to the exponent
+//! bits multiplies it by 2ⁿ.
 
-/// eˣ for x ≤ 0, accurate to two units in the last place; clamps arguments at −708.
+/// eˣ for x ≤ 0, accurate to two ULP. Arguments below −708 are clamped to −708.
 #[inline(always)]
 pub(crate) fn exp64(x: f64) -> f64 {
-    // ln 2 in two parts; the first ends in zero bits, so that its product with n is exact.
+    // ln 2 in two parts. The first part ends in zero bits, so that its product with n is exact.
     const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-    // Adding it rounds to an integer, which is then in the lowest bits.
+    // Adding this number rounds to an integer, which is then in the lowest bits.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     const TAYLOR: [f64; 14] = [
         1.0 / 6_227_020_800.0,
@@ -38,7 +40,7 @@ pub(crate) fn exp64(x: f64) -> f64 {
     f64::from_bits(sum.to_bits().wrapping_add(shifted.to_bits() << 52))
 }
 
-/// The same for f32; clamps arguments at −86.
+/// eˣ for x ≤ 0 in f32. Arguments below −86 are clamped to −86.
 #[cfg(feature = "learn")]
 #[inline(always)]
 pub(crate) fn exp32(x: f32) -> f32 {

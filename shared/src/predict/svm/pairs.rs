@@ -11,7 +11,7 @@ pub fn pairs(classes: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..classes).flat_map(move |a| (a + 1..classes).map(move |b| (a, b)))
 }
 
-/// The class with the most votes, the first on a tie, from one decision value per pair.
+/// The class with the most votes, from one decision value per pair. On a tie, the first class.
 #[must_use]
 pub fn vote(classes: usize, decisions: impl IntoIterator<Item = f64>) -> usize {
     let mut votes = vec![0usize; classes];

@@ -1,10 +1,10 @@
-//! Support vectors in lanes: each kernel value is computed once for all pairs.
+//! Support vectors in SIMD lanes. Each kernel value is computed once for all pairs.
 
 use super::exponential::exp64;
 use crate::parallel::{Kernel, in_widest_lanes};
 
-/// Vectors in lanes. Sums run within a lane and then over the lanes in order, so the processor's
-/// lane width has no effect.
+/// Number of support vectors in a block. Sums run within a lane and then over the lanes in order,
+/// so the processor's lane width has no effect on the result.
 const LANES: usize = 8;
 
 type Lanes = [f64; LANES];
@@ -22,7 +22,8 @@ pub(super) struct Support {
 }
 
 impl Support {
-    /// Builds it from row-major vectors (`count` × `width`) and coefficients (`pairs` × `count`).
+    /// Lays out row-major vectors (`count` × `width`) and coefficients (`pairs` × `count`) in
+    /// blocks.
     pub(super) fn new(
         gamma: f64,
         width: usize,
@@ -60,7 +61,7 @@ impl Support {
         (0..self.pairs).map(|pair| (0..self.count).map(|i| entry(i, pair)).collect()).collect()
     }
 
-    /// Adds to each pair's decision value the sum over all vectors for a standardised row.
+    /// For a standardised row, adds the sum over all support vectors to each pair's decision value.
     pub(super) fn add_to(&self, row: &[f64], decisions: &mut [f64]) {
         let mut sums = vec![[0.0; LANES]; self.pairs];
         in_widest_lanes(Sums { support: self, row, sums: &mut sums });

@@ -88,7 +88,7 @@ fn coupling_of_contradictory_pairs_has_the_least_cost() {
             assert!(cost(&pairwise, &other) >= least - 1e-12);
         }
     }
-    // Certain pairs, including a cycle.
+    // Pairwise probabilities of 0 and 1, including a cycle.
     for pairwise in [[1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 0.0]] {
         let mut p = vec![0.0; 3];
         coupling::couple(&pairwise, &mut p);

@@ -1,4 +1,4 @@
-//! Empirical sets: hulls of recorded futures, per mode of behaviour.
+//! Empirical sets: convex hulls of the recorded futures of each mode of behaviour.
 
 use super::simple_bounds::worst_case_area_m2;
 use super::swept::{convex_hull, swept_area};
@@ -49,14 +49,15 @@ impl<M: ActionModel> Mode<M> {
 /// Intelligent Vehicles, 2018).
 ///
 /// As in that paper, each mode of behaviour has its recorded futures, as positions in the human's
-/// frame, and the set at each step bounds the most representative share α of them. There are two
-/// differences: the paper selects futures by an integer program that minimises the area, and bounds
-/// them by the least and greatest lateral positions. Here futures are ordered by their root mean
-/// square distance over the steps from the mode's median path (the median of each coordinate), so
-/// that the sets of all shares are nested, and the bound is the convex hull at each step.
+/// frame, and the set at each step bounds the most representative share α of these futures. There
+/// are two differences. First, the paper selects futures by an integer program that minimises the
+/// area. Here, futures are ordered by their root mean square distance over the steps from the
+/// mode's median path (the median of each coordinate), so that the sets of all shares are nested.
+/// Second, the paper bounds the selected futures by the least and greatest lateral positions. Here,
+/// the bound is the convex hull at each step.
 ///
 /// The level is the share α of a mode's n futures, counted as j/(n + 1). At level 1 the set is the
-/// worst-case set. Only positions are tested, with a tolerance of 5 mm. The area is that of the
+/// worst-case set. Only positions are tested, with a tolerance of 5 mm. The area is the area of the
 /// union of the convex hulls of consecutive steps' sets, starting at the current position.
 pub struct PerModeEmpirical<M> {
     mode: Mode<M>,
@@ -66,7 +67,7 @@ pub struct PerModeEmpirical<M> {
     worst_case_area: f64,
 }
 
-/// Largest distance from a hull, m, at which a position counts as inside.
+/// Largest distance (m) from a hull at which a position counts as inside.
 const TOLERANCE_M: f64 = 0.005;
 
 /// The recorded futures of one mode.
@@ -117,8 +118,8 @@ impl Futures {
         Self { count: paths.len(), hulls }
     }
 
-    /// The number of most central futures at a level below 1. It is counted like scores, so that a
-    /// score used as the level selects the same futures.
+    /// The number of most central futures that a level below 1 selects. Futures are counted in the
+    /// same way as for scores, so that a score used as the level selects the same futures.
     fn kept(&self, level: f64) -> usize {
         (0..=self.count).rev().find(|&j| share(j, self.count) <= level).unwrap_or(0)
     }
@@ -141,7 +142,8 @@ impl Futures {
     }
 }
 
-/// The distinct hulls of the first 1, 2, … points.
+/// The distinct hulls of the first 1, 2, … points, each with the least number of points that have
+/// this hull.
 fn growing_hulls(points: impl Iterator<Item = [f64; 2]>) -> Vec<(usize, Vec<[f64; 2]>)> {
     let mut hulls: Vec<(usize, Vec<[f64; 2]>)> = Vec::new();
     for (i, point) in points.enumerate() {
@@ -238,8 +240,8 @@ mod tests {
         fn probabilities(&self, _: &[JointState], _: &mut [f64]) {}
     }
 
-    /// A two-step drive that ends in `points`, in the frame of a pose far from the origin; preceded
-    /// by one step with the turn rate `held`.
+    /// A two-step drive through `points`, given in the frame of a pose far from the origin. Before
+    /// it, one step has the turn rate `held`.
     fn drive(held: f64, points: [[f64; 2]; 2]) -> Trajectory {
         let now = Pose::new(5.0, -3.0, 0.5 * crate::math::PI);
         // Ahead is +y, to the left is −x.

@@ -19,14 +19,14 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum EmpiricalFamily {
-    /// Hulls of recorded futures, by the held input.
+    /// Convex hulls of recorded futures, grouped by the held input.
     Empirical,
-    /// Normal distributions of the future pose, about the held input.
+    /// Normal distributions of the future pose around a drive with the held input.
     Gaussian,
 }
 
 impl EmpiricalFamily {
-    /// Its name in URLs.
+    /// The name of the family in URLs.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -36,8 +36,8 @@ impl EmpiricalFamily {
     }
 }
 
-/// Nested sets of such a family, at the levels learned with it. They depend only on the human's
-/// pose and the input of the last step.
+/// Nested sets of a learned family, at the learned levels. They depend only on the human's pose and
+/// on the input of the last step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct EmpiricalSets {
@@ -45,14 +45,14 @@ pub struct EmpiricalSets {
     family: EmpiricalFamily,
     /// Number of steps ahead.
     steps: usize,
-    /// The sets in the human's frame, from the smallest to the largest, if the last step turned
-    /// right.
+    /// The sets in the human's frame if the last step turned right, from the smallest to the
+    /// largest.
     right: Vec<EmpiricalSet>,
-    /// The same if the last step was straight, or there was none.
+    /// The sets if the last step was straight, or there was no last step.
     straight: Vec<EmpiricalSet>,
-    /// The same if the last step turned left.
+    /// The sets if the last step turned left.
     left: Vec<EmpiricalSet>,
-    /// The sets at their latest placement.
+    /// The sets as placed by the latest call of [`Self::place`].
     #[serde(skip)]
     placed: Vec<EmpiricalSet>,
 }
@@ -63,16 +63,16 @@ pub struct EmpiricalSets {
 pub struct EmpiricalSet {
     /// The family's level.
     pub level: f64,
-    /// Area, m², of all positions within the steps ahead.
+    /// Area (m²) of all positions within the steps ahead.
     pub area_m2: f64,
-    /// Closed counter-clockwise polygons whose union is all positions within the steps ahead, m. If
-    /// nothing was recorded, the set is empty, and so is each polygon.
+    /// Closed counter-clockwise polygons (m) whose union is all positions within the steps ahead.
+    /// If nothing was recorded, the set is empty, and so is each polygon.
     pub tube: Vec<Vec<[f64; 2]>>,
     /// The positions after each step, one polygon per step.
     pub steps: Vec<Vec<[f64; 2]>>,
 }
 
-/// Such a family, and its sets at the learned levels.
+/// A learned family, and its sets at the learned levels.
 pub struct Fitted {
     family: Box<dyn LearnedFamily + Send>,
     /// The sets.
@@ -96,9 +96,9 @@ impl ActionModel for Nobody {
 }
 
 impl Fitted {
-    /// Learns from every window of `steps` ≥ 1 steps of `trajectories`. The levels are the least
-    /// whose sets contain 50, 75, 90 and 95 % of these windows, and the level of the worst-case
-    /// set.
+    /// Learns from every window of `steps` ≥ 1 steps of `trajectories`. The learned levels are the
+    /// least levels whose sets contain 50, 75, 90 and 95 % of these windows, and the level of the
+    /// worst-case set.
     ///
     /// # Errors
     /// [`Invalid`] if there are too few windows.
@@ -144,8 +144,8 @@ impl Fitted {
         Ok(Self { family: fitted, sets })
     }
 
-    /// For each window of each trajectory, from every step, the index, from 0, of the smallest set
-    /// that contains its future: the input of
+    /// For each window of each trajectory (from every step), the index, from 0, of the smallest set
+    /// that contains the window's future. The result is the input of
     /// [`probabilities`](crate::shfrs::probability::probabilities).
     ///
     /// # Errors
@@ -184,7 +184,8 @@ impl EmpiricalSets {
         self.straight.len()
     }
 
-    /// The sets at their latest placement, from the smallest to the largest; empty before that.
+    /// The sets as placed by the latest call of [`Self::place`], from the smallest to the largest.
+    /// Empty before the first call.
     #[must_use]
     pub fn sets(&self) -> &[EmpiricalSet] {
         &self.placed
@@ -215,7 +216,7 @@ impl EmpiricalSets {
     }
 }
 
-/// A drive whose first step had this input: the history of the families' window from step 1 on.
+/// A drive whose first step has the input `held`. It is the history of the window from step 1 on.
 fn after_a_step(
     held: TurnInput,
     parameters: &SceneParameters,
@@ -228,7 +229,7 @@ fn after_a_step(
     Trajectory::driven(states, &inputs, parameters)
 }
 
-/// The sets at these levels in the frame of a human who drives `drive`, from step 1 on.
+/// The sets at these levels for the window of `drive` from step 1 on, in the human's frame.
 fn shapes(
     family: &mut dyn LearnedFamily,
     drive: &Trajectory,
@@ -250,7 +251,7 @@ fn shapes(
     each.map(shape).collect()
 }
 
-/// All positions that a human at the origin can reach. The caller sets the area from the family.
+/// All positions that a human at the origin can reach. The caller sets the area.
 fn worst_case(
     parameters: &SceneParameters,
     steps: usize,
@@ -261,7 +262,7 @@ fn worst_case(
     let bounds = widened(&vec![range; steps], 0.0, range)?;
     let here = Pose::new(0.0, 0.0, 0.0);
     let reachable = ReachableSet::new(here, &bounds, human.speed_mps, step_s)?;
-    // The accuracy of the sets that Algorithm 1 bounds.
+    // The same polygon settings as `ShfrsSettings::paper`.
     let settings = PolygonSettings::new(1e-3, 8)?;
     let steps = (1..=steps).map(|step| reachable.step_polygon(step, settings)).collect();
     let tube = vec![reachable.tube_polygon(settings)];
@@ -322,8 +323,8 @@ mod tests {
         }
     }
 
-    /// The distance by which the positions of a window's future are inside the sets of their steps,
-    /// m; negative outside.
+    /// The distance (m) by which the positions of a window's future are inside the sets of their
+    /// steps. Negative if a position is outside.
     fn inside_by(set: &EmpiricalSet, window: &Window<'_>) -> f64 {
         let positions = window.future().iter().map(|state| state.human.position());
         let inside = set.steps.iter().zip(positions).map(|(step, at)| -signed_distance(step, at));
@@ -331,8 +332,8 @@ mod tests {
     }
 
     /// Compares membership in the drawn polygons with the family's scores, on unseen drives. Hulls
-    /// contain positions within 5 mm. Ellipsoids also have a heading: their ellipses contain all
-    /// their positions.
+    /// contain positions with a tolerance of 5 mm. Ellipsoids also limit the heading, and their
+    /// ellipses contain all of their positions.
     #[test]
     fn what_is_drawn_holds_what_scores_say() {
         let unseen = drives(2, 40);
@@ -349,7 +350,7 @@ mod tests {
                     assert_eq!(set.area_m2, area, "{kind:?} {}", set.level);
                     let inside = inside_by(set, window);
                     match kind {
-                        // Polygons of the worst case are inscribed, and drives turn at the limit.
+                        // Worst-case polygons are inscribed, and drives turn at the limit.
                         _ if j == most => assert!(inside > -0.005, "{inside}"),
                         EmpiricalFamily::Empirical if (inside + 0.005).abs() < 1e-9 => {}
                         EmpiricalFamily::Empirical => {
@@ -367,7 +368,7 @@ mod tests {
         }
     }
 
-    /// A position is in an ellipse if some heading there is in the ellipsoid.
+    /// A position is in the ellipse if the ellipsoid contains the position with some heading.
     #[test]
     fn ellipses_are_ellipsoids_seen_from_above() {
         let Fitted { family, mut sets } = learned(EmpiricalFamily::Gaussian, 1);
@@ -378,8 +379,8 @@ mod tests {
             let now =
                 Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.0, 3.0));
             sets.place(now, held_now);
-            // The worst case is not an ellipse. Test from the centre of the largest ellipse to
-            // beyond its edge.
+            // The worst case is not an ellipse. Test points go from the centre of the largest
+            // ellipse to beyond its edge.
             let most = family.most();
             let outer = sets.sets().iter().rfind(|set| set.level < most).unwrap();
             let corners = &outer.steps[0];
@@ -407,7 +408,7 @@ mod tests {
             let least = score(0.5 * (low + high));
             for set in sets.sets().iter().filter(|set| set.level < most) {
                 let inside = -signed_distance(&set.steps[0], at);
-                // The polygon is inscribed in the ellipse, 0.2 % smaller.
+                // The polygon is inscribed in the ellipse, so it is 0.2 % smaller.
                 if (least / set.level - 1.0).abs() > 0.005 {
                     assert_eq!(inside > 0.0, least < set.level, "{least} {} {inside}", set.level);
                     held += usize::from(inside > 0.0);

@@ -12,15 +12,16 @@ use crate::vehicle::Pose;
 use crate::vehicle::dubins::relative_state;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-/// Ellipsoids of the future pose at each step: mean and covariance of its difference from a
-/// [`Nominal`] drive, in the nominal pose's frame, learned from recorded windows.
+/// Ellipsoids of the future pose at each step: mean and covariance of the pose's difference from a
+/// [`Nominal`] drive, in the frame of the nominal pose, learned from recorded windows.
 ///
-/// The level is a Mahalanobis radius. A trajectory is inside if its pose (x, y, ψ) is within this
-/// radius of the mean at every step. The covariances include 5 mm and 2 mrad, so that they are
-/// invertible even if all futures agree at a step. In the plane the set at a step is the projection
-/// of the ellipsoid, an ellipse. The area is that of the union of the convex hulls of consecutive
-/// ellipses, starting at the current position. Beyond the radius at which this area equals that of
-/// the worst-case set of a human who drives straight, the set is the worst-case set.
+/// The level is a Mahalanobis radius. A trajectory is inside if, at every step, its pose (x, y, ψ)
+/// is within this radius of the mean. The covariances include 5 mm and 2 mrad, so that they are
+/// invertible even if all futures agree at a step. In the plane, the set at a step is an ellipse,
+/// the projection of the ellipsoid. The area is the area of the union of the convex hulls of
+/// consecutive ellipses, starting at the current position. At some radius, this area for a human
+/// who drives straight reaches the area of the worst-case set. From this radius on, the set is the
+/// worst-case set.
 pub struct Gaussian {
     nominal: Nominal,
     parameters: SceneParameters,
@@ -30,19 +31,19 @@ pub struct Gaussian {
     worst_case_area: f64,
 }
 
-/// The distribution at one step, in the nominal pose's frame: m, m, rad.
+/// The distribution at one step, in the frame of the nominal pose (m, m, rad).
 struct Moments {
     mean: Vector3<f64>,
     /// The inverse covariance.
     precision: Matrix3<f64>,
-    /// L with L·Lᵀ the covariance of the position.
+    /// L, where L·Lᵀ is the covariance of the position.
     root: Matrix2<f64>,
 }
 
-/// Vertices of the polygon inscribed in an ellipse; its area is 0.3 % smaller.
+/// Number of vertices of the polygon inscribed in an ellipse. The polygon's area is 0.3 % smaller.
 const VERTICES: usize = 48;
 
-/// Added to each covariance: the tolerance of membership, squared.
+/// Variances that are added to each covariance: the squares of the membership tolerance.
 const TOLERANCE: [f64; 3] = [0.005 * 0.005, 0.005 * 0.005, 0.002 * 0.002];
 
 impl Gaussian {
@@ -136,7 +137,8 @@ impl Gaussian {
     }
 }
 
-/// The radius at which the increasing `area` reaches `goal`, to within 10⁻⁶.
+/// The radius at which the increasing function `area` reaches `goal`, with a relative error of at
+/// most 10⁻⁶.
 fn radius_of_area(area: impl Fn(f64) -> f64, goal: f64) -> f64 {
     let mut high = 1.0;
     while area(high) < goal {
@@ -225,7 +227,7 @@ mod tests {
     #[test]
     fn the_radius_is_mahalanobis() {
         let family = learned(Nominal::Straight);
-        // Sample variance 4 · 0.09/3 in both directions, plus the tolerance's.
+        // The sample variance 4 · 0.09/3 in both directions, plus the variance of the tolerance.
         let variance: f64 = 0.12 + 0.005 * 0.005;
         let mean = Vector3::new(1.0 - 0.4, 0.0, 0.0);
         let radius = |x: f64, y: f64| family.moments[0].radius(mean + Vector3::new(x, y, 0.0));

@@ -9,8 +9,8 @@ use crate::shfrs::family::Family;
 use crate::shfrs::widened::{least_widening, tube_area_m2, widened};
 use crate::shfrs::window::Window;
 
-/// Reachable sets under base bounds widened by the level ε, rad/s, within the vehicle's turn rates.
-/// `base` returns the lowest and highest turn rate of each step of a window, rad/s.
+/// Reachable sets under base bounds widened by the level ε (rad/s), within the vehicle's turn
+/// rates. `base` returns the lowest and highest turn rate (rad/s) of each step of a window.
 struct WidenedInputs<B> {
     name: &'static str,
     parameters: SceneParameters,
@@ -21,20 +21,20 @@ struct WidenedInputs<B> {
 /// The name of the family of [`worst_case`].
 pub const WORST_CASE: &str = "worst case";
 
-/// All positions that the human can reach: one set for every level, with coverage 1.
+/// All positions that the human can reach. Every level has this set, and its coverage is 1.
 pub fn worst_case(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let range = parameters.human.turn_range();
     let base = move |window: &Window<'_>| Ok(vec![range; window.steps()]);
     WidenedInputs { name: WORST_CASE, parameters: *parameters, most: 0.0, base }
 }
 
-/// The human drives straight on, within ±ε: a cone around the current velocity.
+/// The human drives straight on, within ±ε. The set is a cone around the current velocity.
 pub fn constant_velocity(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let rate = parameters.human.turn_rate_radps;
     around(Nominal::Straight, "constant velocity", rate, parameters)
 }
 
-/// The human holds the input of the last step, within ±ε.
+/// The human holds the turn rate of the last step, within ±ε.
 pub fn hold_the_input(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let rate = parameters.human.turn_rate_radps;
     around(Nominal::Held, "hold the input", 2.0 * rate, parameters)
@@ -57,13 +57,14 @@ fn around(
 /// A nominal prediction with a bounded disturbance, after Govindarajan, Driggs-Campbell and
 /// Bajcsy, *Data-driven reachability analysis for human-in-the-loop systems* (CDC 2017).
 ///
-/// As in that paper, the human is a nominal model plus a disturbance of its input; the bound of the
-/// disturbance is the smallest one that gives the required accuracy (coverage) on recorded drives;
-/// and the prediction is the forward reachable set. It is not a reproduction: it omits the paper's
-/// driving scenario and vehicle model, several simultaneous bounds, the second constraint on
-/// *risk*, and the level-set computation. Here the nominal model is the most likely action of
-/// `model` at each coming step, rolled out on its own predictions (in both directions if actions
-/// tie), and the single bound is the level ε, rad/s. This makes it Algorithm 1 with k = 1.
+/// As in that paper, the human is a nominal model plus a disturbance of its input. The bound on the
+/// disturbance is the smallest bound that gives the required accuracy (coverage) on recorded
+/// drives. The prediction is the forward reachable set. This family is not a reproduction of the
+/// paper. It omits the paper's driving scenario and vehicle model, several simultaneous bounds, the
+/// second constraint on *risk*, and the level-set computation. Here, the nominal model is the most
+/// likely action of `model` at each coming step, rolled out on its own predictions (in both
+/// directions if actions tie). The single bound is the level ε (rad/s). The family is therefore
+/// Algorithm 1 with k = 1.
 pub fn learned_disturbance<M: ActionModel + Send>(
     parameters: &SceneParameters,
     model: M,
@@ -100,7 +101,7 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
     }
 }
 
-/// Area, m², of all positions that the human can reach within `steps`. Areas are compared with it,
+/// Area (m²) of all positions that the human can reach within `steps`. Areas are compared with it,
 /// because a set of this area contains no more information than the vehicle model.
 ///
 /// # Errors
@@ -115,8 +116,8 @@ mod tests {
     use super::*;
     use crate::shfrs::testing::{Always, drive};
 
-    /// Score and area at `level` after one step to the left, for a drive that continues with
-    /// `rest`.
+    /// Score and area at `level` after one step to the left, for a drive that continues with the
+    /// turn rate `rest`.
     fn check(mut family: impl Family, rest: f64, level: f64) -> (f64, f64) {
         let mut rates = vec![rest; 11];
         rates[0] = 0.5;
@@ -127,8 +128,8 @@ mod tests {
         (score, family.area_m2(&window, level).unwrap())
     }
 
-    /// All turn rates together give 16/3 m², and areas are proportional to the width of the bounds
-    /// wherever straight driving is admissible.
+    /// The set of all turn rates has an area of 16/3 m². Areas are proportional to the width of the
+    /// bounds wherever straight driving is admissible.
     #[test]
     fn each_family_is_about_its_own_guess() {
         let parameters = &SceneParameters::default();

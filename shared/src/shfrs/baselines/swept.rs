@@ -2,11 +2,11 @@
 //!
 //! Sets learned from positions exist only at the steps. To compare their union over time with a
 //! reachable tube, the human is assumed to be in the convex hull of both sets between two steps.
-//! This assumption uses no vehicle model; it holds if the path between two steps is a straight
+//! This assumption uses no vehicle model. It holds if the path between two steps is a straight
 //! line.
 
 /// The convex hull, counter-clockwise from its leftmost vertex (Andrew's monotone chain). Points
-/// inside an edge are omitted; a point or a segment is returned unchanged.
+/// inside an edge are omitted. A single point or a segment is returned unchanged.
 pub(super) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut points = points.to_vec();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
@@ -32,26 +32,27 @@ pub(super) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     hull
 }
 
-/// Twice the signed area of the triangle: positive if it turns left.
+/// Twice the signed area of the triangle, positive for a left turn.
 fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// The region that convex sets, given by their vertices after each step, sweep from the origin: the
-/// convex hulls of consecutive sets. The region is their union.
+/// The region that convex sets sweep from the origin: the convex hulls of consecutive sets, whose
+/// union is the region. `sets` contains the vertices of the set after each step.
 pub(super) fn swept(sets: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
     let now = vec![[0.0; 2]];
     let before = core::iter::once(&now).chain(sets);
     before.zip(sets).map(|(before, set)| convex_hull(&[&before[..], &set[..]].concat())).collect()
 }
 
-/// Area, m², of the region that `sets` after each step [sweep](swept).
+/// Area (m²) of the region that `sets` after each step [sweep](swept).
 pub(super) fn swept_area(sets: &[Vec<[f64; 2]>]) -> f64 {
     union_area(&swept(sets))
 }
 
-/// Area of the union of convex polygons. It is exact: between consecutive abscissae of vertices and
-/// crossings, the union's cross-section is linear, so its midpoint gives the area.
+/// Area of the union of convex polygons. The result is exact: between consecutive abscissae of
+/// vertices and crossings, the length of the union's cross-section is linear, so its value at the
+/// midpoint gives the area.
 fn union_area(polygons: &[Vec<[f64; 2]>]) -> f64 {
     let mut cuts: Vec<f64> = polygons.iter().flatten().map(|p| p[0]).collect();
     for (i, a) in polygons.iter().enumerate() {
@@ -91,7 +92,7 @@ fn crossing([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<f64> {
     crosses.then(|| a[0] + (b[0] - a[0]) * (from / (from - to)))
 }
 
-/// Lowest and highest ordinate of a polygon at `x`.
+/// Lowest and highest ordinate of a polygon at `x`, if the polygon has points there.
 fn span(polygon: &[[f64; 2]], x: f64) -> Option<(f64, f64)> {
     let at = |[a, b]: [[f64; 2]; 2]| {
         let crosses = (a[0] <= x) != (b[0] <= x);
@@ -131,7 +132,7 @@ mod tests {
         assert_eq!(union_area(&[square(0.0, 0.0, 1.0), square(0.0, 5.0, 2.0)]), 5.0);
         assert_eq!(union_area(&[square(0.0, 0.0, 3.0), square(1.0, 1.0, 1.0)]), 9.0);
         assert_eq!(union_area(&[]), 0.0);
-        // A point that grows to a square and moves on.
+        // The origin, then a square, then the same square farther on.
         let sets = [square(1.0, -0.5, 1.0), square(3.0, -0.5, 1.0)];
         assert!((swept_area(&sets) - (0.5 * 1.0 + 3.0)).abs() < 1e-12);
     }
@@ -169,7 +170,7 @@ mod tests {
                 })
                 .count();
             let counted = 9.0 * inside as f64 / N as f64;
-            // Four standard errors of a share are at most 9 · 4 · 0.5 / √N.
+            // Four standard errors of the counted area are at most 9 · 4 · 0.5 / √N.
             assert!((union_area(&polygons) - counted).abs() < 18.0 / (N as f64).sqrt());
         }
     }

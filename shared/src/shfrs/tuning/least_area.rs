@@ -8,20 +8,21 @@ use crate::shfrs::window::Window;
 use crate::shfrs::window_sets::Prediction;
 use crate::stats::beta_quantile;
 
-/// The bounds of some candidates for one window, and an interval for their score.
+/// Bounds that some candidates have for one window, and an interval that contains their score.
 struct Base {
     bounds: Vec<(f64, f64)>,
     /// Lower bound on the score.
     least: f64,
-    /// Upper bound on the score; both are equal once it is computed.
+    /// Upper bound on the score. It equals `least` once the score is computed.
     most: f64,
 }
 
-/// The ranks among `n` ≥ 1 training scores at which the calibrated level may be, for equally likely
-/// quantiles of the Beta distribution (a, b) of the share that it will contain.
+/// The ranks among `n` ≥ 1 training scores at which the calibrated level may be. They are at
+/// equally likely quantiles of the Beta distribution (a, b) of the share of trajectories that the
+/// calibrated set will contain.
 ///
-/// The area can jump from one score to the next. The rank of the mean share alone would therefore
-/// select settings that happen to be good at that rank only.
+/// Several ranks are necessary because the area can jump from one score to the next. With the rank
+/// of the mean share alone, the selected settings might be good at this rank only by chance.
 pub(super) fn ranks((a, b): (f64, f64), n: usize) -> [usize; RANKS] {
     core::array::from_fn(|i| {
         let share = beta_quantile((i as f64 + 0.5) / RANKS as f64, a, b);
@@ -35,13 +36,15 @@ const RANKS: usize = 9;
 /// Approximate share of the work that is done once every candidate's bounds are known.
 const BOUNDS_KNOWN: f64 = 0.5;
 
-/// The candidate whose tubes have the least area, summed over the training windows and over the
-/// levels at each of the ascending `ranks` of its scores; the first one on a tie.
+/// The candidate whose tubes have the least area, summed over the training windows and over levels.
+/// A candidate's levels are its scores at each of the ascending `ranks`. On a tie, the first
+/// candidate is returned.
 ///
 /// Computing scores takes most of the time. So each score first gets an interval from turn rates
-/// and headings alone. The intervals bound every candidate's level, and the level bounds its area
-/// from below. Candidates are then visited in order of this lower bound, until it exceeds the best
-/// area; and only the scores that could be at the rank are computed.
+/// and headings alone. These intervals give a lower bound on each candidate's levels, and so on its
+/// area. Candidates are visited in ascending order of this bound, until it exceeds the least area
+/// found so far. For a visited candidate, only the scores that could be at one of the ranks are
+/// computed.
 pub(super) fn least_area(
     windows: &[Window<'_>],
     prediction: &Prediction<'_, impl ActionModel + Sync>,
