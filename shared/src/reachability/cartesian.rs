@@ -22,7 +22,9 @@ use super::progress::{MEMORY_LIMIT_BYTES, Progress, SolveError};
 use super::scheme::{Eno2, Eno3, Scheme, Upwind, Weno5};
 use crate::parallel::{Lanes, default_threads};
 use crate::real::Real;
+use core::marker::PhantomData;
 use core::ops::ControlFlow;
+use kernel::{Moves, Of};
 use march::march;
 use serde::{Deserialize, Serialize};
 
@@ -80,6 +82,7 @@ impl<const D: usize> Region<'_, D> {
 }
 
 /// The obstacle, a region that must not be entered.
+#[derive(Clone, Copy)]
 struct Avoid<'a, const D: usize> {
     region: Region<'a, D>,
     /// The factor that makes `region` positive inside, so that V ≥ sign · region.
@@ -294,10 +297,16 @@ pub fn solve<T: Real, const D: usize, G: Game<D>>(
     settings: &Settings,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Solution<T, D>, SolveError> {
-    match settings.scheme {
-        Scheme::Upwind => march::<T, D, G, Upwind>(problem, settings, progress),
-        Scheme::Eno2 => march::<T, D, G, Eno2>(problem, settings, progress),
-        Scheme::Eno3 => march::<T, D, G, Eno3>(problem, settings, progress),
-        Scheme::Weno5 => march::<T, D, G, Weno5>(problem, settings, progress),
+    fn of<G, S>(game: &G) -> Of<'_, G, S> {
+        Of { game, scheme: PhantomData }
     }
+    let &Problem { game, grid, target, avoid, kind, direction, horizon } = problem;
+    let problem = Problem { game: &(), grid, target, avoid, kind, direction, horizon };
+    let moves: &dyn Moves<T, D> = match settings.scheme {
+        Scheme::Upwind => &of::<G, Upwind>(game),
+        Scheme::Eno2 => &of::<G, Eno2>(game),
+        Scheme::Eno3 => &of::<G, Eno3>(game),
+        Scheme::Weno5 => &of::<G, Weno5>(game),
+    };
+    march(&problem, moves, settings, progress)
 }

@@ -4,8 +4,12 @@ use super::super::game::{Game, TERMS};
 use super::super::grid::Grid;
 use super::super::scheme::{Stencil, Upwind, has_jump};
 use super::layout::{BLOCK, Ghosts, Layout, fill_ghosts};
-use crate::parallel::Kernel;
+use super::speeds::Speeds;
+use crate::invalid::Invalid;
+use crate::parallel::{Kernel, Lanes, in_lanes};
 use crate::real::Real;
+use core::marker::PhantomData;
+use core::ops::Deref;
 
 /// The game's terms as tables.
 pub(super) struct Tables<T, const D: usize> {
@@ -16,8 +20,8 @@ pub(super) struct Tables<T, const D: usize> {
 }
 
 impl<T: Real, const D: usize> Tables<T, D> {
-    pub(super) fn new<G: Game<D>>(game: &G, grid: &Grid<D>, layout: &Layout<D>) -> Self {
-        let terms = |d: usize, i: isize| game.terms(d, grid.axes[d].node(i)).map(T::from_f64);
+    fn new(terms: &dyn Fn(usize, f64) -> [f64; TERMS], grid: &Grid<D>, layout: &Layout<D>) -> Self {
+        let terms = |d: usize, i: isize| terms(d, grid.axes[d].node(i)).map(T::from_f64);
         let nodes = core::array::from_fn(|d| {
             (0..layout.nodes[d] as isize).map(|i| terms(d, i)).collect::<Vec<_>>()
         });
@@ -60,8 +64,7 @@ pub(super) struct Range<T> {
 }
 
 /// One Runge–Kutta stage.
-pub(super) struct Stage<'a, T, const D: usize, G, S> {
-    pub(super) game: &'a G,
+pub(super) struct Stage<'a, T, const D: usize> {
     pub(super) layout: &'a Layout<D>,
     pub(super) tables: &'a Tables<T, D>,
     /// By axis, the factor of the differences between neighbours.
@@ -83,7 +86,6 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) ceiling: Option<&'a [T]>,
     pub(super) floor: Option<&'a [T]>,
     pub(super) range: Range<T>,
-    pub(super) scheme: core::marker::PhantomData<S>,
 }
 
 impl<T: Real> Range<T> {
@@ -99,20 +101,88 @@ impl<T: Real> Range<T> {
     }
 }
 
-impl<T: Copy, const D: usize, G, S> Clone for Stage<'_, T, D, G, S> {
+impl<T: Copy, const D: usize> Clone for Stage<'_, T, D> {
     fn clone(&self) -> Self {
         *self
     }
 }
-impl<T: Copy, const D: usize, G, S> Copy for Stage<'_, T, D, G, S> {}
+impl<T: Copy, const D: usize> Copy for Stage<'_, T, D> {}
 
-/// A stage, and the slices from `first` on, to which it writes its results.
-pub(super) struct Task<'a, 'b, T, const D: usize, G, S> {
-    pub(super) stage: Stage<'a, T, D, G, S>,
+/// The slices that a stage writes: those from `first` on.
+pub(super) struct Part<'a, 'b, T, const D: usize> {
     pub(super) first: usize,
     pub(super) slices: &'b mut [T],
-    /// The ghosts of each axis.
+    /// By axis.
     pub(super) ghosts: [Ghosts<'a>; D],
+}
+
+/// What the march needs of a game and a scheme. Only the kernels behind this trait are compiled for
+/// each game and scheme; the rest of the solver is compiled once for each number type and dimension.
+pub(super) trait Moves<T, const D: usize>: Sync {
+    /// See [`Stencil::REACH`].
+    fn reach(&self) -> usize;
+    /// See [`Game::mirror`].
+    fn mirror(&self) -> [bool; D];
+    fn tables(&self, grid: &Grid<D>, layout: &Layout<D>) -> Tables<T, D>;
+    /// # Errors
+    /// [`Invalid`] for the first node with a speed bound that is not finite.
+    fn speeds(&self, grid: &Grid<D>) -> Result<Speeds<D>, Invalid>;
+    /// Computes a part of a stage, in lanes of at most this width.
+    fn advance(&self, lanes: Lanes, stage: Stage<'_, T, D>, part: Part<'_, '_, T, D>);
+}
+
+/// The moves of a game under a scheme.
+pub(super) struct Of<'a, G, S> {
+    pub(super) game: &'a G,
+    pub(super) scheme: PhantomData<S>,
+}
+
+impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Moves<T, D> for Of<'_, G, S> {
+    fn reach(&self) -> usize {
+        S::REACH
+    }
+
+    fn mirror(&self) -> [bool; D] {
+        self.game.mirror()
+    }
+
+    fn tables(&self, grid: &Grid<D>, layout: &Layout<D>) -> Tables<T, D> {
+        Tables::new(&|axis, coordinate| self.game.terms(axis, coordinate), grid, layout)
+    }
+
+    fn speeds(&self, grid: &Grid<D>) -> Result<Speeds<D>, Invalid> {
+        Speeds::of(
+            &|axis, coordinate| self.game.terms(axis, coordinate),
+            &|terms| self.game.speed_bounds(terms),
+            grid,
+        )
+    }
+
+    fn advance(&self, lanes: Lanes, stage: Stage<'_, T, D>, part: Part<'_, '_, T, D>) {
+        let step = Step { stage, game: self.game, scheme: PhantomData::<S> };
+        in_lanes(lanes, Task { step, part });
+    }
+}
+
+/// A stage of a game under a scheme.
+struct Step<'a, T, const D: usize, G, S> {
+    stage: Stage<'a, T, D>,
+    game: &'a G,
+    scheme: PhantomData<S>,
+}
+
+impl<'a, T, const D: usize, G, S> Deref for Step<'a, T, D, G, S> {
+    type Target = Stage<'a, T, D>;
+
+    #[inline(always)]
+    fn deref(&self) -> &Stage<'a, T, D> {
+        &self.stage
+    }
+}
+
+struct Task<'a, 'b, T, const D: usize, G, S> {
+    step: Step<'a, T, D, G, S>,
+    part: Part<'a, 'b, T, D>,
 }
 
 /// moved ← keep·other + (1 − keep)·moved.
@@ -143,22 +213,22 @@ pub(super) fn block<T>(values: &[T], at: usize) -> &[T; BLOCK] {
 impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Kernel for Task<'_, '_, T, D, G, S> {
     #[inline(always)]
     fn run(self) {
-        let Self { stage, first, slices, ghosts } = self;
-        let layout = stage.layout;
+        let Self { step, part: Part { first, slices, ghosts } } = self;
+        let layout = step.layout;
         let mut carried = Carried::new(layout);
         let mut scratch = Scratch { rights: [[T::ZERO; BLOCK]; D], moved: [T::ZERO; BLOCK] };
         for (i, slice) in slices.chunks_mut(layout.slice_length()).enumerate() {
             for run in 0..layout.runs_per_slice() {
-                let run = Run::new(&stage, first + i, run);
-                stage.enter(i == 0, &run, &mut carried, &mut scratch);
+                let run = Run::new(&step, first + i, run);
+                step.enter(i == 0, &run, &mut carried, &mut scratch);
                 let end = run.offset + layout.run_length();
                 for here in (run.offset..end).step_by(BLOCK) {
                     let target = &mut slice[here..end.min(here + BLOCK)];
-                    stage.block(&run, here, &mut carried, &mut scratch, target);
+                    step.block(&run, here, &mut carried, &mut scratch, target);
                 }
             }
             for (d, ghosts) in ghosts.into_iter().enumerate().skip(1) {
-                fill_ghosts(slice, layout, d, ghosts, stage.jumps);
+                fill_ghosts(slice, layout, d, ghosts, step.jumps);
             }
             carried.next_slice();
         }
@@ -179,7 +249,7 @@ struct Run<T, const D: usize> {
 
 impl<T: Real, const D: usize> Run<T, D> {
     #[inline(always)]
-    fn new<G, S>(stage: &Stage<'_, T, D, G, S>, slice: usize, run: usize) -> Self {
+    fn new(stage: &Stage<'_, T, D>, slice: usize, run: usize) -> Self {
         let layout = stage.layout;
         let (index, offset) = layout.run(slice, run);
         let fixed = core::array::from_fn(|d| {
@@ -247,7 +317,7 @@ fn is_steeper<T: Real, S: Stencil>(value: impl Fn(isize) -> T, most: T) -> bool 
     faces.fold(T::ZERO, |largest, k| largest.larger((value(k + 1) - value(k)).abs())) > most
 }
 
-impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
+impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Step<'_, T, D, G, S> {
     /// Computes the left derivatives of a run's first cells, along each axis on which these cells
     /// are the first nodes. Along axis 0, only the first slice of a task needs this.
     #[inline(always)]

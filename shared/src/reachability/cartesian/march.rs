@@ -1,23 +1,22 @@
 //! Time steps from the target to the horizon.
 
-use super::super::game::Game;
 use super::super::grid::Grid;
 use super::super::progress::{Progress, SolveError, check_memory};
-use super::super::scheme::{JUMP_REACH, Stencil};
-use super::kernel::{Base, Stage, Tables, Task};
+use super::super::scheme::JUMP_REACH;
+use super::kernel::{Base, Moves, Part, Stage, Tables};
 use super::layout::{BLOCK, Ghosts, Layout, each_interior, fill_ghosts};
 use super::limits::{Limits, Nodes, STEEP, joined, range, steepest};
 use super::mirror::Mirror;
-use super::speeds::Speeds;
 use super::{Direction, Horizon, Kind, Problem, Region, Settings, ShallowObstacle, Solution};
 use crate::invalid::Invalid;
-use crate::parallel::{Lanes, Workers, in_lanes};
+use crate::parallel::{Lanes, Workers};
 use crate::real::Real;
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicUsize, Ordering};
 
-struct Marcher<'a, T, const D: usize, G, S> {
-    problem: &'a Problem<'a, D, G>,
+struct Marcher<'a, T, const D: usize> {
+    problem: &'a Problem<'a, D, ()>,
+    moves: &'a dyn Moves<T, D>,
     /// The nodes that are computed: all, or half of them.
     grid: Grid<D>,
     mirror: Option<Mirror<D>>,
@@ -31,10 +30,9 @@ struct Marcher<'a, T, const D: usize, G, S> {
     workers: Workers,
     lanes: Lanes,
     slices_per_chunk: usize,
-    scheme: core::marker::PhantomData<S>,
 }
 
-impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
+impl<T: Real, const D: usize> Marcher<'_, T, D> {
     /// destination ← `base`, combined with `source` advanced by `time_step`.
     fn stage(
         &self,
@@ -45,12 +43,11 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         destination: &mut [T],
     ) {
         let sign = if self.problem.direction == Direction::Forward { -1.0 } else { 1.0 };
-        let stage = Stage::<T, D, G, S> {
-            game: self.problem.game,
+        let stage = Stage {
             layout: &self.layout,
             tables: &self.tables,
             units: self.units,
-            steep: (S::REACH > 1 && limits.floor.is_some())
+            steep: (self.moves.reach() > 1 && limits.floor.is_some())
                 .then(|| limits.steep(&self.grid).map(T::from_f64)),
             near: limits.hidden(),
             jumps: limits.jumps,
@@ -62,7 +59,6 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
             ceiling: limits.ceiling.as_deref(),
             floor: limits.floor.as_deref(),
             range: limits.range(self.cfl),
-            scheme: core::marker::PhantomData,
         };
         let layout = &self.layout;
         let ghosts = self.ghosts();
@@ -70,7 +66,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         let inside = &mut destination[lead..lead + layout.slices() * slice];
         self.workers.for_chunks(inside, self.slices_per_chunk * slice, |chunk, slices| {
             let first = chunk * self.slices_per_chunk;
-            in_lanes(self.lanes, Task { stage, first, slices, ghosts });
+            self.moves.advance(self.lanes, stage, Part { first, slices, ghosts });
         });
         fill_ghosts(destination, layout, 0, ghosts[0], limits.jumps);
     }
@@ -279,12 +275,13 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
     }
 }
 
-pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
-    problem: &Problem<'_, D, G>,
+pub(super) fn march<T: Real, const D: usize>(
+    problem: &Problem<'_, D, ()>,
+    moves: &dyn Moves<T, D>,
     settings: &Settings,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Solution<T, D>, SolveError> {
-    problem.grid.check(S::REACH)?;
+    problem.grid.check(moves.reach())?;
     let (longest, tolerance) = match problem.horizon {
         Horizon::Finite(seconds) => (seconds, None),
         Horizon::Converged { tolerance, longest_s } => (longest_s, Some(tolerance)),
@@ -295,8 +292,8 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     }
     check_times(problem, settings)?;
     // A first-order scheme need not search for jumps.
-    let looks = problem.avoid.is_some() && S::REACH > 1;
-    let reach = if looks { JUMP_REACH } else { S::REACH };
+    let looks = problem.avoid.is_some() && moves.reach() > 1;
+    let reach = if looks { JUMP_REACH } else { moves.reach() };
     let stages = settings.scheme.stages();
     // The target's values, the obstacle's values, and the proximity of the obstacle's jumps.
     let limits = [problem.kind == Kind::Tube, problem.avoid.is_some(), looks].map(usize::from);
@@ -308,25 +305,25 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     let arrays = (stages.max(2) + limits.iter().sum::<usize>()).saturating_add(settings.slices);
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
     // This visits every node, so it comes after the check of the number of nodes.
-    let mirror = Mirror::of(problem, reach);
+    let mirror = Mirror::of(problem, moves.mirror(), reach);
     let grid = mirror.as_ref().map_or(problem.grid, Mirror::half);
 
     let layout = Layout::new(&grid, reach);
     let threads = if grid.len() < SMALL { 1 } else { settings.threads.clamp(1, layout.slices()) };
-    let mut marcher = Marcher::<T, D, G, S> {
+    let mut marcher = Marcher {
         problem,
+        moves,
         grid,
         cells: mirror.as_ref().map_or(Vec::new(), |mirror| mirror.cells(&layout)),
         mirror,
         layout,
-        tables: Tables::new(problem.game, &grid, &layout),
+        tables: moves.tables(&grid, &layout),
         units: [T::ZERO; D],
         scale: 1.0,
         cfl: settings.cfl,
         workers: Workers::new(threads),
         lanes: settings.lanes,
         slices_per_chunk: layout.slices().div_ceil(4 * threads),
-        scheme: core::marker::PhantomData,
     };
     let array = || vec![T::ZERO; layout.length];
     let mut value = array();
@@ -353,7 +350,7 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     marcher.units =
         core::array::from_fn(|d| T::from_f64(1.0 / (grid.axes[d].spacing() * marcher.scale)));
 
-    let speeds = Speeds::of(problem.game, &problem.grid)?;
+    let speeds = moves.speeds(&problem.grid)?;
     let longest_step = settings.cfl / speeds.rate;
     let planned = (longest / longest_step).ceil().max(1.0);
     // Each stored instant must be the end of a time step.
@@ -431,8 +428,8 @@ pub(super) fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
 }
 
 /// Rejects settings and regions that need a finite horizon, if the problem has none.
-fn check_times<const D: usize, G>(
-    problem: &Problem<'_, D, G>,
+fn check_times<const D: usize>(
+    problem: &Problem<'_, D, ()>,
     settings: &Settings,
 ) -> Result<(), Invalid> {
     let Horizon::Converged { .. } = problem.horizon else {

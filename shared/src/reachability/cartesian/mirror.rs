@@ -1,7 +1,6 @@
 //! Reflection symmetry. If the game, the grid, the target and the obstacle have it, one half of the
 //! grid determines the other half.
 
-use super::super::game::Game;
 use super::super::grid::{Axis, Boundary, Grid};
 use super::layout::Layout;
 use super::{Problem, Region};
@@ -19,8 +18,11 @@ pub(super) struct Mirror<const D: usize> {
 
 impl<const D: usize> Mirror<D> {
     /// The symmetry of `problem`, if it has one and the half has enough nodes for a stencil of `reach`.
-    pub(super) fn of<G: Game<D>>(problem: &Problem<'_, D, G>, reach: usize) -> Option<Self> {
-        let reversed = problem.game.mirror();
+    pub(super) fn of(
+        problem: &Problem<'_, D, ()>,
+        reversed: [bool; D],
+        reach: usize,
+    ) -> Option<Self> {
         let (axis, whole) = (reversed.iter().position(|reversed| *reversed)?, problem.grid);
         let (nodes, boundary) = (whole.axes[axis].nodes, whole.axes[axis].boundary);
         let fits = boundary == Boundary::Extrapolate && nodes - nodes / 2 > reach.max(2);

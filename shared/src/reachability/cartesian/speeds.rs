@@ -1,6 +1,6 @@
 //! How fast states move, and how early they can leave the grid.
 
-use super::super::game::{Game, TERMS};
+use super::super::game::TERMS;
 use super::super::grid::{Axis, Grid};
 use crate::invalid::Invalid;
 
@@ -16,9 +16,13 @@ pub(super) struct Speeds<const D: usize> {
 impl<const D: usize> Speeds<D> {
     /// # Errors
     /// [`Invalid`] naming the first node with a bound that is not finite.
-    pub(super) fn of<G: Game<D>>(game: &G, grid: &Grid<D>) -> Result<Self, Invalid> {
+    pub(super) fn of(
+        terms: &dyn Fn(usize, f64) -> [f64; TERMS],
+        speed_bounds: &dyn Fn(&[[f64; TERMS]; D]) -> [f64; D],
+        grid: &Grid<D>,
+    ) -> Result<Self, Invalid> {
         let tables: [Vec<[f64; TERMS]>; D] = core::array::from_fn(|d| {
-            grid.axes[d].coordinates().iter().map(|x| game.terms(d, *x)).collect()
+            grid.axes[d].coordinates().iter().map(|x| terms(d, *x)).collect()
         });
         let per_spacing = grid.axes.map(|axis| 1.0 / axis.spacing());
         let mut along = grid.axes.map(|axis| vec![0.0_f64; axis.nodes]);
@@ -26,8 +30,7 @@ impl<const D: usize> Speeds<D> {
         // Positive also for a game without motion, for which any time step is stable.
         let mut fastest = 1e-12_f64;
         'nodes: loop {
-            let terms = core::array::from_fn(|d| tables[d][index[d]]);
-            let speeds = game.speed_bounds(&terms);
+            let speeds = speed_bounds(&core::array::from_fn(|d| tables[d][index[d]]));
             let rate: f64 = (0..D).map(|d| speeds[d] * per_spacing[d]).sum();
             if !rate.is_finite() {
                 let found = format!("{speeds:?} at {:?}", grid.node(index));
