@@ -1,4 +1,5 @@
-//! Backups: one SQLite file with the whole database, complete and checked before it gets its name.
+//! Backups. A backup is one SQLite file with the whole database. It is complete and checked before
+//! it gets its name.
 
 use crate::database_check::{self, Report};
 use crate::store::{OpenError, Purpose, Store, StoreError};
@@ -16,7 +17,7 @@ pub(crate) const UNFINISHED: &str = ".sidestep-backup-";
 /// Why a backup failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BackupError {
-    /// The database, or the copy of it, cannot be read.
+    /// The database or its copy cannot be read.
     #[error("{0}")]
     Store(#[from] StoreError),
     /// The copy cannot be opened.
@@ -30,7 +31,7 @@ pub enum BackupError {
     Unwritable {
         /// The backup.
         file: PathBuf,
-        /// Why.
+        /// The cause.
         error: io::Error,
     },
     /// The database has faults.
@@ -43,8 +44,8 @@ pub enum BackupError {
     },
 }
 
-/// How a backup treats faulty trials: those that do not replay from their inputs, or do not match
-/// the numbers stored with them.
+/// How a backup treats faulty trials. A trial is faulty if it does not replay from its inputs, or
+/// does not match the numbers stored with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultyTrials {
     /// A backup with a faulty trial is refused.
@@ -56,18 +57,18 @@ pub enum FaultyTrials {
 /// A backup that was written.
 #[derive(Debug)]
 pub struct Written {
-    /// Its length, bytes.
+    /// Length (bytes).
     pub bytes: u64,
     /// The check of its content.
     pub report: Report,
 }
 
-/// Writes a backup to `out`, a new file that only its owner can read, after replaying every trial.
-/// Faulty trials are an error unless `accepted`; a damaged database file always is. `progress` gets
-/// the number of copied participants and their total, if they are copied one by one.
+/// Writes a backup to `out`, a new file that only its owner can read. Every trial is replayed first. Faulty
+/// trials are an error unless `accepted` keeps them; damage to the database file is always an error. If
+/// participants are copied one by one, `progress` gets the number copied and the total.
 ///
 /// # Errors
-/// [`BackupError`]; then there is no file.
+/// [`BackupError`]; in this case no file is created.
 pub async fn write(
     store: &Store,
     out: &Path,
@@ -78,7 +79,7 @@ pub async fn write(
     let unwritable = |error| BackupError::Unwritable { file: out.to_owned(), error };
     let parent = out.parent().filter(|folder| !folder.as_os_str().is_empty());
     let parent = parent.unwrap_or(Path::new("."));
-    // SQLite would apply the other database's log to the backup when it is opened.
+    // When the backup is opened, SQLite would apply this log of another database to it.
     if Store::has_log(out) {
         let found =
             "there is the write-ahead log of a database of this name; move it to another folder";
@@ -111,10 +112,10 @@ pub async fn write(
     Ok(Written { bytes, report })
 }
 
-/// Refuses a database with faults other than the accepted ones.
+/// Refuses a database with faults, except for accepted ones.
 ///
 /// # Errors
-/// [`BackupError::Unsound`] with the first of them.
+/// [`BackupError::Unsound`] with the first fault.
 pub fn sound(file: &Path, report: &Report, accepted: FaultyTrials) -> Result<(), BackupError> {
     match report.first() {
         None => Ok(()),
@@ -123,12 +124,12 @@ pub fn sound(file: &Path, report: &Report, accepted: FaultyTrials) -> Result<(),
     }
 }
 
-/// Suffix of the names of a database's backups, by its [`Store::code`].
+/// Suffix of the backup names of the database with this [`Store::code`].
 fn end(code: &str) -> String {
     format!("Z-{code}.db")
 }
 
-/// Name of a backup written at `now_ms`, in ms since 1970, of the database with this
+/// Name of a backup, written at `now_ms` (ms since 1970), of the database with this
 /// [`Store::code`]: `sidestep-20261125T043000Z-1f0c9a37.db`.
 #[must_use]
 pub fn name(code: &str, now_ms: i64) -> String {
@@ -136,8 +137,8 @@ pub fn name(code: &str, now_ms: i64) -> String {
     format!("sidestep-{}{}", time.trim_end_matches('Z'), end(code))
 }
 
-/// The backups of a database in a folder, oldest first. Other files, including backups of other
-/// databases, are ignored.
+/// The backups of a database in a folder, oldest first. All other files are ignored, including the
+/// backups of other databases.
 ///
 /// # Errors
 /// If the folder cannot be read.
@@ -159,7 +160,8 @@ pub fn list(folder: &Path, code: &str) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Deletes the oldest backups of a database in a folder and keeps `keep`. Returns the number deleted.
+/// Deletes the oldest backups of a database in a folder, except for the newest `keep`. Returns the
+/// number of deleted files.
 ///
 /// # Errors
 /// If a file cannot be deleted.

@@ -1,8 +1,8 @@
-//! A client of the HTTP interface with types: for commands, for tests, and for programs in Rust.
+//! A typed client of the HTTP interface, for commands, tests and programs in Rust.
 //!
-//! A [`Client`] knows a server; a [`Participation`] takes part with the token of an enrolment; a
-//! [`Laboratory`] has an experimenter's key. Each method is one request, and its errors name the server, what
-//! was asked for, and the server's own words.
+//! A [`Client`] is for one server. A [`Participation`] acts for an enrolled participant, with their
+//! token. A [`Laboratory`] acts for an experimenter, with their key. Each method sends one request.
+//! Its errors name the server and the requested item, and contain the server's message.
 
 mod participation;
 mod laboratory;
@@ -19,13 +19,13 @@ use sidestep::api::{Enrolled, Enrolment, Problem, StudyInfo, Texts, routes};
 use std::error::Error;
 use std::time::Duration;
 
-/// A little longer than a server takes to give up on a request itself.
+/// Request timeout, a little longer than the server's own timeout for a request.
 const PATIENCE: Duration = Duration::from_secs(40);
 
 /// Why a request did not succeed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ClientError {
-    /// There was no answer.
+    /// The server did not respond.
     #[error("{origin}: no answer: {why}; is a server running there?")]
     Unreachable {
         /// The server's address.
@@ -38,27 +38,27 @@ pub enum ClientError {
     Refused {
         /// The server's address.
         origin: String,
-        /// What was asked for.
+        /// The requested item.
         what: &'static str,
-        /// The status of the answer.
+        /// The HTTP status of the response.
         status: u16,
-        /// The body of the answer, if it was one of a Sidestep server.
+        /// The body of the response, if it has the format of a Sidestep server.
         problem: Option<Problem>,
     },
-    /// The answer is none of a Sidestep server, or none of this version.
+    /// The response is not from a Sidestep server, or not from one of this version.
     #[error("{origin}: {what}: not the answer of a Sidestep server: {why}")]
     NotUnderstood {
         /// The server's address.
         origin: String,
-        /// What was asked for.
+        /// The requested item.
         what: &'static str,
-        /// What is wrong with the answer.
+        /// What is wrong with the response.
         why: String,
     },
 }
 
 impl ClientError {
-    /// The code of the problem with which the server refused the request.
+    /// The problem code with which the server refused the request.
     #[must_use]
     pub fn code(&self) -> Option<&str> {
         match self {
@@ -68,7 +68,7 @@ impl ClientError {
     }
 }
 
-/// The server's words. What was sent is not repeated: it holds the token.
+/// The server's message. Does not repeat the request, which contains the token.
 fn said(problem: Option<&Problem>) -> String {
     match problem {
         None => "not in the words of a Sidestep server".to_owned(),
@@ -77,17 +77,18 @@ fn said(problem: Option<&Problem>) -> String {
     }
 }
 
-/// How requests are sent: to the server itself, whose answer is the only one that counts.
+/// An HTTP client builder that trusts these roots. It sends requests directly to the server,
+/// without a proxy, and follows no redirects.
 ///
 /// # Errors
-/// None that is known.
+/// No cause of an error is known.
 pub fn http(trusted: RootCertStore) -> Result<reqwest::ClientBuilder, rustls::Error> {
     let tls = tls_client::config(trusted)?;
     let builder = reqwest::Client::builder().tls_backend_preconfigured(tls);
     Ok(builder.redirect(reqwest::redirect::Policy::none()).no_proxy())
 }
 
-/// A server that is asked.
+/// A server to which requests are sent.
 #[derive(Clone, Debug)]
 pub struct Client {
     http: reqwest::Client,
@@ -96,11 +97,12 @@ pub struct Client {
 }
 
 impl Client {
-    /// The server at an address such as `http://127.0.0.1:8080`; none if it is neither an http nor an https
-    /// address, or one with a password or a query. Certificates must come from an authority of this system.
+    /// The server at an address such as `http://127.0.0.1:8080`. Returns `None` if the address is
+    /// not an http or https address, or has a password or a query. The server's certificate must be
+    /// from an authority that this system trusts.
     ///
     /// # Errors
-    /// If the system has no means to send requests.
+    /// If the HTTP client cannot be built.
     pub fn at(url: &str) -> Option<anyhow::Result<Self>> {
         let parsed = Url::parse(url).ok()?;
         let plain = matches!(parsed.scheme(), "http" | "https")
@@ -111,7 +113,7 @@ impl Client {
             && parsed.fragment().is_none();
         let origin = parsed.as_str().trim_end_matches('/').to_owned();
         plain.then(|| {
-            // Reading the authorities takes milliseconds, which an address without TLS does not need.
+            // Reading the authorities takes milliseconds, and an address without TLS does not need them.
             let trusted = match parsed.scheme() {
                 "https" => tls_client::system_roots(),
                 _ => RootCertStore::empty(),
@@ -126,7 +128,7 @@ impl Client {
         &self.origin
     }
 
-    /// What a participant needs to know of a study.
+    /// The study's information for participants.
     ///
     /// # Errors
     /// [`ClientError`]; `not_found` if there is no such study.
@@ -134,7 +136,7 @@ impl Client {
         self.ask("the study", self.request(Method::GET, &routes::study(slug))).await
     }
 
-    /// What participants read, in a language such as `en`.
+    /// The texts of the participant's page, in a language such as `en`.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -143,11 +145,11 @@ impl Client {
         self.ask("the texts", self.request(Method::GET, &route)).await
     }
 
-    /// Enrols a participant, who takes part by the result.
+    /// Enrols a participant and returns their participation.
     ///
     /// # Errors
-    /// [`ClientError`]; `closed`, `full`, `archived`, `screened_out` or `withdrawn` if the study does not
-    /// take the person.
+    /// [`ClientError`]; `closed`, `full`, `archived`, `screened_out` or `withdrawn` if the study
+    /// does not accept the person.
     pub async fn enrol<V: Serialize>(
         &self,
         slug: &str,
@@ -158,7 +160,7 @@ impl Client {
         Ok(Participation::new(self.clone(), enrolled))
     }
 
-    /// The laboratory, for the holder of a key.
+    /// The laboratory, accessed with this key.
     #[must_use]
     pub fn laboratory(&self, key: &str) -> Laboratory {
         Laboratory::new(self.clone(), key.to_owned())
@@ -168,7 +170,7 @@ impl Client {
         self.http.request(method, format!("{}{route}", self.origin))
     }
 
-    /// The JSON of a success.
+    /// Sends the request and parses the JSON of a successful response.
     async fn ask<T: DeserializeOwned>(
         &self,
         what: &'static str,
@@ -182,7 +184,7 @@ impl Client {
         })
     }
 
-    /// The bytes of a success.
+    /// Sends the request and returns the body of a successful response.
     async fn bytes(
         &self,
         what: &'static str,

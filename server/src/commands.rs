@@ -60,12 +60,12 @@ pub enum CommandError {
 }
 
 impl CommandError {
-    /// Any error, as a failure.
+    /// Turns any error into a failure.
     pub fn failure(error: impl std::fmt::Display) -> Self {
         Self::Failure(error.to_string())
     }
 
-    /// An error of writing to stdout.
+    /// The error for a failed write to stdout.
     pub fn of_stdout(error: &io::Error) -> Self {
         match error.kind() {
             io::ErrorKind::BrokenPipe => Self::Unread,
@@ -73,7 +73,7 @@ impl CommandError {
         }
     }
 
-    /// 2 for usage and bad input, 0 if the reader closed the output, else 1.
+    /// 2 for usage and bad input, 0 if the reader closed the output, and 1 otherwise.
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self {
@@ -83,7 +83,7 @@ impl CommandError {
         }
     }
 
-    /// The message for stderr, if there is one.
+    /// The message for stderr, if any.
     #[must_use]
     pub fn said(&self) -> Option<&str> {
         match self {
@@ -96,7 +96,8 @@ impl CommandError {
 impl From<OpenError> for CommandError {
     fn from(error: OpenError) -> Self {
         match &error {
-            // A wrong PostgreSQL address is like a wrong password: whatever keeps us from that database is a failure.
+            // A wrong PostgreSQL address is treated like a wrong password. Anything that prevents
+            // access to that database is a failure.
             OpenError::Address { url, .. } if !url.to_lowercase().contains("postgres") => {
                 Self::Input(error.to_string())
             }
@@ -143,10 +144,10 @@ impl From<BackupError> for CommandError {
     }
 }
 
-/// The values of a flag: word, meaning and help of each.
+/// The values of a flag, each with its word, meaning and help.
 type Words<T> = &'static [(&'static str, T, &'static str)];
 
-/// Parses one of these words.
+/// A parser that accepts one of these words.
 fn one_of<T: Clone + Send + Sync + 'static>(words: Words<T>) -> impl TypedValueParser<Value = T> {
     let values = words.iter().map(|(word, _, help)| PossibleValue::new(*word).help(*help));
     PossibleValuesParser::new(values).try_map(move |given| {
@@ -180,7 +181,7 @@ fn unwritable(path: &Path, error: &dyn std::fmt::Display) -> CommandError {
     CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
 }
 
-/// Returns the failure that the printed result reports, even if nobody reads the output.
+/// Returns a failure for the faults in a printed result, even if the reader closed the output.
 fn failed(printed: Result<(), CommandError>, why: String) -> Result<(), CommandError> {
     match printed {
         Err(CommandError::Unread) | Ok(()) => Err(CommandError::Failure(why)),
@@ -188,7 +189,7 @@ fn failed(printed: Result<(), CommandError>, why: String) -> Result<(), CommandE
     }
 }
 
-/// Names this flag instead of `--database` in an error about a database address.
+/// Replaces `--database` by this flag in an error about a database address.
 fn of_flag(flag: &'static str) -> impl Fn(OpenError) -> CommandError {
     move |error| match error.into() {
         CommandError::Input(said) => CommandError::Input(said.replacen("--database", flag, 1)),
@@ -196,7 +197,7 @@ fn of_flag(flag: &'static str) -> impl Fn(OpenError) -> CommandError {
     }
 }
 
-/// Writes a result to stdout, as one line of JSON.
+/// Writes a result to stdout as one line of JSON.
 fn print_json(result: &impl Serialize) -> Result<(), CommandError> {
     let line = serde_json::to_string(result).map_err(CommandError::failure)?;
     print_line(&line)

@@ -1,4 +1,4 @@
-//! Checks whether a database is sound: its file, its references, and every trial, by replaying it.
+//! Checks whether a database is sound. Checks its file and its references, and replays every trial.
 
 use crate::store::trials::{StoredTrial, Unreadable, flag_words};
 use crate::store::{Store, StoreError};
@@ -11,23 +11,24 @@ use std::sync::Arc;
 /// The result of a check.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Report {
-    /// Studies that were checked.
+    /// Number of studies checked.
     pub studies: usize,
-    /// Participants that were checked.
+    /// Number of participants checked.
     pub participants: usize,
-    /// Trials replayed.
+    /// Number of trials replayed.
     pub trials: usize,
-    /// Trials with a flag other than `imported`; these are not faults.
+    /// Number of trials with a flag other than `imported`. Such trials are not faulty.
     pub flagged: usize,
     /// Damaged pages, references to rows that do not exist, tallies that do not match the trials,
     /// and studies whose configuration cannot be read.
     pub damage: Vec<String>,
-    /// Trials that cannot be read, or differ from what was stored.
+    /// Trials that cannot be read or that differ from the stored results.
     pub wrong: Vec<Wrong>,
 }
 
 impl Report {
-    /// The value read. If it is damaged, an empty value and a line in the report, so that the check goes on.
+    /// Returns the value. If it is damaged, adds a line to the report and returns an empty value,
+    /// so that the check continues.
     fn read<T: Default>(
         &mut self,
         whose: &str,
@@ -59,7 +60,7 @@ impl Report {
     }
 }
 
-/// A trial that cannot be read, or differs from what was stored.
+/// A trial that cannot be read or that differs from the stored results.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wrong {
     /// The trial.
@@ -101,7 +102,7 @@ pub async fn report(store: &Store) -> Result<Report, StoreError> {
     Ok(report)
 }
 
-/// Faults of a database apart from its trials: damaged pages, references to rows that do not exist,
+/// Faults of a database outside its trials: damaged pages, references to rows that do not exist,
 /// and tallies that do not match the trials.
 ///
 /// # Errors
@@ -117,22 +118,23 @@ pub async fn damage_of_database(store: &Store) -> Result<Vec<String>, StoreError
     Ok(damage)
 }
 
-/// A trial that was read and replayed. It has a state before each step and after the last, and a
-/// time for each step if times were recorded.
+/// A trial that was read and replayed. It has a state before each step and after the last step. It
+/// has either a sampling time for each step or no times.
 #[derive(Clone, Debug)]
 pub struct Examined {
     /// The trial.
     pub trial: StoredTrial,
-    /// The configuration of its participant.
+    /// The configuration of the trial's participant.
     pub config: Arc<StudyConfig>,
-    /// Its fault, if it has one.
+    /// The trial's fault, if any.
     pub fault: Option<String>,
 }
 
-/// All trials of a participant, in plan order, each replayed; unreadable trials are named.
+/// All trials of a participant, in plan order. Each trial is replayed. A trial that cannot be read
+/// gives its id and the reason.
 ///
 /// # Errors
-/// [`StoreError`] if not even their ids can be read.
+/// [`StoreError`] if the ids of the trials cannot be read.
 pub async fn examined(
     store: &Store,
     participant_id: &str,
@@ -156,13 +158,14 @@ pub async fn examined(
         let fault = fault(&config.parameters, &trial);
         Ok(Examined { trial, config, fault })
     };
-    // This takes milliseconds, which must not delay the server's other requests.
+    // This takes milliseconds, and must not delay the server's other requests.
     let replaying = move || read.into_iter().map(replay).collect();
     let replayed = tokio::task::spawn_blocking(replaying).await;
     replayed.map_err(|error| StoreError::Defect(error.to_string()))
 }
 
-/// Accepts a trial with a state before each step and after the last, and with all times or none.
+/// Accepts a trial with a state before each step and after the last step, and with all sampling
+/// times or none.
 fn is_whole(trial: &StoredTrial) -> Result<(), Wrong> {
     let content = &trial.content;
     let steps = content.inputs.len();
@@ -177,7 +180,7 @@ fn is_whole(trial: &StoredTrial) -> Result<(), Wrong> {
     Err(Wrong { trial_id: trial.head.trial_id.clone(), what })
 }
 
-/// The fault of a trial, if it has one.
+/// The fault of a trial, if any.
 fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
     let (inputs, states) = (&trial.content.inputs, &trial.content.states);
     if inputs.len() != parameters.steps || states.len() != parameters.steps + 1 {
@@ -187,7 +190,7 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
             parameters.steps
         ));
     }
-    // The robot drives straight to the goal.
+    // The goal follows from the start, because the robot drives straight to its goal.
     let Scene { human, robot, goal } = trial.scene;
     let expected = Scene::new(parameters, human, robot).goal;
     let is_there = |i: usize| (goal[i] - expected[i]).abs() <= 1e-6;
@@ -202,8 +205,8 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
         Ok(found) => found,
         Err(error) => return Some(format!("page events or display: {error}")),
     };
-    // An imported trial keeps flags whose evidence is not in the file. A trial of an earlier
-    // version lacks flags that were introduced later.
+    // An imported trial may have flags for which the file has no evidence. A trial of an earlier
+    // version lacks the flags that were introduced later.
     let expected = |flag: &&Flag| stored.contains(flag) || !Flag::LATER.contains(flag);
     let agree = if stored.contains(&Flag::Imported) {
         found.iter().filter(expected).all(|flag| stored.contains(flag))

@@ -1,4 +1,4 @@
-//! How a study's scenes are spread over its participants, as seen before anyone is invited.
+//! How the scenes of a study are spread over its participants, for a preview before anyone is invited.
 
 pub mod balance;
 
@@ -14,14 +14,14 @@ use sidestep::study::{PhaseConfig, StudyConfig};
 pub struct PhaseDesign {
     /// The phase.
     pub phase: PhaseConfig,
-    /// Its strata.
+    /// The strata of the phase.
     pub strata: Stratification,
-    /// By place of the participant, then in scene order.
+    /// The scenes in their order, by place of the participant.
     pub people: Vec<Vec<StratifiedScene>>,
 }
 
-/// Number of participants that shows how evenly the scenes are spread: one block of the phase with
-/// the most scenes, or 50 if that is more than 100.
+/// A number of participants that shows how evenly the scenes are spread. It is one block of the
+/// phase with the most scenes, or 50 if a block is more than 100.
 #[must_use]
 pub fn usual_participants(study: &StudyConfig) -> u64 {
     let largest = study.phases.iter().map(|phase| phase.scenes).max().unwrap_or(1);
@@ -32,7 +32,7 @@ pub fn usual_participants(study: &StudyConfig) -> u64 {
 /// The scenes of the first participants of a study, by phase.
 ///
 /// # Errors
-/// [`Invalid`] if no scene fits.
+/// [`Invalid`] if no scene is admissible.
 pub fn draw(study: &StudyConfig, participants: u64) -> Result<Vec<PhaseDesign>, Invalid> {
     let mut designs = study
         .phases
@@ -50,7 +50,8 @@ pub fn draw(study: &StudyConfig, participants: u64) -> Result<Vec<PhaseDesign>, 
     Ok(designs)
 }
 
-/// Draws the phase with the most scenes; of several, the last, since tasks come last.
+/// Draws the phase with the most scenes. If there are several such phases, draws the last one,
+/// because tasks come last.
 #[must_use]
 pub fn picture(study: &StudyConfig, phases: &[PhaseDesign]) -> Drawing {
     let Some(shown) = phases.iter().max_by_key(|design| design.phase.scenes) else {

@@ -1,7 +1,7 @@
-//! Figures of the command line: level sets, predicted regions, coverage against area.
+//! Figures of the command line: level sets, predicted regions, and coverage against area.
 //!
-//! Each is a [`Drawing`](sidestep::chart::Drawing), which writes itself as SVG and which [`png()`] paints with
-//! the fonts in `fonts/`, so that neither needs a font on the machine.
+//! Each figure is a [`Drawing`](sidestep::chart::Drawing), which writes itself as SVG. [`png()`]
+//! renders it with the fonts in `fonts/`. Neither format needs a font on the machine.
 
 mod design;
 mod label_position;
@@ -24,14 +24,14 @@ use sidestep::chart::{MARGIN, headed};
 #[error("cannot draw: {0}")]
 pub struct DrawError(pub String);
 
-/// The part of the plane that panels show, m.
+/// The part of the plane that panels show (m).
 struct Window {
     x: [f64; 2],
     y: [f64; 2],
 }
 
 impl Window {
-    /// The smallest window around points, of which there must be at least one.
+    /// The bounding box of points, of which there must be at least one.
     fn around(points: impl IntoIterator<Item = [f64; 2]>) -> Self {
         let none = [f64::INFINITY, f64::NEG_INFINITY];
         let widened = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];

@@ -1,4 +1,4 @@
-//! The files that the program reads and writes; each appears whole or not at all.
+//! The files that the program reads and writes. A file appears whole or not at all.
 
 pub mod atomic_file;
 pub mod atomic_folder;

@@ -1,4 +1,4 @@
-//! Long work in the background: value functions of studies, and analyses.
+//! Long work in the background: value functions of studies, analyses, checks and backups.
 
 pub mod fit_cache;
 pub mod model_index;

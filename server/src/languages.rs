@@ -1,4 +1,4 @@
-//! The texts that participants read, in each language: the sentences of the page from language
+//! The texts that participants read in each language: the sentences of the page, from language
 //! files, and the texts of the study.
 
 pub mod sentences;
@@ -21,19 +21,19 @@ pub const BUILT_IN: &[(&str, &str)] = &[
     ("zh-CN", include_str!("../../static/languages/zh-CN.toml")),
 ];
 
-/// Every language of the server.
+/// All languages of the server.
 #[derive(Clone, Debug)]
 pub struct Languages {
-    /// By tag; English first.
+    /// Tags and sentences, English first.
     all: Vec<(String, Sentences)>,
 }
 
 impl Languages {
-    /// The built-in languages, changed and extended by the files `TAG.toml` of a folder. A file
-    /// replaces sentences of a known language, or adds a language and must then be complete.
+    /// The built-in languages, changed and extended by the files `TAG.toml` of a folder. The file of a
+    /// known language replaces some of its sentences. The file of a new language must be complete.
     ///
     /// # Errors
-    /// One line naming the file, the line or sentence, the expected and the found value.
+    /// One line naming the file and the line or sentence, with the expected and the found value.
     pub fn load(folder: Option<&Path>) -> Result<Self, String> {
         let mut all = Vec::new();
         for (tag, text) in BUILT_IN {
@@ -52,7 +52,7 @@ impl Languages {
         Ok(languages)
     }
 
-    /// Overrides the sentences of a language with those of a file.
+    /// Replaces the sentences of a language by those of a file.
     fn add(&mut self, tag: &str, file: &Path) -> Result<(), String> {
         let name = file.display();
         let text = std::fs::read_to_string(file)
@@ -70,7 +70,7 @@ impl Languages {
         Ok(())
     }
 
-    /// The English sentences, which define what every language must have.
+    /// The English sentences, which define the sentences that every language must have.
     fn english(&self) -> &Sentences {
         &self.all[0].1
     }
@@ -84,7 +84,7 @@ impl Languages {
         self.all.iter().map(|(tag, _)| tag.as_str())
     }
 
-    /// Accepts a study whose languages exist, and whose own sentences replace existing ones.
+    /// Accepts a study if its languages exist, and if each of its own sentences replaces an existing one.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -111,11 +111,11 @@ impl Languages {
         Ok(())
     }
 
-    /// Reads a study file for these languages: the one check for every command that takes a study
-    /// file. Prints warnings about forgotten fields and missing translations to stderr.
+    /// Reads and checks a study file for these languages. Every command that takes a study file uses this
+    /// function. Prints warnings about forgotten fields and missing translations to stderr.
     ///
     /// # Errors
-    /// One line naming the file, the line, the field, the expected and the found value.
+    /// One line naming the file, the line and the field, with the expected and the found value.
     pub fn read_study(&self, path: &Path) -> Result<StudyFile, String> {
         let file = StudyFile::read(path)?;
         if let Some(remark) = file.encoding_remark() {
@@ -128,10 +128,11 @@ impl Languages {
         Ok(file)
     }
 
-    /// The same for a text that a user is editing. Also returns the warnings, with their lines.
+    /// Like [`Self::read_study`], for a text that a user is editing. Also returns the warnings,
+    /// with their lines.
     ///
     /// # Errors
-    /// [`Complaint`] naming the line, the field, the expected and the found value.
+    /// [`Complaint`] naming the line and the field, with the expected and the found value.
     pub fn read_draft(&self, text: &str) -> Result<(StudyFile, Vec<Complaint>), Complaint> {
         let file = StudyFile::of("draft".to_owned(), text.to_owned())?;
         self.check(file.config()).map_err(|invalid| file.located(&invalid))?;
@@ -144,16 +145,16 @@ impl Languages {
         Ok((file, remarks))
     }
 
-    /// Warnings about a valid study: the field, and the consequence. Forgotten fields come first,
-    /// because missing translations can be many.
+    /// Warnings about a valid study, each with the field and the consequence. Forgotten fields come
+    /// first, because there can be many missing translations.
     fn remarks(&self, study: &StudyConfig) -> Vec<(String, String)> {
         let forgotten = study.forgotten().into_iter();
         let forgotten = forgotten.map(|(field, what)| (field.to_owned(), what));
         forgotten.chain(self.untranslated(study)).collect()
     }
 
-    /// The texts of a study that are missing in a language that it offers: the field, and what
-    /// participants read instead.
+    /// The texts of a study that are missing in a language that it offers. Each has the field, and
+    /// a sentence about the text that participants read instead.
     fn untranslated(&self, study: &StudyConfig) -> Vec<(String, String)> {
         let offered = self.offered(study);
         let first = offered.first().copied().unwrap_or("en");
@@ -181,8 +182,9 @@ impl Languages {
         found
     }
 
-    /// The languages to choose from in a study: those that it names, else those in which all of its
-    /// texts exist. A stored study whose languages are missing now offers the others.
+    /// The languages that participants can choose in a study: the languages that it names, or
+    /// otherwise the languages in which all of its texts exist. A named language that no longer
+    /// exists is left out; if none is left, the study is treated as if it named none.
     #[must_use]
     pub fn offered<'a>(&'a self, study: &'a StudyConfig) -> Vec<&'a str> {
         let wanted = study.languages.iter().map(String::as_str);
@@ -190,7 +192,8 @@ impl Languages {
         if !there.is_empty() {
             return there;
         }
-        // If its texts have no language in common, the first text decides: the consent, if there is one.
+        // If the texts have no language in common, only the first text counts. This is the consent
+        // text, if any.
         let texts = study.localised();
         let texts: Vec<_> = texts.iter().map(|(_, text)| *text).filter(|t| !t.is_empty()).collect();
         let with_all_of = |texts: &[&Localised]| -> Vec<&'a str> {
@@ -205,7 +208,7 @@ impl Languages {
     }
 }
 
-/// The language files of a folder by tag.
+/// The language files of a folder, with their tags.
 fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     let unread = |error: std::io::Error| {
         format!("--languages {}: cannot read the folder: {error}", folder.display())
@@ -214,7 +217,7 @@ fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     for entry in std::fs::read_dir(folder).map_err(unread)? {
         let file = entry.map_err(unread)?.path();
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        // Editors keep such files beside the edited one.
+        // Editors write such files beside the edited file.
         if name.starts_with(['.', '#']) || name.ends_with(['~', '#']) {
             continue;
         }
@@ -243,7 +246,7 @@ fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     Ok(found)
 }
 
-/// A language tag with the capitals that BCP 47 recommends: `zh-CN`, `sr-Latn-RS`.
+/// A language tag with the capitalisation that BCP 47 recommends: `zh-CN`, `sr-Latn-RS`.
 fn canonical(tag: &str) -> String {
     let part = |(i, part): (usize, &str)| match (i, part.len()) {
         (1.., 2) => part.to_ascii_uppercase(),
@@ -267,7 +270,7 @@ mod tests {
         Languages::load(Some(folder.path()))
     }
 
-    /// English, with sentences replaced.
+    /// The English file, with some parts replaced.
     fn english_but(changes: &[(&str, &str)]) -> String {
         changes.iter().fold(BUILT_IN[0].1.to_owned(), |text, (from, to)| {
             assert!(text.contains(from), "{from}");
@@ -329,13 +332,13 @@ mod tests {
         study.closing.debrief = Localised::of("de-AT", "Danke");
         assert_eq!(languages.offered(&study), ["de"]);
         assert_eq!(languages.untranslated(&study), []);
-        // No language has both: the consent decides, and missing texts are reported.
+        // No language has both texts, so the consent decides, and missing texts are reported.
         study.closing.debrief = Localised::of("es", "Gracias");
         assert_eq!(languages.offered(&study), ["en", "de", "zh-CN"]);
         assert_eq!(languages.untranslated(&study)[0].0, "closing.debrief");
         study.consent.text = Localised::of("fr", "Bonjour");
         assert_eq!(languages.offered(&study), ["en"]);
-        // A study that names its languages offers these.
+        // A study that names its languages offers these languages.
         study.languages = vec!["es".into()];
         assert_eq!(languages.offered(&study), ["es"]);
         assert_eq!(languages.untranslated(&study)[0].0, "consent.text");

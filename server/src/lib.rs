@@ -1,12 +1,12 @@
 //! The Sidestep server and command line.
 //!
-//! [`client`] calls a running server, through [`support::tls_client`] if the server has a certificate;
-//! [`store`] is the only module that uses SQL; [`formats`] reads and writes files; [`languages`]
-//! has the texts of the participant's page; [`report`] prints the files of an analysis; [`jobs`]
-//! works in the background; [`http`] has a module for each resource and the one table of routes;
-//! [`commands`] has a module for each subcommand.
+//! [`client`] calls a running server, through [`support::tls_client`] if the server has a
+//! certificate. [`store`] is the only module that uses SQL. [`formats`] reads and writes files.
+//! [`languages`] has the texts of the participant's page. [`report`] prints the files of an
+//! analysis. [`jobs`] works in the background. [`http`] has a module for each resource and the
+//! single table of routes. [`commands`] has a module for each subcommand.
 
-/// Prints to stderr. Ignores errors: the reader may have closed it early, as `head` does.
+/// Prints to stderr. Ignores errors, because the reader may have closed it early, as `head` does.
 macro_rules! eprintln {
     ($($said:tt)*) => {{
         use std::io::Write as _;

@@ -1,4 +1,4 @@
-//! The command `sidestep`: parses the command line, calls a subcommand, reports errors.
+//! The command `sidestep`. It parses the command line, calls a subcommand, and reports errors.
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::serve::LogFormat;
@@ -52,7 +52,7 @@ enum Command {
     Child(child::ChildArgs),
 }
 
-/// The signal SIGXFSZ on Linux and macOS: a file would exceed the size limit.
+/// The signal SIGXFSZ on Linux and macOS, which is sent when a file would exceed the size limit.
 const SIGXFSZ: i32 = 25;
 
 fn main() -> ExitCode {
@@ -74,7 +74,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             if let Some(said) = error.said() {
-                // stderr may be closed.
+                // Ignore errors, because stderr may be closed.
                 let _ = writeln!(std::io::stderr(), "sidestep: {said}");
             }
             ExitCode::from(error.exit_code())
@@ -83,8 +83,8 @@ fn main() -> ExitCode {
 }
 
 async fn call(command: Command) -> Result<(), CommandError> {
-    // Handle SIGXFSZ: a write beyond the file size limit (ulimit -f) then fails, as on a full disk,
-    // instead of killing the process.
+    // Handle SIGXFSZ, so that a write beyond the file size limit (ulimit -f) fails as on a full
+    // disk and does not kill the process.
     let _too_long = signal(SignalKind::from_raw(SIGXFSZ)).map_err(CommandError::failure)?;
     match command {
         Command::Serve(args) => serve::run(args).await,
@@ -112,7 +112,8 @@ async fn call(command: Command) -> Result<(), CommandError> {
     }
 }
 
-/// A demonstration logs no requests: hundreds fill its study, and would push the sign-in link off the screen.
+/// Initialises logging to stderr. A demonstration logs no requests, because hundreds of them fill
+/// its study and would scroll the sign-in link off the screen.
 fn log_to_stderr(is_demo: bool, format: LogFormat) {
     use tracing::Level;
     let requests = if is_demo { Level::WARN } else { Level::INFO };

@@ -23,7 +23,7 @@ struct Route {
     route: String,
 }
 
-/// The label that distinguishes the values of a gauge.
+/// The label that distinguishes the values of the gauge of waiting writes.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Lane {
     lane: &'static str,
@@ -43,7 +43,7 @@ enum Word {
     idle,
 }
 
-/// Counts and durations of requests, and access to those of the store.
+/// Counts and durations of requests, and access to the store's counts and durations of commits.
 #[derive(Debug)]
 pub struct Observed {
     requests: Family<Status, Counter>,
@@ -52,7 +52,7 @@ pub struct Observed {
 }
 
 impl Observed {
-    /// No requests yet.
+    /// Metrics without any requests.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         Self {
@@ -62,17 +62,17 @@ impl Observed {
         }
     }
 
-    /// Counts an answered request.
+    /// Counts a request and its response.
     pub fn answered(&self, method: &str, route: &str, status: u16, took: Duration) {
         self.requests.get_or_create(&Status { status }).inc();
         let route = Route { method: method.to_owned(), route: route.to_owned() };
         self.seconds.get_or_create(&route).observe(took.as_secs_f64());
     }
 
-    /// All metrics in the text format of OpenMetrics, with these counts of the store and connections.
+    /// All metrics in the text format of OpenMetrics, with these counts of the store and of connections.
     ///
     /// # Errors
-    /// None known: writing to a string does not fail.
+    /// No cause is known, because writing to a string does not fail.
     pub fn text(
         &self,
         store: &Store,
@@ -111,7 +111,7 @@ impl Observed {
         };
         let help = "When the last check of the stored data ended, since 1970";
         time("data_check_timestamp", help, data_check.at_ms);
-        // A server that should write backups and has none yet reports 0, which triggers alerts.
+        // A server that should write backups but has none yet reports 0, which triggers alerts.
         let none_yet = writes_backups.then_some(0);
         let backup_at_ms = data_check.backup.as_ref().map(|backup| backup.at_ms).or(none_yet);
         let help =
@@ -154,13 +154,14 @@ fn clamped(count: usize) -> i64 {
     i64::try_from(count).unwrap_or(i64::MAX)
 }
 
-/// The memory of this process, bytes, and the processor time it has used, s; none on systems without `/proc`.
+/// The memory of this process (bytes), and the processor time that it has used (s). Returns `None`
+/// on systems without `/proc`.
 fn process_use() -> Option<(i64, f64)> {
     let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: i64 = pages.split(' ').nth(1)?.parse().ok()?;
     let memory = pages * i64::try_from(rustix::param::page_size()).ok()?;
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The program's name, in parentheses, may have spaces.
+    // The program's name, in parentheses, may contain spaces.
     let (_, stat) = stat.rsplit_once(") ")?;
     let ticks = stat.split(' ').skip(11).take(2).map(str::parse::<u64>);
     let ticks: u64 = ticks.collect::<Result<Vec<_>, _>>().ok()?.iter().sum();

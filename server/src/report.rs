@@ -1,5 +1,5 @@
-//! The files of an analysis: tables, report, figures, LaTeX and models. They print what
-//! [`sidestep::comparison`] computed; no number is computed here.
+//! The files of an analysis: tables, report, figures, LaTeX and models. They contain the results of
+//! [`sidestep::comparison`]. No number is computed here.
 
 mod text;
 mod charts;
@@ -13,10 +13,11 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// Writes one file.
+/// A function that writes the content of a file.
 pub type Content<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
 
-/// Passes every file of an analysis to `put`: its name, whose parts are joined by `/`, and its writer.
+/// Passes every file of an analysis to `put`, with its name and its writer. The parts of a name are
+/// joined by `/`.
 ///
 /// # Errors
 /// The error of `put`, or of a template that uses an undefined value.
@@ -60,7 +61,7 @@ pub fn model_file(analysis: &Analysis, cell: &Cell) -> String {
 /// Writes every file of an analysis into an empty `folder`.
 ///
 /// # Errors
-/// The disk's error, or that of a template.
+/// The error of the disk or of a template.
 pub fn write(analysis: &Analysis, folder: &Path) -> io::Result<()> {
     for part in ["figures", "models"] {
         std::fs::create_dir(folder.join(part))?;

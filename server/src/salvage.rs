@@ -6,8 +6,8 @@ use crate::store::{Store, StoreError};
 use std::collections::HashMap;
 use tokio::sync::mpsc;
 
-/// Fills a new database with all data of `from` that are readable and sound, after replaying every
-/// trial. `lost` gets each other row. Returns the report on the new database, which has no fault.
+/// Fills a new database with all data of `from` that are readable and sound, after replaying every trial.
+/// `lost` gets every row that is not saved. Returns the report on the new database, which has no fault.
 ///
 /// # Errors
 /// [`StoreError`] if `from` cannot be read at all, or `to` fails.
@@ -19,7 +19,7 @@ pub async fn salvage(
     let (sender, found) = mpsc::channel(4);
     let reading = from.salvage(sender);
     let writing = async {
-        // If writing ends early, it drops the receiver, so that reading does not wait forever.
+        // If writing ends early, this drops the receiver, so that reading does not wait forever.
         let mut found = found;
         let mut targets = HashMap::new();
         while let Some(found) = found.recv().await {
@@ -36,7 +36,7 @@ pub async fn salvage(
                 }
                 Salvaged::Participant(study, rows) => match targets.get(&study) {
                     Some(&target) => match to.put_participant_copy(target, rows.clone()).await {
-                        // The column does not accept the value.
+                        // A column does not accept a value.
                         Err(
                             StoreError::Defect(_) | StoreError::Corrupt(_) | StoreError::Locked,
                         ) => {
@@ -62,7 +62,7 @@ pub async fn salvage(
         Ok::<_, StoreError>(())
     };
     let (read, written) = tokio::join!(reading, writing);
-    // If writing failed, that also stopped reading.
+    // If writing failed, its failure also stopped reading.
     written.and(read)?;
     let found = database_check::report(to).await?;
     for Wrong { trial_id, what } in &found.wrong {

@@ -1,11 +1,11 @@
-//! The database as operations: the only code that speaks SQL.
+//! The database as operations. Only this module and its submodules contain SQL.
 //!
-//! [`Store`] has one method for each operation; each module has the operations of one aggregate.
-//! Arguments and results are domain types, outcomes are enums, and [`StoreError`] describes a
-//! failure in domain terms. Every operation can return it; a method documents an error only if it
-//! has a special meaning there. Connections, transactions and error codes never leave this folder.
+//! [`Store`] has one method for each operation. Each submodule has the operations of one aggregate.
+//! Arguments and results are domain types, outcomes are enums, and [`StoreError`] describes a failure in
+//! domain terms. Every operation can return this error. A method documents it only if it has a special
+//! meaning there. Connections, transactions and error codes are private to this folder.
 //!
-//! There are two back ends: SQLite, a file (`sqlite`), and PostgreSQL, a server that several
+//! There are two back ends. SQLite is a file (`sqlite`). PostgreSQL is a server that several
 //! Sidestep servers share (`postgres`). Both run the same statements (`sql`).
 
 mod error;
@@ -67,7 +67,7 @@ pub struct Store {
 #[derive(Debug)]
 struct Open {
     database: Database,
-    /// Configurations by their hash; they never change.
+    /// Configurations by their hash. They never change.
     configs: RwLock<HashMap<String, Arc<StudyConfig>>>,
 }
 
@@ -80,22 +80,22 @@ enum Database {
 /// The purpose of opening a database.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// To serve or fill it, exclusively; created if missing. Until it is closed, no other server
-    /// may use the file: each would wait for the other's writes and miss its changes. Commands may
-    /// read and write beside a server. Several servers share a PostgreSQL database.
+    /// Serve or fill the database, exclusively. It is created if missing. Until it is closed, no other
+    /// server may use the file, because each server would wait for the other's writes and miss its changes.
+    /// Commands may read and write at the same time. Several servers can share a PostgreSQL database.
     Alone,
-    /// To copy a database into it; exclusive, as [`Self::Alone`]. If it was empty, other purposes
-    /// refuse it until [`Store::end_copy`].
+    /// Copy another database into this one, exclusively like [`Self::Alone`]. If this database was
+    /// empty, all other purposes are refused until [`Store::end_copy`].
     Copy,
-    /// To add data; created if missing.
+    /// Add data. The database is created if missing.
     Create,
-    /// To change existing data.
+    /// Change existing data.
     Change,
-    /// To read. The database is not changed: if a file is of an older version, a migrated copy of it is read.
+    /// Read. The database is not changed. If a file is of an older version, a migrated copy of it is read.
     Read,
 }
 
-/// Why a database cannot be used, in one line that names the database.
+/// Why a database cannot be used. The message is one line that names the database.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// The address does not name a database that this build supports.
@@ -103,9 +103,9 @@ pub enum OpenError {
         "--database {url}: expected sqlite:FILE or postgres://USER@HOST/DATABASE, found {found}"
     )]
     Address {
-        /// As given.
+        /// The given address.
         url: String,
-        /// The error in it.
+        /// The error in the address.
         found: String,
     },
     /// The database cannot be opened or created.
@@ -119,7 +119,7 @@ pub enum OpenError {
     /// The database is missing, and this purpose does not create it.
     #[error("{0}: cannot open the database: it does not exist, or it is empty")]
     Absent(String),
-    /// The database is missing, but its write-ahead log exists and would be lost with the first write.
+    /// The database is missing, but its write-ahead log exists and would be lost at the first write.
     #[error(
         "{database}: cannot open the database: it does not exist, or it is empty, but its write-ahead log {} exists \
          and may have data that are stored nowhere else; put its database back beside it, or move it to another folder",
@@ -143,7 +143,7 @@ pub enum OpenError {
         database: String,
         /// The log.
         log: PathBuf,
-        /// The mismatch.
+        /// Why the log is not the database's own.
         why: Misplaced,
     },
     /// The write-ahead log is damaged. SQLite would drop everything after the damaged part.
@@ -167,7 +167,7 @@ pub enum OpenError {
         /// The reason.
         reason: Misfit,
     },
-    /// Another server uses it.
+    /// Another server uses the database.
     #[error(
         "{0}: another 'sidestep serve' uses this database; stop it first or give this one its own \
          file"
@@ -176,7 +176,7 @@ pub enum OpenError {
 }
 
 impl OpenError {
-    /// The same error, with the name by which the user knows the database.
+    /// The same error with the name by which the user knows the database.
     #[must_use]
     pub fn named(self, name: String) -> Self {
         let log = PathBuf::from(format!("{name}-wal"));
@@ -193,7 +193,7 @@ impl OpenError {
     }
 }
 
-/// An invalid address as messages show it: never with its password.
+/// An invalid address for use in messages. It never contains a password.
 fn harmless(url: &str) -> String {
     match url.split_once(':') {
         Some((kind, _)) if kind.contains('=') || kind.contains('/') => "…".to_owned(),
@@ -203,8 +203,8 @@ fn harmless(url: &str) -> String {
     }
 }
 
-/// Refuses a path that is not a file, and a file that this user must not read. Also refuses a file
-/// with several names (hard links) if it is to be written, or if the log belongs to another of its
+/// Refuses a path that is not a file, and a file that this user must not read. Also refuses a file with
+/// several names (hard links) if it is opened to be written, or if there is a log under another of its
 /// names. SQLite would only report that it cannot open the file, or keep one log per name.
 fn check_file(file: &Path, purpose: Purpose) -> Result<(), OpenError> {
     let refuse =
@@ -240,7 +240,7 @@ impl Store {
     /// migrations, unless it is opened to read.
     ///
     /// # Errors
-    /// [`OpenError`], in one line; the database is then unchanged.
+    /// [`OpenError`], in one line. In this case the database is unchanged.
     pub async fn open(url: &str, purpose: Purpose) -> Result<Self, OpenError> {
         let url = url.to_owned();
         let opening = tokio::task::spawn_blocking(move || {
@@ -264,7 +264,7 @@ impl Store {
         Ok(Self { open: Arc::new(Open { database, configs: RwLock::default() }) })
     }
 
-    /// The file of the database at `url`; none if `url` is the address of a server.
+    /// The file of the database at `url`. Returns `None` if `url` is the address of a server.
     ///
     /// # Errors
     /// [`OpenError::Address`].
@@ -283,8 +283,8 @@ impl Store {
         DatabaseFile::at(file).is_in_use()
     }
 
-    /// Whether a SQLite file has a log that was not written back: a server uses the file, or exited
-    /// without closing it.
+    /// Whether a SQLite file has a log that was not written back. This means that a server uses the
+    /// file, or exited without closing it.
     #[must_use]
     pub fn has_log(file: &Path) -> bool {
         DatabaseFile::at(file).has_log()
@@ -302,7 +302,7 @@ impl Store {
         })
     }
 
-    /// Whether both are the same database, possibly under different names.
+    /// Whether both stores are the same database, possibly under different names.
     ///
     /// # Errors
     /// [`StoreError`] if the identity of a database cannot be read.
@@ -320,15 +320,15 @@ impl Store {
         }
     }
 
-    /// A permanent identifier of this database in eight hexadecimal digits. It stays the same if
-    /// the database moves to another machine; a copy gets a new one.
+    /// A permanent identifier of this database in eight hexadecimal digits. It does not change if
+    /// the database moves to another machine. A copy gets a new identifier.
     ///
     /// # Errors
     /// [`StoreError`] if the identity of the database cannot be read.
     pub async fn code(&self) -> Result<String, StoreError> {
         let identity: String = self
             .read_long(|db| {
-                // A mark is a prefix, the identity, and a part that changes with every commit.
+                // A mark consists of a prefix, the identity, and a part that changes with every commit.
                 let file = "SELECT substr(text, 1, length('sidestep mark ') + 32) FROM mark";
                 let server =
                     "SELECT (SELECT system_identifier FROM pg_control_system()) || ' ' || oid \
@@ -348,7 +348,8 @@ impl Store {
         }
     }
 
-    /// Writes a snapshot into a new SQLite file, if this database is SQLite. Returns whether it is.
+    /// If this database is SQLite, writes a snapshot into a new SQLite file. Returns whether this
+    /// database is SQLite.
     ///
     /// # Errors
     /// [`StoreError`] if the file exists or cannot be written.
@@ -365,7 +366,7 @@ impl Store {
         matches!(self.open.database, Database::Postgres(_))
     }
 
-    /// Statistics of its commits.
+    /// Statistics of this store's commits.
     #[must_use]
     pub fn observed(&self) -> &Commits {
         match &self.open.database {
@@ -374,7 +375,7 @@ impl Store {
         }
     }
 
-    /// Number of trials, other requests and jobs that wait for a write.
+    /// The numbers of trials, of other requests, and of background jobs that wait for a write.
     #[must_use]
     pub fn waiting(&self) -> [usize; 3] {
         match &self.open.database {
@@ -383,7 +384,7 @@ impl Store {
         }
     }
 
-    /// Number of busy and idle sessions with the database server, if there is one.
+    /// The numbers of busy and idle sessions with the database server. `None` for SQLite.
     #[must_use]
     pub fn sessions(&self) -> Option<[usize; 2]> {
         match &self.open.database {
@@ -392,7 +393,7 @@ impl Store {
         }
     }
 
-    /// Free space on the disk of the database, bytes, if known.
+    /// Free space on the disk of the database (bytes), if known.
     #[must_use]
     pub fn free_bytes(&self) -> Option<u64> {
         match &self.open.database {
@@ -401,11 +402,11 @@ impl Store {
         }
     }
 
-    /// Whether the database accepts writes now: begins and commits one. A SQLite file must still be
-    /// the one that was opened, with [`LEAST_FREE_BYTES`] of free space.
+    /// Checks that the database accepts writes now, by beginning and committing one. A SQLite file must
+    /// still be the file that was opened, and its disk must have [`LEAST_FREE_BYTES`] of free space.
     ///
     /// # Errors
-    /// The reason if it does not.
+    /// The reason, if the database does not accept writes.
     pub async fn ready(&self) -> Result<(), StoreError> {
         match &self.open.database {
             Database::Sqlite(database) => database.ready().await,
@@ -413,8 +414,8 @@ impl Store {
         }
     }
 
-    /// The folder for a temporary file of this length: that of a SQLite file, if enough space stays
-    /// free for later writes; the system's for PostgreSQL.
+    /// The folder for a temporary file of this length. For SQLite, it is the folder of the database file,
+    /// if enough space stays free for later writes. For PostgreSQL, it is the system's temporary folder.
     ///
     /// # Errors
     /// [`StoreError::Full`] if there is not enough space.
@@ -425,7 +426,7 @@ impl Store {
         }
     }
 
-    /// Changes with every commit, by this server or another one.
+    /// A value that changes with every commit by this server or by another server.
     #[must_use]
     pub fn commits(&self) -> watch::Receiver<u64> {
         match &self.open.database {
@@ -442,16 +443,16 @@ impl Store {
         self.write_behind([Lock::Studies], migrations::end_copy).await
     }
 
-    /// If another process changes the file, its content is rescued into a file beside it. After
-    /// this call, the working directory and the temporary directory are tried if that fails.
+    /// If another process changes the database file, its content is rescued into a file beside it. After
+    /// this call, a rescue that fails is tried again in the working directory and the temporary directory.
     pub fn rescue_elsewhere(&self) {
         if let Database::Sqlite(database) = &self.open.database {
             database.rescue_elsewhere();
         }
     }
 
-    /// Why stored data may be lost when the database is closed: another process changed the file,
-    /// and the rescue failed.
+    /// The reason why stored data may be lost when the database is closed. It exists if another
+    /// process changed the file and the rescue failed.
     #[must_use]
     pub fn unrescued(&self) -> Option<StoreError> {
         match &self.open.database {
@@ -460,7 +461,7 @@ impl Store {
         }
     }
 
-    /// Waits for operations in progress, then closes; SQLite writes its log back.
+    /// Waits for operations in progress and closes the database. SQLite then writes its log back.
     pub async fn close(&self) {
         match &self.open.database {
             Database::Sqlite(_) => {
@@ -486,7 +487,7 @@ impl Store {
         }
     }
 
-    /// Reads a few rows, for SQLite on the calling thread.
+    /// Reads a few rows. For SQLite, this runs on the calling thread.
     async fn read<T: Send + 'static>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
@@ -508,7 +509,7 @@ impl Store {
         }
     }
 
-    /// As [`Self::write`], before all other writes: for trials.
+    /// Like [`Self::write`], for a trial. It runs before all other writes.
     async fn write_first<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
@@ -523,7 +524,7 @@ impl Store {
         }
     }
 
-    /// Runs an operation for a waiting request, and returns its result after the commit.
+    /// Runs an operation for a waiting request, and returns the result after the commit.
     async fn write<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
@@ -532,7 +533,8 @@ impl Store {
         self.write_in(Lane::Request, locks.into(), work).await
     }
 
-    /// As [`Self::write`], for an enrolment. While participants drive, PostgreSQL runs one enrolment at a time.
+    /// Like [`Self::write`], for an enrolment. While participants drive, PostgreSQL runs one
+    /// enrolment at a time.
     async fn write_enrolment<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],
@@ -541,7 +543,7 @@ impl Store {
         self.write_in(Lane::Enrolment, locks.into(), work).await
     }
 
-    /// Runs an operation that no request waits for, and that must not delay requests.
+    /// Runs an operation for which no request waits. It must not delay requests.
     async fn write_behind<T: Send + 'static, const N: usize>(
         &self,
         locks: [Lock; N],

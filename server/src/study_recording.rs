@@ -1,4 +1,4 @@
-//! The rows of a study as a recording.
+//! Reads the rows of a study as a recording.
 
 use crate::store::studies::StoredStudy;
 use crate::store::trials::StoredTrial;
@@ -11,8 +11,8 @@ use sidestep::trial::Phase;
 use std::collections::HashMap;
 
 /// The tasks of all participants of a study whose data have not been deleted. Excludes participants
-/// who enrolled under parameters other than the study's present ones, who were excluded by an
-/// experimenter, or who have states that the vehicles cannot have driven.
+/// who enrolled under parameters that differ from the study's present parameters, who were excluded
+/// by an experimenter, or who have states that the vehicles cannot have driven.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
@@ -31,14 +31,14 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
 /// A participant of a study, as read by [`People`].
 #[derive(Clone, Debug)]
 pub enum Person {
-    /// With their tasks.
+    /// A participant who drove, with their tasks.
     Drove(RecordedParticipant),
-    /// Excluded from analyses.
+    /// A participant who is excluded from analyses.
     Excluded(Exclusion),
 }
 
 /// Reads the participants of a study one after another, so that at most one is in memory and no
-/// read is long: a long read keeps SQLite from checkpointing its log.
+/// read is long. A long read prevents SQLite from checkpointing its log.
 pub struct People<'a> {
     store: &'a Store,
     scene: SceneParameters,
@@ -48,7 +48,7 @@ pub struct People<'a> {
 }
 
 impl<'a> People<'a> {
-    /// The participants of this study.
+    /// Begins to read the participants of this study.
     ///
     /// # Errors
     /// [`StoreError`] if the database cannot be read.
@@ -58,7 +58,7 @@ impl<'a> People<'a> {
         Ok(Self { store, scene: study.config.parameters, ids, excluded })
     }
 
-    /// The next participant who drove; none after the last.
+    /// The next participant who drove. Returns `None` after the last one.
     ///
     /// # Errors
     /// [`StoreError`] if the database cannot be read.
@@ -95,8 +95,8 @@ pub fn complete(
     recording
 }
 
-/// The trials that a participant drove before this one, one trial of each scene: the training data
-/// of the laboratory's default predictor.
+/// The trials that a participant drove before this one, with one trial of each scene. They are the
+/// training data of the laboratory's default predictor.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
@@ -105,17 +105,17 @@ pub async fn earlier(store: &Store, trial: &StoredTrial) -> Result<Vec<RecordedT
     Ok(before(&driven, trial))
 }
 
-/// The same, of all trials of that participant in the plan's order.
+/// Like [`earlier`]. `driven` has all trials of the participant, in plan order.
 #[must_use]
 pub fn before(driven: &[StoredTrial], trial: &StoredTrial) -> Vec<RecordedTrial> {
     let count = driven.partition_point(|other| other.head.ordinal < trial.head.ordinal);
     one_attempt(String::new(), &driven[..count]).trials
 }
 
-/// One participant's trials of all phases, one of each scene.
+/// A participant's trials of all phases, with one trial of each scene.
 #[must_use]
 pub fn one_attempt(name: String, driven: &[StoredTrial]) -> RecordedParticipant {
-    // Trials are numbered over all phases, as in exports.
+    // Number the trials over all phases, as in exports.
     let trials: Vec<RecordedTrial> =
         (0..).zip(driven).map(|(number, trial)| recorded(number, trial)).collect();
     let mut participant = RecordedParticipant { name, line: None, trials, marked_synthetic: false };
@@ -123,7 +123,7 @@ pub fn one_attempt(name: String, driven: &[StoredTrial]) -> RecordedParticipant 
     participant
 }
 
-/// One participant's tasks, one trial of each scene.
+/// A participant's tasks, with one trial of each scene.
 #[must_use]
 pub fn tasks(name: String, driven: &[StoredTrial]) -> RecordedParticipant {
     let mut participant = one_attempt(name, driven);

@@ -1,4 +1,4 @@
-//! What the rest of the server builds on, and knows nothing of studies.
+//! Basic modules for the rest of the server. They do not depend on studies.
 
 pub mod tls_client;
 pub mod clock;

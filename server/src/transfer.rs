@@ -1,4 +1,4 @@
-//! Copies of studies between databases: every participant, compared by a hash at the end.
+//! Copies studies between databases. Every participant is compared by a hash after the copy.
 
 use crate::store::copying::{CopyRefusal, CopyTarget, PutCopy};
 use crate::store::{Store, StoreError};
@@ -6,33 +6,33 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 use tokio_util::sync::CancellationToken;
 
-/// The counts of a copy, which was compared afterwards.
+/// The counts of a copy. All participants were compared after the copy.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Copied {
-    /// Studies.
+    /// Number of studies.
     pub studies: usize,
-    /// Participants, including pilots.
+    /// Number of participants, including pilots.
     pub participants: usize,
-    /// Participants who were present already, unchanged.
+    /// Number of participants who were already present, unchanged.
     pub present: usize,
-    /// Trials.
+    /// Number of trials.
     pub trials: usize,
-    /// Analyses.
+    /// Number of analyses.
     pub analyses: usize,
-    /// SHA-256 of the hashes of all participants' rows, the same in both databases.
+    /// SHA-256 of the hashes of all participants' rows. It is the same for both databases.
     pub sha256: String,
 }
 
-/// Why a copy is incomplete. Data already copied stay, and copying again resumes there.
+/// Why a copy is incomplete. Data that were already copied are kept, and another copy resumes there.
 #[derive(Debug, thiserror::Error)]
 pub enum TransferError {
-    /// There is another study of this name.
+    /// The destination has another study of this name.
     #[error(
         "study {0}: the destination has another study of this name; rename one of them, or copy to \
          another database"
     )]
     OtherStudy(String),
-    /// A participant differs after the copy.
+    /// A participant's data differ after the copy.
     #[error(
         "study {slug}: participant {id} changed while they were copied; stop the servers of both \
          databases and copy again"
@@ -54,15 +54,15 @@ pub enum TransferError {
         /// The participant.
         id: String,
     },
-    /// Cancelled.
+    /// The copy was cancelled.
     #[error("stopped")]
     Stopped,
-    /// A database fails.
+    /// A database failed.
     #[error("{0}")]
     Store(#[from] StoreError),
 }
 
-/// Copies studies, one after another. `progress` gets the number of participants copied, and their total.
+/// Copies studies, one after another. `progress` gets the number of copied participants and their total.
 ///
 /// # Errors
 /// [`TransferError`].
@@ -111,7 +111,7 @@ pub async fn copy(
     Ok(copied)
 }
 
-/// Copies a participant and reads them again from both sides. Returns the hash of their rows.
+/// Copies a participant and reads their rows again from both databases. Returns the hash of the rows.
 async fn participant(
     from: &Store,
     to: &Store,

@@ -1,8 +1,8 @@
-//! The content of a trial and its hash, which distinguishes a repeated upload from another one, and
-//! a sound row from a damaged one.
+//! The content of a trial and its hash. The hash distinguishes a repeated upload from a different
+//! one, and a sound row from a damaged one.
 //!
 //! A [`Recipe`] computes the hash, and each row stores the number of its recipe. A recipe never
-//! changes and does not read the wire types, so a new field of an upload changes no stored hash. If
+//! changes and does not use the wire types. So a new field of an upload changes no stored hash. If
 //! the hash must cover a new field, add a recipe.
 
 use crate::support::bytes::{pack, pack_inputs, pack_states};
@@ -16,13 +16,13 @@ use std::io::{self, Write};
 /// The stored content of a trial.
 #[derive(Clone, Debug)]
 pub struct Content {
-    /// When the trial started by the participant's clock, ms since 1970, if known.
+    /// When the trial started (ms since 1970) by the participant's clock, if known.
     pub started_at_ms: Option<f64>,
     /// The input in each step.
     pub inputs: Vec<TurnInput>,
-    /// The joint states before each step and after the last.
+    /// The joint states before each step and after the last step.
     pub states: Vec<JointState>,
-    /// When each input was sampled, ms after the start, if known.
+    /// When each input was sampled (ms after the start), if known.
     pub sampled_at_ms: Option<Vec<f64>>,
     /// The key events, as JSON.
     pub key_events: String,
@@ -35,17 +35,17 @@ pub struct Content {
 }
 
 impl Content {
-    /// When each input was sampled, ms after the start; empty if unknown.
+    /// When each input was sampled (ms after the start). Empty if unknown.
     #[must_use]
     pub fn sampled_at_ms(&self) -> &[f64] {
         self.sampled_at_ms.as_deref().unwrap_or_default()
     }
 
-    /// The flags of a trial with this content in the assigned `scene`. The page's events are
-    /// flagged if they were recorded.
+    /// The flags of a trial with this content in the assigned `scene`. Flags of the page's events
+    /// are included if the events were recorded.
     ///
     /// # Errors
-    /// If the keys, the page's events or the display are not valid JSON.
+    /// If the key events, the page's events or the display are not valid JSON.
     pub fn flags(
         &self,
         parameters: &SceneParameters,
@@ -89,21 +89,22 @@ impl Content {
     }
 }
 
-/// How a content hash is computed.
+/// The way in which a content hash is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recipe {
-    /// 1, for uploads of earlier versions: the JSON of their fields, in the order of the first version.
+    /// Recipe 1, for uploads of earlier versions: the JSON of their fields, in the order of the
+    /// first version.
     UploadJson,
-    /// 2, for trials from files: inputs, states and sampling times, as bytes in the database.
+    /// Recipe 2, for trials from files: inputs, states and sampling times, as the bytes in the database.
     PackedBytes,
-    /// 3, for uploads: as 1, with the page's events and the exposures before the display.
+    /// Recipe 3, for uploads: like recipe 1, with the page's events and the exposures before the display.
     UploadWithPage,
 }
 
 impl Recipe {
     const ALL: [Self; 3] = [Self::UploadJson, Self::PackedBytes, Self::UploadWithPage];
 
-    /// Its number in the database.
+    /// The number of the recipe in the database.
     #[must_use]
     pub fn number(self) -> i64 {
         match self {
@@ -133,9 +134,9 @@ impl Recipe {
     }
 }
 
-/// Recipe 1, and with the page recipe 3. It writes numbers as `serde_json` does: the shortest
+/// Recipe 1, or recipe 3 if `with_page`. Numbers are written as by `serde_json`, as the shortest
 /// decimal that parses to the same bits, with a point or an exponent. Key events and display are
-/// the row's texts.
+/// the texts stored in the row.
 fn upload_json(out: &mut impl Write, content: &Content, with_page: bool) -> io::Result<()> {
     out.write_all(b"{\"started_at_ms\":")?;
     number(out, content.started_at_ms.unwrap_or_default())?;
@@ -186,7 +187,7 @@ fn list<W: Write, T>(
     out.write_all(b"]")
 }
 
-/// A hash that can be written to.
+/// A hash with a writer interface.
 struct Hashed(Sha256);
 
 impl Write for Hashed {
@@ -225,7 +226,7 @@ mod tests {
 
     #[test]
     fn recipes_never_change() {
-        // The text that the first version hashed for this upload; such hashes are in databases.
+        // The text that the first version hashed for this upload. Databases contain such hashes.
         let text = concat!(
             r#"{"started_at_ms":1760000000123.25,"inputs":[-1],"#,
             r#""states":[{"human":[0.1,-2.5,3.0],"robot":[1e+21,-0.0,2.0]},"#,

@@ -13,7 +13,7 @@ use sidestep::api::{
 use sidestep::comparison::Request;
 use sidestep::study::Status;
 
-/// The laboratory, for the holder of a key.
+/// The laboratory, accessed with an experimenter's key.
 #[derive(Clone, Debug)]
 pub struct Laboratory {
     client: Client,
@@ -26,7 +26,7 @@ fn with(route: &str, query: &str) -> String {
     if query.is_empty() { route.to_owned() } else { format!("{route}?{query}") }
 }
 
-/// A method for each route: its name, the requested item, and the route.
+/// A method for each route, from the method's name, the name of the requested item, and the route.
 macro_rules! routes {
     ($($(#[$doc:meta])+ $name:ident($($argument:ident: $kind:ty),*) -> $answer:ty = $method:ident $what:literal $route:expr;)+) => {
         $($(#[$doc])+
@@ -49,7 +49,7 @@ impl Laboratory {
         session() -> Session = GET "the session" routes::SESSION;
         /// All keys.
         keys() -> Vec<KeySummary> = GET "the keys" routes::ADMIN_KEYS;
-        /// A page of the audit trail; the newest, without a query.
+        /// A page of the audit trail. An empty query gives the newest page.
         audit(query: &str) -> AuditPage = GET "the audit trail" with(routes::AUDIT, query);
         /// All studies.
         studies() -> Vec<StudySummary> = GET "the studies" routes::ADMIN_STUDIES;
@@ -57,11 +57,12 @@ impl Laboratory {
         study(slug: &str) -> StudySummary = GET "the study" routes::admin_study(slug);
         /// A study's configuration.
         configuration(slug: &str) -> Configuration = GET "the configuration" routes::admin_configuration(slug);
-        /// A page of a study's participants, filtered and sorted by the query; the first, without a query.
+        /// A page of a study's participants, filtered and sorted by the query. An empty query gives
+        /// the first page.
         participants(slug: &str, query: &str) -> ParticipantPage = GET "the participants" with(&routes::admin_participants(slug), query);
         /// A participant's complete record.
         participant(id: &str) -> ParticipantDetail = GET "the participant" routes::admin_participant(id);
-        /// A page of a study's trials; the newest, without a query.
+        /// A page of a study's trials. An empty query gives the newest page.
         trials(slug: &str, query: &str) -> TrialPage = GET "the trials" with(&routes::admin_trials(slug), query);
         /// A trial with its content.
         trial(id: &str) -> TrialDetail = GET "the trial" routes::admin_trial(id);
@@ -69,17 +70,17 @@ impl Laboratory {
         predictor(trial: &str) -> TrainedPredictor = GET "the predictor" routes::admin_predictor(trial);
         /// The fingerprint of the server's simulation.
         self_check() -> SelfCheck = GET "the self-check" routes::SELF_CHECK;
-        /// A page of a study's analyses; the newest, without a query.
+        /// A page of a study's analyses. An empty query gives the newest page.
         analyses(slug: &str, query: &str) -> AnalysisPage = GET "the analyses" with(&routes::admin_analyses(slug), query);
         /// An analysis, with the names of its files.
         analysis(id: &str) -> AnalysisDetail = GET "the analysis" routes::admin_analysis(id);
         /// A page of an analysis's models, filtered by the query, such as `participant=3&experiment=1`.
         predictors(id: &str, query: &str) -> PredictorPage = GET "the models" with(&routes::analysis_predictors(id), query);
-        /// A model of an analysis, for use on a trial.
+        /// A model of an analysis, to be applied to a trial.
         predictor_of(trial: &str, analysis: &str, file: &str) -> TrainedPredictor = GET "the model" format!("{}?analysis={analysis}&file={file}", routes::admin_predictor(trial));
         /// Cancels an analysis.
         cancel_analysis(id: &str) -> AnalysisSummary = POST "the cancellation" routes::cancel_analysis(id);
-        /// Deletes the pilots of a study.
+        /// Deletes all pilot participants of a study.
         delete_pilots(slug: &str) -> PilotsDeleted = DELETE "the deletion of pilots" routes::admin_pilots(slug);
     }
 
@@ -124,7 +125,7 @@ impl Laboratory {
         self.send("the new study", Method::POST, routes::ADMIN_STUDIES, draft).await
     }
 
-    /// Gives new participants another configuration.
+    /// Changes the configuration for new participants.
     ///
     /// # Errors
     /// [`ClientError`]; `changed` if the study no longer has the configuration that the draft is based on.
@@ -167,7 +168,7 @@ impl Laboratory {
         self.accepted("the deletion of a note", self.request(Method::DELETE, &route)).await
     }
 
-    /// Excludes a participant from analyses for a reason, or includes them again without one.
+    /// Excludes a participant from analyses for a reason. Without a reason, includes them again.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -196,9 +197,9 @@ impl Laboratory {
         self.accepted("the deletion of a participant", request).await
     }
 
-    /// A study's data: an archive in the format and with the filters of the query, such as
-    /// `format=parquet&phase=task`; the steps as a CSV file, without a query. It is held in memory
-    /// as a whole.
+    /// A study's data, as an archive in the format and with the filters of the query, such as
+    /// `format=parquet&phase=task`. An empty query gives the steps as a CSV file. The whole body is
+    /// held in memory.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -210,7 +211,7 @@ impl Laboratory {
     /// Requests an analysis.
     ///
     /// # Errors
-    /// [`ClientError`]; `queue_full` if too many wait.
+    /// [`ClientError`]; `queue_full` if too many analyses are waiting.
     pub async fn ask_analysis(
         &self,
         slug: &str,

@@ -41,7 +41,7 @@ impl Participation {
         self.client.ask("the state of a participation", get).await
     }
 
-    /// Stores the result of the check of understanding.
+    /// Stores the result of the comprehension check.
     ///
     /// # Errors
     /// [`ClientError`].
@@ -53,7 +53,7 @@ impl Participation {
         self.client.ask("the check of understanding", put).await
     }
 
-    /// Stores a trial; idempotent.
+    /// Stores a trial. The request is idempotent.
     ///
     /// # Errors
     /// [`ClientError`]; `different_content` or `out_of_order` if it cannot be stored now.
@@ -84,7 +84,7 @@ impl Participation {
         self.client.ask("the completion", post).await
     }
 
-    /// Withdraws the participant; with `delete`, all data are deleted.
+    /// Withdraws the participant. With `delete`, all their data are deleted.
     ///
     /// # Errors
     /// [`ClientError`].

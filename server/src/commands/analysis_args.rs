@@ -10,10 +10,10 @@ pub struct AnalysisArgs {
     /// Threads for analyses [default: all processors but one; all with --demo].
     #[arg(long = "analysis-threads", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Memory limit of an analysis, MiB.
+    /// Memory limit of an analysis (MiB).
     ///
-    /// The server refuses an analysis that it estimates to need more. One that exceeds the limit
-    /// fails; the server continues.
+    /// The server refuses an analysis that it estimates to need more. An analysis that exceeds the
+    /// limit fails, and the server continues.
     #[arg(
         long = "analysis-memory",
         value_name = "MIB",
@@ -21,7 +21,7 @@ pub struct AnalysisArgs {
         value_parser = clap::value_parser!(u64).range(64..=1_048_576)
     )]
     pub memory_mib: u64,
-    /// Work limit of an analysis, processor hours.
+    /// Work limit of an analysis (processor hours).
     ///
     /// The server refuses an analysis that it estimates to need more.
     #[arg(
@@ -31,7 +31,7 @@ pub struct AnalysisArgs {
         value_parser = hours
     )]
     pub hours: f64,
-    /// Executable of child processes; none means this one.
+    /// Executable of child processes. `None` means the running executable.
     #[arg(skip)]
     pub program: Option<PathBuf>,
     /// Nice value of child processes.
@@ -45,11 +45,12 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 impl AnalysisArgs {
-    /// How child processes are started. With `all`, their threads default to all processors.
+    /// How child processes are started. With `all`, the default number of threads is the number of
+    /// processors.
     #[must_use]
     pub fn children(&self, all: bool) -> Children {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
-        // One processor is left for participants.
+        // Leave one processor for participants.
         let usual = if all { processors } else { (processors - 1).max(1) };
         Children {
             program: self.program.clone(),
@@ -59,7 +60,7 @@ impl AnalysisArgs {
         }
     }
 
-    /// Resource limits of an analysis in such a process.
+    /// Resource limits of an analysis in such a child process.
     #[must_use]
     pub fn limits(&self, children: &Children) -> Limits {
         Limits { memory_mib: self.memory_mib, hours: self.hours, threads: children.threads }

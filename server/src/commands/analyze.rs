@@ -18,31 +18,31 @@ use std::time::Instant;
 
 /// Run the paper's comparison: do safety levels help to predict people?
 ///
-/// For every participant, feature set (hrd, hr, hd, rd, h, r, d of the paper; hrd_body and d_body
-/// with the robot's position in the human's body frame), experiment (1: right, straight or left; 2:
-/// avoid or not) and model (svm_rbf, svm_linear, svm: the better of both in cross-validation, dt,
-/// lr), five-fold cross-validation over whole trials of the first four fifths of the tasks chooses
-/// the hyper-parameters, and the last fifth tests the model.
-/// Participants are excluded if they have fewer than five tasks, only one kind of input, or an
-/// invalid row: an impossible value, a step that is missing, repeated, out of order or impossible
-/// for the vehicles, or features that do not match the trials. stderr, the printed line and the
-/// report name them with line and reason; all others are compared. The whole file is refused (exit
-/// code 2) if a row cannot be assigned to a participant (a missing column, a wrong number of
-/// fields, no participant, text that is not UTF-8), if headings do not point where the vehicles
-/// move (such as headings in degrees), if headings turn against omega or as the omega of another
-/// row says, or if no participant is left. Trials that do not replay from their inputs are counted
-/// as flagged.
+/// Trains and tests a model for every participant, feature set (hrd, hr, hd, rd, h, r, d of the
+/// paper; hrd_body and d_body with the robot's position in the human's body frame), experiment (1:
+/// right, straight or left; 2: avoid or not) and kind of model (svm_rbf, svm_linear, svm: the
+/// better of both in cross-validation, dt, lr). The hyper-parameters are chosen by five-fold
+/// cross-validation over whole trials of the first four fifths of the tasks. The last fifth tests
+/// the model. Participants are excluded if they have fewer than five tasks, only one kind of input,
+/// or an invalid row: an impossible value, a step that is missing, repeated, out of order or
+/// impossible for the vehicles, or features that do not match the trials. stderr, the printed line
+/// and the report name them with line and reason; all others are compared. The whole file is
+/// refused (exit code 2) if a row cannot be assigned to a participant (a missing column, a wrong
+/// number of fields, no participant, text that is not UTF-8), if headings do not point in the
+/// direction of motion (such as headings in degrees), if headings turn against omega or match the
+/// omega of another row, or if no participant is left. Trials that do not replay from their inputs
+/// are counted as flagged.
 ///
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
 /// (D_start and D_end, steps) as in the paper, tests.csv, beside.csv, ablation.csv,
 /// calibration.csv, rollouts.csv (predictors fed with their own predictions), predictions.csv,
-/// leakage.csv with --leakage, behaviour.csv and behaviour_trials.csv (what people did),
+/// leakage.csv with --leakage, behaviour.csv and behaviour_trials.csv (the behaviour of people),
 /// learning.csv (fewer training tasks), unseen.csv (models trained on other people), importance.csv
-/// (what models lose without a feature), figures/ (every figure of the report as SVG), models/ (a
-/// predictor.json for each fit; earlier files there are deleted), report.html, tables.tex and
-/// numbers.json (every number of the report with all digits). The same input gives the same bytes
-/// for any number of threads and any order of participants. Fits are cached in --out/.cache and
-/// reused if nothing they depend on has changed. Prints one line of JSON.
+/// (the accuracy that models lose without a feature), figures/ (every figure of the report as SVG),
+/// models/ (a predictor.json for each fit; earlier files there are deleted), report.html,
+/// tables.tex and numbers.json (every number of the report with all digits). The same input gives
+/// the same bytes for any number of threads and any order of participants. Fits are cached in
+/// --out/.cache and reused if nothing they depend on has changed. Prints one line of JSON.
 #[derive(Clone, Debug, clap::Args)]
 pub struct AnalyzeArgs {
     #[command(flatten)]
@@ -50,9 +50,9 @@ pub struct AnalyzeArgs {
     /// Threads [default: one per processor].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Features to use instead of computed ones, with a row for every step.
+    /// Features to use instead of the computed ones, with a row for every step.
     ///
-    /// A file of `sidestep features`, or one with the columns
+    /// The file is written by `sidestep features`, or has the columns
     /// participant,trial,step,apx,apy,dpsi,cosd,sind,vh,vr,d,y1.
     #[arg(long, value_name = "FILE.csv")]
     features: Option<PathBuf>,
@@ -61,15 +61,16 @@ pub struct AnalyzeArgs {
     /// {"sets": {"NAME": ["v_h", "distance", …], …}, "grids": {"rbf_c": […], "rbf_gamma": […],
     /// "linear_c": […], "tree_depth": [3, null], "tree_leaf": […], "logistic_c": […],
     /// "boosted_depth": […]}, "leakage": true, "paper_only": true, "synthetic": true}. Every field
-    /// is optional. Sets are compared beside the paper's; `sidestep features --help` lists the
-    /// features. A set is the whole list: include abs_dx, abs_dy, dpsi, cos_dpsi and sin_dpsi for
-    /// the paper's B. Grids replace the protocol's.
+    /// is optional. Sets are compared in addition to those of the paper; `sidestep features --help`
+    /// lists the features. A set is the complete list, so include abs_dx, abs_dy, dpsi, cos_dpsi
+    /// and sin_dpsi for the paper's B. Grids replace the protocol's.
     #[arg(long, value_name = "FILE.json")]
     settings: Option<PathBuf>,
     /// Also split by time step, to show how much this wrong split overstates accuracy (leakage.csv).
     #[arg(long)]
     leakage: bool,
-    /// Skip what the paper lacks: learning curves, models for unseen people, feature importance.
+    /// Skip analyses that the paper does not have: learning curves, models for unseen people,
+    /// feature importance.
     ///
     /// Saves about a third of the time.
     #[arg(long)]
@@ -82,7 +83,7 @@ pub struct AnalyzeArgs {
     out: PathBuf,
 }
 
-/// Compares and writes the folder.
+/// Compares the predictors and writes the folder.
 ///
 /// # Errors
 /// [`CommandError`] for bad flags or data, with file and line (input), or an error of the disk or
@@ -124,9 +125,9 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     }
     report::write(&analysis, draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
-    // Delete the leakage.csv of an earlier analysis in this folder; its other files are replaced.
+    // Delete the leakage.csv of an earlier analysis in this folder. Its other files are replaced.
     draft.keep(&["leakage.csv"], &interrupt.token).map_err(kept_or)?;
-    // Only once the folder is complete: after an earlier failure, all computed fits stay cached.
+    // Only now is the folder complete. After an earlier failure, all computed fits stay cached.
     cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;
     let data = &analysis.data;
     print_json(&serde_json::json!({
@@ -147,7 +148,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
 }
 
 impl AnalyzeArgs {
-    /// The request from the settings file and the flags, checked before anything is computed.
+    /// The request from the settings file and the flags, checked before the computation.
     fn request(&self) -> Result<Request, CommandError> {
         let document = Document(self.settings.as_deref().unwrap_or(Path::new("")));
         let said: Request = match self.settings {
@@ -163,7 +164,7 @@ impl AnalyzeArgs {
         })
     }
 
-    /// The error in terms of the command line.
+    /// The error, in terms of the command line.
     fn complain(&self, origin: &str, error: &TaskError) -> CommandError {
         match error {
             TaskError::Thread(_) | TaskError::Analysis(AnalysisError::Stopped) => {

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 /// Back up a database into one file, even while a server uses it.
 ///
-/// The file is a SQLite database with everything; `sidestep restore` restores it to SQLite or
+/// The file is a SQLite database with all data. `sidestep restore` restores it to SQLite or
 /// PostgreSQL. The backup is complete and checked, with every trial replayed, before it gets its
 /// name. Only its owner can read it, because it contains external ids.
 ///
@@ -33,8 +33,8 @@ pub struct BackupArgs {
 
 /// Restore a backup into a new database.
 ///
-/// Checks the backup first, replaying every trial, and the new database afterwards. Refuses an
-/// existing database and leaves it unchanged.
+/// Checks the backup first, replaying every trial, and checks the new database afterwards. Refuses
+/// an existing database and leaves it unchanged.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]
@@ -49,7 +49,7 @@ pub struct RestoreArgs {
 
     /// Also restore a backup with faulty trials, leaving them as they are.
     ///
-    /// A server with --backups writes such a backup rather than none.
+    /// A server with --backups writes such a backup rather than no backup.
     #[arg(long)]
     pub with_faulty_trials: bool,
 }
@@ -62,7 +62,7 @@ struct Done<'a> {
     report: Report,
 }
 
-/// Writes a backup, checks it, and prints its content.
+/// Writes a backup, checks it, and prints a summary of its content.
 ///
 /// # Errors
 /// [`CommandError::Input`] if the file already exists; [`CommandError::Failure`] if the database or
@@ -84,7 +84,7 @@ pub async fn back_up(args: BackupArgs) -> Result<(), CommandError> {
     print_json(&Done { file: out, bytes, report })
 }
 
-/// Restores a backup into a new database, checks it, and prints its content.
+/// Restores a backup into a new database, checks it, and prints a summary of its content.
 ///
 /// # Errors
 /// [`CommandError::Input`] if the database already exists; [`CommandError::Failure`] if the backup
@@ -112,7 +112,7 @@ fn unreadable(from: &Path, why: impl std::fmt::Display) -> CommandError {
     CommandError::Input(format!("--from {}: cannot read: {why}", from.display()))
 }
 
-/// Accepts an address only if there is no database.
+/// Accepts an address only if no database exists there.
 pub(super) async fn absent(database: &str) -> Result<(), CommandError> {
     match Store::open(database, Purpose::Read).await {
         Err(OpenError::Absent(_)) => Ok(()),
@@ -130,8 +130,8 @@ pub(super) async fn absent(database: &str) -> Result<(), CommandError> {
     }
 }
 
-/// Creates a database at an address that has none. `fill` gets a private folder for temporary
-/// files, and the address of the database to fill.
+/// Creates a database at an address that has none. `fill` gets a private folder for temporary files
+/// and the address of the database to fill.
 pub(super) async fn new_database<T>(
     database: &str,
     fill: impl AsyncFnOnce(&Path, &str) -> Result<T, CommandError>,
@@ -162,8 +162,9 @@ pub(super) async fn new_database<T>(
     Ok(done)
 }
 
-/// Fills a new database from the backup, compares the two, and returns their content. `folder` is
-/// for a copy of the backup: migrating a backup of an earlier version must not change the original.
+/// Fills a new database from the backup, compares the two, and returns the report on their content.
+/// The backup is first copied to `folder`, because migrating a backup of an earlier version must
+/// not change the original.
 async fn fill(
     args: &RestoreArgs,
     folder: &Path,

@@ -6,8 +6,8 @@ use crate::store::{Purpose, Store};
 
 /// Check that a database is sound and that every trial replays as stored.
 ///
-/// Continues after damage. Prints a JSON report of every fault and its place. If there are faults,
-/// the exit code is 1 and the last line on stderr says what to do.
+/// Continues after damage. Prints a JSON report of every fault with its location. If there are
+/// faults, the exit code is 1 and the last line on stderr says what to do.
 #[derive(Clone, Debug, clap::Args)]
 pub struct CheckArgs {
     /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE.
@@ -18,7 +18,7 @@ pub struct CheckArgs {
 /// Checks, prints the report, and fails if there are faults.
 ///
 /// # Errors
-/// [`CommandError::Failure`] if there are faults or the check cannot be done.
+/// [`CommandError::Failure`] if there are faults or the check cannot be completed.
 pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Purpose::Read).await?;
     let report = database_check::report(&store).await?;

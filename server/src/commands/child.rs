@@ -1,4 +1,4 @@
-//! `sidestep child`: the process that a server starts for long work. The help hides it.
+//! `sidestep child`: the process that a server starts for long work. It is hidden from the help.
 
 use super::CommandError;
 use crate::jobs::child;
@@ -6,10 +6,10 @@ use crate::jobs::child;
 /// Run one task that the server sends on stdin, at low priority and with limited memory.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ChildArgs {
-    /// Memory limit, MiB.
+    /// Memory limit (MiB).
     #[arg(long, value_name = "MIB")]
     memory: u64,
-    /// Threads.
+    /// Number of threads.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: u16,
     /// Nice value, from 0 (normal priority) to 19 (lowest).
@@ -17,11 +17,11 @@ pub struct ChildArgs {
     nice: i32,
 }
 
-/// Works until the task is done or the server is gone. Needs no runtime, whose threads would start
-/// with normal priority.
+/// Works until the task is done or the server has gone. Runs without an async runtime, because its
+/// threads would start with normal priority.
 ///
 /// # Errors
-/// [`CommandError`] if it cannot start, or the server is gone.
+/// [`CommandError`] if the work cannot start, or the server has gone.
 pub fn run(args: &ChildArgs) -> Result<(), CommandError> {
     child::run(args.memory, usize::from(args.threads), args.nice).map_err(CommandError::failure)
 }

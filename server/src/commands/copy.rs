@@ -10,9 +10,9 @@ use indicatif::ProgressBar;
 /// Copy studies from one database to another, from SQLite to PostgreSQL or back.
 ///
 /// Copies everything stored about participants (ids, trials, notes and exclusions), the study's
-/// versions, value functions and analyses; without --study also the keys and the audit trail, if
-/// the destination has no keys. Compares every participant by a hash afterwards. Restarting resumes
-/// an interrupted copy. No server should use either database meanwhile.
+/// versions, value functions and analyses. Without --study, also copies the keys and the audit
+/// trail, if the destination has no keys. Afterwards, compares every participant by a hash. Running
+/// the command again resumes an interrupted copy. No server should use either database meanwhile.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]
@@ -65,7 +65,7 @@ pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
     print_json(&copied)
 }
 
-/// Copies studies, and with `access` also keys and audit trail, with a progress bar.
+/// Copies studies and shows a progress bar. With `access`, also copies the keys and the audit trail.
 pub(super) async fn whole(
     from: &Store,
     to: &Store,
@@ -83,7 +83,7 @@ pub(super) async fn whole(
     Ok(copied)
 }
 
-/// A progress bar, and the callback that moves it: participants copied, and their total.
+/// A progress bar and the callback that updates it with the number of copied participants and their total.
 pub(super) fn copying() -> (ProgressBar, impl FnMut(usize, usize)) {
     let bar = bar(0, "copying [{bar:40}] {pos:>4}/{len} participants  {elapsed_precise}");
     let moved = bar.clone();

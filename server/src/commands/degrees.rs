@@ -2,23 +2,23 @@
 
 use core::f64::consts::TAU;
 
-/// Warns on stderr, once for all headings of a file, that one of them may be in degrees.
+/// Detects headings of a file that may be in degrees, and prints one warning on stderr for all of them.
 pub(super) struct Degrees {
-    /// The file, as errors name it.
+    /// The file's name in errors.
     name: String,
-    /// Place and value of the first one, and how many more there are.
+    /// Place and value of the first such heading, and the number of further ones.
     found: Option<(String, f64, u64)>,
 }
 
 impl Degrees {
-    /// For the headings of this file.
+    /// For the headings of the file with this name.
     pub(super) fn of(name: impl Into<String>) -> Self {
         Self { name: name.into(), found: None }
     }
 
-    /// Checks a heading, rad, at this place.
+    /// Checks a heading (rad) at this place.
     pub(super) fn look(&mut self, psi: f64, place: impl FnOnce() -> String) {
-        // Exactly one full turn may well be in radians.
+        // A heading of exactly one full turn may well be in radians.
         if psi.abs() <= TAU * (1.0 + 1e-9) {
             return;
         }

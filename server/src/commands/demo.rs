@@ -1,9 +1,9 @@
-//! The demonstration of `sidestep serve --demo`: a study that synthetic participants fill, with an analysis.
+//! The demonstration of `sidestep serve --demo`, a study that synthetic participants fill, with an
+//! analysis.
 //!
-//! Everything takes the path of real data: participants enrol and drive through the server's own
-//! HTTP interface, and the worker runs the analysis. Each step first checks what exists, so an
-//! interrupted demonstration resumes. At the end the study is closed; a closed study is left
-//! unchanged.
+//! Everything takes the path of real data: participants enrol and drive through the server's own HTTP
+//! interface, and the worker runs the analysis. Each step first checks what exists, so an interrupted
+//! demonstration resumes. At the end the study is closed. A closed study is left unchanged.
 
 mod cast;
 
@@ -79,9 +79,9 @@ pub(super) struct Demo {
 }
 
 impl Demo {
-    /// Fills the study through the server at `address`, and logs when it is ready. `analysis_asked`
-    /// wakes the analysis worker. A key that was created at this start is logged again, since the
-    /// log of the filling has scrolled it off the screen.
+    /// Fills the study through the server at `address`, and prints a message when it is ready.
+    /// `analysis_asked` wakes the analysis worker. A key that was created at this start is printed
+    /// again, because log output has scrolled it off the screen meanwhile.
     pub(super) fn start(
         store: Store,
         address: SocketAddr,
@@ -104,15 +104,15 @@ impl Demo {
         Self { task }
     }
 
-    /// Cancels unfinished work, which resumes at the next start with `--demo`.
+    /// Cancels unfinished work. The next start with `--demo` resumes it.
     pub(super) async fn stop(self) {
         self.task.abort();
-        // The task was aborted, or had ended.
+        // The result is either the cancellation or the end of the task.
         let _ = self.task.await;
     }
 }
 
-/// The message at the start, while the study fills.
+/// The message at the start, before the study is filled.
 pub(super) fn announcement(address: SocketAddr) -> String {
     let (people, address) = (CAST.len(), reachable(address));
     format!(
@@ -121,7 +121,8 @@ pub(super) fn announcement(address: SocketAddr) -> String {
     )
 }
 
-/// The address under which this machine reaches a server that listens on all its addresses.
+/// The address at which this machine reaches the server. It differs from `address` if the server
+/// listens on all addresses.
 fn reachable(mut address: SocketAddr) -> SocketAddr {
     if address.ip().is_unspecified() {
         address.set_ip(match address.ip() {
@@ -140,7 +141,7 @@ struct Filling {
 }
 
 impl Filling {
-    /// Does the missing work, and returns the message to log then.
+    /// Does the missing work, and returns the message to print afterwards.
     async fn fill(&self) -> Result<String, CommandError> {
         let begin = Instant::now();
         let present = self.study().await?;
@@ -177,7 +178,8 @@ impl Filling {
         self.store.study(SLUG).await?.ok_or_else(gone)
     }
 
-    /// All participants take part, one after another, so that numbers and scenes are the same each time.
+    /// Lets all participants take part, one after another, so that numbers and scenes are the same
+    /// each time.
     async fn people(&self) -> Result<(), CommandError> {
         let server = Client::at(&self.origin)
             .ok_or_else(|| CommandError::Failure(format!("{}: no address", self.origin)))?
@@ -199,7 +201,7 @@ impl Filling {
             };
             match took_part {
                 Ok(me) => self.look_after(me.participant_id(), role).await?,
-                // Their participation ended before the demonstration was interrupted.
+                // This participation ended before the demonstration was interrupted.
                 Err(error) if matches!(error.code(), Some("withdrawn" | "screened_out")) => {}
                 Err(error) => return Err(error.into()),
             }
@@ -207,7 +209,7 @@ impl Filling {
         Ok(())
     }
 
-    /// The experimenter's part: adds the note and applies the ending of a participant.
+    /// Does the experimenter's part: adds the note about a participant and applies their ending.
     async fn look_after(&self, id: &str, role: Role) -> Result<(), CommandError> {
         if let Some(text) = role.note {
             let known = self.store.profile(id).await?;
@@ -223,8 +225,8 @@ impl Filling {
             }
             Ending::Withdrawn(_) => self.store.withdraw(id, false, now_ms(), None).await?,
             Ending::ScreenedOut => {
-                // They enrolled before the demonstration was interrupted. Under a new token their
-                // attempts count separately, so the server would not screen them out.
+                // They enrolled before the demonstration was interrupted. With the new token,
+                // attempts are counted from zero, so the server would not screen them out.
                 let result = ComprehensionResult { attempts: role.attempts, passed: false };
                 self.store.check_understanding(id, None, result, role.attempts, now_ms()).await?;
             }
@@ -244,7 +246,7 @@ impl Filling {
         Ok(())
     }
 
-    /// Closes the study: nobody else takes part, and the next start adds nothing.
+    /// Closes the study, so that nobody else takes part and the next start adds nothing.
     async fn close(&self, study: &StoredStudy) -> Result<(), CommandError> {
         let closed = of_status(&study.config, Status::Closed);
         let entry = entry(Action::StudyChanged, Some("status".to_owned()));
@@ -252,7 +254,7 @@ impl Filling {
         Ok(safety::keep_exact(&self.store, &self.study().await?).await?)
     }
 
-    /// Waits for the end of the study's newest analysis; `None` if there is none.
+    /// Waits for the end of the study's newest analysis. Returns `None` if there is no analysis.
     async fn analysed(
         &self,
         study_id: i64,

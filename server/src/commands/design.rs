@@ -15,12 +15,12 @@ use std::path::PathBuf;
 
 /// Preview the scenes of a study before inviting anyone: their strata as a picture and a table.
 ///
-/// Draws the scenes of the study's first participants, and counts how evenly they are spread.
-/// Coordinates of a scene: approach, the human's heading less the robot's (degrees
-/// counter-clockwise; 180 is head-on); miss, the distance of closest approach if nobody turns (m;
-/// positive if the human is to the right of the robot's path as the human sees it); entry, the time
-/// at which the human would enter the danger zone (s). Each coordinate of a phase is divided into
-/// one stratum per scene of the phase, numbered from 0.
+/// Draws the scenes of the study's first participants, and counts how evenly the scenes are spread.
+/// A scene has three coordinates. Approach is the human's heading minus the robot's (degrees
+/// counter-clockwise; 180 is head-on). Miss is the distance of closest approach if nobody turns (m;
+/// positive if the human is to the right of the robot's path relative to the human). Entry is the
+/// time at which the human would enter the danger zone (s). Each coordinate of a phase is divided
+/// into one stratum per scene of the phase, numbered from 0.
 ///
 /// Writes strata.csv: phase, coordinate, stratum, low, high, unit (of low and high); planned,
 /// realised: scenes in the stratum over all participants. scenes.csv: place (of the participant,
@@ -31,11 +31,12 @@ use std::path::PathBuf;
 /// nobody turns (m). design.svg and design.png: the spread of the phase with the most scenes, and
 /// the first participant's scenes from above.
 ///
-/// Prints one line of JSON. For each phase: scenes; block, the participants after which the orders
-/// repeat; drawn, scenes of all participants; exchanged, scenes with another miss or entry stratum
-/// because the planned cell has no admissible scene; unfilled, strata of single participants
-/// without a scene; and the smallest and greatest counts of each approach stratum at a position, of
-/// each approach stratum directly after each other one, and of each pair of strata.
+/// Prints one line of JSON with, for each phase: scenes; block, the number of participants after
+/// which the orders repeat; drawn, the number of scenes of all participants; exchanged, the number
+/// of scenes with another miss or entry stratum because the planned cell has no admissible scene;
+/// unfilled, the number of strata of single participants without a scene; and the smallest and
+/// greatest counts of each approach stratum at a position, of each approach stratum directly after
+/// each other one, and of each pair of strata.
 #[derive(Clone, Debug, clap::Args)]
 pub struct DesignArgs {
     /// Study file (TOML); omitted fields take the paper's values.
@@ -44,22 +45,22 @@ pub struct DesignArgs {
     /// Folder for the files; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Folder with language files, as for `sidestep serve`, to check the study's texts against.
+    /// Folder with language files, as for `sidestep serve`, against which the study's texts are checked.
     #[arg(long, value_name = "DIR")]
     languages: Option<PathBuf>,
     /// Number of participants to draw scenes for, 1 to 10000 [default: one block].
     ///
     /// A block is the number of scenes of the phase with the most scenes, doubled if it is odd. If
-    /// that is more than 100, the default is 50.
+    /// a block is more than 100, the default is 50.
     #[arg(long, value_name = "N")]
     participants: Option<u64>,
 }
 
-/// Upper bounds on participants, and on the scenes of all of them.
+/// Upper bounds on the number of participants, and on the total number of their scenes.
 const PARTICIPANTS: u64 = 10_000;
 const SCENES: u64 = 1_000_000;
 
-/// Draws the scenes and writes the files: all of them, or none.
+/// Draws the scenes and writes all files or none.
 ///
 /// # Errors
 /// [`CommandError`] for a bad flag or study (input), or files that cannot be written (failure).
@@ -92,7 +93,8 @@ pub async fn run(args: DesignArgs) -> Result<(), CommandError> {
     }))
 }
 
-/// The number of participants: as requested, or else enough to show how evenly the scenes are spread.
+/// The requested number of participants. By default, as many as are needed to show how evenly the
+/// scenes are spread.
 fn participants(study: &StudyConfig, wanted: Option<u64>) -> Result<u64, CommandError> {
     let scenes: u64 = study.phases.iter().map(|phase| phase.scenes as u64).sum();
     let most = PARTICIPANTS.min(SCENES / scenes.max(1));

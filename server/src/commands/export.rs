@@ -12,12 +12,12 @@ use std::path::PathBuf;
 /// Write a study's data to files: steps, trials, key events and participants as tables.
 ///
 /// Besides the tables, the folder has configurations.json, dictionary.json (the meaning of every
-/// column) and manifest.json (rows and SHA-256 of every file). The manifest is written last: a
+/// column) and manifest.json (rows and SHA-256 of every file). The manifest is written last, so a
 /// folder without it is incomplete.
 ///
-/// Every trial is replayed, as by 'sidestep check'. A damaged trial is named, and marked in the
-/// tables by the column damaged; a trial that cannot be read or found is left out. The exit code is
-/// then 1. Nothing is written if the study or the list of its participants cannot be read.
+/// Every trial is replayed, as by 'sidestep check'. A damaged trial is named, and marked in the tables by
+/// the column damaged. A trial that cannot be read or found is left out. In both cases the exit code is 1.
+/// Nothing is written if the study or the list of its participants cannot be read.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ExportArgs {
     /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE.
@@ -41,10 +41,10 @@ pub struct ExportArgs {
     #[arg(long, help_heading = "Which data", value_name = "QUALITY", default_value = "all")]
     #[arg(value_parser = one_of(QUALITIES))]
     pub quality: Quality,
-    /// Only participants enrolled under the configuration whose SHA-256 begins so [default: all].
+    /// Only participants enrolled under the configuration whose SHA-256 begins with HASH [default: all].
     #[arg(long, help_heading = "Which data", value_name = "HASH")]
     pub configuration: Option<String>,
-    /// Export pilots instead of participants; pilots have their own numbers.
+    /// Export pilots instead of participants; pilots are numbered separately.
     #[arg(long, help_heading = "Which data")]
     pub pilots: bool,
     /// Exit with code 0 even if trials are damaged; they are still named and marked.
@@ -78,7 +78,8 @@ const QUALITIES: Words<Quality> = &[
 /// Writes all files or none.
 ///
 /// # Errors
-/// [`CommandError`] for an unknown study or configuration (input), or an error of the database or the disk (failure).
+/// [`CommandError`] for an unknown study or configuration (input), or an error of the database or
+/// the disk (failure).
 pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Purpose::Read).await?;
     let study = study_named(&store, &args.study).await?;

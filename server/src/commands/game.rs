@@ -1,4 +1,4 @@
-//! The game of a command: its parameters, or a file with its value function.
+//! The game of a command, given by its parameters or by a file with its value function.
 
 use super::solving::{self, Interrupt, flagged};
 use super::{CommandError, one_of};
@@ -12,30 +12,30 @@ use std::path::{Path, PathBuf};
 /// GAME: the two vehicles and the danger radius.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct GameArgs {
-    /// The evader's speed, m/s.
+    /// The evader's speed (m/s).
     #[arg(long, help_heading = "Game", value_name = "M/S", default_value_t = 2.0)]
     #[arg(allow_negative_numbers = true)]
     pub evader_speed: f64,
-    /// The evader's largest turn rate, rad/s.
+    /// The evader's largest turn rate (rad/s).
     #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
     #[arg(allow_negative_numbers = true)]
     pub evader_turn_rate: f64,
-    /// The pursuer's speed, m/s.
+    /// The pursuer's speed (m/s).
     #[arg(long, help_heading = "Game", value_name = "M/S", default_value_t = 2.0)]
     #[arg(allow_negative_numbers = true)]
     pub pursuer_speed: f64,
-    /// The pursuer's largest turn rate, rad/s.
+    /// The pursuer's largest turn rate (rad/s).
     #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
     #[arg(allow_negative_numbers = true)]
     pub pursuer_turn_rate: f64,
-    /// Danger radius, m: the vehicles collide at this range or less.
+    /// Danger radius (m). The vehicles collide if their distance is at most this radius.
     #[arg(long, help_heading = "Game", value_name = "M", default_value_t = 3.0)]
     #[arg(allow_negative_numbers = true)]
     pub radius: f64,
 }
 
 impl GameArgs {
-    /// The game.
+    /// The game that the flags define.
     ///
     /// # Errors
     /// [`CommandError::Input`] naming the flag that is not a finite number > 0.
@@ -55,7 +55,7 @@ impl GameArgs {
 pub struct FunctionArgs {
     #[command(flatten)]
     game: GameArgs,
-    /// File of `sidestep solve`; it defines the game, so it excludes GAME.
+    /// File of `sidestep solve`. It defines the game, and therefore excludes GAME.
     #[arg(long, value_name = "FILE.npz", conflicts_with = "GameArgs")]
     value_function: Option<PathBuf>,
     /// Accuracy of the grid for unequal vehicles (equal vehicles need no grid).
@@ -65,12 +65,12 @@ pub struct FunctionArgs {
 }
 
 impl FunctionArgs {
-    /// The flags of the game; defaults with --value-function.
+    /// The flags of the game. With --value-function, they have their defaults.
     pub(super) fn game(&self) -> GameArgs {
         self.game
     }
 
-    /// The value function: read from the file, in closed form, or solved.
+    /// The value function, which is read from the file, given in closed form, or solved for.
     ///
     /// # Errors
     /// [`CommandError::Input`] naming the flag or the file and the fault in it;
@@ -91,7 +91,8 @@ impl FunctionArgs {
     }
 }
 
-/// Reads a value function from a file. Warns on stderr if its solve did not converge, or the file does not say.
+/// Reads a value function from a file. Warns on stderr if its solve did not converge, or if the
+/// file does not state whether it did.
 ///
 /// # Errors
 /// [`CommandError::Input`] naming the file and the fault in it.

@@ -6,10 +6,10 @@ use std::io::{self, BufRead, IsTerminal, Write};
 
 /// Hash an experimenter's key of your choice.
 ///
-/// On a terminal, asks for the key twice without showing it; otherwise reads the key from the first
-/// line of stdin. The key needs at least 16 characters. Prints the key's Argon2 hash. Pass the hash
-/// to `sidestep serve` as SIDESTEP_ADMIN_KEY, so that no file contains the key itself; sign in with
-/// the key.
+/// On a terminal, asks for the key twice without showing it. Otherwise, reads the key from the
+/// first line of stdin. The key needs at least 16 characters. Prints the key's Argon2 hash. Pass
+/// the hash to `sidestep serve` as SIDESTEP_ADMIN_KEY, so that no file contains the key itself.
+/// Sign in with the key.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct HashKeyArgs {}
 
@@ -31,7 +31,7 @@ pub fn run() -> Result<(), CommandError> {
 fn asked_twice() -> Result<String, CommandError> {
     let hidden = terminal::Hidden::begin().map_err(CommandError::failure)?;
     let key = asked("Key, at least 16 characters (it is not shown): ")?;
-    // Do not ask again for a key that is refused anyway.
+    // Do not ask a second time for a key that is too short.
     chosen::check_length(&key).map_err(|why| CommandError::Input(format!("the key: {why}")))?;
     let again = asked("The same key again: ")?;
     drop(hidden);
@@ -43,7 +43,8 @@ fn asked_twice() -> Result<String, CommandError> {
     Ok(key)
 }
 
-/// Prompts on the terminal and returns the typed line. The prompt goes to stderr, since stdout may be a file.
+/// Prompts on the terminal and returns the typed line. The prompt goes to stderr, because stdout
+/// may be redirected to a file.
 fn asked(question: &str) -> Result<String, CommandError> {
     eprint!("{question}");
     io::stderr().flush().map_err(CommandError::failure)?;
@@ -56,7 +57,7 @@ fn asked(question: &str) -> Result<String, CommandError> {
     }
 }
 
-/// The next line of stdin, up to one of these bytes.
+/// The next line of stdin. Each of the bytes `ends` ends a line.
 fn line(ends: &[u8]) -> Result<String, CommandError> {
     let mut stdin = io::stdin().lock();
     let mut line = Vec::new();
@@ -86,7 +87,7 @@ mod terminal {
     /// The byte that Ctrl-C sends.
     pub(super) const CTRL_C: u8 = 3;
 
-    /// While this is alive, the terminal does not echo. Ctrl-C ends the line instead of sending a
+    /// Disables the terminal's echo until it is dropped. Ctrl-C ends the line instead of sending a
     /// signal, which would kill the program before it could restore the terminal.
     pub(super) struct Hidden {
         before: Termios,
@@ -106,7 +107,7 @@ mod terminal {
 
     impl Drop for Hidden {
         fn drop(&mut self) {
-            // Nothing can be done if this fails.
+            // An error cannot be handled here.
             let _ = tcsetattr(std::io::stdin(), OptionalActions::Flush, &self.before);
         }
     }

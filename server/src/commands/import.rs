@@ -30,18 +30,18 @@ use uuid::Uuid;
 
 /// Import trials from a file into a study: the whole file or nothing.
 ///
-/// Skips participants imported from the same file before. States that do not replay from the inputs
-/// are kept and flagged. Exclusions in a participants.csv beside steps.csv are kept;
+/// Skips participants who were imported from the same file before. States that do not replay from
+/// the inputs are kept and flagged. Exclusions in a participants.csv beside steps.csv are kept;
 /// questionnaires, notes, key presses and codes are not imported. The file is read twice: it is
 /// checked to its end before anything is stored. Then participants are stored a few at a time,
-/// while a server may run; after an error, they are deleted again. After a power failure,
+/// while a server may run. After an error, they are deleted again. After a power failure, the
 /// participants already stored are complete. Run the import again to add the rest.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ImportArgs {
     /// Database: sqlite:FILE, created if it does not exist, or postgres://USER@HOST/DATABASE.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
-    /// Name of the study in URLs; the study is created with the paper's protocol if it does not exist.
+    /// Name of the study in URLs. A study that does not exist is created with the paper's protocol.
     #[arg(long, value_name = "SLUG", default_value = "default")]
     pub study: String,
     /// CSV file of trials, such as steps.csv of an export; - reads stdin.
@@ -59,20 +59,21 @@ pub struct ImportArgs {
 pub struct Imported {
     /// Participants who were imported.
     pub participants: usize,
-    /// Their trials.
+    /// Trials of the imported participants.
     pub trials: usize,
     /// Trials with a flag other than `imported`.
     pub flagged: usize,
     /// Participants of the file who were imported earlier.
     pub skipped: usize,
-    /// Imported participants whom the table of participants beside the file excludes.
+    /// Imported participants who are excluded in the table of participants beside the file.
     pub excluded: usize,
 }
 
-/// Imports and prints the counts.
+/// Imports the file and prints the counts.
 ///
 /// # Errors
-/// [`CommandError`] for a file that is not a trials.csv (input, with the line), or a database that fails (failure).
+/// [`CommandError`] for a file that is not a trials.csv (input, with the line), or a database error
+/// (failure).
 pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let name = table_file::name(&args.trials);
     let complain = |error: &dyn Display| CommandError::Input(format!("{name}: {error}"));
@@ -81,7 +82,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     wanted.check().map_err(|e| {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
     })?;
-    // A refused file must not leave a new database behind.
+    // A refused file must not create a new database.
     let present = match Store::open(&args.database, Purpose::Change).await {
         Err(OpenError::Absent(_)) => None,
         opened => Some(opened?),
@@ -106,7 +107,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         let message = format!("study {} was changed meanwhile; try again", args.study);
         return Err(CommandError::Failure(message));
     };
-    // One thread reads and computes, and the store's own thread writes.
+    // This thread reads and computes, while the store's own thread writes.
     let (sender, mut batches) = mpsc::channel(2);
     let reading = tokio::task::spawn_blocking(move || {
         let mut batch = Batch::default();
@@ -130,7 +131,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         if let Some(fault) = refused {
             return Err(fault.to_string());
         }
-        // If the import has failed, nobody receives it.
+        // If the import has failed, there is no receiver.
         let _ = read.is_ok() && sender.blocking_send(batch).is_ok();
         read
     });
@@ -172,10 +173,10 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     print_json(&counts)
 }
 
-/// Trials per batch; then its participants are stored.
+/// Number of trials in a batch after which its participants are stored.
 const BATCH: usize = 256;
 
-/// A batch of participants of the file.
+/// A batch of participants from the file.
 #[derive(Default)]
 struct Batch {
     people: Vec<NewImport>,
@@ -198,7 +199,7 @@ impl Batch {
     }
 }
 
-/// The result so far.
+/// The counts so far, and the ids of the imported participants.
 #[derive(Default)]
 struct Done {
     counts: Imported,
@@ -300,8 +301,9 @@ fn imported(
     }
 }
 
-/// The planned scene of a trial, given the `earlier` ones. A file has no plan: the scene is the
-/// trial's first state, and a trial from a state seen earlier is a further attempt at that scene.
+/// The planned scene of a trial, given the planned scenes of the `earlier` trials. A file has no
+/// plan, so the scene follows from the trial's first state. A later trial from the same state is a
+/// further attempt at that scene.
 fn planned(
     parameters: &SceneParameters,
     earlier: &[PlannedRow],
@@ -328,7 +330,7 @@ fn planned(
     }
 }
 
-/// The flags of a trial: those computed from the recording, those in the file, and `imported`.
+/// The flags of a trial: the flags computed from the recording, the flags in the file, and `imported`.
 fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &RecordedTrial) -> Vec<Flag> {
     let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
     let mut flags = flags(parameters, scene, &trial.inputs, &trial.states, times);

@@ -16,13 +16,13 @@ pub struct JsonArgs {
     /// JSON file to read; - reads stdin.
     #[arg(long, value_name = "FILE.json")]
     input: PathBuf,
-    /// File to write the answer to, as one line of JSON [default: stdout].
+    /// File for the answer, as one line of JSON [default: stdout].
     #[arg(long, value_name = "FILE.json")]
     out: Option<PathBuf>,
 }
 
 impl JsonArgs {
-    /// Fails before any work if the answer cannot be written.
+    /// Checks that the answer can be written, before any work.
     ///
     /// # Errors
     /// [`CommandError`] naming the file.
@@ -33,7 +33,7 @@ impl JsonArgs {
         }
     }
 
-    /// Reads the document, after checking that the answer can be written.
+    /// Checks that the answer can be written, and reads the document.
     pub(super) fn read<T: DeserializeOwned>(&self) -> Result<T, CommandError> {
         self.check_out()?;
         self.document().read()
@@ -56,12 +56,12 @@ impl JsonArgs {
     }
 }
 
-/// A JSON document by its path; - is stdin.
+/// A JSON document, given by its path; - is stdin.
 #[derive(Clone, Copy)]
 pub(super) struct Document<'a>(pub(super) &'a Path);
 
 impl Document<'_> {
-    /// Its name in errors.
+    /// The document's name in errors.
     pub(super) fn name(self) -> String {
         table_file::name(self.0)
     }

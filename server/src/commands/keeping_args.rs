@@ -6,7 +6,7 @@ use crate::support::private;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// The time from the start of the server to its first check.
+/// The time from the start of the server to the first check.
 const FIRST: Duration = Duration::from_secs(60);
 
 /// Backups and checks of the stored data.
@@ -15,7 +15,7 @@ pub struct KeepingArgs {
     /// Folder for daily backups (see --check-every), on another disk if possible.
     ///
     /// The server also deletes the oldest backups of this database (see --backups-kept). If several
-    /// servers share a database, only one needs this.
+    /// servers share a database, only one of them needs this flag.
     #[arg(long, value_name = "DIR")]
     pub backups: Option<PathBuf>,
     /// Number of backups to keep in --backups.
@@ -27,7 +27,7 @@ pub struct KeepingArgs {
         value_parser = clap::value_parser!(u16).range(1..)
     )]
     pub backups_kept: u16,
-    /// Hours between checks of the stored data, each followed by a backup; 0 for never.
+    /// Interval between checks of the stored data (hours), each followed by a backup; 0 for never.
     ///
     /// A check replays every trial, in a process of the lowest priority. The laboratory shows the result.
     #[arg(
@@ -38,7 +38,7 @@ pub struct KeepingArgs {
         allow_negative_numbers = true
     )]
     pub check_every: f64,
-    /// The time from the start to the first check.
+    /// The time from the start of the server to the first check.
     #[arg(skip = FIRST)]
     pub first: Duration,
 }
@@ -49,10 +49,11 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 impl KeepingArgs {
-    /// The settings for this database, whose code is not known yet.
+    /// The settings for this database. The database's code is not known yet.
     ///
     /// # Errors
-    /// [`CommandError::Input`] if the folder for backups is not a folder, or not writable.
+    /// [`CommandError::Input`] if the folder for backups is not a folder or not writable, or if
+    /// there is a folder for backups but no check.
     pub(super) fn keeping(&self, database: &str) -> Result<Keeping, CommandError> {
         if self.backups.is_some() && self.check_every == 0.0 {
             return Err(CommandError::Input(

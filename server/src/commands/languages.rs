@@ -18,14 +18,14 @@ pub struct LanguagesArgs {
     pub out: PathBuf,
 }
 
-/// Writes a file for each language, all or none.
+/// Writes a file for each language, all files or none.
 ///
 /// # Errors
 /// [`CommandError`] if one of the files already exists (input), or the folder cannot be written (failure).
 pub fn run(args: &LanguagesArgs) -> Result<(), CommandError> {
     let failed = |error: std::io::Error| unwritable(&args.out, &error);
     let mut files = Vec::new();
-    // An existing file may have been edited.
+    // Do not overwrite an existing file, which may have been edited.
     if let Some((tag, _)) =
         BUILT_IN.iter().find(|(tag, _)| args.out.join(format!("{tag}.toml")).exists())
     {

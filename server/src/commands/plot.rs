@@ -20,21 +20,21 @@ use std::path::{Path, PathBuf};
 pub struct PlotArgs {
     #[command(flatten)]
     function: FunctionArgs,
-    /// File to write; its extension (.svg or .png) selects the format.
+    /// File to write. Its extension (.svg or .png) selects the format.
     #[arg(long, value_name = "FILE.svg|FILE.png")]
     out: PathBuf,
     /// The figure to draw.
     #[arg(long, value_enum, default_value = "slices")]
     kind: Kind,
-    /// Slices: relative headings, degrees.
+    /// Slices: relative headings (degrees).
     #[arg(long, value_name = "DEG,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_value = "0,45,90,135,180")]
     psi: Vec<f64>,
-    /// Slices: levels of V, m, in ascending order.
+    /// Slices: levels of V (m), in ascending order.
     #[arg(long, value_name = "M,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_value = "0,1,2")]
     levels: Vec<f64>,
-    /// Regions: a document for `sidestep bounds`; repeat the flag for more panels.
+    /// Regions: a document for `sidestep bounds`. Repeat the flag for more panels.
     #[arg(long, value_name = "FILE.json")]
     input: Vec<PathBuf>,
     #[command(flatten)]
@@ -49,22 +49,23 @@ enum Kind {
     Slices,
     /// The surface V = 0 over the plane, with the relative heading upwards.
     Tube,
-    /// The predicted positions of the human: the sets of `sidestep bounds` in the paper's
-    /// colours. Above: all positions within the steps ahead; below: those at single steps.
+    /// The predicted positions of the human: the sets of `sidestep bounds` in the paper's colours.
+    /// The upper row shows all positions within the steps ahead, and the lower row the positions at
+    /// single steps.
     Regions,
-    /// A moment of a recorded trial from above, as the laboratory replays it: level sets, predicted sets,
-    /// likely futures, paths.
+    /// A moment of a recorded trial from above, as in the laboratory's replay: level sets,
+    /// predicted sets, likely futures, paths.
     Replay,
 }
 
-/// Upper bounds on panels and levels.
+/// Upper bounds on the number of panels and of levels.
 const PANELS: usize = 36;
 const LEVELS: usize = 20;
 
-/// Draws and writes the file.
+/// Draws the figure and writes the file.
 ///
 /// # Errors
-/// [`CommandError`] for invalid flags or files (input), or a figure that cannot be written (failure).
+/// [`CommandError`] for invalid flags or files (input), or if the figure cannot be written (failure).
 pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     let as_png = is_png(&args.out)?;
     check(&args)?;
@@ -143,7 +144,8 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
     Ok(figure::regions("Where the human may be", note, &panels, &names))
 }
 
-/// "F₂: ε = 0.15 rad/s"; only "F₂" if panels differ, since each then shows its own ε.
+/// A region's name, such as "F₂: ε = 0.15 rad/s". If panels differ in ε, each panel shows its own ε
+/// and the name is only "F₂".
 fn region_name(j: usize, epsilons: &[Vec<f64>]) -> String {
     match epsilons {
         [first, others @ ..] if others.iter().all(|other| other == first) => {

@@ -1,4 +1,4 @@
-//! Documents of `sidestep bounds`, and Algorithm 1 on them, for commands that predict.
+//! The documents of `sidestep bounds`, and Algorithm 1 on them, for all commands that predict.
 
 use super::CommandError;
 use super::degrees::Degrees;
@@ -68,18 +68,19 @@ enum RolloutWord {
     Base,
 }
 
-/// Highest speed, m/s, and longest step, s.
+/// Upper bound on speeds (m/s) and on the step length (s).
 const MOST_SPEED_OR_STEP: f64 = 1e4;
 
-/// Upper bound on the steps ahead.
+/// Upper bound on the number of steps ahead.
 const MOST_STEPS: usize = 3000;
 
-/// A predictor and the document that it was read from, which errors name.
+/// A predictor, with the document from which it was read. Errors name this document.
 #[derive(Clone)]
 pub(super) struct PredictorSource<'a> {
     predictor: Predictor,
     document: Document<'a>,
-    /// The field of the document that contains it; none if the document is the predictor.
+    /// The field of the document that contains the predictor. `None` if the document itself is the
+    /// predictor.
     field: Option<&'static str>,
 }
 
@@ -89,11 +90,12 @@ impl PredictorArgs {
         self.file.is_some()
     }
 
-    /// Reads the predictor, if --predictor was given. `documents` are the others that the command reads.
+    /// Reads the predictor if --predictor was given. `documents` are the other documents that the
+    /// command reads.
     ///
     /// # Errors
-    /// [`CommandError`] (input) if the file is not a predictor of turns, or if it and one of the
-    /// documents would both be read from stdin.
+    /// [`CommandError`] (input) if the file is not a predictor of turns, or if both the file and
+    /// one of the documents would be read from stdin.
     pub(super) fn read<'a>(
         &'a self,
         documents: impl IntoIterator<Item = Document<'a>>,
@@ -115,7 +117,7 @@ impl<'a> PredictorSource<'a> {
         &self.predictor
     }
 
-    /// The document's own predictor or the separate one; exactly one must be given.
+    /// The document's own predictor or the separate predictor. Exactly one of them must be given.
     fn of(
         document: Document<'a>,
         input: &Input,
@@ -144,21 +146,21 @@ impl<'a> PredictorSource<'a> {
     }
 }
 
-/// The field of a document that holds its predictor.
+/// The field of a document that contains its predictor.
 const FIELD: &str = "predictor";
 
-/// The result of Algorithm 1, with its situation.
+/// The result of Algorithm 1, with the situation to which it applies.
 pub(super) struct Prediction {
     pub(super) now: JointState,
     pub(super) motion: Motion,
     pub(super) danger_radius_m: f64,
-    /// How far each set widens the bounds, rad/s.
+    /// The amount by which each set widens the bounds (rad/s).
     pub(super) epsilon: Vec<f64>,
     pub(super) bounds: PredictedBounds,
 }
 
 impl Prediction {
-    /// Reads a document of `sidestep bounds` and runs Algorithm 1 on it, with its predictor or `beside`.
+    /// Reads a document of `sidestep bounds`, and runs Algorithm 1 with its predictor or with `beside`.
     ///
     /// # Errors
     /// [`CommandError`] naming the file and the invalid field.
@@ -241,7 +243,7 @@ impl Problem {
         })
     }
 
-    /// Runs Algorithm 1; its errors are about the predictor.
+    /// Runs Algorithm 1. Its errors refer to the predictor.
     fn bounds(
         &self,
         predictor: &Predictor,
@@ -286,7 +288,7 @@ fn motion(input: &Input) -> Result<Motion, Invalid> {
     Ok(motion)
 }
 
-/// Renames the error's field as in the document.
+/// Renames the error's field to the field of the document.
 pub(super) fn named(invalid: Invalid) -> Invalid {
     let field = match invalid.field.as_str() {
         "human_speed_mps" | "speed_mps" => "speed",

@@ -13,34 +13,34 @@ use sidestep::vehicle::Pose;
 
 /// Compute reachable sets under bounds on the turn rate, and test whether states are in them.
 ///
-/// The input, in m, s and rad, headings counter-clockwise from +x: {"speed": 2, "dt": 0.2,
+/// The input, in m, s and rad, with headings counter-clockwise from +x, is {"speed": 2, "dt": 0.2,
 /// "turn_rate": [-0.5, 0.5], "initial": [x, y, psi], "sets": [{"lo": [one rate per step], "hi":
 /// […], "queries": [{"step": n, "state": [x, y, psi]}]}], "tolerance": {"position": 0.005,
 /// "heading": 0.002}, "accuracy": 0.0001, "conservative": false}. "queries", "tolerance",
 /// "accuracy" and "conservative" are optional; the defaults are shown. A state counts as inside if
-/// it is at most the tolerance outside. Edges of polygons are within the accuracy, m, of the true
-/// boundary, on either side; holes are filled. Where that would take too much work (large turns per
-/// step, many steps, high accuracy), polygons are larger and contain the set. Bounds that forbid
-/// straight driving by less than 1e-4 rad/s are treated as allowing it.
+/// it is outside by at most the tolerance. Edges of polygons are within the accuracy (m) of the
+/// true boundary, on either side; holes are filled. Where this accuracy would take too much work
+/// (large turns per step, many steps, high accuracy), polygons are larger and contain the set.
+/// Bounds that forbid straight driving by less than 1e-4 rad/s are treated as allowing it.
 ///
-/// Conservative polygons, areas and boxes are slightly larger, so that they contain the whole set,
-/// under all bounds; where they would take too much work, they can exceed the accuracy. Queries
-/// still test the exact set. "full" never misses a reachable state; at large turns per step it can
-/// be true for an unreachable state, if unreachability is not proved.
+/// Conservative polygons, areas and boxes are slightly larger, so that they contain the whole set
+/// under all bounds. Where they would take too much work, their error can exceed the accuracy.
+/// Queries still test the exact set. "full" never misses a reachable state. At large turns per step
+/// it can be true for an unreachable state, if unreachability is not proved.
 ///
 /// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
-/// "heading": δ}, with each part optional: positions at most r m from "initial", or at most these
-/// lengths, m, along and across its heading to either side, and headings at most δ rad from it. The
-/// sets then hold everything reachable from any of these poses. With an uncertain heading, a "full"
-/// query may take a second.
+/// "heading": δ}, where each part is optional. Positions are then at most r m from "initial", or at
+/// most these lengths (m) along and across its heading to either side. Headings are at most δ rad
+/// from its heading. The sets contain everything that is reachable from any of these poses. With an
+/// uncertain heading, a "full" query may take a second.
 ///
-/// The answer, in world coordinates: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0,
+/// The answer, in world coordinates, is {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0,
 /// x1, y1], "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"}, "queries":
-/// [{"planar", "full"}]}]}. Steps 1 to T hold the positions reachable after exactly that many
+/// [{"planar", "full"}]}]}. Steps 1 to T have the positions reachable after exactly this number of
 /// steps; the tube is the union over the whole time. Polygons are counter-clockwise, and their
-/// first vertex is not repeated; a set that is a single position has one vertex. For a query,
-/// "planar" tells whether its position is reachable after that step (0 to T) with any heading,
-/// "full" whether with the given heading.
+/// first vertex is not repeated; a set with a single position has one vertex. For a query,
+/// "planar" states whether its position is reachable after this step (0 to T) with any heading, and
+/// "full" whether it is reachable with the given heading.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ReachArgs {
     #[command(flatten)]
@@ -128,10 +128,10 @@ struct QueryAnswer {
     full: bool,
 }
 
-/// Upper bound on the steps of a set: the size of all polygons grows with the square of their number.
+/// Upper bound on the number of steps of a set, because the size of all polygons grows with its square.
 pub(super) const MOST_STEPS: usize = 300;
 
-/// Renames the error's field as in the document.
+/// Renames the error's field to the field of the document.
 fn named(invalid: Invalid) -> Invalid {
     let field = match invalid.field.as_str() {
         "speed_mps" => "speed",
@@ -142,10 +142,11 @@ fn named(invalid: Invalid) -> Invalid {
     Invalid { field: field.to_owned(), ..invalid }
 }
 
-/// Reads the document, computes and writes the answer.
+/// Reads the document, computes the sets, and writes the answer.
 ///
 /// # Errors
-/// [`CommandError`] for an invalid document, naming the field (input), or an answer that cannot be written (failure).
+/// [`CommandError`] for an invalid document, naming the field (input), or if the answer cannot be
+/// written (failure).
 pub async fn run(args: ReachArgs) -> Result<(), CommandError> {
     let input: Input = args.files.read()?;
     let answer = answer(&input).map_err(|invalid| args.files.document().complain(&invalid))?;
@@ -190,7 +191,7 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
     let sets = input.sets.iter().enumerate().map(|(j, set)| {
         set_answer(input, start, set, settings, tolerance).map_err(|invalid| {
             let named = named(invalid.clone());
-            // Renamed fields do not belong to one set.
+            // A renamed field is a field of the document, not of one set.
             if named == invalid { named.within(&format!("sets[{j}]")) } else { named }
         })
     });
@@ -241,7 +242,7 @@ fn set_answer(
     let bounds = InputBounds::new(given.lo.clone(), given.hi.clone(), input.turn_rate)?;
     let set = ReachableSet::new(start, &bounds, input.speed, input.dt)?;
     let polygons: Vec<_> = (0..=set.steps()).map(|step| set.step_polygon(step, settings)).collect();
-    // Queries are about the exact set, which conservative polygons exceed.
+    // Queries are about the exact set, and conservative polygons are larger.
     let mut exact: Vec<Option<Vec<[f64; 2]>>> = vec![None; polygons.len()];
     let exact_settings = PolygonSettings::new(settings.accuracy_m(), settings.least_pieces())?;
     let queries = given.queries.iter().enumerate().map(|(q, query)| {
@@ -272,6 +273,6 @@ fn set_answer(
 
 fn area(polygon: Vec<[f64; 2]>) -> Area {
     let bbox = bounding_box(&polygon).unwrap_or([f64::NAN; 4]);
-    // Rounding must not give a set without width a negative area.
+    // Rounding errors must not give a set of zero width a negative area.
     Area { area: signed_area(&polygon).max(0.0), bbox, polygon }
 }

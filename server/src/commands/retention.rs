@@ -15,18 +15,18 @@ const WHO: &str = "sidestep retention";
 
 const DAY_MS: i64 = 86_400_000;
 
-/// List data past its retention period, by rules, and delete it with --delete.
+/// List data past their retention period, by rules, and delete them with --delete.
 ///
 /// Without --delete, the summary only lists what would be deleted. The audit trail has an entry for
-/// each deletion. A participant may be listed under several rules; participants who return before
-/// their deletion are kept. Backups are separate files: delete old ones too.
+/// each deletion. A participant may be listed under several rules. Participants who return before
+/// their deletion are kept. Backups are separate files; delete old backups too.
 ///
 /// Prints a JSON summary.
 #[derive(Clone, Debug, clap::Args)]
 #[command(group = ArgGroup::new("rule").required(true).multiple(true)
     .args(["data", "unfinished", "identities", "analyses", "audit"]))]
 pub struct RetentionArgs {
-    /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE. A server may use it meanwhile.
+    /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE. A server may use it at the same time.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
     /// Only the study with this name [default: all studies].
@@ -38,12 +38,12 @@ pub struct RetentionArgs {
     /// and count as withdrawn.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub data: Option<i64>,
-    /// As --data, but only for participants who did not finish the study.
+    /// Like --data, but only for participants who did not finish the study.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub unfinished: Option<i64>,
     /// Delete external ids and recruitment parameters of participants last seen more than DAYS days ago.
     ///
-    /// Their trials stay.
+    /// Their trials are kept.
     #[arg(long, value_name = "DAYS", value_parser = days())]
     pub identities: Option<i64>,
     /// Delete analyses that ended more than DAYS days ago, with their files.
@@ -65,7 +65,7 @@ fn days() -> clap::builder::RangedI64ValueParser {
 #[derive(Debug, Serialize)]
 struct Concerned {
     rule: &'static str,
-    /// The cut-off: only older data are affected.
+    /// The cut-off time. Only older data are affected.
     before: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     study: Option<String>,
@@ -77,12 +77,12 @@ struct Concerned {
 
 #[derive(Debug, Serialize)]
 struct Summary {
-    /// Whether the data were deleted, or only listed.
+    /// Whether the data were deleted or only listed.
     deleted: bool,
     rules: Vec<Concerned>,
 }
 
-/// Applies the given rules, deletes if requested, and prints the result.
+/// Applies the given rules, deletes data if requested, and prints the result.
 ///
 /// # Errors
 /// [`CommandError`] for an unknown study (input), or if the database fails (failure).

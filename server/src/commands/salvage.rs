@@ -12,14 +12,14 @@ use std::path::{Path, PathBuf};
 
 /// Save the readable part of a damaged database file into a new database.
 ///
-/// Replays every trial. Rows that are readable and sound are saved; stderr names each lost row with
+/// Replays every trial. Rows that are readable and sound are saved. stderr names each lost row with
 /// its table, its key and the reason. The damaged file is not changed. If there is a backup,
-/// restore it first, and salvage only what it lacks.
+/// restore it first, and salvage only the data that it lacks.
 ///
 /// Prints a JSON summary. The exit code is 1 if anything was lost.
 #[derive(Clone, Debug, clap::Args)]
 pub struct SalvageArgs {
-    /// Damaged SQLite file; its -wal is read too if it is beside it.
+    /// Damaged SQLite file. If its -wal is beside it, this file is read too.
     #[arg(long, value_name = "FILE")]
     pub from: PathBuf,
 
@@ -33,11 +33,11 @@ struct Saved {
     studies: usize,
     participants: usize,
     trials: usize,
-    /// Lines on stderr: one per row, or per range of rows or pages if nothing more is known.
+    /// Number of lines on stderr: one per row, or one per range of rows or pages if no more is known.
     lost: usize,
 }
 
-/// Saves the data, names the losses, and prints a summary.
+/// Saves the data, prints the losses on stderr, and prints a summary.
 ///
 /// # Errors
 /// [`CommandError::Input`] if the file is not a database, or the new database already exists;

@@ -44,8 +44,8 @@ use tokio_util::sync::CancellationToken;
 /// Serve participants and the laboratory.
 ///
 /// Needs only a database file, which the first start creates. The first start also prints the
-/// experimenter's key, once. To choose the key, set SIDESTEP_ADMIN_KEY to it (at least 16
-/// characters) or to its hash from `sidestep hash-key`.
+/// experimenter's key, only once. To choose the key yourself, set SIDESTEP_ADMIN_KEY to it (at
+/// least 16 characters) or to its hash from `sidestep hash-key`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServeArgs {
     /// Address and port; port 0 takes any free port.
@@ -64,46 +64,47 @@ pub struct ServeArgs {
     pub database: String,
     /// Fill the study `demo` with synthetic participants and analyse it, in less than a minute.
     ///
-    /// Pages respond meanwhile. The study is marked as synthetic everywhere and takes no people.
-    /// Restarting resumes an interrupted fill; otherwise it changes nothing.
+    /// The server answers requests meanwhile. The study is marked as synthetic everywhere and
+    /// accepts no people. A restart resumes an interrupted fill; otherwise it changes nothing.
     #[arg(long, conflicts_with = "study")]
     pub demo: bool,
-    /// Study file, TOML, with at least a slug; omitted fields take the paper's values.
+    /// Study file (TOML), with at least a slug; omitted fields take the paper's values.
     ///
-    /// By default, the server has the studies in its database; an empty database gets the study
-    /// `default` with the paper's protocol.
+    /// By default, the server has the studies in its database. If the database is empty, the server
+    /// creates the study `default` with the paper's protocol.
     #[arg(long, value_name = "FILE")]
     pub study: Option<PathBuf>,
     /// Accept a study file that differs from the study with this slug in the database.
     ///
-    /// New participants get the file's configuration; the others keep theirs.
+    /// New participants get the file's configuration; existing participants keep theirs.
     #[arg(long, requires = "study")]
     pub replace_study: bool,
     /// Folder with language files for the participant's page; see `sidestep languages`.
     ///
-    /// Files are named after their languages (de.toml); they replace sentences or add languages.
+    /// Files are named after their languages (de.toml). They replace sentences or add languages.
     #[arg(long, value_name = "DIR")]
     pub languages: Option<PathBuf>,
     /// Folder with the built client [default: `site` beside the executable].
     #[arg(long = "static", value_name = "DIR")]
     pub site: Option<PathBuf>,
-    /// Create a new experimenter's key; the old key and all sessions become invalid.
+    /// Create a new experimenter's key. The old key and all sessions become invalid.
     #[arg(long)]
     pub new_admin_key: bool,
     /// Solve no value functions on the server.
     ///
-    /// For unequal vehicles, browsers then solve them at each replay, and predictors fall back to input frequencies.
+    /// For unequal vehicles, browsers then solve them at each replay, and predictors fall back to
+    /// input frequencies.
     #[arg(long)]
     pub no_solve: bool,
-    /// Let everyone drive the demonstration at /demo; experimenters can always, at /lab/demo.
+    /// Let everyone drive the demonstration at /demo. Experimenters can always drive it at /lab/demo.
     #[arg(long)]
     pub open_demo: bool,
-    /// Serve HTTPS with this certificate chain in PEM, the server's certificate first.
+    /// Serve HTTPS with this certificate chain (PEM), the server's certificate first.
     ///
-    /// When the file changes, new connections get the new certificate; on Unix, SIGHUP reloads it at once.
+    /// When the file changes, new connections get the new certificate. On Unix, SIGHUP reloads it at once.
     #[arg(long, value_name = "FILE", requires = "tls_key", conflicts_with = "demo")]
     pub tls_cert: Option<PathBuf>,
-    /// Private key of the certificate in PEM, without a password.
+    /// Private key of the certificate (PEM), without a password.
     #[arg(long, value_name = "FILE", requires = "tls_cert")]
     pub tls_key: Option<PathBuf>,
     /// Trusted proxies, by address or network, such as 10.0.0.0/8 [default: none].
@@ -112,11 +113,12 @@ pub struct ServeArgs {
     /// and scheme of a request. From other clients, the server ignores these headers.
     #[arg(long, value_name = "ADDRESS", num_args = 1.., value_parser = net)]
     pub trusted_proxy: Vec<IpNet>,
-    /// Further host names of this server, such as study.example.org; others get 421.
+    /// Further host names of this server, such as study.example.org. Requests for any other host
+    /// get status 421.
     ///
     /// Loopback names and the listening address are always accepted. By default, the server accepts
-    /// no other names if it listens on a loopback address and has no --trusted-proxy, else all
-    /// names.
+    /// no other names if it listens on a loopback address and has no --trusted-proxy. Otherwise it
+    /// accepts all names.
     #[arg(long, value_name = "NAME", num_args = 1.., value_parser = host)]
     pub allowed_host: Vec<String>,
     /// Backups and checks of the stored data.
@@ -141,22 +143,22 @@ pub enum LogFormat {
     Json,
 }
 
-/// Enrolments that may wait for their scenes: twice a lecture hall.
+/// Maximum number of enrolments that wait for their scenes, twice the size of a lecture hall.
 const PLANS_WAITING: usize = 2_000;
 
 /// The pause after drawing the scenes of an enrolment, as a multiple of the drawing time.
 const DRAWING_PAUSE: u32 = 2;
 
-/// Upper bound on connections, if the system allows the process enough open files.
+/// Upper bound on connections, if the system allows the process to open enough files.
 const MOST_CONNECTIONS: u64 = 50_000;
 
-/// Files reserved for everything except connections: the database, the site, analyses.
+/// Open files reserved for everything except connections, such as the database, the site and analyses.
 const FILES_KEPT: u64 = 256;
 
-/// Site files that may be open at once; each stays open until its client has read it.
+/// Maximum number of open site files. Each stays open until its client has read it.
 const SITE_FILES: u64 = 4_096;
 
-/// Upper bound on bytes of request bodies that are incomplete.
+/// Maximum total size of incomplete request bodies (bytes).
 const BODY_BYTES: usize = 64 << 20;
 
 /// A server that accepts requests.
@@ -164,7 +166,7 @@ const BODY_BYTES: usize = 64 << 20;
 pub struct Running {
     /// The address, with the actual port.
     pub address: SocketAddr,
-    /// Names of the studies in which people take part; `/start` redirects to the first.
+    /// Names of the studies in which people take part. `/start` redirects to the first one.
     pub studies: Vec<String>,
     /// The experimenter's key, if this start created it.
     pub new_key: Option<String>,
@@ -177,14 +179,14 @@ pub struct Running {
     fills_demo: bool,
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
-    /// Renews the certificate, if there is one.
+    /// The task that renews the certificate, if there is a certificate.
     renewal: Option<JoinHandle<()>>,
 }
 
 /// Runs until SIGINT or SIGTERM.
 ///
 /// # Errors
-/// [`CommandError`] if it cannot start.
+/// [`CommandError`] if the server cannot start.
 pub async fn run(args: ServeArgs) -> Result<(), CommandError> {
     let key = std::env::var("SIDESTEP_ADMIN_KEY").ok();
     let signal = stop_signal()?;
@@ -196,7 +198,7 @@ pub async fn run(args: ServeArgs) -> Result<(), CommandError> {
     running.stop().await
 }
 
-/// Starts a server and returns when it accepts requests.
+/// Starts a server and returns once it accepts requests.
 ///
 /// # Errors
 /// [`CommandError`] for a bad study file or key (input), a missing bundle, an
@@ -287,7 +289,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     };
     let renewal = certificates.map(renewal).transpose()?;
     let task = tokio::spawn(listen::serve(listener, service, async move {
-        // Dropping the sender also means stop.
+        // Dropping the sender also stops the server.
         let _ = stopped.await;
         stopping.cancel();
     }));
@@ -380,7 +382,7 @@ impl Running {
     }
 }
 
-/// Filters these studies for those in which people take part, in the same order.
+/// Returns the names of those studies in which people take part, in the same order.
 async fn of_people(store: &Store, names: &[String]) -> Result<Vec<String>, CommandError> {
     let summaries = store.summaries(None, now_ms()).await?;
     let is_synthetic =
@@ -389,8 +391,8 @@ async fn of_people(store: &Store, names: &[String]) -> Result<Vec<String>, Comma
 }
 
 /// Stores the study of the file, or creates the paper's study in an empty database. Stores the
-/// study's value functions if they need no solve. Returns the names of all studies, starting with
-/// that of the file, else the newest.
+/// study's value functions if they need no solve. Returns the names of all studies. The first one
+/// is the study of the file, or the newest study if there is no file.
 async fn prepare(
     store: &Store,
     file: Option<&StudyFile>,
@@ -414,7 +416,7 @@ async fn prepare(
     };
     let slug = config.slug.clone();
     let known = store.study(&slug).await?.filter(|known| *known.config != config);
-    // The study has followed this file before, so later changes stay.
+    // The study followed this file before and was changed later. Keep these changes.
     if let Some(known) = known.as_ref().filter(|_| !replace)
         && let Some(number) = followed(store, known, &config).await?
     {
@@ -460,8 +462,8 @@ async fn prepare(
     Ok(names)
 }
 
-/// The number of the version that a study last got from its file, if that version equals `config`
-/// and the laboratory has changed the study since.
+/// The number of the version that a study last got from a file, if that version equals `config` and
+/// a later version exists.
 async fn followed(
     store: &Store,
     study: &StoredStudy,
@@ -469,7 +471,7 @@ async fn followed(
 ) -> Result<Option<u32>, CommandError> {
     let versions = store.study_versions(study.id).await?;
     let last = versions.iter().rfind(|version| version.by_file);
-    // If it is the present version, at most the status differs, which the file gives.
+    // If this is the present version, only the status can differ, and the file gives the status.
     let present = versions.last().map(|version| version.number);
     let changed = last.filter(|version| Some(version.number) != present && version.says(config));
     Ok(changed.map(|version| version.number))
@@ -486,7 +488,7 @@ fn changes(old: &StudyConfig, new: &StudyConfig) -> String {
     changed.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
-/// A network, or the network of one address.
+/// A network. A single address counts as a network.
 fn net(text: &str) -> Result<IpNet, String> {
     let address = |text: &str| text.parse::<IpAddr>().ok().map(IpNet::from);
     let found = text.parse().ok().or_else(|| address(text));
@@ -495,7 +497,7 @@ fn net(text: &str) -> Result<IpNet, String> {
     })
 }
 
-/// A host name without a port.
+/// A host name, without a port.
 fn host(text: &str) -> Result<String, String> {
     let is_address = text.parse::<IpAddr>().is_ok();
     let fits = |c: char| c.is_ascii_alphanumeric() || "-.".contains(c);
@@ -505,8 +507,8 @@ fn host(text: &str) -> Result<String, String> {
     }
 }
 
-/// The number of connections: the limit on open files, less those reserved for everything else.
-/// Raises the process's limit as far as the system allows.
+/// The maximum number of connections: the limit on open files minus the files reserved for
+/// everything else. Raises the process's limit as far as the system allows.
 #[cfg(unix)]
 fn most_connections() -> usize {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};

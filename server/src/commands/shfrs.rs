@@ -31,19 +31,19 @@ use std::time::Duration;
 /// Compute stochastic human forward reachable sets (SHFRS) of recorded trials.
 ///
 /// Computes the probabilities of regions, tunes the sets with a guarantee, and compares their area
-/// with that of other predictions of the same coverage.
+/// with the area of other predictions of the same coverage.
 ///
 /// Trajectories (tasks only) are split at random into training, calibration and test sets. The
-/// training set tunes the choice of actions, and trains the predictor unless one is given; the
-/// calibration set determines ε; the test set measures the achieved coverage. Tuning chooses both
-/// the actions that count (τ, or k for each step) and ε: ε = 0 with a low τ is a common result. A
+/// training set tunes the choice of actions, and trains the predictor unless one is given. The
+/// calibration set determines ε. The test set measures the achieved coverage. Tuning chooses both
+/// the actions that count (τ, or k for each step) and ε; a common result is ε = 0 with a low τ. A
 /// given predictor must not have been trained on the calibration or test set.
 ///
-/// Trajectories of one person are alike. Split by trajectories, every person is in all three sets,
-/// and guarantees hold for new tasks of these people. Split by people, each person is in one set,
-/// one random trajectory of each calibrates or tests, and guarantees hold for new people; this
-/// needs far more people. A guarantee that needs more of them than there are is left out; the
-/// others are computed.
+/// Trajectories of one person are alike. In a split by trajectories, every person is in all three
+/// sets, and guarantees hold for new tasks of these people. In a split by people, each person is in
+/// one set, one random trajectory of each person calibrates or tests, and guarantees hold for new
+/// people; this needs far more people. A guarantee that needs more trajectories or people than
+/// there are is left out; the others are computed.
 ///
 /// Writes to DIR: regions.csv (p of sets and regions with intervals, by choice of windows),
 /// tuning.csv (ε_1 by probability and guarantee), pareto.csv and pareto.svg (coverage against
@@ -51,8 +51,8 @@ use std::time::Duration;
 /// human comes within the radius of the robot, by test trajectory), regions.svg (predictions in the
 /// colours of the paper; the circle is the robot's present danger zone), predictor.json (the
 /// predictor that was used) and shfrs.json (all numbers with their settings, tolerances and
-/// guarantees in words). Lengths in m, areas in m², times
-/// in s, ε and turn rates in rad/s. In GAME the human is the evader, the robot the pursuer.
+/// guarantees in words). Lengths are in m, areas in m², times in s, ε and turn rates in rad/s. In
+/// GAME the human is the evader and the robot is the pursuer.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ShfrsArgs {
     #[command(flatten)]
@@ -62,11 +62,11 @@ pub struct ShfrsArgs {
     predictor: Option<PathBuf>,
     /// Features of the predictor trained here: names of features, or one of the paper's sets.
     ///
-    /// The paper's sets are hrd, hr, …: B with safety levels and distance.
+    /// The paper's sets are hrd, hr, … (B with safety levels and distance).
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "predictor")]
     #[arg(default_value = "hrd,robot_ahead,robot_left")]
     features: Vec<String>,
-    /// Regions: JSON settings as the laboratory's explorer saves them.
+    /// Regions: JSON settings, as saved by the laboratory's explorer.
     ///
     /// They replace --epsilon, --k, --tau, --steps and --rollout.
     #[arg(long, value_name = "FILE.json")]
@@ -75,20 +75,20 @@ pub struct ShfrsArgs {
     /// Folder for the files; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Only this participant's trials; may be repeated [default: all].
+    /// Only trials of this participant; may be repeated [default: all].
     #[arg(long, value_name = "NAME")]
     participant: Vec<String>,
-    /// How far each set widens the bounds, rad/s, ascending; the last must admit every turn rate.
+    /// By how much each set widens the bounds (rad/s), ascending; the last must admit every turn rate.
     #[arg(long, value_name = "RAD/S,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_value = "0,0.15,0.25,0.4,1")]
     epsilon: Vec<f64>,
-    /// Regions: number of likeliest actions at each step ahead; by default 2, 2, then 1.
+    /// Regions: number of the likeliest actions at each step ahead; by default 2, 2, then 1.
     #[arg(long, value_name = "K,…", value_delimiter = ',', conflicts_with = "tau")]
     k: Option<Vec<usize>>,
-    /// Regions: instead of k, actions with at least this probability, in (0, 1].
+    /// Regions: actions with at least this probability, in (0, 1], instead of k.
     #[arg(long, value_name = "P", allow_negative_numbers = true)]
     tau: Option<f64>,
-    /// Steps ahead, T.
+    /// Number of steps ahead, T.
     #[arg(long, value_name = "T", default_value_t = 10)]
     steps: usize,
     /// Regions: whether roll-outs of Algorithm 1 are widened by ε_1.
@@ -107,7 +107,7 @@ pub struct ShfrsArgs {
     /// Tuning, pac and fixed-sequence: share of calibrations that may fail, in (0, 1).
     #[arg(long, value_name = "P", default_value_t = 0.05, allow_negative_numbers = true)]
     delta: f64,
-    /// Unit of the split: guarantees hold for new tasks of these people, or for new people.
+    /// Unit of the split. Guarantees hold for new tasks of these people, or for new people.
     #[arg(long, value_enum, default_value = "trajectories")]
     split: SplitArg,
     /// Share of the trajectories (or people) in the training set, in (0, 1).
@@ -133,38 +133,38 @@ const ROLLOUTS: Words<Rollout> = &[
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum WindowsArg {
-    /// From a random step.
+    /// A window from a random step.
     RandomOne,
-    /// From the first step in which the human turns.
+    /// A window from the first step in which the human turns.
     AvoidanceOnset,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum SplitArg {
-    /// All trajectories, regardless of the person.
+    /// Split all trajectories, regardless of the person.
     Trajectories,
-    /// People, with all of their trajectories.
+    /// Split people, each with all their trajectories.
     People,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum GuaranteeArg {
-    /// On average over calibrations.
+    /// The guarantee holds on average over calibrations.
     Conformal,
-    /// For each calibration, except a share δ of them.
+    /// The guarantee holds for each calibration, except for a share δ of them.
     Pac,
-    /// As pac, with the paper's roll-outs, whose sets need not be nested.
+    /// Like pac, but with the paper's roll-outs, whose sets need not be nested.
     FixedSequence,
 }
 
-/// Levels of ε that a fixed sequence tests.
+/// Number of levels of ε that a fixed sequence tests.
 const SEQUENCE: usize = 101;
 
-/// Computes everything, then writes the files.
+/// Computes the results, then writes the files.
 ///
 /// # Errors
-/// [`CommandError`] for invalid flags or files, too few trajectories for a guarantee (input), or a
-/// file that cannot be written (failure).
+/// [`CommandError`] for invalid flags or files or too few trajectories for a guarantee (input), or
+/// if a file cannot be written (failure).
 pub async fn run(mut args: ShfrsArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     if let Some(path) = args.settings.clone() {
@@ -268,10 +268,10 @@ struct Recorded {
 }
 
 impl ShfrsArgs {
-    /// Takes the settings of a file instead of the flags.
+    /// Replaces the flags by the settings of a file.
     fn take(&mut self, document: &Document<'_>) -> Result<(), CommandError> {
         let file: ShfrsFile = document.read()?;
-        // k is checked against the predictor later, once that is read.
+        // k is checked against the predictor later, after the predictor was read.
         file.settings(usize::MAX).map_err(|invalid| document.complain(&invalid))?;
         self.steps = file.steps;
         (self.epsilon, self.rollout) = (file.epsilon, file.rollout);
@@ -309,7 +309,7 @@ impl ShfrsArgs {
         Ok(recorded)
     }
 
-    /// Trains a predictor on the training set. Also describes it in words.
+    /// Trains a predictor on the training set. Also returns a description of it in words.
     fn trained(
         &self,
         safety: &SafetyLevels,
@@ -383,7 +383,7 @@ impl ShfrsArgs {
     }
 }
 
-/// The person who drove each trajectory, numbered from 0 in order of appearance.
+/// The person who drove each trajectory. People are numbered from 0 in order of appearance.
 fn people(recorded: &[Recorded]) -> Vec<usize> {
     let mut places = HashMap::new();
     let names = recorded.iter().map(|recorded| recorded.participant.as_str());
@@ -395,8 +395,8 @@ fn people(recorded: &[Recorded]) -> Vec<usize> {
         .collect()
 }
 
-/// Checks, before anything is computed, that at least one requested guarantee can be given: `all`
-/// counts the trials (or people), `calibration` those that calibrate.
+/// Checks, before the computation, that at least one requested guarantee can be given. `all` is the
+/// number of trials (or people), and `calibration` is the number of them in the calibration set.
 fn enough(
     questions: &Questions,
     left_out: &[LeftOut],
@@ -419,7 +419,7 @@ fn enough(
     Err(CommandError::Input(format!("{name}: expected {expected}, found {found}")))
 }
 
-/// A library error in terms of the command line.
+/// Converts a library error to an error about the flag.
 fn flagged(invalid: Invalid) -> CommandError {
     CommandError::Input(format!("--{invalid}"))
 }

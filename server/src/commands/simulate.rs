@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 
 /// Simulate synthetic participants, into a file or through a running server.
 ///
-/// Each follows published models of walking people with randomly drawn parameters, and never sees
-/// a safety level. They test the software; they are not evidence about people.
+/// Each participant follows published models of walking people with randomly drawn parameters, and never
+/// uses a safety level. Synthetic participants test the software and are not evidence about people.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_long_help = OUTPUT)]
 pub struct SimulateArgs {
@@ -26,15 +26,15 @@ pub struct SimulateArgs {
         allow_negative_numbers = true
     )]
     participants: u64,
-    /// Seed, a whole number from 0 to 2^64 - 1.
+    /// Seed: a whole number from 0 to 2^64 - 1.
     ///
-    /// Participant n of a seed is the same for any --participants.
+    /// Participant n of a seed does not depend on --participants.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seed: u64,
     /// Tasks of each participant, 1 to 1000 [default: 50 with --out, all with --url].
     ///
-    /// With --out the scenes are those of the paper's study. With --url the server's study has its
-    /// own scenes; a participant who drives only some of them does not complete.
+    /// With --out the scenes are the scenes of the paper's study. With --url the server's study has
+    /// its own scenes. A participant who drives only some of them does not complete the study.
     #[arg(
         long,
         value_name = "N",
@@ -44,7 +44,7 @@ pub struct SimulateArgs {
     tasks: Option<u64>,
     /// When a new input takes effect [default: free with --out, clock with --url].
     ///
-    /// The project's reference data use free.
+    /// The project's reference data were made with free.
     #[arg(long, value_name = "WHEN", value_parser = one_of(KEYS))]
     keys: Option<Keys>,
     #[command(flatten)]
@@ -54,13 +54,14 @@ pub struct SimulateArgs {
     study: String,
 }
 
-/// The destination of the trials: one of the two.
+/// The destination of the trials. Exactly one must be given.
 #[derive(Clone, Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Destination {
     /// CSV file to write, one row per step; - writes to stdout, without the summary.
     ///
-    /// A row has the state before the step (m, rad) and the turn rate held in it (rad/s, left is positive).
+    /// A row has the state before the step (m, rad) and the turn rate during the step (rad/s;
+    /// positive to the left).
     #[arg(long, value_name = "FILE.csv")]
     out: Option<String>,
     /// URL of a running server: http://HOST:PORT or https://HOST.
@@ -86,7 +87,7 @@ trial says \"synthetic\": true. Starting an interrupted run again resumes it; pe
 complete are skipped.";
 
 impl SimulateArgs {
-    /// Trials of each participant in a file.
+    /// Number of trials of each participant in a file.
     fn trials(&self) -> u64 {
         self.tasks.unwrap_or(50)
     }
@@ -102,11 +103,11 @@ const KEYS: Words<Keys> = &[
     ("free", Keys::Free, "At once, every 0.05 s; only with --out"),
 ];
 
-/// Simulates and prints a summary.
+/// Runs the simulation and prints a summary.
 ///
 /// # Errors
-/// [`CommandError`] for bad flags or an unknown study (input), or a failure of the disk, the
-/// network or the server.
+/// [`CommandError`] for bad flags or an unknown study (input), or an error of the disk, the network
+/// or the server (failure).
 pub async fn run(args: SimulateArgs) -> Result<(), CommandError> {
     match (&args.destination.out, &args.destination.url) {
         (Some(out), _) => file::write(&args, out),
@@ -123,7 +124,7 @@ pub async fn run(args: SimulateArgs) -> Result<(), CommandError> {
 struct FlagCounts(BTreeMap<&'static str, u64>);
 
 impl FlagCounts {
-    /// Counts the flags that a server will set for this trial.
+    /// Counts the flags that a server will give to this trial.
     fn count(&mut self, parameters: &SceneParameters, scene: &Scene, drive: &SyntheticDrive) {
         for flag in flags(parameters, scene, &drive.inputs, &drive.states, &drive.sampled_at_ms) {
             *self.0.entry(flag.word()).or_default() += 1;
@@ -131,7 +132,7 @@ impl FlagCounts {
     }
 }
 
-/// Hidden unless stderr is a terminal; counts trials.
+/// A progress bar for the trials, hidden unless stderr is a terminal.
 fn bar(trials: u64) -> ProgressBar {
     let template = "simulating [{bar:40}] {pos}/{len} trials  {elapsed_precise}, {eta} left";
     solving::bar(trials, template)

@@ -15,11 +15,11 @@ use std::path::PathBuf;
 /// Solve the pursuit game and write its value function to a NumPy archive.
 ///
 /// V(x, y, psi) in metres is the largest range margin (range - radius) that the evader can
-/// guarantee; V <= 0 where the pursuer can force a collision. Prints one line of JSON: method, grid
+/// guarantee. V <= 0 where the pursuer can force a collision. Prints one line of JSON: method, grid
 /// (shape of the array value), steps (time steps, or sweeps over the finest grid), wall_s, threads,
-/// converged_residual (how much V still changes: m/s, or m in 16 sweeps of the polar method without
-/// a horizon), converged (null for a finite horizon), and volume (of {V <= 0} over the grid's
-/// domain, including between nodes, in m^2 rad).
+/// converged_residual (the remaining change of V: m/s, or m in 16 sweeps of the polar method
+/// without a horizon), converged (null for a finite horizon), and volume (of {V <= 0} over the
+/// grid's domain, including between nodes, in m^2 rad).
 #[derive(Clone, Debug, clap::Args)]
 pub struct SolveArgs {
     #[command(flatten)]
@@ -27,7 +27,7 @@ pub struct SolveArgs {
     /// Method [default: exact for equal vehicles without a horizon, cartesian with --grid, else polar].
     #[arg(long, value_parser = one_of(METHODS))]
     method: Option<Method>,
-    /// Horizon, s; inf for the converged value.
+    /// Horizon (s); inf for the converged value.
     #[arg(long, value_name = "S", default_value_t = f64::INFINITY, allow_negative_numbers = true)]
     horizon: f64,
     /// Accuracy of the grid.
@@ -37,16 +37,16 @@ pub struct SolveArgs {
     #[arg(long, value_parser = one_of(ACCURACIES), default_value = "standard")]
     #[arg(conflicts_with = "grid")]
     accuracy: Accuracy,
-    /// Largest range of the polar grid, m [default: radius + 3 pi times the wider turning radius].
+    /// Largest range of the polar grid (m) [default: radius + 3 pi times the wider turning radius].
     ///
-    /// The default is less for a finite horizon.
+    /// For a finite horizon, the default is smaller.
     #[arg(long, value_name = "M", allow_negative_numbers = true, conflicts_with = "grid")]
     range: Option<f64>,
-    /// Cartesian grid: numbers of nodes of x, y and psi (one periodic turn); needs --domain.
+    /// Cartesian grid: number of nodes in x, y and psi (one periodic turn); needs --domain.
     #[arg(long, value_name = "NX,NY,NPSI", value_parser = numbers::<usize, 3>)]
     #[arg(requires = "domain", allow_hyphen_values = true)]
     grid: Option<Numbers<usize, 3>>,
-    /// Bounds of the Cartesian grid, m; needs --grid.
+    /// Bounds of the Cartesian grid (m); needs --grid.
     #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<f64, 4>)]
     #[arg(requires = "grid", allow_hyphen_values = true)]
     domain: Option<Numbers<f64, 4>>,
@@ -56,14 +56,14 @@ pub struct SolveArgs {
     /// Floating-point type on the Cartesian grid.
     #[arg(long, value_parser = one_of(PRECISIONS), default_value = "f32", requires = "grid")]
     precision: Precision,
-    /// Threads; they do not change the result [default: all cores].
+    /// Number of threads; it does not change the result [default: all cores].
     ///
-    /// Only a finite horizon and the method cartesian use them.
+    /// Only a finite horizon and the method cartesian use several threads.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     threads: Option<usize>,
-    /// File to write: arrays value, axis0, axis1, axis2 and meta.
+    /// File to write: the arrays value, axis0, axis1, axis2 and meta.
     ///
-    /// The polar method adds the array sheet, which keeps V's kink between nodes (see stored in meta).
+    /// The polar method adds the array sheet, which represents V's kink between nodes (see stored in meta).
     #[arg(long, value_name = "FILE.npz")]
     out: PathBuf,
 }
@@ -101,21 +101,22 @@ struct Line {
     /// Shape of the array `value`.
     grid: [usize; 3],
     steps: usize,
-    /// Duration of the solve, without writing.
+    /// Duration of the solve, without writing the file.
     wall_s: f64,
     threads: usize,
-    /// m/s; for the polar method without a horizon, m per round of sweeps.
+    /// In m/s. For the polar method without a horizon, in m per round of sweeps.
     converged_residual: f64,
-    /// Whether the solution settled; false if the solve gave up, null for a finite horizon.
+    /// Whether the solution converged. False if the solve gave up; null for a finite horizon.
     converged: Option<bool>,
-    /// Volume of {V <= 0} over the domain, m² rad.
+    /// Volume of {V <= 0} over the domain (m² rad).
     volume: f64,
 }
 
-/// Solves, writes the file and prints the line.
+/// Solves the game, writes the file and prints the line.
 ///
 /// # Errors
-/// [`CommandError`] for impossible flags (input), a file that cannot be written or a cancelled solve (failure).
+/// [`CommandError`] for impossible flags (input), or if the file cannot be written or the solve is
+/// cancelled (failure).
 pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
     let game = args.game.game()?;
     let options = args.options()?;
@@ -146,10 +147,10 @@ pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
     })
 }
 
-/// Upper bound on the nodes of an axis.
+/// Upper bound on the number of nodes of an axis.
 const AXIS_LIMIT: usize = 1 << 16;
 
-/// Upper bound on threads.
+/// Upper bound on the number of threads.
 const THREAD_LIMIT: usize = 1024;
 
 impl SolveArgs {

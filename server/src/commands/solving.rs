@@ -1,4 +1,4 @@
-//! Solving at a terminal, with a progress bar and cancellation.
+//! Solving in a terminal, with a progress bar and cancellation.
 
 use super::{CommandError, unwritable};
 use crate::support::threads;
@@ -18,12 +18,12 @@ use tokio_util::sync::CancellationToken;
 
 /// Handles Ctrl-C (SIGINT) and SIGTERM, so that a command leaves nothing half-written.
 pub(super) struct Interrupt {
-    /// Cancelled by the first of them.
+    /// Cancelled by the first signal.
     pub(super) token: CancellationToken,
 }
 
 impl Interrupt {
-    /// From now on, the signals only cancel [`Interrupt::token`].
+    /// Installs the signal handlers. From now on, the signals only cancel [`Interrupt::token`].
     pub(super) fn listen() -> Self {
         let token = CancellationToken::new();
         let heard = token.clone();
@@ -34,8 +34,8 @@ impl Interrupt {
         Self { token }
     }
 
-    /// The result of `work`, or an error if a signal comes first. Then nothing waits for the work,
-    /// so it must not write anything.
+    /// Returns the result of `work`, or an error if a signal comes first. After a signal, nothing
+    /// waits for the work, so the work must not write anything.
     pub(super) async fn unless_stopped<T>(
         &self,
         work: impl Future<Output = T>,
@@ -47,12 +47,12 @@ impl Interrupt {
         }
     }
 
-    /// The error for a file or folder that was not written, because of a signal or the disk.
+    /// The error for a file or folder that was not written, because of a signal or a disk error.
     pub(super) fn unwritten(&self, path: &Path, error: &dyn Display) -> CommandError {
         self.check().err().unwrap_or_else(|| unwritable(path, error))
     }
 
-    /// Fails once a signal has come.
+    /// Returns an error once a signal has come.
     pub(super) fn check(&self) -> Result<(), CommandError> {
         if self.token.is_cancelled() { Err(stopped()) } else { Ok(()) }
     }
@@ -79,8 +79,8 @@ async fn signalled() {
     }
 }
 
-/// Solves, with a progress bar if stderr is a terminal. Warns on stderr if the solve did not
-/// converge. Also returns the duration, s.
+/// Solves the game, with a progress bar if stderr is a terminal. Warns on stderr if the solve did
+/// not converge. Also returns the duration (s).
 pub(super) async fn solved(
     game: PursuitGame,
     options: Options,
@@ -98,7 +98,7 @@ pub(super) async fn solved(
     Ok((solved, wall_s))
 }
 
-/// As [`solved`], for callers that print their own warning.
+/// Like [`solved`], but without the warning on stderr.
 pub(super) async fn solved_silently(
     game: PursuitGame,
     options: Options,
@@ -131,7 +131,7 @@ pub(super) async fn solved_silently(
     }
 }
 
-/// The safety levels of both vehicles; only unequal vehicles need a solve. Warns if a value
+/// The safety levels of both vehicles. Only unequal vehicles need a solve. Warns if a value
 /// function did not converge.
 pub(super) async fn safety_levels(
     parameters: &SceneParameters,
@@ -169,10 +169,10 @@ pub(super) fn bar(steps: u64, template: &str) -> ProgressBar {
     bar
 }
 
-/// A library error in terms of the command line.
+/// Converts a library error to an error about the flag.
 pub(super) fn flagged(invalid: Invalid) -> CommandError {
     let flag = match invalid.field.as_str() {
-        // For unequal vehicles, whose turn rates are checked together.
+        // The turn rates of unequal vehicles are checked together.
         "turn_rate_radps" => "evader-turn-rate and --pursuer-turn-rate",
         "axes[0].low" => "domain, X0",
         "axes[0].high" => "domain, X1",

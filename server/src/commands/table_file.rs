@@ -1,4 +1,4 @@
-//! Input tables of commands, and remarks on their dialects.
+//! Input tables of commands, and messages about their dialects.
 
 use crate::formats::csv_lines::Dialect;
 use std::fs::File;
@@ -17,7 +17,7 @@ pub(super) fn is_stdin(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Its name in messages.
+/// The file's name in messages.
 pub(super) fn name(path: &Path) -> String {
     if is_stdin(path) { "stdin".to_owned() } else { path.display().to_string() }
 }

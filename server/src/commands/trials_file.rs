@@ -1,4 +1,4 @@
-//! The tasks in a trials.csv as a recording, for commands that learn from them.
+//! Reads the tasks in a trials.csv as a recording, for commands that learn from them.
 
 use super::game::GameArgs;
 use super::solving::flagged;
@@ -17,25 +17,25 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
 
-/// The vehicles and steps of a file's trials: the human is the evader.
+/// The vehicles and steps of a file's trials. The human is the evader.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct SceneArgs {
     #[command(flatten)]
     game: GameArgs,
-    /// Length of a step, s.
+    /// Length of a step (s).
     #[arg(long, help_heading = "Trials", value_name = "S", default_value_t = 0.2)]
     #[arg(allow_negative_numbers = true)]
     step: f64,
-    /// Steps of a trial.
+    /// Number of steps of a trial.
     #[arg(long, help_heading = "Trials", value_name = "N", default_value_t = 50)]
     trial_steps: usize,
 }
 
 impl SceneArgs {
-    /// The scene's parameters.
+    /// The parameters of the scene.
     ///
     /// # Errors
-    /// [`CommandError::Input`] naming the flag that is wrong.
+    /// [`CommandError::Input`] naming the invalid flag.
     pub(super) fn scene(self) -> Result<SceneParameters, CommandError> {
         let game = self.game.game()?;
         let scene = SceneParameters {
@@ -57,8 +57,8 @@ impl SceneArgs {
     }
 }
 
-/// A vehicle of the recorded states: its name in messages and flags, the column of its heading, its
-/// pose, and its model.
+/// A vehicle of the recorded states: its name in messages, its role in flags, the column of its
+/// heading, its pose, and its model.
 struct Driven {
     who: &'static str,
     role: &'static str,
@@ -67,7 +67,7 @@ struct Driven {
     vehicle: VehicleModel,
 }
 
-/// Checks that the scene's vehicles can have driven the recorded states; otherwise safety levels
+/// Checks that the scene's vehicles can have driven the recorded states. Otherwise, safety levels
 /// would be computed for states that never occurred.
 fn check_motion(people: &[RecordedParticipant], scene: &SceneParameters) -> Result<(), String> {
     let vehicles = [
@@ -87,7 +87,7 @@ fn check_motion(people: &[RecordedParticipant], scene: &SceneParameters) -> Resu
         },
     ];
     for driven in vehicles {
-        // The state after the last step is computed, not recorded.
+        // Use only recorded states. The state after the last step is computed.
         let recorded = |trial: &RecordedTrial| {
             let states = &trial.states[..trial.inputs.len()];
             let poses = states.windows(2).map(|s| ((driven.pose)(&s[0]), (driven.pose)(&s[1])));
@@ -102,13 +102,13 @@ fn check_motion(people: &[RecordedParticipant], scene: &SceneParameters) -> Resu
 }
 
 impl Driven {
-    /// Checks the median distance of a step.
+    /// Checks that the median distance per step fits the vehicle's speed.
     fn check_speed(&self, steps: &[(Pose, Pose)], step_s: f64) -> Result<(), String> {
         let mut moved: Vec<f64> =
             steps.iter().map(|(from, to)| hypot(to.x - from.x, to.y - from.y)).collect();
         moved.sort_by(f64::total_cmp);
         let Some(&median) = moved.get(moved.len() / 2) else { return Ok(()) };
-        // A vehicle that turns during the whole step moves along a chord.
+        // If a vehicle turns during the whole step, its displacement is a chord.
         let half = 0.5 * self.vehicle.turn_rate_radps * step_s;
         let straight = self.vehicle.speed_mps * step_s;
         let turning = straight * sinc(half).abs();
@@ -126,7 +126,7 @@ impl Driven {
         ))
     }
 
-    /// Checks that headings point where the vehicle moves. No other check detects headings in degrees.
+    /// Checks that headings point in the direction of motion. No other check detects headings in degrees.
     fn check_headings(&self, steps: &[(Pose, Pose)], step_s: f64) -> Result<(), String> {
         let most = 0.5 * self.vehicle.turn_rate_radps * step_s + HEADING_TOLERANCE_RAD;
         let off = |scale: f64| {
@@ -157,7 +157,7 @@ impl Driven {
 /// Tolerance of a heading, in addition to half of the largest turn in a step.
 const HEADING_TOLERANCE_RAD: f64 = 0.05;
 
-/// How to treat a faulty row or trial.
+/// How faulty rows and trials are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Faults {
     /// The participant is excluded.
@@ -169,8 +169,8 @@ pub(super) enum Faults {
 /// A participant of the file with all trials, unchanged.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file, the line and the fault in it or in the participant, or
-/// that there is no such participant.
+/// [`CommandError::Input`] naming the file, with the line and the fault in the file or in the
+/// participant, or stating that there is no such participant.
 pub(super) fn participant(
     path: &Path,
     scene: &SceneParameters,
@@ -187,12 +187,12 @@ pub(super) fn participant(
     })
 }
 
-/// The tasks of all participants in the file if faults exclude, else only of those who drove a
-/// task. Trials that do not replay from their inputs are flagged.
+/// The tasks of the participants in the file. With [`Faults::Exclude`], participants without a task
+/// are kept. Trials that do not replay from their inputs are flagged.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file, the line and the fault: if a row cannot be assigned to
-/// a participant, a fault must be refused or every participant has one, or there is no task.
+/// [`CommandError::Input`] naming the file, the line and the fault, if a row cannot be assigned to
+/// a participant, if a fault must be refused or every participant has one, or if there is no task.
 pub(super) fn recording(
     path: &Path,
     scene: &SceneParameters,
@@ -218,7 +218,7 @@ pub(super) fn recording(
     recording.exclusions = faults.into_iter().map(exclusion).collect();
     plausibility::exclude_impossible(&mut recording);
     let Recording { participants, exclusions, .. } = &mut recording;
-    // Exclusion by an experimenter is not a fault of the file.
+    // An exclusion by an experimenter is not a fault of the file.
     let excluded_only = participants.is_empty() && exclusions.is_empty();
     if let Some(first) = excluded.first().filter(|_| excluded_only) {
         let expected = "expected at least one participant with tasks, found none else";
@@ -234,7 +234,7 @@ pub(super) fn recording(
         return Err(complaint(path, &format!("{}{hint}{others}", first.why())));
     }
     exclusions.splice(..0, excluded);
-    // Analyses name participants without a task.
+    // Analyses report participants who drove no task.
     participants.retain(|person| wanted == Faults::Exclude || !person.trials.is_empty());
     if participants.iter().all(|person| person.trials.is_empty()) {
         return Err(complaint(path, &"expected at least one task, found none"));
@@ -247,8 +247,8 @@ pub(super) fn recording(
     Ok(recording)
 }
 
-/// The participants whom an experimenter excluded, with the reasons, from the table of participants
-/// that an export writes beside the steps.
+/// The participants whom an experimenter excluded, with the reasons. They are read from the table
+/// of participants that an export writes beside the steps.
 pub(super) fn excluded_beside(path: &Path) -> Result<HashMap<String, String>, CommandError> {
     let table = path.with_file_name("participants.csv");
     if path.file_name().is_none_or(|name| name != "steps.csv") || !table.is_file() {
@@ -289,7 +289,7 @@ fn faulty(path: &Path, error: &LineError) -> CommandError {
     complaint(path, &format!("{error}{}", hint(error)))
 }
 
-/// Names the flag to change if the file may be right and the flags wrong.
+/// If the file may be correct and a flag wrong, names this flag.
 fn hint(error: &LineError) -> &'static str {
     match error.what.field.as_str() {
         "omega" => "; --evader-turn-rate sets the human's turn rate",

@@ -1,4 +1,4 @@
-//! Source of trials for commands that learn from them: a file or a study.
+//! The source of trials, a file or a study, for commands that learn from trials.
 
 use super::trials_file::{self, Faults, SceneArgs};
 use super::{CommandError, study_named, table_file};
@@ -13,10 +13,10 @@ use std::path::PathBuf;
 pub(super) struct TrialsArgs {
     #[command(flatten)]
     source: Source,
-    /// Name of the study in URLs, with --database.
+    /// Name of the study in URLs (with --database).
     #[arg(long, value_name = "SLUG", default_value = "default", conflicts_with = "trials")]
     study: String,
-    /// The vehicles; the human is the evader. With --database, those of the study.
+    /// The vehicles; the human is the evader. With --database, the vehicles of the study are used.
     #[command(flatten)]
     scene: SceneArgs,
 }
@@ -36,8 +36,8 @@ struct Source {
 }
 
 impl TrialsArgs {
-    /// The tasks, checked: the vehicles can have driven the states, and the human turned as the
-    /// inputs say. Names excluded participants on stderr.
+    /// The tasks. Checks that the vehicles can have driven the states, and that the human turned
+    /// according to the inputs. Names excluded participants on stderr.
     ///
     /// # Errors
     /// [`CommandError::Input`] for an unusable file, with its line, or an unknown study.

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 /// Evaluate the value function, its gradient and both optimal turns at given states.
 ///
-/// Prints one line of JSON: the number of states, and how many of them are outside the solved grid.
+/// Prints one line of JSON with the number of states, and the number of states outside the solved grid.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ValueArgs {
     #[command(flatten)]
@@ -22,16 +22,16 @@ pub struct ValueArgs {
     /// CSV file with the columns x, y (m) and psi (rad) in any order; - reads stdin.
     ///
     /// A state is the pursuer's pose in the evader's frame. Other columns are ignored. A psi of
-    /// more than a full turn is reported, since it may be in degrees.
+    /// more than a full turn is reported, because it may be in degrees.
     #[arg(long, value_name = "FILE.csv")]
     states: PathBuf,
     /// File to write, one row per state in the same order.
     ///
     /// Columns: x, y, psi, value (m), dvalue_dx, dvalue_dy (m/m), dvalue_dpsi (m/rad), evader_turn,
-    /// pursuer_turn (rad/s, positive to the left; 0 if all turns are equally good or straight is
-    /// best), exact (1 from the closed form, 0 from a grid), inside (1 inside the solved grid;
-    /// outside, V is the range margin plus the difference between V and the range margin at the
-    /// nearest point of the grid).
+    /// pursuer_turn (rad/s, positive to the left; 0 if all turns are equally good or straight
+    /// driving is best), exact (1 if from the closed form, 0 if from a grid), inside (1 inside the
+    /// solved grid; outside, V is the range margin plus the difference between V and the range
+    /// margin at the nearest point of the grid).
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
 }
@@ -49,11 +49,11 @@ const RESULTS: [&str; 8] = [
     "inside",
 ];
 
-/// Evaluates and writes the whole file or nothing.
+/// Evaluates the states, and writes the whole file or nothing.
 ///
 /// # Errors
-/// [`CommandError`] for bad flags or an invalid file, with its line and column (input), or one that
-/// cannot be written (failure).
+/// [`CommandError`] for bad flags or an invalid file, with its line and column (input), or if the
+/// output cannot be written (failure).
 pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     let name = table_file::name(&args.states);
     let mut states = Vec::new();
@@ -92,7 +92,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
 enum Fault {
     Line(LineError),
     Disk(io::Error),
-    /// In a row whose line the caller adds.
+    /// An invalid state in a row. The caller adds the line.
     State(Invalid),
 }
 
@@ -126,7 +126,7 @@ fn read(
         let mut state = [0.0; 3];
         for (d, name) in COLUMNS.into_iter().enumerate() {
             let number = record.number(columns[d], name).map_err(at(line))?;
-            // Quote the text: 1e999 parses as an infinity that nobody wrote.
+            // Quote the text of the number: 1e999 parses as infinity, which is not in the file.
             let as_written =
                 |invalid| Invalid { found: format!("{:?}", &record[columns[d]]), ..invalid };
             state[d] = finite(name, number).map_err(as_written).map_err(at(line))?;
@@ -139,12 +139,12 @@ fn read(
     Ok(records.dialect())
 }
 
-/// The places of x, y and psi.
+/// The column indices of x, y and psi.
 fn columns(header: &Record) -> Result<[usize; 3], Invalid> {
-    // Spreadsheets put a byte-order mark in front of UTF-8.
+    // Spreadsheets put a byte-order mark at the start of UTF-8.
     let names: Vec<&str> =
         header.iter().map(|name| name.trim_start_matches('\u{feff}').trim()).collect();
-    // Quoted: a name may contain a line break.
+    // Quoted, because a name may contain a line break.
     let all = format!("{:?}", names.join(","));
     let mut places = [0; 3];
     for (place, column) in places.iter_mut().zip(COLUMNS) {
@@ -157,7 +157,7 @@ fn columns(header: &Record) -> Result<[usize; 3], Invalid> {
     Ok(places)
 }
 
-/// The value, gradient and turns at a state, all finite.
+/// The value, gradient and turns at a state. Value and gradient are finite.
 fn evaluated(function: &ValueFunction, state: [f64; 3]) -> Result<ValueState, Invalid> {
     let found = function.state(state);
     if found.value.is_finite() && found.gradient.iter().all(|g| g.is_finite()) {
@@ -168,7 +168,7 @@ fn evaluated(function: &ValueFunction, state: [f64; 3]) -> Result<ValueState, In
     Err(Invalid::new(name, "a coordinate whose square is finite", large))
 }
 
-/// A row; every number reads back as the same double.
+/// A row. Every number parses to the same double.
 fn fields(state: [f64; 3], found: &ValueState) -> impl Iterator<Item = String> {
     let turns = [found.evader_turn, found.pursuer_turn];
     let numbers: Vec<f64> = [&state[..], &[found.value], &found.gradient, &turns].concat();

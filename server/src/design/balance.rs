@@ -1,4 +1,4 @@
-//! How evenly a phase is spread.
+//! How evenly the scenes of a phase are spread.
 
 use super::PhaseDesign;
 use serde::Serialize;
@@ -9,17 +9,18 @@ use sidestep::scene::{Coordinate, StratifiedScene, williams_block};
 pub struct Balance {
     phase: &'static str,
     scenes: usize,
-    /// Participants after which the orders repeat.
+    /// The number of participants after which the orders repeat.
     block: usize,
     /// The number of scenes of all participants.
     pub drawn: usize,
-    /// The number of scenes whose strata are not the planned ones.
+    /// The number of scenes whose strata differ from the planned strata.
     pub exchanged: usize,
     /// The number of strata of single participants without a scene.
     pub unfilled: usize,
-    /// How often an approach stratum occurs at a position.
+    /// How often each approach stratum occurs at each position.
     approach_at_position: Option<Range>,
-    /// How often an approach stratum directly follows another; none if there is only one.
+    /// How often each approach stratum directly follows each other one. `None` if there is only one
+    /// stratum.
     approach_after_approach: Option<Range>,
     /// How often each pair of strata occurs.
     approach_with_miss: Option<Range>,
@@ -27,7 +28,7 @@ pub struct Balance {
     miss_with_entry: Option<Range>,
 }
 
-/// The smallest and the greatest number.
+/// The smallest and the greatest count.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Range {
     least: usize,
@@ -44,7 +45,7 @@ impl Range {
 }
 
 impl Balance {
-    /// Explains the counts on stderr, for people; programs read the JSON.
+    /// Explains the counts on stderr for people. Programs read the JSON.
     pub fn explain(&self) {
         let Self { phase, drawn, exchanged, unfilled, .. } = self;
         let strata = 3 * drawn;
@@ -113,7 +114,7 @@ impl Balance {
     }
 }
 
-/// How often each of 0 … `count` − 1 occurs.
+/// How often each of the numbers 0 … `count` − 1 occurs.
 pub fn times<T>(
     count: usize,
     items: impl IntoIterator<Item = T>,

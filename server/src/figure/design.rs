@@ -1,4 +1,4 @@
-//! The scenes of a study: how evenly they are spread, and some of them from above.
+//! The scenes of a study: how evenly they are spread, and a view of some of them from above.
 
 use super::{MARGIN, headed};
 use sidestep::chart::{
@@ -10,17 +10,17 @@ use sidestep::scene::{
 };
 use sidestep::vehicle::TurnInput;
 
-/// Width between the margins, px.
+/// Width between the margins (px).
 const WIDTH: f64 = 1224.0;
-/// Room to the left of a chart for its labels, px.
+/// Space to the left of a chart for its labels (px).
 const LABELS: f64 = 44.0;
-/// Charts side by side, and the gap between two of them, px.
+/// Number of charts side by side, and the gap between two of them (px).
 const COLUMNS: usize = 3;
 const BETWEEN: f64 = 26.0;
-/// Heights of the charts, px.
+/// Heights of the charts (px).
 const COUNTS: f64 = 96.0;
 const MAP: f64 = 280.0;
-/// Scenes from above: number side by side, upper bound, and the gap between two of them, px.
+/// Scenes from above: number side by side, maximum number, and gap between two scenes (px).
 const ABREAST: usize = 6;
 const SCENES: usize = 12;
 const GAP: f64 = 16.0;
@@ -105,7 +105,7 @@ fn axis(coordinate: Coordinate, strata: &Stratification) -> Axis {
     }
 }
 
-/// A value of a coordinate on its axis.
+/// An encounter's value of a coordinate, in the unit of its axis.
 fn on_axis(coordinate: Coordinate, encounter: &Encounter) -> f64 {
     match coordinate {
         Coordinate::Approach => encounter.approach_rad.to_degrees(),
@@ -114,7 +114,7 @@ fn on_axis(coordinate: Coordinate, encounter: &Encounter) -> f64 {
     }
 }
 
-/// Scenes in each stratum, with the planned number as a line.
+/// A chart of the number of scenes in each stratum, with the planned number as a line.
 fn counts(
     coordinate: Coordinate,
     strata: &Stratification,
@@ -135,7 +135,7 @@ fn counts(
             Coordinate::Approach => [low.to_degrees(), high.to_degrees()],
             _ => [low, high],
         };
-        // A thin gap separates neighbouring bars.
+        // Separates neighbouring bars by a thin gap.
         let seam = 0.06 * (high - low);
         [low + seam, 0.0, high - seam, *times as f64]
     });
@@ -145,13 +145,13 @@ fn counts(
     chart
 }
 
-/// Ink of one dot; fainter the more dots there are.
+/// Ink of one dot. The more dots there are, the fainter they are.
 fn dots(people: &[Vec<StratifiedScene>]) -> colours::Ink {
     let many = people.iter().map(Vec::len).sum::<usize>().max(1) as f64;
     colours::TEXT.at((900.0 / many).clamp(0.06, 0.45))
 }
 
-/// Every scene as a dot; those of the first participant stand out.
+/// A chart with every scene as a dot. The first participant's scenes are highlighted.
 fn map(
     [x, y]: [Coordinate; 2],
     strata: &Stratification,
@@ -174,7 +174,7 @@ fn map(
     chart
 }
 
-/// Draws scenes from above, all at one scale. Returns the bottom of the last row, px.
+/// Draws scenes from above, all at the same scale. Returns the bottom of the last row (px).
 fn scenes(
     drawing: &mut Drawing,
     parameters: &SceneParameters,
@@ -218,7 +218,8 @@ fn scenes(
     top + shown.len().div_ceil(ABREAST) as f64 * (side + 48.0) - 20.0
 }
 
-/// The largest distance of anything in these scenes from the middle, m.
+/// Half the side of a square, centred on the origin, that contains all paths of these scenes with a
+/// margin (m).
 fn reach_m(parameters: &SceneParameters, shown: &[StratifiedScene]) -> f64 {
     let ends = shown.iter().flat_map(|scene| {
         let start = scene.scene.start();
@@ -305,7 +306,7 @@ mod tests {
             for words in ["(°)", "(m)", "(s)", "made-up study", title] {
                 assert!(svg.contains(words), "{words}");
             }
-            // The scale of the scenes.
+            // The length of the scale bar.
             assert!(svg.contains(">10 m<") || svg.contains(">5 m<"));
             assert!(!svg.contains("NaN") && !svg.contains("inf"));
             assert!(drawing.size[0] <= 1280.0, "{:?}", drawing.size);

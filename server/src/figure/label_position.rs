@@ -1,13 +1,13 @@
-//! Finds the place with the most room for a label.
+//! Finds the position with the most space for a label.
 
 use sidestep::reach::polygon::{bounding_box, signed_distance};
 
-/// Spacing of the candidate points, pixels.
+/// Spacing of the candidate points (pixels).
 const SPACING: f64 = 3.0;
 
-/// The point inside `outer` and outside `inner` that is farthest from both edges, if it is at least
-/// `least` from them. Points are [right, down] in pixels; either polygon may be empty. Accurate to
-/// the spacing of the candidate points.
+/// The point inside `outer` and outside `inner` that is farthest from both edges. Returns `None` if
+/// its distance is less than `least`. Points are [right, down] in pixels, and either polygon may be
+/// empty. The point is accurate to the spacing of the candidate points.
 pub(super) fn label_position(
     outer: &[[f64; 2]],
     inner: &[[f64; 2]],

@@ -1,4 +1,4 @@
-//! Coverage against area: a panel for each family, with the others behind it in grey.
+//! Coverage against area. Each family has a panel, with the curves of the other families in grey.
 
 use super::{MARGIN, headed};
 use sidestep::chart::{Align, Chart, Drawing, Frame, colours, number};
@@ -6,16 +6,16 @@ use sidestep::shfrs::guarantee::Unit;
 use sidestep::shfrs::pareto::Pareto;
 use sidestep::shfrs::pareto_charts::{areas, panels, targets};
 
-/// Size of a frame, and the margins to its left and right, px.
+/// Size of a frame, and the margins to its left and right (px).
 const FRAME: [f64; 2] = [210.0, 140.0];
 const ROOM: [f64; 2] = [34.0, 16.0];
-/// Space above a panel for its name and areas, px.
+/// Space above a panel for its name and areas (px).
 const NAMES: f64 = 34.0;
-/// Panels side by side.
+/// Number of panels side by side.
 const COLUMNS: usize = 4;
 
-/// A panel for each family: its curve, and at each calibrated level a mark with the interval of the
-/// coverage. `unit` is what was calibrated on, `note` describes the data.
+/// Draws a panel for each family. It shows the family's curve, and at each calibrated level a mark with the
+/// interval of the coverage. `unit` is the unit of calibration, and `note` describes the data.
 #[must_use]
 pub fn pareto(found: &Pareto, unit: Unit, note: &str) -> Drawing {
     let charts = panels(found);
@@ -60,7 +60,7 @@ mod tests {
     use sidestep::math::{exp, ln};
     use sidestep::shfrs::pareto::{ParetoCurve, ParetoPoint, ParetoRow};
 
-    /// Families whose coverage grows with the area as (area / 5)^power.
+    /// Families whose coverage is (area / 5)^power.
     fn comparison(families: usize) -> Pareto {
         let mut found = Pareto {
             window_choice: "random_one".to_owned(),
@@ -107,7 +107,7 @@ mod tests {
         }
         // The area of family 0 at 0.75 is 5 · 0.75⁵.
         assert!(svg.contains("1.19, 2.95, 3.87 m²") && svg.contains("made-up families"));
-        // Three marks in each panel, and no other circle.
+        // Each panel has three marks, and there is no other circle.
         assert_eq!(svg.matches("<circle").count(), 9 * 3);
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
         assert!(png(&drawing).unwrap().starts_with(b"\x89PNG"));

@@ -1,4 +1,4 @@
-//! A drawing as PNG, with the fonts of this program.
+//! Renders a drawing as PNG, with the fonts of this program.
 
 use super::DrawError;
 use sidestep::chart::{Align, Drawing, Form, Ink, Pen, Point, Shape, Text, colours};
@@ -11,10 +11,10 @@ use ttf_parser::{Face, OutlineBuilder};
 /// Pixels per unit of the drawing.
 const SCALE: f32 = 2.0;
 
-/// Upper bound on pixels, so that no picture exhausts the memory.
+/// Upper bound on the number of pixels, so that no picture exhausts the memory.
 const MOST_PIXELS: f64 = 1e8;
 
-/// A drawing as PNG: on a light background, twice as large.
+/// Renders a drawing as PNG on a light background, at twice its size.
 ///
 /// # Errors
 /// [`DrawError`] if the picture is too large.
@@ -49,13 +49,13 @@ fn draw(pixmap: &mut Pixmap, fonts: &Fonts, shape: &Shape) {
     let Some(path) = outline(&shape.form, fonts) else {
         return;
     };
-    // The halo of text is drawn below it, any other stroke on top.
+    // The halo of text is drawn below the text. Any other stroke is drawn on top.
     let has_seam = matches!(&shape.form, Form::Text(text) if text.halo);
     if has_seam {
         stroke(pixmap, &path, Pen::new(colours::SURFACE, 3.0));
     }
     if let Some(ink) = shape.fill {
-        // The background must not show between adjacent rectangles.
+        // Without anti-aliasing, the background does not show between adjacent rectangles.
         let paint = Paint { anti_alias: !matches!(shape.form, Form::Boxes(_)), ..paint(ink) };
         pixmap.fill_path(&path, &paint, FillRule::Winding, scale(), None);
     }
@@ -86,7 +86,7 @@ fn colour(ink: Ink) -> Color {
     Color::from_rgba8(r, g, b, (255.0 * ink.opacity.clamp(0.0, 1.0)).round() as u8)
 }
 
-/// None for shapes without extent, and for numbers that are not finite.
+/// The path of a form. Returns `None` for shapes without extent and for numbers that are not finite.
 fn outline(form: &Form, fonts: &Fonts) -> Option<Path> {
     let mut path = PathBuilder::new();
     let mut joined = |points: &[Point]| {
@@ -137,7 +137,7 @@ fn write(text: &Text, face: &Face<'_>, path: &mut PathBuilder) {
     }
 }
 
-/// Converts a font's units, upwards, to the drawing's pixels.
+/// Converts a font's units (y upwards) to the drawing's pixels (y downwards).
 struct GlyphPen<'a> {
     path: &'a mut PathBuilder,
     scale: f32,

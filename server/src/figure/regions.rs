@@ -1,4 +1,4 @@
-//! Predicted regions in the colours of the paper: the tube above, the sets at single steps below.
+//! Predicted regions in the colours of the paper, with the tube above and the sets at single steps below.
 
 use super::label_position::label_position;
 use super::{MARGIN, Window, headed};
@@ -15,56 +15,57 @@ use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
 use sidestep::vehicle::dubins::relative_state;
 
-/// Width of a frame, and the margins to its left and right, px.
+/// Width of a frame, and the margins to its left and right (px).
 const SIDE: f64 = 300.0;
 const ROOM: [f64; 2] = [46.0, 104.0];
-/// Height of the frame of a single step, and the gap between two frames, px.
+/// Height of the frame of a single step, and the gap between two frames (px).
 const STEP: f64 = 36.0;
 const BETWEEN: f64 = 5.0;
-/// Space above the single steps for their heading, px.
+/// Space above the single steps for their heading (px).
 const HEADING: f64 = 30.0;
-/// Space around a numeral, px.
+/// Space around a numeral (px).
 const NUMERAL_ROOM: f64 = 7.4;
 
-/// One prediction.
+/// The panel of one prediction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionsPanel {
     title: String,
-    /// Its settings; may be empty.
+    /// The settings of the prediction; may be empty.
     settings: String,
-    /// The vehicles now, world frame. The picture is turned so that the human heads upwards.
+    /// The vehicles now, in the world frame. The picture is rotated so that the human heads upwards.
     now: JointState,
-    /// The robot's disc, which the human must not enter, m.
+    /// Radius of the robot's disc, which the human must not enter (m).
     danger_radius_m: f64,
-    /// The times of the steps that are shown, s.
+    /// The times of the steps shown (s).
     times_s: Vec<f64>,
     /// The nested sets, from the smallest to the largest.
     sets: Vec<DrawnSet>,
-    /// The area of all positions that the vehicle can reach in this time, m².
+    /// The area of all positions that the human can reach within the steps ahead (m²).
     worst_case_m2: f64,
 }
 
-/// A set as polygons in the world frame, m.
+/// A set as polygons in the world frame (m).
 #[derive(Clone, Debug, PartialEq)]
 struct DrawnSet {
-    /// Every position within the steps ahead.
+    /// All positions within the steps ahead.
     tube: Vec<[f64; 2]>,
-    /// The positions at each of the steps that are shown.
+    /// The positions at each of the steps shown.
     steps: Vec<Vec<[f64; 2]>>,
 }
 
-/// Upper bound on the number of steps that are all shown.
+/// Maximum number of steps at which all steps are shown.
 const EACH: usize = 12;
 
-/// Which of `steps` steps are shown: all, or if there are many, the last one and every n-th before it.
+/// The steps that are shown out of `steps`. If there are many steps, these are the last step and
+/// every n-th step before it.
 fn shown_steps(steps: usize) -> Vec<usize> {
     let every = steps.div_ceil(EACH).max(1);
     (1..=steps).filter(|step| (steps - step).is_multiple_of(every)).collect()
 }
 
 impl RegionsPanel {
-    /// The sets reachable from now under each of `sets`. `title` and `settings` briefly say what is
-    /// predicted and how, `motion` how the human moves.
+    /// A panel with the sets that are reachable from now under each of `sets`. `title` and `settings`
+    /// briefly describe the prediction and its method. `motion` describes how the human moves.
     ///
     /// # Errors
     /// [`Invalid`] if the present state is not finite or the motion is impossible.
@@ -113,9 +114,9 @@ impl RegionsPanel {
     }
 }
 
-/// Draws `panels` side by side: region j is what set j adds to set j − 1, from red inside to purple
-/// outside. `regions` names each region in the legend, such as by its ε or its probability; `note`
-/// describes the data.
+/// Draws `panels` side by side. Region j is the part of set j outside set j − 1. Colours range from
+/// red inside to purple outside. `regions` has the name of each region in the legend, such as its ε
+/// or its probability. `note` describes the data.
 #[must_use]
 pub fn regions(heading: &str, note: &str, panels: &[RegionsPanel], regions: &[String]) -> Drawing {
     let window = window_of(panels);
@@ -151,7 +152,7 @@ pub fn regions(heading: &str, note: &str, panels: &[RegionsPanel], regions: &[St
     drawing
 }
 
-/// Converts from the world to the human's frame: to the right and ahead, m.
+/// Converts a point from the world frame to the human's frame, [right, ahead] (m).
 fn seen(start: Pose, [x, y]: [f64; 2]) -> [f64; 2] {
     let [ahead, left, _] = relative_state(start, Pose::new(x, y, 0.0));
     [-left, ahead]
@@ -161,7 +162,7 @@ fn all_seen(start: Pose, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
     polygon.iter().map(|&point| seen(start, point)).collect()
 }
 
-/// The part of the plane that all panels show, symmetric about the human.
+/// The part of the plane that all panels show. It is symmetric to the left and right of the human.
 fn window_of(panels: &[RegionsPanel]) -> Window {
     let tubes = panels.iter().flat_map(|panel| panel.sets.iter().map(move |set| (panel, set)));
     let points = tubes.flat_map(|(panel, set)| all_seen(panel.now.human, &set.tube));
@@ -171,7 +172,7 @@ fn window_of(panels: &[RegionsPanel]) -> Window {
     Window { x: [-reach, reach], y: [y[0] - room, y[1] + room] }
 }
 
-/// Every position within the steps ahead, as the human sees it.
+/// A chart of all positions within the steps ahead, in the human's frame.
 fn tube(panel: &RegionsPanel, window: &Window, frame: Frame) -> Chart {
     let x = Axis::linear("to the right", "m", window.x, 7);
     let y = Axis::linear("ahead", "m", window.y, 7);
@@ -180,7 +181,7 @@ fn tube(panel: &RegionsPanel, window: &Window, frame: Frame) -> Chart {
     let tubes: Vec<Vec<[f64; 2]>> = tubes.collect();
     add_sets(&mut chart, &tubes, Pen::new(colours::SURFACE.at(0.75), 0.8));
     add_danger_zone(&mut chart, panel);
-    // Number each region that has room for it.
+    // Number each region that has enough space for a numeral.
     let placed = tubes
         .iter()
         .map(|tube| tube.iter().map(|point| chart.place(frame, *point)).collect::<Vec<_>>());
@@ -199,9 +200,9 @@ fn tube(panel: &RegionsPanel, window: &Window, frame: Frame) -> Chart {
     chart
 }
 
-/// Draws the largest set first, since it contains the others. `edge` separates the regions for
-/// readers who cannot distinguish the colours; a set that allows only one path is drawn as a line
-/// in its colour.
+/// Draws the largest set first, because it contains the others. `edge` separates the regions for
+/// readers who cannot distinguish the colours. A set that allows only one path is drawn as a line
+/// in the set's colour.
 fn add_sets(chart: &mut Chart, sets: &[Vec<[f64; 2]>], edge: Pen) {
     for (j, points) in sets.iter().enumerate().rev() {
         let colour = colours::region(j, sets.len());
@@ -219,11 +220,11 @@ fn add_human(chart: &mut Chart) {
     chart.add(human.without_line());
 }
 
-/// Draws the visible part of the robot and its danger zone.
+/// Draws the robot and its danger zone, where they are visible.
 fn add_danger_zone(chart: &mut Chart, panel: &RegionsPanel) {
     let JointState { human, robot } = panel.now;
     let at = seen(human, robot.position());
-    // Visible on every region, including the red one.
+    // The edge must be visible on every region, including the red one.
     let edge = Some(Pen::new(colours::ROBOT, 1.6).halo(1.0));
     let points = disc(at, panel.danger_radius_m);
     chart.add(Area { name: String::new(), points, fill: None, edge });
@@ -231,7 +232,7 @@ fn add_danger_zone(chart: &mut Chart, panel: &RegionsPanel) {
     chart.add(Note::sign(Sign::Vehicle(heading, 15.0), at, colours::ROBOT));
 }
 
-/// The largest bearing of any set at a single step, with a margin, degrees.
+/// The largest absolute bearing of any set at a single step, with a margin (degrees).
 fn farthest_bearing(panels: &[RegionsPanel]) -> f64 {
     let bearing = |panel: &RegionsPanel| {
         let polygons = panel.sets.iter().flat_map(|set| &set.steps);
@@ -241,9 +242,10 @@ fn farthest_bearing(panels: &[RegionsPanel]) -> f64 {
     1.06 * panels.iter().map(bearing).fold(1.0, f64::max)
 }
 
-/// Draws the sets at single steps from the last to the first, and returns where they end. In the
-/// plane they are slivers thinner than a line, so they are unrolled: bearing to the right, up to
-/// `bearing`, range upwards, each step with its own scale.
+/// Draws the sets at single steps, from the last step to the first, and returns their bottom edge
+/// (px). In the plane these sets are slivers thinner than a line, so they are drawn in polar
+/// coordinates. The horizontal axis is the bearing to the right, up to `bearing`, and the vertical
+/// axis is the range. Each step has its own scale.
 fn draw_steps(
     drawing: &mut Drawing,
     panel: &RegionsPanel,
@@ -270,7 +272,7 @@ fn draw_steps(
         let right = left + SIDE + 8.0;
         let time = format!("after {} s", number(*time));
         drawing.text(&time, [right, top + 0.5 * STEP - 7.0], 11.0, colours::TEXT, Align::Left);
-        // Enough decimal places to distinguish both ends.
+        // Use enough decimal places to distinguish both ends.
         let places = (1..5).find(|places| fixed(low, *places) != fixed(high, *places)).unwrap_or(4);
         let ranges = format!("{}–{} m", fixed(low, places + 1), fixed(high, places + 1));
         drawing.text(&ranges, [right, top + 0.5 * STEP + 7.0], 11.0, colours::MUTED, Align::Left);
@@ -279,7 +281,7 @@ fn draw_steps(
     top
 }
 
-/// Bearing to the right, degrees, and range, m, from the start. Bearings continue beyond ±180°.
+/// Bearing to the right (degrees) and range (m) from the start. Bearings continue beyond ±180°.
 fn unrolled(start: Pose, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut bearing = 0.0;
     let mut unroll = |point: &[f64; 2]| {
@@ -296,7 +298,7 @@ mod tests {
     use crate::figure::png;
     use sidestep::scene::SceneParameters;
 
-    /// The left of the paper's Figure 3 for a human who is sure to turn right.
+    /// The left panel of the paper's Figure 3, for a human who is certain to turn right.
     fn panel(human: Pose) -> RegionsPanel {
         let bounds = [0.0, 0.15, 0.25, 0.4, 1.0].map(|epsilon: f64| {
             let hi = |i: usize| (if i < 2 { 0.0 } else { -0.5 } + epsilon).min(0.5);
@@ -317,13 +319,13 @@ mod tests {
     fn every_region_is_drawn_in_both_views_of_each_panel() {
         let panels = [panel(Pose::new(0.0, 0.0, 0.5 * PI)), panel(Pose::new(3.0, 1.0, 2.0))];
         let drawing = regions("Regions", "a made-up human", &panels, &names());
-        // Two panels with a tube and ten steps each, and a legend sign.
+        // Two panels with a tube and ten steps each, and one legend sign.
         let fill = |j: usize| Some(colours::REGIONS[j].into());
         for j in 0..5 {
             let with_fill = drawing.shapes.iter().filter(|shape| shape.fill == fill(j));
             assert_eq!(with_fill.count(), 2 * 11 + 1, "{j}");
         }
-        // From large to small: purple is below red.
+        // Sets are drawn from large to small, so purple is below red.
         let first = |j| drawing.shapes.iter().position(|shape| shape.fill == fill(j));
         assert!(first(4) < first(0));
         let svg = drawing.svg();
@@ -336,7 +338,7 @@ mod tests {
         assert!(png(&drawing).unwrap().starts_with(b"\x89PNG"));
     }
 
-    /// The picture of a prediction does not depend on where the human is.
+    /// The picture of a prediction does not depend on the pose of the human.
     #[test]
     fn the_picture_turns_with_the_human() {
         let point = seen(Pose::new(1.0, 2.0, 0.5 * PI), [1.5, 4.0]);

@@ -8,10 +8,10 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 use tokio_util::sync::CancellationToken;
 
-/// Checks that a file can be written at `path`, so that an error comes before long work.
+/// Checks that a file can be written at `path`, so that an error is found before long work.
 ///
 /// # Errors
-/// The disk's error.
+/// The error of the disk.
 pub fn check(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
@@ -27,20 +27,21 @@ pub fn check(path: &Path) -> io::Result<()> {
 /// Writes a temporary file in the same folder, and renames it to `path` once it is fully on disk.
 ///
 /// # Errors
-/// The disk's error, or that `cancel` was cancelled. Then the temporary file is deleted and `path` is unchanged.
+/// The error of the disk, or a cancellation through `cancel`. In both cases the temporary file is
+/// deleted and `path` is unchanged.
 pub fn write<E: From<io::Error>>(
     path: &Path,
     cancel: &CancellationToken,
     content: impl FnOnce(&mut dyn WriteSeek) -> Result<(), E>,
 ) -> Result<(), E> {
-    // With the permissions of any new file.
+    // Use the default permissions of a new file.
     write_with(path, 0o666, cancel, content)
 }
 
-/// As [`write()`], a file that only this user can read.
+/// Like [`write()`], but only this user can read the file.
 ///
 /// # Errors
-/// As [`write()`].
+/// The errors of [`write()`].
 pub fn write_private<E: From<io::Error>>(
     path: &Path,
     cancel: &CancellationToken,
@@ -74,7 +75,7 @@ pub trait WriteSeek: Write + io::Seek {}
 
 impl<T: Write + io::Seek> WriteSeek for T {}
 
-/// A temporary file, and the lock that keeps other processes from deleting it.
+/// A temporary file, and the lock that prevents other processes from deleting it.
 fn beside(path: &Path, mode: u32) -> io::Result<(NamedTempFile, File)> {
     const PREFIX: &str = ".sidestep-part-";
     let folder = match path.parent() {
@@ -82,7 +83,7 @@ fn beside(path: &Path, mode: u32) -> io::Result<(NamedTempFile, File)> {
         _ => Path::new("."),
     };
     if !folder.is_dir() {
-        // Otherwise the error would name a temporary file.
+        // Otherwise the error would name the temporary file.
         let said = format!("there is no folder {}", folder.display());
         return Err(io::Error::new(io::ErrorKind::NotFound, said));
     }

@@ -7,27 +7,29 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use tokio_util::sync::CancellationToken;
 
-/// New content for a folder, kept apart from the old content until it is complete.
+/// New content for a folder, kept separate from the old content until it is complete.
 pub struct Draft {
     folder: PathBuf,
     draft: Unfinished,
-    /// Folders created for it, innermost first; those that are still empty are removed with it.
+    /// Folders that were created for the draft, innermost first. Those that are still empty are
+    /// removed with it.
     made: Vec<PathBuf>,
 }
 
 impl Draft {
-    /// Begins a draft. Creates the folder if it does not exist, and removes it again unless something is put into it.
+    /// Begins a draft. Creates the folder if it does not exist. The draft removes this folder again
+    /// if it stays empty.
     ///
     /// # Errors
-    /// The disk's error.
+    /// The error of the disk.
     pub fn begin(folder: &Path) -> io::Result<Self> {
         Self::with_mode(folder, 0o777)
     }
 
-    /// As [`Self::begin`]; only this user can access a folder that is created.
+    /// Like [`Self::begin`], but only this user can access a folder that is created.
     ///
     /// # Errors
-    /// The disk's error.
+    /// The error of the disk.
     pub fn begin_private(folder: &Path) -> io::Result<Self> {
         Self::with_mode(folder, 0o700)
     }
@@ -47,12 +49,12 @@ impl Draft {
         self.draft.path()
     }
 
-    /// Moves every file and folder of the draft to its place. It replaces entries with the same names,
-    /// deletes those named in `obsolete`, and keeps all others. Once begun, it cannot be cancelled.
+    /// Moves every file and folder of the draft into the folder. Replaces entries with the same names,
+    /// deletes old entries named in `obsolete`, and keeps all others. The moves cannot be cancelled.
     ///
     /// # Errors
-    /// The disk's error; a folder in the place of a file, or the reverse; or that it was cancelled
-    /// before, and nothing has changed.
+    /// The error of the disk; a folder in the place of a file, or the reverse; or a cancellation
+    /// before the moves, in which case nothing has changed.
     pub fn keep(self, obsolete: &[&str], cancel: &CancellationToken) -> io::Result<()> {
         synced(self.path())?;
         for entry in fs::read_dir(self.path())? {
@@ -92,7 +94,7 @@ impl Draft {
 
 impl Drop for Draft {
     fn drop(&mut self) {
-        // Delete the rest of the draft; whatever cannot be deleted stays.
+        // Delete the rest of the draft. Ignore entries that cannot be deleted.
         let _ = fs::remove_dir_all(self.path());
         self.made.iter().all(|folder| fs::remove_dir(folder).is_ok());
     }

@@ -1,11 +1,11 @@
-//! CSV files, with the line on which each record begins, as an editor counts. The header determines
-//! the delimiter: commas, or else semicolons or tabs, as spreadsheets write them if a comma is the
-//! decimal mark. Rows of delimiters alone are skipped.
+//! Reads CSV files, with the line number at which each record begins, counted as in an editor. The header
+//! determines the delimiter. It is a comma, or otherwise a semicolon or a tab, which spreadsheets write if
+//! the decimal mark is a comma. Rows that consist of delimiters only are skipped.
 //!
-//! Lines without a quotation mark are split here, several times as fast as a full parser. From the
-//! first quotation mark on (or a carriage return within a line, which ends it), the csv crate reads
-//! the file. Lines are counted here, because the csv crate starts counting where it starts reading,
-//! and counts empty lines and CR LF differently.
+//! Lines without a quotation mark are split here, several times as fast as by a full parser. The
+//! csv crate reads the file from the first quotation mark on, or from the first carriage return
+//! that ends a line on its own. Lines are counted here, because the csv crate starts to count where
+//! it starts to read, and counts empty lines and CR LF differently.
 
 mod record;
 mod quoted;
@@ -23,9 +23,9 @@ use std::ops::Range;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {what}")]
 pub struct LineError {
-    /// The line, from 1 for the header.
+    /// The line number. The header is line 1.
     pub line: u64,
-    /// Field, expected and found.
+    /// The field, the expected value and the found value.
     pub what: Invalid,
 }
 
@@ -38,11 +38,11 @@ impl From<LineError> for Fault {
 /// The dialect of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dialect {
-    /// The encoding of its characters.
+    /// The encoding of the table's characters.
     pub encoding: Encoding,
-    /// Its delimiter: a comma, a semicolon or a tab.
+    /// The delimiter of the columns: a comma, a semicolon or a tab.
     pub separator: u8,
-    /// Whether its numbers have decimal commas.
+    /// Whether numbers have decimal commas.
     pub decimal_comma: bool,
 }
 
@@ -74,16 +74,16 @@ pub struct Records<R> {
 }
 
 enum Source<R> {
-    /// No quotation mark so far.
+    /// The file has had no quotation mark so far.
     Plain(Lines<R>),
-    /// The csv crate reads the rest.
+    /// The csv crate reads the rest of the file.
     Quoted(Box<Quoted<R>>),
-    /// During the switch.
+    /// A placeholder during the switch to the csv crate.
     None,
 }
 
 impl<R: Read> Records<R> {
-    /// The records, and the header.
+    /// Opens a file. Returns its records and its header.
     ///
     /// # Errors
     /// [`LineError`] for a header that is not text.
@@ -108,7 +108,7 @@ impl<R: Read> Records<R> {
         Ok((records, header))
     }
 
-    /// The dialect, as far as the file was read.
+    /// The dialect, as determined from the part of the file that was read.
     #[must_use]
     pub fn dialect(&self) -> Dialect {
         Dialect {
@@ -118,10 +118,10 @@ impl<R: Read> Records<R> {
         }
     }
 
-    /// The next record and its line; none at the end.
+    /// Returns the next record and its line, or `None` at the end.
     ///
     /// # Errors
-    /// [`LineError`] for bytes that are not text, or a row whose number of fields differs from the header's.
+    /// [`LineError`] for bytes that are not text, or a row whose number of fields differs from the header.
     pub fn read(&mut self) -> Result<Option<(u64, &Record)>, LineError> {
         let line = loop {
             let Some(line) = self.next()? else { return Ok(None) };
@@ -137,7 +137,7 @@ impl<R: Read> Records<R> {
         Ok(Some((line, &self.record)))
     }
 
-    /// Reads the next record and returns its line; none at the end.
+    /// Reads the next record and returns its line, or `None` at the end.
     fn next(&mut self) -> Result<Option<u64>, LineError> {
         if let Source::Plain(lines) = &mut self.source {
             loop {
@@ -174,7 +174,7 @@ fn not_text(found: String) -> Invalid {
     Invalid::new("row", "UTF-8 text", found)
 }
 
-/// A line without carriage return and, if it is the first, without byte-order mark.
+/// A line without its final carriage return. The byte-order mark of the first line is also removed.
 fn without_ends(line: &[u8], number: u64) -> &[u8] {
     let text = line.strip_suffix(b"\r").unwrap_or(line);
     match number {
@@ -186,14 +186,14 @@ fn without_ends(line: &[u8], number: u64) -> &[u8] {
 /// The lines of a file.
 struct Lines<R> {
     file: R,
-    /// Bytes from `begin` on were read and not returned yet.
+    /// Bytes from `begin` on were read, but not returned yet.
     buffer: Vec<u8>,
     begin: usize,
     /// The number of the next line.
     line: u64,
 }
 
-/// Bytes per read.
+/// Maximum number of bytes per read.
 const PIECE: usize = 1 << 18;
 
 impl<R: Read> Lines<R> {
@@ -201,7 +201,7 @@ impl<R: Read> Lines<R> {
         Self { file, buffer: Vec::new(), begin: 0, line: 1 }
     }
 
-    /// The range of the next line in the buffer, without LF; none at the end.
+    /// The range of the next line in the buffer, without LF. Returns `None` at the end.
     fn next(&mut self) -> io::Result<Option<Range<usize>>> {
         let mut searched = self.begin;
         loop {
@@ -224,14 +224,15 @@ impl<R: Read> Lines<R> {
         }
     }
 
-    /// The delimiter of the header, which comes next. Spreadsheets may declare it in a line before
-    /// the header, `sep=;`, which is then skipped.
+    /// The delimiter of the header, which is the next line. Spreadsheets may declare the delimiter
+    /// in a line before the header, `sep=;`. That line is skipped.
     fn separator(&mut self) -> Result<u8, (u64, String)> {
         loop {
             let begins_at = self.line;
             let next = self.next().map_err(|error| (begins_at, error.to_string()))?;
             let Some(range) = next else { return Ok(b',') };
-            // A carriage return alone also ends a line, as on old Macintoshes: then this is the whole file.
+            // A carriage return alone also ends a line, as on old Macintoshes. Then the range may
+            // be the whole file.
             let end = memchr::memchr(b'\r', &self.buffer[range.clone()]);
             let end = end.map_or(range.end, |length| range.start + length);
             if end + 1 < range.end {
@@ -255,13 +256,14 @@ impl<R: Read> Lines<R> {
         }
     }
 
-    /// The rest of the file from the next line on, for the reader of quotation marks.
+    /// The reader for quotation marks, for the rest of the file from the next line on.
     fn quoted(self, separator: u8) -> Quoted<R> {
         Quoted::of(self.buffer[self.begin..].to_vec(), self.file, self.line, separator)
     }
 }
 
-/// The delimiter of a header: a comma if one is outside quotation marks, else the more frequent of semicolon and tab.
+/// The delimiter of a header. It is a comma if there is one outside quotation marks, and otherwise
+/// the more frequent one of semicolon and tab.
 fn separator_of(header: &[u8]) -> u8 {
     let mut quoted = false;
     let [mut commas, mut semicolons, mut tabs] = [0; 3];
@@ -296,7 +298,7 @@ mod tests {
         Ok(found)
     }
 
-    /// All numbers of a file, or its error, and the remark on its dialect.
+    /// All numbers of a file or its error, and the remark on its dialect.
     fn numbers(bytes: &[u8]) -> (Result<Vec<f64>, String>, Option<String>) {
         let (mut records, header) = Records::of(bytes).unwrap();
         let names: Vec<String> = header.iter().map(str::to_owned).collect();
@@ -405,7 +407,7 @@ mod tests {
         assert_eq!(lines(text).unwrap(), expected);
     }
 
-    /// The plain reader splits rows as the csv crate does.
+    /// The plain reader splits rows like the csv crate.
     #[test]
     fn both_readers_read_the_same() {
         let mut rng = SeededRng::new(2);
@@ -448,18 +450,18 @@ mod tests {
         assert!(header.is_empty());
     }
 
-    /// Each row holds its own line number, among empty lines, for any line ending, with or without
-    /// one at the end of the file.
+    /// Each row contains its own line number. There are empty lines between rows, any line ending,
+    /// and files with and without a line ending at the end.
     #[test]
     fn records_are_on_their_lines() {
         let mut rng = SeededRng::new(1);
         for case in 0..200 {
             let ends = ["\n", "\r\n", "\r"][case % 3];
-            // From the first quotation mark on, the csv crate reads.
+            // The csv crate reads from the first quotation mark on.
             let quotes = rng.below(4) as u64;
             let mut text = "number".to_owned();
             let mut expected = Vec::new();
-            // More than one read.
+            // Long enough for several reads.
             for line in 2..2 + 30 * rng.below(100) as u64 {
                 text += ends;
                 if rng.below(3) > 0 {

@@ -1,8 +1,8 @@
-//! A study's data as files: as a folder, for the command; as an archive of the same files, for the
-//! route; and its steps as one file, for scripts that need no more.
+//! A study's data as files. The command writes a folder. The route sends an archive of the same
+//! files. The steps are also available as one file, for scripts that need nothing else.
 //!
 //! Participants are read one after another, so that memory does not grow with the study and no long
-//! read keeps SQLite from checkpointing its log. Each participant's rows come from one snapshot.
+//! read prevents SQLite from checkpointing its log. Each participant's rows come from one snapshot.
 
 mod filter;
 mod damage;
@@ -47,7 +47,7 @@ pub enum ExportError {
     /// The files cannot be written.
     #[error(transparent)]
     Disk(#[from] io::Error),
-    /// Trials were deleted while they were exported.
+    /// Trials were deleted during the export.
     #[error("participant {participant}: trials were deleted during the export; export again")]
     Changed {
         /// The participant's number.
@@ -64,13 +64,13 @@ pub enum ExportError {
 /// Accepts the format of a download.
 ///
 /// # Errors
-/// [`Invalid`] naming it.
+/// [`Invalid`] naming the format.
 pub fn check_format(format: &str) -> Result<(), Invalid> {
     if format == "csv" { Ok(()) } else { Err(Invalid::new("format", "csv", format!("{format:?}"))) }
 }
 
-/// Streams the table of steps as CSV, in pieces. After an error there are no further pieces, so a
-/// download aborts instead of ending as if it were complete.
+/// Streams the table of steps as CSV, in pieces. The stream ends after an error, so that a download
+/// is aborted and does not end as if it were complete.
 pub fn stream(
     store: Store,
     study: StoredStudy,
@@ -101,7 +101,7 @@ pub fn stream(
     })
 }
 
-/// The steps of a participant. A damaged trial is marked; an unreadable trial is an error, because
+/// The steps of a participant. A damaged trial is marked. An unreadable trial is an error, because
 /// no other file could name it.
 async fn steps_of(store: &Store, entry: &RosterEntry) -> Result<Vec<u8>, StoreError> {
     let person = Person::read(store, entry).await?;

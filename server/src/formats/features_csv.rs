@@ -1,4 +1,4 @@
-//! Writing and reading features.csv, with a row for each step.
+//! Writes and reads features.csv, which has a row for each step.
 
 use crate::formats::csv_lines::{Dialect, LineError, Record, Records};
 use csv::Writer;
@@ -15,10 +15,10 @@ use std::io::{self, Read, Write};
 /// Columns that identify a row.
 const ROW: [&str; 3] = ["participant", "trial", "step"];
 
-/// Columns of the label, as this program writes them and as the reference does.
+/// Names of the label's column: the name written by this program, and the reference's name.
 const TURN: [&str; 2] = ["turn", "y1"];
 
-/// The paper's features: names here, and in the reference.
+/// The paper's features: the names used here, and the reference's names.
 const PAPERS: [(&str, &str); 8] = [
     ("abs_dx", "apx"),
     ("abs_dy", "apy"),
@@ -33,7 +33,7 @@ const PAPERS: [(&str, &str); 8] = [
 /// Why features cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The disk's error.
+    /// An error of the disk.
     #[error(transparent)]
     Disk(#[from] io::Error),
     /// A trial has no features.
@@ -74,10 +74,10 @@ pub fn write(
     Ok(out.flush()?)
 }
 
-/// Reads either form, by its header: this program's, or the reference's
-/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are ignored. An impossible value or a
-/// repeated row is the fault of one participant, which [`GivenFeatures::replace`] returns. Also
-/// returns the dialect.
+/// Reads a file in this program's form or in the reference's form,
+/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. The header determines the form. Other columns are ignored.
+/// An impossible value or a repeated row is a fault of one participant, which
+/// [`GivenFeatures::replace`] returns. Also returns the dialect.
 ///
 /// # Errors
 /// [`LineError`] for a missing column, or text that is not a table.

@@ -1,7 +1,8 @@
-//! The tables that a settings file may have, and the fields of each, derived from the types that read it.
+//! The tables that a settings file may have, with the fields of each table. They are derived from
+//! the types that read the file.
 //!
-//! serde passes a reader the fields of each struct that it requests. A reader that follows one path
-//! into a type, and stops there, finds the fields at its end.
+//! serde passes to a deserializer the fields of each struct that it requests. A deserializer that
+//! follows a path into a type and stops at its end finds the fields there.
 
 use serde::de::value::{Error, MapDeserializer, SeqDeserializer};
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IntoDeserializer, Visitor};
@@ -13,14 +14,15 @@ use std::cell::Cell;
 /// A table of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldTable {
-    /// Where it is: `parameters.human`, `questions[].options[]`, or nothing for the file itself.
+    /// The path of the table, such as `parameters.human` or `questions[].options[]`. It is empty
+    /// for the file itself.
     pub path: String,
     /// Its fields.
     pub fields: &'static [&'static str],
 }
 
 impl FieldTable {
-    /// Its name in TOML.
+    /// The name of the table in TOML.
     fn name(&self) -> String {
         match &self.path[..] {
             "" => "the top of the file, before any [table]".to_owned(),
@@ -40,7 +42,7 @@ pub fn tables<T: DeserializeOwned>() -> Vec<FieldTable> {
 
 fn collect<T: DeserializeOwned>(steps: &mut Vec<Step>, path: String, found: &mut Vec<FieldTable>) {
     let shape = Cell::new(Shape::Value);
-    // It always ends with an error.
+    // The result is always an error.
     let _ = T::deserialize(Probe { steps, shape: &shape });
     match shape.get() {
         Shape::Value => {}
@@ -61,8 +63,8 @@ fn collect<T: DeserializeOwned>(steps: &mut Vec<Step>, path: String, found: &mut
     }
 }
 
-/// The same error. If it is about a field that its table does not have, it names the tables that
-/// have the field, or else a similar field of another table.
+/// Explains an error about a field that its table does not have. The error then names the tables
+/// that have the field, or otherwise a similar field of another table. Other errors are unchanged.
 #[must_use]
 pub fn explained(invalid: Invalid, tables: &[FieldTable]) -> Invalid {
     let (parent, name) = invalid.field.rsplit_once('.').unwrap_or(("", &invalid.field));
@@ -93,7 +95,7 @@ pub fn explained(invalid: Invalid, tables: &[FieldTable]) -> Invalid {
     Invalid { found, ..invalid }
 }
 
-/// `questions[].options[]` for `questions[3].options[0]`.
+/// Removes the indices: `questions[].options[]` for `questions[3].options[0]`.
 fn without_numbers(path: &str) -> String {
     let mut in_brackets = false;
     let keep = |c: &char| {
@@ -122,7 +124,7 @@ enum Shape {
     Value,
 }
 
-/// Follows a path into a type and stops at its end.
+/// A deserializer that follows a path into a type and stops at its end.
 #[derive(Clone, Copy)]
 struct Probe<'a> {
     steps: &'a [Step],
@@ -200,7 +202,7 @@ mod tests {
     use sidestep::document::from_value;
     use sidestep::study::StudyConfig;
 
-    /// The error for a study whose table has only this field.
+    /// The error for a study in which the table at `path` has only this field.
     fn complaint(path: &str, field: &str, tables: &[FieldTable]) -> Invalid {
         let mut value = json!({ field: 1 });
         for part in path.rsplit('.').filter(|part| !part.is_empty()) {
@@ -221,7 +223,7 @@ mod tests {
         assert!(fields("parameters.human").contains(&"speed_mps"));
         assert!(fields("questions[].options[]").contains(&"value"));
         assert!(fields("recruitment").contains(&"quota"));
-        // The guide's complete file contains every table, and no other.
+        // The complete file in the guide contains only these tables, apart from free tables.
         let guide = include_str!("../../../docs/study.md");
         let (_, guide) = guide.split_once("```toml\n").unwrap();
         let (guide, _) = guide.split_once("```").unwrap();
@@ -261,7 +263,7 @@ mod tests {
         }
     }
 
-    /// Every field, in every table that does not have it.
+    /// Checks every field in every table that does not have it.
     #[test]
     fn a_misplaced_field_is_told_where_it_belongs() {
         let found = tables::<StudyConfig>();
@@ -285,7 +287,7 @@ mod tests {
         assert!(said.ends_with("found \"quota\", which belongs in [recruitment]"), "{said}");
     }
 
-    /// Every field with every one-letter typo, in its own table.
+    /// Checks every field in its own table, with every one-letter typo.
     #[test]
     fn a_field_with_a_typing_error_is_proposed() {
         let found = tables::<StudyConfig>();
@@ -305,12 +307,12 @@ mod tests {
         let said = complaint("questions[]", "id", &found);
         assert_eq!(said.field, "questions[0].id");
         assert!(said.found == "\"id\"", "{said}");
-        // A misspelt field of another table.
+        // A misspelt name of a field of another table.
         let said = complaint("", "qouta", &found).to_string();
         assert!(said.ends_with("found \"qouta\"; did you mean quota in [recruitment]?"), "{said}");
     }
 
-    /// A letter omitted, doubled or replaced, or two swapped.
+    /// The word with a letter omitted, doubled or replaced, or with two letters swapped.
     fn typos(word: &str) -> Vec<String> {
         let mut typos = Vec::new();
         for i in 0..word.len() {

@@ -1,4 +1,4 @@
-//! Value functions from NumPy archives, which [`sidestep::reachability::npz`] writes.
+//! Reads value functions from NumPy archives, which [`sidestep::reachability::npz`] writes.
 
 mod arrays;
 mod meta;
@@ -19,16 +19,16 @@ use zip::ZipArchive;
 pub struct Stored {
     /// The function.
     pub function: ValueFunction,
-    /// Whether its solve converged; none for a finite horizon, or if the file does not say.
+    /// Whether the solve converged. `None` for a finite horizon, or if the file does not state it.
     pub converged: Option<bool>,
 }
 
-/// Reads a file of [`npz`](sidestep::reachability::npz::npz): the closed form if the method was
-/// exact, else the values with float32 accuracy.
+/// Reads a file of [`npz`](sidestep::reachability::npz::npz). Returns the closed form if the method
+/// was exact, and otherwise the values with float32 accuracy.
 ///
 /// # Errors
-/// [`Invalid`] naming the array or the field of `meta` that is missing, truncated, of
-/// another version or shape, or not a number.
+/// [`Invalid`] naming an array or a field of `meta` that is missing, truncated, of another version
+/// or shape, or not a number.
 pub fn read(file: impl Read + Seek) -> Result<Stored, Invalid> {
     let mut archive =
         ZipArchive::new(file).map_err(|e| Invalid::new("", "a NumPy archive (.npz), whole", e))?;

@@ -21,12 +21,11 @@ pub struct StudyFile {
 }
 
 impl StudyFile {
-    /// Reads the study in a file. Fields that the file omits, at any depth, take the paper's
-    /// values; a list (such as `phases`) replaces the paper's list as a whole. Only the slug is
-    /// required.
+    /// Reads the study in a file. Fields that the file omits, at any depth, take the paper's values. A list
+    /// (such as `phases`) replaces the paper's whole list. Only the slug is required.
     ///
     /// # Errors
-    /// One line naming the file, the line, the field, the expected and the found value.
+    /// One line naming the file, the line and the field, with the expected and the found value.
     pub fn read(file: &Path) -> Result<Self, String> {
         let name = file.display().to_string();
         let bytes =
@@ -45,10 +44,10 @@ impl StudyFile {
         Some(format!("{}: warning: read as {encoding}; save it as UTF-8 to be sure", self.name))
     }
 
-    /// Parses the study in a text; complaints use this name.
+    /// Parses the study in a text. Complaints use this file name.
     ///
     /// # Errors
-    /// [`Complaint`] naming the line, the field, the expected and the found value.
+    /// [`Complaint`] naming the line and the field, with the expected and the found value.
     pub fn of(name: String, text: String) -> Result<Self, Complaint> {
         let config = parse(&text)?;
         Ok(Self { name, text, encoding: Encoding::Utf8, config })
@@ -84,7 +83,7 @@ impl StudyFile {
         format!("{}:{}", self.name, self.located(invalid))
     }
 
-    /// The same without the file.
+    /// A complaint about a field of the study, with its line but without its file.
     #[must_use]
     pub fn located(&self, invalid: &Invalid) -> Complaint {
         located(&self.text, invalid)
@@ -100,7 +99,7 @@ fn located(text: &str, invalid: &Invalid) -> Complaint {
 /// Reads a study from a text without validating it.
 ///
 /// # Errors
-/// [`Complaint`] if the text is not TOML, or a field has another type than expected.
+/// [`Complaint`] if the text is not TOML, or a field does not have the expected type.
 pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
     let whole = |what: &str| Complaint { line: 1, field: None, what: one_line(what) };
     let lines = TomlLines::parse(text)?;
@@ -113,7 +112,7 @@ pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
     }
     let given: Table = toml::from_str(text).map_err(|error| whole(error.message()))?;
     if !given.contains_key("slug") {
-        // Without it, every such file would be about the same study.
+        // With a default slug, every such file would describe the same study.
         let expected = "the study's name in addresses, a line such as slug = \"avoidance-2026\"";
         return Err(located(Invalid::new("slug", expected, "none")));
     }
@@ -123,7 +122,7 @@ pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
         let document = serde_json::to_value(table).map_err(|e| whole(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
             Err(invalid) => Err(located(explained(invalid, &tables::<StudyConfig>()))),
-            // TOML has numbers and dates that JSON lacks.
+            // TOML has numbers and dates that JSON does not have.
             Ok(_) => {
                 let what = one_line(&error.to_string());
                 Err(Complaint { line: lines.line_of(""), field: None, what })
@@ -137,7 +136,7 @@ fn parse(text: &str) -> Result<StudyConfig, Complaint> {
     let located = |invalid: Invalid| located(text, &invalid);
     study.check().map_err(located)?;
     study.check_plausible().map_err(located)?;
-    // A study without scenes would start, but enrol nobody.
+    // A study without scenes would start, but enrol no participants.
     study.stratified(0).map_err(|mut invalid| {
         let usual = StudyConfig { encounters: EncounterRange::default(), ..study.clone() };
         if invalid.field == "parameters" && usual.stratified(0).is_ok() {
@@ -148,14 +147,14 @@ fn parse(text: &str) -> Result<StudyConfig, Complaint> {
     Ok(study)
 }
 
-/// A study file for this configuration: its differences from the paper's protocol.
+/// A study file for this configuration, with its differences from the paper's protocol.
 ///
 /// # Errors
 /// If TOML cannot express a value of the configuration.
 pub fn written(config: &StudyConfig) -> Result<String, toml::ser::Error> {
     let mut table = Table::try_from(config)?;
     take_away(&mut table, &Table::try_from(StudyConfig::default())?);
-    // The slug and the title come first, even if the paper's study has the same.
+    // The slug and the title come first, even if they equal those of the paper's study.
     let mut head = Table::new();
     for (name, value) in [("slug", &config.slug), ("title", &config.title)] {
         table.remove(name);
@@ -176,7 +175,7 @@ fn take_away(from: &mut Table, same: &Table) {
     });
 }
 
-/// Merges tables; other values are replaced.
+/// Merges tables recursively. Other values are replaced.
 fn lay_over(below: &mut Table, above: Table) {
     for (key, value) in above {
         match (below.get_mut(&key), value) {
@@ -237,7 +236,7 @@ mod tests {
         check(1, "title = \"A\"", &["slug", "slug = \"avoidance-2026\"", "none"]);
         check(1, "slug = 7", &["slug", "string"]);
         check(1, "slug = \"Pilot 2\"", &["slug", "lower-case", "Pilot 2"]);
-        // After the line of the slug.
+        // Checks a text after the line of the slug.
         let after = |line: usize, text: &str, words: &[&str]| {
             check(line, &format!("slug = \"a\"\n{text}"), words);
         };
@@ -252,7 +251,7 @@ mod tests {
                         text = { en = \"How old?\" }";
         after(2, question, &["questions[0].to"]);
         after(3, "[texts.en]\n\"a.b\" = 4", &["texts.en.a.b"]);
-        // Likely mistakes, with the reason.
+        // Likely mistakes. The complaint gives the reason.
         after(3, "[parameters.human]\nturn_rate_radps = 28.6", &["rad/s", "as degrees"]);
         after(3, "[parameters]\nsteps = 5", &["steps", "a scene of 1 s"]);
         after(3, "[recruitment]\nquota = 18446744073709551615", &["recruitment.quota", "range"]);
@@ -260,7 +259,7 @@ mod tests {
         after(4, large, &["phases[0].scenes", "9223372036854775807"]);
         after(2, "seed = 4294967296", &["seed", "0 to 4294967295", "found 4294967296"]);
         after(3, "[trials]\ncountdown_s = 3.0", &["trials.countdown_s", "whole", "found 3.0"]);
-        // Settings that would have no effect, or mislead.
+        // Settings that would have no effect or would be misleading.
         let question =
             |rest: &str| format!("[[questions]]\nname = \"q\"\ntext = {{ en = \"Q\" }}\n{rest}");
         after(6, &question("kind = \"text\"\nfrom = 2"), &["questions[0].from", "scale"]);
@@ -278,7 +277,7 @@ mod tests {
         let check = "[[comprehension.questions]]\ntext = { en = \"{radius}?\" }\nanswer = 0\n\
                      options = [{ en = \"1\" }, { en = \"1 \" }]";
         after(5, check, &["comprehension.questions[0].options[1].en", "a text that differs"]);
-        // No scene fits.
+        // Settings for which no scene is admissible.
         let none = "[encounters]\nmin_start_distance_m = 900.0\nmax_start_distance_m = 1000.0";
         after(2, none, &["encounters: "]);
         after(2, "[parameters]\ndanger_radius_m = 30.0", &["danger radius", "duration"]);

@@ -1,7 +1,7 @@
 //! Tables: columns with their meaning, and their rows in batches.
 //!
-//! One definition of a table ([`Column`]s, in `formats/tables`) gives the header of its CSV file, the keys of
-//! its JSON Lines, the schema of its Parquet file and its part of the data dictionary.
+//! One definition of a table ([`Column`]s, in `formats/tables`) determines the header of its CSV file, the
+//! keys of its JSON Lines, the schema of its Parquet file and its part of the data dictionary.
 
 mod decimal;
 mod batch;
@@ -24,9 +24,10 @@ use std::borrow::Cow;
 pub enum Kind {
     /// A whole number.
     Whole,
-    /// A number; in text the shortest that parses to the same bits, `4.0` if it is whole.
+    /// A number. In text it is the shortest decimal that parses to the same bits, such as `4.0` for
+    /// a whole number.
     Number,
-    /// A number of milliseconds; in text as [`Kind::Number`], but `4` if it is whole.
+    /// A number of milliseconds. In text it is written like [`Kind::Number`], but a whole number as `4`.
     Time,
     /// Any text.
     Text,
@@ -39,7 +40,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Its word in the dictionary.
+    /// The word for the kind in the dictionary.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -62,18 +63,18 @@ impl Serialize for Kind {
 /// A column of a table.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Column {
-    /// Its name.
+    /// The name.
     pub name: Cow<'static, str>,
-    /// The type of its values.
+    /// The type of the column's values.
     #[serde(rename = "type")]
     pub kind: Kind,
-    /// The unit of a number that has one.
+    /// The unit, if the column has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<&'static str>,
     /// The frame of a coordinate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<&'static str>,
-    /// The values that occur, if they are few or bounded.
+    /// The possible values, if they are few or bounded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<Cow<'static, str>>,
     /// The meaning of a value.
@@ -91,19 +92,19 @@ impl Column {
         Self { name, kind, unit: None, frame: None, range: None, meaning }
     }
 
-    /// With this unit.
+    /// Sets the unit.
     #[must_use]
     pub fn unit(self, unit: &'static str) -> Self {
         Self { unit: Some(unit), ..self }
     }
 
-    /// With this frame.
+    /// Sets the frame.
     #[must_use]
     pub fn frame(self, frame: &'static str) -> Self {
         Self { frame: Some(frame), ..self }
     }
 
-    /// With this range.
+    /// Sets the range.
     #[must_use]
     pub fn range(self, range: impl Into<Cow<'static, str>>) -> Self {
         Self { range: Some(range.into()), ..self }

@@ -10,20 +10,20 @@ use crate::store::trials::StoredTrial;
 use sidestep::scene::SceneParameters;
 use sidestep::trial::Flag;
 
-/// A trial of a participant with everything that its rows need.
+/// A trial of a participant, with everything that is needed for its rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Driven<'a> {
-    /// Number of the trial among all of the participant, over all phases, from 0.
+    /// Number of the trial among all trials of the participant, over all phases, from 0.
     pub number: usize,
     /// The trial.
     pub trial: &'a StoredTrial,
-    /// The vehicles and steps of the configuration under which its participant enrolled.
+    /// The vehicles and steps in the configuration under which the participant enrolled.
     pub parameters: &'a SceneParameters,
-    /// The fault of the trial, if it differs from what was stored.
+    /// The fault of the trial, if it differs from the stored results.
     pub damage: Option<&'a str>,
 }
 
-/// The columns that identify a trial, which several tables share.
+/// The columns that identify a trial. Several tables have them.
 fn participant_column() -> Column {
     Column::new("participant", super::table::Kind::Whole, "as in the table of participants")
 }
@@ -33,7 +33,7 @@ fn trial_column() -> Column {
     Column::new("trial", super::table::Kind::Whole, meaning)
 }
 
-/// The column that says whether a trial is damaged.
+/// The column that states whether a trial is damaged.
 fn damaged_column() -> Column {
     let meaning = "1 if the trial differs from what was stored, so do not use it; else 0";
     Column::new("damaged", super::table::Kind::Whole, meaning).range("0, 1")

@@ -1,5 +1,5 @@
-//! Texts as editors and spreadsheets write them: UTF-8, UTF-16 with a byte-order mark, or
-//! Windows-1252 if that is certain.
+//! Decodes texts as editors and spreadsheets write them: UTF-8, UTF-16 with a byte-order mark, or
+//! Windows-1252 if the encoding is certain.
 
 use std::borrow::Cow;
 use std::io::{self, Chain, Cursor, Read};
@@ -28,21 +28,21 @@ impl Encoding {
     }
 }
 
-/// Advice for a text that cannot be read.
+/// Advice to the user for a text that cannot be read.
 const WAY_OUT: &str = "save the file as UTF-8";
 
 /// The byte-order mark of UTF-8.
 pub const MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Decodes bytes piece by piece: all as UTF-8, or all as Windows-1252.
+/// Decodes bytes piece by piece. All pieces must be UTF-8, or all must be Windows-1252.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Decoder {
-    /// The encoding, once a piece contained more than ASCII.
+    /// The encoding, known once a piece contains more than ASCII.
     known: Option<Encoding>,
 }
 
 impl Decoder {
-    /// The encoding so far.
+    /// The encoding of the pieces so far.
     #[must_use]
     pub fn encoding(self) -> Encoding {
         self.known.unwrap_or_default()
@@ -51,7 +51,7 @@ impl Decoder {
     /// Decodes a piece that begins and ends between characters.
     ///
     /// # Errors
-    /// What was found, and advice.
+    /// A description of the invalid bytes, with advice.
     pub fn text<'a>(&mut self, bytes: &'a [u8]) -> Result<Cow<'a, str>, String> {
         let (read, text) = match std::str::from_utf8(bytes) {
             Ok(text) if text.is_ascii() => return Ok(Cow::Borrowed(text)),
@@ -71,13 +71,13 @@ impl Decoder {
     }
 }
 
-/// Decodes Windows-1252; none if the text may well be in another encoding.
+/// Decodes Windows-1252. Returns `None` if the text may well be in another encoding.
 ///
-/// Letters from 0xC0 on, and signs from 0xA0 on, are those of Latin-1. From 0x80 to 0x9F only
-/// quotation marks, dashes, the ellipsis, the bullet and the euro sign are accepted: there, other
+/// Letters from 0xC0 on and signs from 0xA0 on are as in Latin-1. From 0x80 to 0x9F, only quotation
+/// marks, dashes, the ellipsis, the bullet and the euro sign are accepted. In this range, other
 /// encodings (of DOS and old Macintoshes) have ä, ö, ü and é, and Windows-1252 has letters that are
-/// rare in its languages. If letters are adjacent as in no word of these languages (three with
-/// accents in a row, a sign between two letters), the text is in another alphabet.
+/// rare in its languages. If letters are adjacent that are never adjacent in these languages (three
+/// with accents in a row, or a sign between two letters), the text is in another alphabet.
 fn windows_1252(bytes: &[u8]) -> Option<String> {
     let character = |byte: &u8| match byte {
         0x80 => Some('€'),
@@ -91,7 +91,7 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
         0x95 => Some('•'),
         0x96 => Some('–'),
         0x97 => Some('—'),
-        // The last is ÿ, which is rare in names but common in binary data.
+        // 0xff is ÿ, which is rare in names but common in binary data.
         0x00 | 0x7f..=0x9f | 0xff => None,
         other => Some(char::from(*other)),
     };
@@ -101,7 +101,7 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
         let [before, after] = [at.checked_sub(1), Some(at + 1)].map(beside);
         let [is_before, is_after] = [before, after].map(char::is_alphabetic);
         match text[at] {
-            // Alone, this byte is the euro sign of old Macintoshes.
+            // On its own, this byte is the euro sign of old Macintoshes.
             'Û' => is_before || is_after,
             letter if letter.is_alphabetic() && !"ªºµ".contains(letter) => true,
             '’' | '´' | '·' => true,
@@ -115,10 +115,10 @@ fn windows_1252(bytes: &[u8]) -> Option<String> {
     (is_all_likely && !has_rows).then(|| text.into_iter().collect())
 }
 
-/// A whole text without byte-order mark, and its encoding.
+/// Decodes a whole text and removes the byte-order mark. Also returns the encoding.
 ///
 /// # Errors
-/// What was found, and advice.
+/// A description of the invalid bytes, with advice.
 pub fn whole(bytes: &[u8]) -> Result<(String, Encoding), String> {
     let (mut reader, is_wide) = opened(bytes).map_err(|error| error.to_string())?;
     if is_wide {
@@ -131,7 +131,8 @@ pub fn whole(bytes: &[u8]) -> Result<(String, Encoding), String> {
     Ok((text, decoder.encoding()))
 }
 
-/// The bytes of a file, converted to UTF-8 if it is UTF-16 with a byte-order mark, and whether it was.
+/// The bytes of a file. A UTF-16 file with a byte-order mark is converted to UTF-8. Also returns
+/// whether it was converted.
 ///
 /// # Errors
 /// If the first bytes cannot be read.
@@ -149,7 +150,7 @@ pub fn opened<R: Read>(mut file: R) -> io::Result<(TextBytes<R>, bool)> {
 
 /// The bytes of a text.
 pub enum TextBytes<R> {
-    /// In another encoding than UTF-16, unchanged.
+    /// Unchanged bytes in an encoding other than UTF-16.
     AsTheyAre(Chain<Cursor<Vec<u8>>, R>),
     /// UTF-16, converted to UTF-8.
     Wide(Box<Wide<R>>),
@@ -164,17 +165,17 @@ impl<R: Read> Read for TextBytes<R> {
     }
 }
 
-/// A text of 16-bit units.
+/// A reader that converts a text of 16-bit units to UTF-8.
 pub struct Wide<R> {
     file: R,
     unit: fn([u8; 2]) -> u16,
-    /// Bytes that are not a whole character yet.
+    /// Bytes that were read but not decoded yet.
     bytes: Vec<u8>,
-    /// The decoded text.
+    /// The decoded text, as UTF-8.
     text: Cursor<Vec<u8>>,
 }
 
-/// Bytes decoded at once.
+/// Maximum number of bytes decoded at once.
 const PIECE: u64 = 1 << 16;
 
 impl<R: Read> Read for Wide<R> {
@@ -198,7 +199,7 @@ impl<R> Wide<R> {
     fn decode(&mut self, is_end: bool) -> io::Result<()> {
         let (pairs, _) = self.bytes.as_chunks::<2>();
         let mut units: Vec<u16> = pairs.iter().map(|&pair| (self.unit)(pair)).collect();
-        // The first half of a surrogate pair waits for the second.
+        // Keep the first half of a surrogate pair until the second half is read.
         if !is_end && units.last().is_some_and(|unit| (0xd800..0xdc00).contains(unit)) {
             units.pop();
         }
@@ -234,7 +235,7 @@ mod tests {
         for bytes in [utf_16(text, u16::to_le_bytes), utf_16(text, u16::to_be_bytes)] {
             assert_eq!(read(&bytes), (text.to_owned(), Encoding::Utf16));
         }
-        // The bytes of Windows-1252, from its table.
+        // The bytes are from the table of Windows-1252.
         let bytes = b"Gr\xf6\xdfe: 3 \xb5m \x96 \x93ok\x94 \x80";
         assert_eq!(read(bytes), ("Größe: 3 µm – “ok” €".to_owned(), Encoding::Windows1252));
         let french = b"cr\xe9\xe9e \xe0 l\x92\xe9cole, na\xefvet\xe9 : \xab oui \xbb, 5 \xb0C";
@@ -251,7 +252,7 @@ mod tests {
             assert!(said.contains(words) && said.ends_with("; save the file as UTF-8"), "{said}");
         };
         check(b"f\x81r", "0x81");
-        // "für" on an old Macintosh, "Ÿ" in Windows-1252.
+        // This is "für" on an old Macintosh, with "Ÿ" in Windows-1252.
         check(b"f\x9fr", "0x9f");
         check(
             "Größe"
@@ -263,7 +264,7 @@ mod tests {
                 .as_slice(),
             "0xf6",
         );
-        // Russian, Chinese, Polish; Spanish and the euro of an old Macintosh.
+        // Russian, Chinese and Polish text, then Spanish text and the euro sign from an old Macintosh.
         check(b"\xcf\xf0\xe8\xe2\xe5\xf2", "0xcf");
         check(b"title = \"\xb1\xdc\xbf\xaa\xbb\xfa\"", "0xb1");
         check(b"Za\xbf\xf3\xb3\xe6", "0xbf");
@@ -278,7 +279,7 @@ mod tests {
         assert_eq!(mixed, "UTF-8 and another encoding in one file; save the file as UTF-8");
     }
 
-    /// Gives one byte at a time.
+    /// A reader that returns one byte at a time.
     struct Slow<'a>(&'a [u8]);
 
     impl Read for Slow<'_> {
@@ -291,7 +292,7 @@ mod tests {
     proptest! {
         #[test]
         fn every_text_comes_through(text in any::<String>(), repeat in 1usize..3) {
-            // More than one decoding step.
+            // Long enough for several decoding steps.
             let text = text.repeat(repeat) + &"😀".repeat(20_000 * (repeat - 1));
             for bytes in [utf_16(&text, u16::to_le_bytes), utf_16(&text, u16::to_be_bytes)] {
                 prop_assert_eq!(&whole(&bytes).unwrap().0, &text);

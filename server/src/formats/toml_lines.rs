@@ -4,15 +4,15 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Why a text was rejected, and in which line.
+/// The reason why a text was rejected, and its line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{line}: {what}")]
 pub struct Complaint {
-    /// The line, from 1.
+    /// The line number, from 1.
     pub line: usize,
-    /// The field, such as `phases[0].scenes`; none if the text is not TOML.
+    /// The field, such as `phases[0].scenes`. `None` if the text is not TOML.
     pub field: Option<String>,
-    /// One line: what was expected and found.
+    /// What was expected and what was found, in one line.
     pub what: String,
 }
 
@@ -23,19 +23,19 @@ pub struct TomlLines<'a> {
     root: Spanned<DeTable<'a>>,
 }
 
-/// A value of a text that is not a table: its path, its line and the string, if it is one.
+/// A value of a text that is not a table, with its path and its line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Leaf {
     /// The names on the path to the value, joined by dots.
     pub key: String,
-    /// The line of its name, from 1.
+    /// The line number of its name, from 1.
     pub line: usize,
     /// The value, if it is a string.
     pub text: Option<String>,
 }
 
 impl<'a> TomlLines<'a> {
-    /// Reads a text.
+    /// Parses a text.
     ///
     /// # Errors
     /// [`Complaint`] if it is not TOML.
@@ -48,7 +48,7 @@ impl<'a> TomlLines<'a> {
         Ok(Self { text, root })
     }
 
-    /// The line of a field, such as `phases[0].scenes`; for a field that is not in the text, the line
+    /// The line of a field, such as `phases[0].scenes`. If the field is not in the text, the line
     /// of the innermost table or list around it.
     #[must_use]
     pub fn line_of(&self, field: &str) -> usize {
@@ -86,7 +86,7 @@ impl<'a> TomlLines<'a> {
         found
     }
 
-    /// The first whole number that does not fit 64 bits. TOML's own error names no field.
+    /// The first whole number that does not fit in 64 bits. TOML's own error does not name the field.
     #[must_use]
     pub fn too_large(&self) -> Option<Leaf> {
         self.root
@@ -164,7 +164,7 @@ fn line_at(text: &str, span: &Range<usize>) -> usize {
     1 + text.as_bytes().iter().take(span.start).filter(|byte| **byte == b'\n').count()
 }
 
-/// A message without line breaks.
+/// Replaces line breaks in a message by spaces.
 #[must_use]
 pub fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")

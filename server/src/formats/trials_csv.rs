@@ -1,8 +1,8 @@
-//! Reading trials.csv: whole trials, or an error with its line.
+//! Reads trials.csv. Returns whole trials, or an error with its line.
 //!
-//! A file is refused as a whole unless every row can be assigned to a participant: the file is a
-//! text table, every row has as many fields as the header, and each row names a participant. Any
-//! other fault concerns one participant only.
+//! A file is accepted only if every row can be assigned to a participant. The file must be a text
+//! table, every row must have as many fields as the header, and each row must name a participant.
+//! Any other fault concerns only one participant.
 
 mod row;
 
@@ -25,7 +25,7 @@ pub const REQUIRED: [&str; 11] =
 pub struct Contents {
     /// The participants with valid rows, in the order of their first rows.
     pub participants: Vec<RecordedParticipant>,
-    /// The other participants, in the order of lines.
+    /// The participants with a fault, in the order of lines.
     pub faults: Vec<ParticipantFault>,
     /// The dialect of the file.
     pub dialect: Dialect,
@@ -43,7 +43,7 @@ pub struct ParticipantFault {
 /// The participants of a file, in the order of their first rows, if all rows are valid.
 ///
 /// # Errors
-/// [`LineError`] of [`read_each`], or the first of its faults.
+/// The [`LineError`] of [`read_each`], or the first fault.
 pub fn read(
     file: impl Read,
     parameters: &SceneParameters,
@@ -52,13 +52,14 @@ pub fn read(
     faults.into_iter().next().map_or(Ok(participants), |fault| Err(fault.error))
 }
 
-/// The participants of a file, and those with an invalid row or trial: an impossible value, or
-/// steps other than 0, 1, 2, … to the end. Adjacent rows of a trial must be in order. If a trial's
-/// rows are scattered, as in a file sorted by another column, their order does not matter.
+/// The valid participants of a file, and the participants with an invalid row or trial. An invalid
+/// row has an impossible value. The steps of a valid trial are 0, 1, 2, … to the end. Adjacent rows
+/// of a trial must be in order. If a trial's rows are scattered, as in a file sorted by another
+/// column, their order does not matter.
 ///
 /// # Errors
-/// [`LineError`] if a row cannot be assigned to a participant (a missing column, text that is not
-/// UTF-8, another number of fields than the header, no participant), or if there is no row.
+/// [`LineError`] if a row cannot be assigned to a participant (a missing column, text that is not UTF-8, a
+/// number of fields that differs from the header's, no participant), or if there is no row.
 pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Contents, LineError> {
     let mut rows = Rows::of(file, parameters)?;
     let mut people: Vec<Person> = Vec::new();
@@ -94,24 +95,24 @@ pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Conten
     Ok(contents)
 }
 
-/// Whether the rows of each participant are together, as exports have them.
+/// Whether the rows of each participant are adjacent, as in exports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// They are: [`each`] can read the file.
+    /// The rows of each participant are adjacent, so [`each`] can read the file.
     Together,
-    /// A participant has rows in several places: only [`read`] can read the file.
+    /// The rows of a participant are in several places, so only [`read`] can read the file.
     Scattered,
 }
 
-/// Checks a file as [`read`] does, with one participant in memory, and returns its dialect. A
+/// Checks a file like [`read`], with only one participant in memory, and returns its dialect. A
 /// scattered file is not checked to its end.
 ///
 /// # Errors
-/// As [`read`].
+/// The errors of [`read`].
 pub fn check(file: impl Read, parameters: &SceneParameters) -> Result<(Order, Dialect), LineError> {
     let mut fault = None;
     let (order, dialect) = people(file, parameters, |found| {
-        // Continue: a row that cannot be assigned to a participant would be worse.
+        // Continue, because a row that cannot be assigned to a participant is the more serious error.
         fault = fault.take().or(found.err().map(|fault| fault.error));
         ControlFlow::Continue(())
     })?;
@@ -124,7 +125,7 @@ pub fn check(file: impl Read, parameters: &SceneParameters) -> Result<(Order, Di
 /// Passes the participants of a file one by one to `to`, until it returns `Break`.
 ///
 /// # Errors
-/// As [`read`], once the fault is reached; and for a scattered file.
+/// The errors of [`read`], when a fault is reached. A scattered file is also an error.
 pub fn each(
     file: impl Read,
     parameters: &SceneParameters,
@@ -148,7 +149,8 @@ pub fn each(
     }
 }
 
-/// Passes the participants one by one to `to`, until it returns `Break` or a participant comes again.
+/// Passes the participants one by one to `to`, until `to` returns `Break` or a participant's rows
+/// are found to be scattered.
 fn people(
     file: impl Read,
     parameters: &SceneParameters,
@@ -192,7 +194,7 @@ impl<R: Read> Rows<R> {
         Ok(Self { records, parser, any: false })
     }
 
-    /// The next row with its line and its participant; none at the end.
+    /// The next row, with its line and its participant. Returns `None` at the end.
     #[allow(clippy::type_complexity, reason = "a row, or what is wrong with it")]
     fn next(&mut self) -> Result<Option<(u64, &str, Result<Row, Invalid>)>, LineError> {
         let Some((line, record)) = self.records.read()? else {
@@ -216,7 +218,7 @@ struct Person {
     name: String,
     trials: Vec<Trial>,
     places: HashMap<u64, usize>,
-    /// The trial of the row before, unless another participant's rows came between.
+    /// The trial of the previous row, unless rows of another participant are in between.
     previous: Option<usize>,
     fault: Option<LineError>,
 }
@@ -227,7 +229,7 @@ impl Person {
         Self { name, trials: Vec::new(), places: HashMap::new(), previous: None, fault: None }
     }
 
-    /// Rows of another participant are between those of this one.
+    /// Must be called if rows of another participant are between two rows of this participant.
     fn comes_again(&mut self) {
         self.previous = None;
     }
@@ -253,7 +255,8 @@ impl Person {
         self.previous = Some(place);
     }
 
-    /// The participant, or the first invalid row or else the first invalid trial.
+    /// The participant. Otherwise returns the first invalid row or, if all rows are valid, the
+    /// first invalid trial.
     fn recorded(
         self,
         parameters: &SceneParameters,
@@ -274,7 +277,7 @@ impl Person {
     }
 }
 
-/// The rows of one trial with their lines, in file order; at least one.
+/// The rows of one trial with their lines, in file order. There is at least one row.
 struct Trial {
     number: u64,
     rows: Vec<(u64, Row)>,
@@ -294,7 +297,7 @@ impl Trial {
             push(&mut trial, trial_id, &row, parameters).map_err(at(line))?;
         }
         length("step", parameters.steps, trial.inputs.len()).map_err(at(last_line))?;
-        // The state after the last step follows from its input.
+        // The state after the last step is computed from the last input.
         if let (Some(&state), Some(&input)) = (trial.states.last(), trial.inputs.last()) {
             trial.states.push(state.advance(parameters, input, parameters.step_s));
         }
@@ -302,7 +305,7 @@ impl Trial {
     }
 }
 
-/// A trial without steps, from its first row.
+/// An empty trial with the data of its first row.
 fn begun(line: u64, row: &Row, rows: usize) -> RecordedTrial {
     RecordedTrial {
         line: Some(line),

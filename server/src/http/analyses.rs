@@ -1,4 +1,4 @@
-//! Analyses of a study: requests, progress, cancellation, files. The analysis worker computes them.
+//! Analyses of a study: requests, progress, cancellation and files. The analysis worker computes them.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -23,8 +23,8 @@ use std::io::Read;
 use std::sync::Arc;
 use uuid::Uuid;
 
-/// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new analysis; 200 if an identical
-/// request is queued already.
+/// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new analysis, and 200 if an identical
+/// request is already queued.
 pub async fn ask(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -60,7 +60,7 @@ pub async fn list(
     let found = app.store.analyses_page(study.id, before, limit + 1).await?;
     let (found, next_before) = page(found, limit, |analysis| analysis.sequence);
     let mut analyses: Vec<AnalysisSummary> = found.into_iter().map(summary).collect();
-    // The about fifty accuracies of an analysis are for its own page, not for a list.
+    // The roughly fifty accuracies of an analysis are shown on its own page, not in a list.
     analyses.iter_mut().filter_map(|of| of.result.as_mut()).for_each(|of| of.accuracies.clear());
     Ok(Json(AnalysisPage { next_before, analyses }))
 }
@@ -75,7 +75,8 @@ pub async fn show(
     Ok(Json(AnalysisDetail { summary: summary(analysis), files }))
 }
 
-/// `POST /api/v1/admin/analyses/{id}/cancel`: idempotent; 409 for an analysis that has ended by itself.
+/// `POST /api/v1/admin/analyses/{id}/cancel`: idempotent. 409 if the analysis has already ended in
+/// another way.
 pub async fn cancel(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -90,7 +91,7 @@ pub async fn cancel(
     Err(ApiError::conflict("over", message))
 }
 
-/// `DELETE /api/v1/admin/analyses/{id}`, with its files; a running analysis is cancelled.
+/// `DELETE /api/v1/admin/analyses/{id}`: also deletes its files, and cancels a running analysis.
 pub async fn delete(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -101,7 +102,7 @@ pub async fn delete(
     if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
-/// The content security policy of a report: only its inline styles and images.
+/// The content security policy of a report. It allows only inline styles and images.
 const REPORTS_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; \
                               base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
 
@@ -124,7 +125,7 @@ pub async fn file(
     };
     let mut answer = bytes.into_response();
     let mut set = |name, value: &str| {
-        // The program chose the name, so the header is valid.
+        // The program chose the file name, so the header is valid.
         if let Ok(value) = HeaderValue::from_str(value) {
             answer.headers_mut().insert(name, value);
         }
@@ -182,7 +183,7 @@ fn summary(stored: StoredAnalysis) -> AnalysisSummary {
     let progress = running.then(|| {
         let (done, of) = (stored.done.unsigned_abs(), stored.of.unsigned_abs());
         let elapsed_ms = stored.started_at_ms.map(|start| (now_ms() - start).max(0));
-        // Reused pieces took no time.
+        // Ignore cached pieces, because they took no time.
         let left_s = elapsed_ms.filter(|_| stored.fresh > 0).map(|elapsed_ms| {
             1e-3 * elapsed_ms as f64 * of.saturating_sub(done) as f64 / stored.fresh as f64
         });

@@ -26,11 +26,11 @@ pub struct App {
     pub default_study: String,
     /// The texts for participants.
     pub library: Library,
-    /// The key in the environment variable, if set; it replaces the first key.
+    /// The key in the environment variable, if set. It replaces the first key.
     pub environment_key: Option<ChosenKey>,
     /// Rate limits of requests and enrolments.
     pub pace: Pace,
-    /// Rate limits of wrong keys.
+    /// Rate limits for wrong keys.
     pub guesses: Guesses,
     /// Draws the scenes of plans.
     pub drawing: Bounded,
@@ -42,7 +42,7 @@ pub struct App {
     pub connections: Arc<Connections>,
     /// Notifies the analysis worker that an analysis is queued.
     pub analysis_asked: Arc<Notify>,
-    /// Upper bounds of the cost of an analysis.
+    /// Upper bounds on the cost of an analysis.
     pub analysis_limits: Limits,
     /// Notifies the solver that a study has a new configuration.
     pub study_stored: Arc<Notify>,
@@ -54,6 +54,6 @@ pub struct App {
     pub writes_backups: bool,
     /// The lengths of archives, for resuming downloads.
     pub lengths: Arc<Lengths>,
-    /// Cancelled when the server stops, which ends endless responses.
+    /// Cancelled when the server stops. This ends endless responses.
     pub stopping: CancellationToken,
 }

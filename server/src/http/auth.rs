@@ -18,18 +18,18 @@ use std::sync::Arc;
 /// The holder of a valid token whose participation has not ended.
 pub struct Me(pub Visitor);
 
-/// As [`Me`], in a study that is not archived: the holder may write.
+/// Like [`Me`], but the study is not archived, so the holder may write.
 pub struct Writer(pub Visitor);
 
 /// The holder of a valid token, even if their participation has ended.
 pub struct MeOrGone(pub Visitor);
 
-/// A participant who may write, and the trial in the URL, which is in their plan. It is extracted
-/// before the body is read, so other clients cannot send a body.
+/// A participant who may write, and the trial in the URL, which is in their plan. Both are checked
+/// before the body is read, so that other clients cannot send a body.
 pub struct Assigned {
     /// The participant.
     pub participant_id: String,
-    /// The configuration of their enrolment.
+    /// The configuration under which the participant enrolled.
     pub config: Arc<StudyConfig>,
     /// The trial.
     pub trial_id: String,
@@ -78,7 +78,7 @@ impl FromRequestParts<Arc<App>> for Assigned {
         let Assignment { visitor, config, scene } = found.ok_or_else(ApiError::unauthorized)?;
         check_going_on(&config, &visitor.participant)?;
         check_study(app, &visitor).await?;
-        // Another participant's trial gets the same response as a missing one.
+        // Another participant's trial gets the same response as a trial that does not exist.
         let scene = scene.ok_or_else(|| ApiError::not_found("trial of yours"))?;
         Ok(Self { participant_id: visitor.participant.id, config, trial_id, scene })
     }
@@ -112,13 +112,13 @@ impl Input for Assigned {
     }
 }
 
-/// The holder of the token in a request, if it is valid.
+/// The holder of the token in a request. Returns `None` if there is no valid token.
 ///
 /// # Errors
 /// If the database cannot be read.
 pub async fn visitor(app: &App, headers: &HeaderMap) -> Result<Option<Visitor>, ApiError> {
     let Some(token) = bearer(headers) else { return Ok(None) };
-    // Looking up the hash of 256 random bits leaks nothing through its timing.
+    // The looked-up hash is of 256 random bits, so the timing of the lookup leaks nothing.
     Ok(app.store.visitor(secrets::hash(token)).await?)
 }
 

@@ -1,4 +1,4 @@
-//! Bounded CPU work for requests: a few pieces run at a time, and a few more wait in a queue.
+//! Bounded CPU work for requests. A few pieces of work run at a time, and a few more wait in a queue.
 
 use crate::http::error::ApiError;
 use crate::store::StoreError;
@@ -11,19 +11,19 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Instant;
 use tokio::sync::{Semaphore, oneshot};
 
-/// Runs work on separate threads, at most one per processor, leaving one processor for other
-/// requests. A client that disconnects before its turn costs nothing.
+/// Runs work on separate threads, at most one per processor, and leaves one processor for other
+/// requests. A client that disconnects while it waits costs nothing.
 #[derive(Debug)]
 pub struct Bounded {
     turns: Arc<Semaphore>,
     waiting: AtomicUsize,
     most_waiting: usize,
-    /// The pause after a piece of work, as a multiple of the time that the work took.
+    /// The pause after a piece of work, as a multiple of the duration of the work.
     pause: u32,
 }
 
 impl Bounded {
-    /// At most `most_waiting` pieces of work wait; more are refused.
+    /// Lets at most `most_waiting` pieces of work wait, and refuses more.
     #[must_use]
     pub fn new(most_waiting: usize) -> Self {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -31,14 +31,14 @@ impl Bounded {
         Self { turns, waiting: AtomicUsize::new(0), most_waiting, pause: 0 }
     }
 
-    /// The same, with a pause after each piece of work: `pause` times as long as the work. A flood
-    /// of requests then leaves most of the time for other requests.
+    /// Adds a pause after each piece of work, `pause` times as long as the work. A flood of
+    /// requests then leaves most of the time for other requests.
     #[must_use]
     pub fn with_pauses(self, pause: u32) -> Self {
         Self { pause, ..self }
     }
 
-    /// A place in the queue, to be used when there is work.
+    /// Reserves a place in the queue, for work that follows.
     ///
     /// # Errors
     /// 503 if too many pieces of work are waiting.
@@ -51,13 +51,13 @@ impl Bounded {
     }
 }
 
-/// The same for work that unauthenticated clients can request without limit: origins take turns,
-/// and no request is refused. A flood from one origin delays another only by the work in progress,
+/// Bounded work that unauthenticated clients can request without limit. Origins take turns, and no
+/// request is refused. A flood from one origin delays another origin only by the work in progress,
 /// and by one piece of work for each waiting origin.
 #[derive(Debug)]
 pub struct TakingTurns {
     work: Bounded,
-    /// One permit per origin: only one request of each origin is in the queue.
+    /// One permit per origin, so that only one request of each origin is in the queue.
     turns: Mutex<HashMap<IpAddr, Weak<Semaphore>>>,
 }
 
@@ -114,12 +114,12 @@ impl InLine<'_> {
         drop(self.waiting);
         let pause = self.pause;
         let (answer, answered) = oneshot::channel();
-        // The permit is held until the work and its pause are over, even if the request is cancelled.
+        // Hold the permit until the work and its pause are over, even if the request is cancelled.
         tokio::spawn(async move {
             let begun = Instant::now();
             let done = threads::run_in_spare_time("for-a-request", work).await;
             let took = begun.elapsed();
-            // If the request was cancelled, nobody receives the result.
+            // If the request was cancelled, there is no receiver.
             let _ = answer.send(done);
             tokio::time::sleep(took * pause).await;
             drop(turn);
@@ -129,7 +129,7 @@ impl InLine<'_> {
     }
 }
 
-/// Counts as waiting until it is dropped.
+/// Counts one waiting piece of work until it is dropped.
 #[derive(Debug)]
 struct Waiting<'a> {
     all: &'a AtomicUsize,

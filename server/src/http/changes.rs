@@ -1,5 +1,5 @@
-//! Server-sent events for open pages: they learn that something has changed, and request their data
-//! again. Events contain no data, so access is checked when the data are requested.
+//! Server-sent events for open pages. An event tells a page that something has changed, and the page then
+//! requests its data again. Events contain no data, so access is checked when the data are requested.
 
 use crate::http::app::App;
 use crate::http::experimenters::Reader;
@@ -12,14 +12,14 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch;
 
-/// Minimum interval between two events, however much is stored.
+/// Minimum interval between two events, regardless of the number of commits.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// Duration of a response. The browser then reconnects, and its session is checked again.
+/// Maximum duration of a response. The browser then reconnects, and its session is checked again.
 const LONGEST: Duration = Duration::from_secs(300);
 
-/// `GET /api/v1/admin/changes`: an event `change` immediately and after every commit, at most one a
-/// second; its data are the number of commits since the server started.
+/// `GET /api/v1/admin/changes`: an event `change` immediately and after every commit, at most one
+/// per second. The data of an event is the number of commits since the server started.
 pub async fn follow(
     Reader(me): Reader,
     State(app): State<Arc<App>>,

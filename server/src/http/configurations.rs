@@ -1,7 +1,8 @@
-//! The configurations of studies, as experimenters edit them: drafts of study files, checked, shown and stored.
+//! The configurations of studies, as experimenters edit them. Drafts of study files are checked,
+//! shown and stored.
 //!
-//! A configuration in use is never edited: enrolled participants keep theirs, and new participants
-//! get the new one.
+//! A configuration in use is never edited. Enrolled participants keep their configuration, and new
+//! participants get the new one.
 
 use crate::design;
 use crate::formats::study_toml::{StudyFile, read_unchecked, written};
@@ -31,7 +32,7 @@ use sidestep::study::StudyConfig;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Maximum number of scenes in the picture of a draft; fewer participants are drawn if there are more.
+/// Maximum number of scenes in the picture of a draft. If there are more, fewer participants are drawn.
 const MOST_SCENES: u64 = 3_000;
 
 /// `GET /api/v1/admin/studies/{slug}/configuration`.
@@ -43,7 +44,7 @@ pub async fn show(
     configuration(&app, named(&app.store, &slug).await?).await.map(Json)
 }
 
-/// `POST /api/v1/admin/drafts`: 200 even for an invalid draft, with the error.
+/// `POST /api/v1/admin/drafts`: 200 even for an invalid draft, whose error is in the response.
 pub async fn check(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -52,7 +53,8 @@ pub async fn check(
     checked(&app, draft).await.map(Json)
 }
 
-/// `POST /api/v1/admin/drafts/form`: the same for the values of a form, which are written as a study file.
+/// `POST /api/v1/admin/drafts/form`: like [`check`], for the values of a form. They are written as
+/// a study file.
 pub async fn check_form(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -64,7 +66,7 @@ pub async fn check_form(
         let (config, languages) = (Some(config.clone()), languages(&app));
         Ok(Json(DraftChecked { complaint, config, languages, ..DraftChecked::default() }))
     };
-    // Without a name, the check would be of the paper's study; and a JSON array is never a study.
+    // Without a slug, the paper's study would be checked. A JSON array is never a study.
     if !config.get("slug").is_some_and(Value::is_string) {
         let found = config.get("slug").map_or_else(|| "none".to_owned(), Value::to_string);
         let invalid = Invalid::new("slug", "the study's name in addresses", found);
@@ -87,7 +89,7 @@ pub async fn check_form(
 }
 
 /// Adds the valid range to a complaint about a field that is empty or has a number of the wrong
-/// type. The range comes from the study's own check, which is run with a number outside it.
+/// type. The range is taken from the study's own check of numbers outside the range.
 fn with_range(config: &Value, invalid: Invalid) -> Invalid {
     let pointer = format!("/{}", invalid.field.replace(['.', '['], "/").replace(']', ""));
     if !matches!(config.pointer(&pointer), Some(Value::Null | Value::Number(_))) {
@@ -114,7 +116,7 @@ async fn checked(app: &Arc<App>, draft: Draft) -> Result<DraftChecked, ApiError>
         Ok(read) => read,
         Err(complaint) => {
             let complaint = Some(remark(complaint));
-            // A form cannot show a number that JSON does not support.
+            // A form cannot show a number that JSON does not support, such as NaN.
             let config = read_unchecked(&toml).ok().and_then(|study| {
                 let config = serde_json::to_value(study).ok()?;
                 from_value::<StudyConfig>(&config).is_ok().then_some(config)
@@ -171,8 +173,8 @@ pub async fn make(
     Ok((StatusCode::CREATED, Json(stored(&app, study).await?)))
 }
 
-/// `PUT /api/v1/admin/studies/{slug}/configuration`: the configuration of new participants. 409
-/// `changed` if the study no longer has the configuration that the draft is based on.
+/// `PUT /api/v1/admin/studies/{slug}/configuration`: changes the configuration for new participants. 409
+/// `changed` if the study no longer has the configuration on which the draft is based.
 pub async fn change(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -190,8 +192,8 @@ pub async fn change(
     replace(&app, &me, &present, new, base).await.map(Json)
 }
 
-/// `PUT /api/v1/admin/studies/{slug}/status`: opens, closes or archives a study; the rest of its
-/// configuration stays.
+/// `PUT /api/v1/admin/studies/{slug}/status`: opens, closes or archives a study. The rest of its
+/// configuration is unchanged.
 pub async fn set_status(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -215,7 +217,7 @@ async fn replace(
     present.config.check_successor(new, participants(&app.store, slug).await?)?;
     let fields: Vec<_> =
         changes(&present.config, new)?.into_iter().map(|change| change.field).collect();
-    // Field names contain no personal data.
+    // Field names contain no personal data, so the audit trail may have them.
     let subject = if fields.is_empty() { "nothing".to_owned() } else { fields.join(", ") };
     let entry = me.does(Action::StudyChanged, Some(slug), Some(subject));
     match app.store.change_study(new, base, entry).await? {
@@ -229,7 +231,7 @@ async fn replace(
     }
 }
 
-/// Follow-up after a study has been stored.
+/// Does the follow-up work after a study was stored.
 async fn stored(app: &App, study: StoredStudy) -> Result<Configuration, ApiError> {
     safety::keep_exact(&app.store, &study).await?;
     app.study_stored.notify_one();
@@ -277,7 +279,7 @@ async fn versions(app: &App, study: &StoredStudy) -> Result<Vec<ConfigurationVer
     Ok(versions)
 }
 
-/// Reads a draft. This draws scenes, which takes time.
+/// Reads a draft. This draws its scenes, which takes time.
 async fn read_draft(
     app: &Arc<App>,
     toml: String,
@@ -286,7 +288,7 @@ async fn read_draft(
     app.drawing.queue()?.run(move || shared.library.languages().read_draft(&toml)).await
 }
 
-/// The study of a draft.
+/// The study of a valid draft.
 async fn accepted(app: &Arc<App>, toml: String) -> Result<StudyFile, ApiError> {
     let read = read_draft(app, toml).await?;
     let (file, _) = read.map_err(|Complaint { line, what, .. }| {
@@ -310,7 +312,7 @@ fn picture(study: &StudyConfig) -> Result<String, ApiError> {
 }
 
 /// The fields in which two configurations differ, ordered by name. Lists of tables are compared
-/// element by element, other lists as a whole.
+/// element by element, and other lists as a whole.
 fn changes(before: &StudyConfig, after: &StudyConfig) -> Result<Vec<Change>, ApiError> {
     let leaves = |config: &StudyConfig| -> Result<BTreeMap<String, String>, ApiError> {
         let document = serde_json::to_value(config).context("a configuration as JSON")?;

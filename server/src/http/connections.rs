@@ -1,5 +1,4 @@
-//! The open connections: their maximum number, and which are closed when clients keep them open
-//! without progress.
+//! The open connections: their maximum number, their timeouts, and the choice of connections to close.
 
 use crate::http::peer::origin;
 use std::collections::HashMap;
@@ -9,27 +8,28 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 
-/// Timeout of the head of a request, from its first byte; also from connecting to this byte.
+/// Timeout for the head of a request, counted from its first byte. Also the timeout from the
+/// opening of a connection to this byte.
 pub const HEAD_LIMIT: Duration = Duration::from_secs(10);
-/// Timeout between two requests.
+/// Timeout between a response and the next request.
 const PAUSE_LIMIT: Duration = Duration::from_secs(75);
-/// Timeout of the body of a request; the request's own timeout is shorter.
+/// Timeout for the body of a request. The request's own timeout is shorter.
 const BODY_LIMIT: Duration = Duration::from_secs(40);
-/// Timeout of a client that reads nothing of a pending response.
+/// Timeout for a client that reads nothing of a pending response.
 const BLOCKED_LIMIT: Duration = Duration::from_secs(60);
 
-/// Upper bounds for all connections together.
+/// Upper bounds on all connections together.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Connections.
+    /// Number of connections.
     pub all: usize,
-    /// Connections per origin.
+    /// Number of connections per origin.
     pub each: usize,
-    /// Bytes of incomplete bodies.
+    /// Total size of incomplete bodies (bytes).
     pub body_bytes: usize,
 }
 
-/// State of a connection.
+/// The state of a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// Idle since it was opened.
@@ -48,9 +48,9 @@ enum Phase {
 struct State {
     phase: Phase,
     since: Instant,
-    /// Since when the client has read nothing of the pending response.
+    /// The time since which the client has read nothing of the pending response.
     blocked_since: Option<Instant>,
-    /// Bytes of the body that have arrived.
+    /// Number of bytes of the body that have arrived.
     body_bytes: usize,
 }
 
@@ -58,9 +58,9 @@ struct State {
 #[derive(Debug)]
 pub struct Watch {
     state: Mutex<State>,
-    /// Cancelled to close it.
+    /// Cancelled to close the connection.
     pub closed: CancellationToken,
-    /// Bytes of the bodies of all connections.
+    /// Total number of bytes of the incomplete bodies of all connections.
     all_body_bytes: Arc<AtomicUsize>,
 }
 
@@ -78,7 +78,8 @@ impl Watch {
         self.all_body_bytes.fetch_sub(bytes, Ordering::Relaxed);
     }
 
-    /// Records that bytes arrived. Returns whether they belong to the head of a request, and whether it begins.
+    /// Records that bytes arrived. Returns whether they belong to the head of a request, and
+    /// whether the head begins with them.
     pub fn received(&self) -> (bool, bool) {
         let mut state = self.state();
         let begins = matches!(state.phase, Phase::New | Phase::Pausing);
@@ -93,7 +94,8 @@ impl Watch {
         self.enter(if has_body { Phase::Body } else { Phase::Answered });
     }
 
-    /// Records that a part of the body has arrived. Returns the bytes that all connections hold.
+    /// Records that a part of the body has arrived. Returns the number of bytes of incomplete
+    /// bodies on all connections.
     pub fn has_body(&self, bytes: usize) -> usize {
         self.state().body_bytes += bytes;
         self.all_body_bytes.fetch_add(bytes, Ordering::Relaxed) + bytes
@@ -109,7 +111,7 @@ impl Watch {
         self.enter(Phase::Pausing);
     }
 
-    /// Records whether the client took the bytes to be sent.
+    /// Records whether the client accepted the bytes to be sent.
     pub fn sent(&self, was_taken: bool) {
         let mut state = self.state();
         if was_taken {
@@ -132,8 +134,8 @@ impl Watch {
             || state.blocked_since.is_some_and(|since| past(since, BLOCKED_LIMIT))
     }
 
-    /// Since when the server has been waiting for this client, to send a request or to read a
-    /// response; none if the client waits for the server.
+    /// The time since which the server has been waiting for the client to send a request or to read
+    /// a response. `None` if the client waits for the server.
     fn idle_since(&self) -> Option<Instant> {
         let state = self.state();
         match state.phase {
@@ -142,7 +144,7 @@ impl Watch {
         }
     }
 
-    /// Since when the client has been sending a body.
+    /// The time since which the client has been sending a body. `None` if it is not sending one.
     fn body_since(&self) -> Option<Instant> {
         let state = self.state();
         (state.phase == Phase::Body).then_some(state.since)
@@ -177,9 +179,9 @@ impl Connections {
         Self { limits, table: Mutex::default(), body_bytes: Arc::default() }
     }
 
-    /// Makes room for a connection from `address`; none if all other clients wait for this server,
-    /// so that closing a connection would abort a request. Connections of a proxy are not counted
-    /// per address.
+    /// Adds a connection from `address`, and closes other connections if necessary. Returns `None`
+    /// if no connection can be closed because all of these clients are waiting for this server;
+    /// closing one would abort a request. Connections of a proxy are not counted per address.
     pub fn admit(self: &Arc<Self>, address: IpAddr, is_proxy: bool) -> Option<Admitted> {
         let origin = origin(address);
         let mut table = self.table();
@@ -212,7 +214,7 @@ impl Connections {
         Some(Admitted { id, watch, connections: Arc::clone(self) })
     }
 
-    /// Closes some connections on which the server waits for the client, since the system cannot
+    /// Closes some connections on which the server waits for the client, because the system cannot
     /// open another one.
     pub fn make_room(&self) {
         self.table().make_room(None);
@@ -224,13 +226,14 @@ impl Connections {
         self.table().open.len()
     }
 
-    /// Closes the connections that take too long.
+    /// Closes the connections that have exceeded a timeout.
     pub fn close_overdue(&self) {
         let now = Instant::now();
         self.table().close_those(|watch| watch.is_overdue(now));
     }
 
-    /// Closes the connections that have been sending their bodies longest, if all bodies together are too long.
+    /// Closes the connections that have been sending their bodies longest, if the total size of all
+    /// bodies is too large.
     pub fn relieve(&self, held: usize) {
         if held <= self.limits.body_bytes {
             return;
@@ -242,7 +245,8 @@ impl Connections {
         });
         let mut senders: Vec<_> = senders.collect();
         senders.sort_unstable();
-        // Connections closed just now are no longer in the table; their bytes are released.
+        // Recompute the total. A connection that was just closed is no longer in the table,
+        // although its bytes may not be released yet.
         let mut held: usize = senders.iter().map(|(_, _, bytes)| bytes).sum();
         for (_, id, bytes) in senders {
             if held <= self.limits.body_bytes / 4 * 3 {
@@ -263,8 +267,8 @@ impl Table {
         self.counts.get(&origin).copied().unwrap_or(0)
     }
 
-    /// Closes the connections, of one origin or of all, on which the server has been waiting
-    /// longest: several at once, so that the search is rare. Returns how many.
+    /// Closes the connections (of one origin, or of all) on which the server has been waiting longest.
+    /// Closes several at once, so that the search is rare. Returns the number of closed connections.
     fn make_room(&mut self, origin: Option<IpAddr>) -> usize {
         let of_origin = |from: IpAddr| origin.is_none_or(|origin| origin == from);
         let idle = self.open.iter().filter(|(_, (from, _))| of_origin(*from));
@@ -308,7 +312,7 @@ pub struct Admitted {
 }
 
 impl Admitted {
-    /// The table that has this connection.
+    /// The table that contains this connection.
     #[must_use]
     pub fn connections(&self) -> Arc<Connections> {
         Arc::clone(&self.connections)

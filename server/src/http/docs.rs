@@ -11,7 +11,7 @@ use minijinja::{AutoEscape, Environment};
 use serde_json::Value;
 use std::sync::Arc;
 
-/// Placeholder in the site's page for the content.
+/// Placeholder for the content in the site's page.
 const PLACE: &str = "<!-- The server puts the document here. -->";
 
 /// The documentation in both formats.
@@ -22,10 +22,10 @@ pub struct Published {
 }
 
 impl Published {
-    /// Renders the documentation; `shell` is the site's page for it, without its content.
+    /// Renders the documentation. `shell` is the site's page for it, without its content.
     ///
     /// # Panics
-    /// If the template is wrong: a defect of this program.
+    /// If the template is invalid, which is a defect of this program.
     #[must_use]
     pub fn of(document: &Value, shell: &str) -> Self {
         let mut templates = Environment::new();

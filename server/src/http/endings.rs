@@ -1,36 +1,36 @@
-//! Return links of participants whose participation has ended, from the study's configuration.
+//! Return links for participants whose participation has ended, from the study's configuration.
 
 use crate::http::error::ApiError;
 use crate::store::participants::Participant;
 use sidestep::api::Admission;
 use sidestep::study::{Recruitment, StudyConfig};
 
-/// The return link of a participant who has the completion code.
+/// The return link for a participant who gets the completion code.
 #[must_use]
 pub fn completed_url(config: &StudyConfig, me: &Participant, code: &str) -> Option<String> {
     filled(&config.recruitment.completed_url, Some(code), me)
 }
 
-/// The return link of a participant whom the check of understanding screened out.
+/// The return link for a participant whom the comprehension check screened out.
 #[must_use]
 pub fn screened_out_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.screened_out_url, None, me)
 }
 
-/// The return link of a participant who has withdrawn.
+/// The return link for a participant who has withdrawn.
 #[must_use]
 pub fn withdrawn_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.withdrawn_url, None, me)
 }
 
-/// The return link of a participant who has finished, without the completion code, since some
-/// tokens may not see the code.
+/// The return link for a participant who has finished. It does not contain the completion code,
+/// because the holders of some tokens may not see the code.
 #[must_use]
 pub fn finished_url(config: &StudyConfig, me: &Participant) -> Option<String> {
     filled(&config.recruitment.finished_url, None, me)
 }
 
-/// The return link of a newcomer whom the study does not admit.
+/// The return link for a newcomer whom the study does not admit.
 #[must_use]
 pub fn newcomers_url(
     config: &StudyConfig,
@@ -45,7 +45,7 @@ pub fn newcomers_url(
     Recruitment::filled(url, None, external_id.map(str::trim))
 }
 
-/// Whether a participant can continue, and their return link if they cannot.
+/// Whether a participant can continue. Otherwise also returns their return link.
 #[must_use]
 pub fn standing(config: &StudyConfig, me: &Participant) -> (Admission, Option<String>) {
     if me.withdrawn_at_ms.is_some() {
@@ -62,7 +62,7 @@ pub fn standing(config: &StudyConfig, me: &Participant) -> (Admission, Option<St
 /// Refuses participants who have withdrawn or were screened out.
 ///
 /// # Errors
-/// [`over`].
+/// The error of [`over`].
 pub fn check_going_on(config: &StudyConfig, me: &Participant) -> Result<(), ApiError> {
     let is_over = me.withdrawn_at_ms.is_some() || me.screened_out;
     if is_over { Err(over(config, me)) } else { Ok(()) }
@@ -77,7 +77,7 @@ pub fn over(config: &StudyConfig, me: &Participant) -> ApiError {
     }
 }
 
-/// The link with its placeholders filled in; pilots have none.
+/// The link with its placeholders filled in. Pilot participants get no link.
 fn filled(url: &str, code: Option<&str>, me: &Participant) -> Option<String> {
     let external_id = me.external_id.as_deref().map(str::trim);
     if me.pilot { None } else { Recruitment::filled(url, code, external_id) }

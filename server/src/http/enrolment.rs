@@ -26,8 +26,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use uuid::Uuid;
 
-/// `POST /api/v1/studies/{slug}/participants`: 201 for a new participant; 200 with the same plan
-/// and another token for a participant known by request id or external id.
+/// `POST /api/v1/studies/{slug}/participants`: 201 for a new participant. 200, with the same plan
+/// and a new token, for a participant who is known by the request id or the external id.
 pub async fn enrol(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -43,7 +43,7 @@ pub async fn enrol(
         let expected = "the id of your recruiting service, in the link that it gave you";
         return Err(Invalid::new("external_id", expected, "none").into());
     }
-    // Before anything is stored: if the queue is full, nobody is enrolled without scenes.
+    // Do this before anything is stored, so that nobody is enrolled without scenes if the queue is full.
     let drawing = app.drawing.queue()?;
     let page = body
         .locale
@@ -106,7 +106,7 @@ pub async fn enrol(
     Ok((status, Json(Enrolled { participant_id, token, plan })))
 }
 
-/// The return link of a participant who cannot enrol; pilots have none.
+/// The return link for a participant who cannot enrol. Pilot participants get no link.
 fn goes_to(study: &StoredStudy, admission: Admission, body: &Enrolment) -> Option<String> {
     let to = || newcomers_url(&study.config, admission, body.external_id.as_deref());
     if body.pilot { None } else { to() }
@@ -118,7 +118,8 @@ fn is_synthetic(body: &Enrolment) -> bool {
     said == Some(&Value::Bool(true))
 }
 
-/// A request is identified by its id, its external id, and whether it is for a pilot.
+/// A hash of the request id, the external id, and whether the request is for a pilot. They identify
+/// a request.
 fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
     let kind = if body.pilot { "pilot " } else { "" };
     body.request_id.as_ref().map(|id| match &body.external_id {
@@ -127,7 +128,7 @@ fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
     })
 }
 
-/// The URL parameters that the study records, as JSON; none if there are none.
+/// The URL parameters that the study records, as JSON. `None` if there are no such parameters.
 fn recorded(config: &StudyConfig, parameters: &Object<String>) -> Result<Option<String>, ApiError> {
     let wanted = |name: &str| config.recruitment.record.iter().any(|known| known == name);
     let kept: BTreeMap<_, _> = parameters.iter().filter(|(name, _)| wanted(name)).collect();
@@ -160,7 +161,7 @@ fn plan_rows(config: &StudyConfig, place: u64) -> Result<Vec<PlannedRow>, StoreE
     Ok((0..).zip(scenes).zip(trial_ids()).map(row).collect())
 }
 
-/// The plan for the participant's page, from its rows; phases in configuration order.
+/// The plan for the participant's page, from its rows. Phases are in the order of the configuration.
 #[must_use]
 pub fn plan(config: &StudyConfig, rows: &[PlannedRow]) -> Plan {
     let scene = |row: &PlannedRow| PlannedScene {

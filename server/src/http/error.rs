@@ -1,4 +1,4 @@
-//! The error of every handler, and its body.
+//! The error type of all handlers, and its response body.
 
 use crate::http::throttle::seconds;
 use crate::store::StoreError;
@@ -20,19 +20,19 @@ pub enum ApiError {
         /// Body of the response.
         problem: Problem,
     },
-    /// Rate-limited; the client may retry after this time.
+    /// The request was rate-limited. The client may retry after this time.
     #[error("too many {0}")]
     Throttled(&'static str, Duration),
-    /// The store is temporarily unavailable; the client may retry.
+    /// The store is temporarily unavailable. The client may retry.
     #[error("{0}")]
     Unavailable(StoreError),
-    /// A defect of this program; logged, never sent.
+    /// A defect of this program. It is logged, and never sent.
     #[error("{0:#}")]
     Internal(#[from] anyhow::Error),
 }
 
 impl ApiError {
-    /// A response with this status, a stable code and a sentence.
+    /// A response with this status, a stable code, and a message.
     pub fn new(status: StatusCode, code: &str, message: impl Into<String>) -> Self {
         let (code, message) = (code.to_owned(), message.into());
         Self::Problem { status, problem: Problem { code, message, field: None, return_url: None } }
@@ -47,12 +47,12 @@ impl ApiError {
         }
     }
 
-    /// 400 `malformed`: the body is not JSON.
+    /// 400 `malformed`: the body is not valid JSON.
     pub fn malformed(message: impl Into<String>) -> Self {
         Self::new(StatusCode::BAD_REQUEST, "malformed", message)
     }
 
-    /// 401, the same for every reason.
+    /// 401 `unauthorized`. The response is the same for every reason.
     #[must_use]
     pub fn unauthorized() -> Self {
         let message = "this needs a valid token or key";
@@ -65,17 +65,17 @@ impl ApiError {
         Self::new(StatusCode::NOT_FOUND, "not_found", format!("there is no such {what}"))
     }
 
-    /// 409 with its own code.
+    /// 409 with this code.
     pub fn conflict(code: &str, message: impl Into<String>) -> Self {
         Self::new(StatusCode::CONFLICT, code, message)
     }
 
-    /// 403 with its own code.
+    /// 403 with this code.
     pub fn forbidden(code: &str, message: impl Into<String>) -> Self {
         Self::new(StatusCode::FORBIDDEN, code, message)
     }
 
-    /// 403: the token was given to a client that knew only the external id.
+    /// 403: the token was given to a client that only knew the external id.
     #[must_use]
     pub fn not_yours() -> Self {
         let message = "use the browser in which you began or your personal link, or ask the \
@@ -83,20 +83,20 @@ impl ApiError {
         Self::forbidden("not_yours", message)
     }
 
-    /// 410: the study is archived; participants go to this return link.
+    /// 410: the study is archived. Participants are sent to this return link.
     #[must_use]
     pub fn archived(return_url: Option<String>) -> Self {
         let message = "this study is over; nothing more is stored";
         Self::ended(StatusCode::GONE, "archived", message, return_url)
     }
 
-    /// 403: the study admits no new participants; they go to this return link.
+    /// 403: the study admits no new participants. They are sent to this return link.
     #[must_use]
     pub fn no_admission(code: &str, message: &str, return_url: Option<String>) -> Self {
         Self::ended(StatusCode::FORBIDDEN, code, message, return_url)
     }
 
-    /// 410: the check of understanding ended the participation; the participant goes to this return link.
+    /// 410: the comprehension check ended the participation. The participant is sent to this return link.
     #[must_use]
     pub fn screened_out(return_url: Option<String>) -> Self {
         let message = "this participation has ended: the answers about the instructions were wrong \
@@ -104,7 +104,7 @@ impl ApiError {
         Self::ended(StatusCode::GONE, "screened_out", message, return_url)
     }
 
-    /// 410: the participant has withdrawn and goes to this return link.
+    /// 410: the participant has withdrawn, and is sent to this return link.
     #[must_use]
     pub fn withdrawn(return_url: Option<String>) -> Self {
         let message = "this participation was withdrawn; nothing more is stored";
@@ -129,12 +129,12 @@ impl From<Invalid> for ApiError {
 }
 
 impl From<StoreError> for ApiError {
-    /// Temporary faults, and those that the operator can repair, such as a full disk, become a 503,
-    /// so that the client keeps its data and retries. All others are defects of this program.
+    /// Temporary faults and faults that the operator can repair, such as a full disk, become a 503,
+    /// so that the client keeps its data and retries. All other faults are defects of this program.
     fn from(error: StoreError) -> Self {
         match error {
             StoreError::Revoked => Self::unauthorized(),
-            // The operator must repair a damaged file; browsers keep their data until then.
+            // The operator must repair a damaged file. Browsers keep their data until then.
             error if error.is_temporary() || matches!(error, StoreError::Corrupt(_)) => {
                 Self::Unavailable(error)
             }
@@ -143,7 +143,7 @@ impl From<StoreError> for ApiError {
     }
 }
 
-/// Value of `Retry-After` for a 503, s: a full queue empties quickly, a full disk does not.
+/// Value of `Retry-After` for a 503 (s). A full queue empties quickly, and a full disk does not.
 fn retry_after_s(error: &StoreError) -> u64 {
     if *error == StoreError::Busy { 1 } else { 5 }
 }

@@ -1,4 +1,5 @@
-//! Request bodies with records of a participant's browser: evidence that is kept, whatever it contains.
+//! Request bodies with records from a participant's browser. They are evidence, and are kept
+//! whatever they contain.
 
 use crate::http::error::ApiError;
 use crate::http::json::{self, JsonBody};
@@ -9,9 +10,9 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 
-/// A [`JsonBody`] in which U+FFFD replaces each character that a database or file cannot hold:
+/// A [`JsonBody`] in which U+FFFD replaces each character that a database or file cannot contain:
 /// control characters other than tab and line ends, and unpaired surrogates ("\ud800").
-/// Participants who type or paste one must not be rejected.
+/// Participants who type or paste such a character must not be rejected.
 pub struct EvidenceBody<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for EvidenceBody<T> {
@@ -21,7 +22,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for EvidenceBody<T> {
         let bytes = json::body(request).await?;
         match std::str::from_utf8(&bytes) {
             Ok(text) => json::parse(legible(text).as_bytes()).map(Self),
-            // Reports the same error as for any other body.
+            // Report the same error as for any other body.
             Err(_) => json::parse(&bytes).map(Self),
         }
     }
@@ -33,10 +34,11 @@ impl<T: JsonSchema> Input for EvidenceBody<T> {
     }
 }
 
-/// A JSON text in which U+FFFD replaces each character in strings that a file cannot hold. Invalid
-/// JSON stays invalid.
+/// A JSON text in which U+FFFD replaces each character in a string that a file cannot contain.
+/// Invalid JSON stays invalid.
 fn legible(text: &str) -> Cow<'_, str> {
-    // Escapes, DEL, and the first byte of U+0080 to U+009F: most bodies have none of them.
+    // Backslash (for escapes), DEL, and the first byte of U+0080 to U+009F. Most bodies contain
+    // none of them.
     if memchr::memchr3(b'\\', 0x7f, 0xc2, text.as_bytes()).is_none() {
         return Cow::Borrowed(text);
     }
@@ -48,7 +50,7 @@ fn legible(text: &str) -> Cow<'_, str> {
         in_string ^= next == '"';
         let is_hidden = match next {
             '\\' => is_hidden_escape(piece),
-            // The remaining control characters are invalid in JSON unless escaped.
+            // JSON with any other unescaped control character is invalid.
             other => other >= '\u{7f}' && is_hidden(other.into()),
         };
         found.push_str(if in_string && is_hidden { "\u{fffd}" } else { piece });
@@ -57,7 +59,7 @@ fn legible(text: &str) -> Cow<'_, str> {
     Cow::Owned(found)
 }
 
-/// Length of the escape at the beginning of a text, bytes; of both escapes of a surrogate pair.
+/// Length of the escape at the start of a text (bytes). For a surrogate pair, the length of both escapes.
 fn escape_length(text: &str) -> usize {
     let one = |text: &str| match text.as_bytes().get(1) {
         Some(b'u') => code(text).map(|code| (6, code)),
@@ -69,30 +71,30 @@ fn escape_length(text: &str) -> usize {
             _ => length,
         },
         Some((length, _)) => length,
-        // A backslash and the character after it.
+        // A backslash and the next character.
         None => text.chars().take(2).map(char::len_utf8).sum(),
     }
 }
 
-/// The code in `\uXXXX` at the beginning of a text.
+/// The code in `\uXXXX` at the start of a text.
 fn code(text: &str) -> Option<u32> {
     let digits = text.get(2..6)?;
     let is_hex = digits.bytes().all(|digit| digit.is_ascii_hexdigit());
     is_hex.then(|| u32::from_str_radix(digits, 16).ok()).flatten()
 }
 
-/// Whether an escape is a character that a file cannot hold.
+/// Whether an escape is a character that a file cannot contain.
 fn is_hidden_escape(escape: &str) -> bool {
     match escape.as_bytes().get(1) {
         Some(b'b' | b'f') => true,
-        // A surrogate pair is twice as long.
+        // The escapes of a surrogate pair are twice as long.
         Some(b'u') if escape.len() == 6 => code(escape).is_some_and(is_hidden),
         _ => false,
     }
 }
 
-/// Whether a file cannot hold the character with this code: a control character other than tab and
-/// line ends, or an unpaired surrogate.
+/// Whether a file cannot contain the character with this code: a control character other than tab
+/// and line ends, or an unpaired surrogate.
 fn is_hidden(code: u32) -> bool {
     match char::from_u32(code) {
         Some(c) => c.is_control() && !matches!(c, '\t' | '\n' | '\r'),
@@ -114,7 +116,7 @@ mod tests {
             r#""\ud83d\ude00""#,
             r#""\\u0000 \\ud800""#,
             "\"\u{e4}\u{a0}\u{fffd}\"",
-            // Invalid JSON: unchanged, so that the parser reports it.
+            // Invalid JSON is unchanged, so that the parser reports it.
             r#""\"#,
             r#""\u12"#,
             r#""\u+123""#,
@@ -128,7 +130,7 @@ mod tests {
         for (text, expected) in [
             (r#""\u0000""#, "\"\u{fffd}\""),
             (r#"{"\ud800":"a\udc00b"}"#, "{\"\u{fffd}\":\"a\u{fffd}b\"}"),
-            // The first high surrogate is unpaired; the second has its pair.
+            // The first high surrogate is unpaired. The second one is part of a pair.
             (r#""\ud83d\ud83d\ude00""#, "\"\u{fffd}\\ud83d\\ude00\""),
             (r#""\ud83dxude00""#, "\"\u{fffd}xude00\""),
             (r#""\ude00\ud83d""#, "\"\u{fffd}\u{fffd}\""),
@@ -141,7 +143,7 @@ mod tests {
     }
 
     proptest! {
-        /// Every possible browser string: 16-bit units, as written by JSON.stringify or as escapes.
+        /// Tests arbitrary browser strings of 16-bit units, as written by JSON.stringify or as escapes.
         #[test]
         fn every_string_of_a_browser_is_read(units in prop::collection::vec(
             prop_oneof![0u16..0x100, 0xd7f0u16..0xe010, any::<u16>()], 0..40), escaped in any::<bool>()) {

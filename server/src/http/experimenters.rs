@@ -1,4 +1,4 @@
-//! Experimenters, authenticated by cookies or keys, and their permissions.
+//! Experimenters, authenticated by cookies or keys, and their access levels.
 
 use crate::http::app::{App, COOKIE};
 use crate::http::auth::bearer;
@@ -31,7 +31,7 @@ pub struct Experimenter {
     pub name: String,
     /// The access level of the key.
     pub access: Access,
-    /// The number of the key; none for the key in the environment variable.
+    /// The number of the key. `None` for the key in the environment variable.
     pub key_id: Option<i64>,
 }
 
@@ -45,15 +45,15 @@ pub struct Exporter(pub Experimenter);
 pub struct Manager(pub Experimenter);
 
 impl Experimenter {
-    /// An audit entry for an action of this experimenter now.
+    /// An audit entry for an action of this experimenter at the present time.
     #[must_use]
     pub fn does(&self, action: Action, study: Option<&str>, subject: Option<String>) -> NewEntry {
         let (who, study) = (self.name.clone(), study.map(str::to_owned));
         NewEntry { at_ms: now_ms(), key_id: self.key_id, who, action, study, subject }
     }
 
-    /// Accepts an experimenter whose key has this access level. A refusal is recorded in the audit
-    /// trail with the route's pattern, since URLs may contain anything.
+    /// Accepts an experimenter whose key has at least this access level. A refusal is recorded in
+    /// the audit trail with the route's pattern, because URLs may contain anything.
     ///
     /// # Errors
     /// 403 `access`.
@@ -74,8 +74,8 @@ impl Experimenter {
         Err(ApiError::forbidden("access", message))
     }
 
-    /// Completes at most a second after the key is revoked. The key in the environment variable is
-    /// valid as long as the server runs.
+    /// Completes at most one second after the key is revoked. The key in the environment variable
+    /// is valid as long as the server runs.
     pub async fn revoked(self, store: Store) {
         let Some(id) = self.key_id else { return std::future::pending().await };
         let mut commits = store.commits();
@@ -87,7 +87,7 @@ impl Experimenter {
         }
     }
 
-    /// The body, aborted when the key is revoked.
+    /// The body, which is aborted when the key is revoked.
     pub fn while_valid(self, store: Store, body: Body) -> Body {
         let revoked = Box::pin(self.revoked(store));
         let parts = (body.into_data_stream(), Some(revoked));
@@ -166,7 +166,7 @@ fn needs(operation: &mut Operation, access: Access) {
     }
 }
 
-/// The experimenter of a request, whose key must have this access level.
+/// The experimenter of a request. Their key must have at least this access level.
 async fn admitted(parts: &Parts, app: &App, needed: Access) -> Result<Experimenter, ApiError> {
     let experimenter = experimenter(parts, app).await?;
     let route = parts.extensions.get::<MatchedPath>();
@@ -185,12 +185,13 @@ async fn experimenter(parts: &Parts, app: &App) -> Result<Experimenter, ApiError
     check_key(app, key, client.address).await
 }
 
-/// The owner of a valid session.
+/// The holder of the key with which a valid session was opened.
 async fn session(app: &App, cookie: &str) -> Result<Option<Holder>, ApiError> {
     for (i, hash) in session_hashes(app, cookie).enumerate() {
         let found = app.store.session(hash, now_ms()).await?;
         let is_bound = i > 0;
-        // A session of the key in the environment variable is valid only with the hash derived from this key.
+        // A session of the key in the environment variable is valid only under the hash that
+        // depends on this key.
         let fits = |holder: &Holder| matches!(holder, Holder::Environment) == is_bound;
         if let Some(holder) = found.filter(|holder| is_valid(app, holder) && fits(holder)) {
             return Ok(Some(holder));
@@ -199,8 +200,8 @@ async fn session(app: &App, cookie: &str) -> Result<Option<Holder>, ApiError> {
     Ok(None)
 }
 
-/// The hash under which an experimenter's session is stored. For the key in the environment
-/// variable it depends on this key, so that a server with another key knows none of the sessions.
+/// The hash under which an experimenter's session is stored. For the key in the environment variable, the
+/// hash depends on this key, so that a server with another key accepts none of its sessions.
 #[must_use]
 pub fn session_hash(app: &App, me: &Experimenter, cookie: &str) -> [u8; 32] {
     match (&app.environment_key, me.key_id) {
@@ -209,22 +210,23 @@ pub fn session_hash(app: &App, me: &Experimenter, cookie: &str) -> [u8; 32] {
     }
 }
 
-/// The possible stored hashes of the session with this cookie.
+/// The hashes under which the session with this cookie may be stored.
 pub fn session_hashes(app: &App, cookie: &str) -> impl Iterator<Item = [u8; 32]> + use<> {
     let bound = app.environment_key.as_ref().map(|key| key.session_hash(cookie));
     std::iter::once(secrets::hash(cookie)).chain(bound)
 }
 
-/// The holder of a key. The right key is accepted however many wrong keys come from the same address.
+/// The holder of a key. The correct key is accepted regardless of the number of wrong keys from the
+/// same address.
 ///
 /// # Errors
-/// 401 for a wrong key, 429 after too many of them.
+/// 401 for a wrong key, and 429 after too many wrong keys.
 pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experimenter, ApiError> {
     // The timing of a hash lookup does not help to guess a key, and 256 random bits cannot be
-    // guessed: these keys never wait.
+    // guessed. So these keys never wait.
     match app.store.key(secrets::hash(key)).await?.map(Holder::Key) {
         Some(holder) if is_valid(app, &holder) => return used(app, holder).await,
-        // A revoked key is not a guess.
+        // A revoked key does not count as a guess.
         Some(Holder::Key(StoredKey { is_revoked: true, .. })) => {
             return Err(ApiError::unauthorized());
         }
@@ -254,12 +256,12 @@ async fn is_chosen(
     if let Some(answer) = chosen.compare(key) {
         return Ok(answer);
     }
-    // The slow hash runs on separate threads, a few at a time.
+    // The slow hash is computed on separate threads, a few at a time.
     let (chosen, key) = (chosen.clone(), key.to_owned());
     app.hashing.run(origin, move || chosen.verify(&key)).await
 }
 
-/// Whether a known key is valid on this server: the key in the environment variable replaces the first key.
+/// Whether a known key is valid on this server. The key in the environment variable replaces the first key.
 fn is_valid(app: &App, holder: &Holder) -> bool {
     match holder {
         Holder::Key(key) => !key.is_revoked && (!key.is_first || app.environment_key.is_none()),
@@ -272,7 +274,7 @@ async fn used(app: &App, holder: Holder) -> Result<Experimenter, ApiError> {
     const MINUTE_MS: i64 = 60_000;
     if let Holder::Key(key) = &holder {
         let now_ms = now_ms();
-        // A clock that was set back must not hide later uses.
+        // If the clock was set back, later uses must still be recorded.
         let recent = |last_ms: i64| (0..MINUTE_MS).contains(&(now_ms - last_ms));
         if !key.last_used_at_ms.is_some_and(recent) {
             app.store.note_use(key.id, now_ms).await?;
@@ -281,7 +283,7 @@ async fn used(app: &App, holder: Holder) -> Result<Experimenter, ApiError> {
     Ok(Experimenter::of(holder))
 }
 
-/// The session's cookie, if the request carries one.
+/// The session's cookie, if the request has one.
 #[must_use]
 pub fn session_cookie(headers: &HeaderMap) -> Option<&str> {
     headers
@@ -292,7 +294,7 @@ pub fn session_cookie(headers: &HeaderMap) -> Option<&str> {
         .find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
 }
 
-/// Ensures that there is a first key. Returns it if it is new; afterwards only its hash is known.
+/// Ensures that there is a first key. Returns the key if it is new. Afterwards only its hash is known.
 ///
 /// # Errors
 /// If the database cannot be written.

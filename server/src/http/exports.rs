@@ -1,9 +1,8 @@
-//! Exports of a study's data: an archive with the files of `sidestep export`, or its steps as CSV.
+//! Exports of a study's data, as an archive with the files of `sidestep export`, or as the steps in CSV.
 //!
-//! An archive is sent while it is being written. Its last file is the manifest; a truncated archive
-//! also lacks its table of contents. The same data give the same bytes and the same `ETag`: a
-//! client can resume an interrupted download (`Range`) while the data are unchanged (`If-Range`,
-//! `If-Match`).
+//! An archive is sent while it is written. Its last file is the manifest, and a truncated archive also
+//! lacks its table of contents. The same data give the same bytes and the same `ETag`. So a client can
+//! resume an interrupted download (`Range`) while the data are unchanged (`If-Range`, `If-Match`).
 
 mod body;
 mod range;
@@ -29,27 +28,29 @@ use sidestep::trial::Phase;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Upper bound of the size of a trial in an exported database.
+/// Upper bound on the size of a trial in an exported database (bytes).
 const TRIAL_BYTES: u64 = 24_000;
 
 /// The query of an export. Empty parameters, as sent by forms, count as missing.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExportParams {
-    /// The format of an archive; without it, the steps as one CSV file.
+    /// The format of an archive. Without a format, the response is the steps as one CSV file.
     format: Option<Format>,
     /// Only the trials of this phase.
     #[schemars(extend("enum" = ["", "familiarisation", "practice", "task"]))]
     phase: Option<String>,
     /// Selects trials by their flags.
     quality: Option<Quality>,
-    /// Only participants who enrolled under this configuration, given by the first digits of its hash.
+    /// Only participants who enrolled under the configuration whose hash begins with these digits.
     configuration: Option<String>,
     /// Whether pilots are exported instead of participants.
     pilots: Option<bool>,
 }
 
 impl ExportParams {
+    /// The filter that the query describes, given the study's configurations.
+    ///
     /// # Errors
     /// [`Invalid`] naming the parameter.
     fn filter(&self, known: &[(String, String)]) -> Result<Filter, Invalid> {
@@ -135,7 +136,7 @@ pub async fn export(
         let archive = body(outlet, 0, u64::MAX, Some(lengths));
         return Ok((answer, me.while_valid(app.store.clone(), archive)).into_response());
     };
-    // A partial response contains the length of the whole archive.
+    // A partial response states the length of the whole archive.
     let Some(length) = measure(&app.lengths, &outlet).await else {
         let message = "the length of the archive is being measured; ask again in a few seconds";
         let busy = ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "measuring", message);

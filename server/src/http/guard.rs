@@ -1,5 +1,5 @@
-//! Layers around every request: same-origin check, rate limit, URL length, timeout, logging, and
-//! the headers of every response.
+//! Layers around every request: the same-origin check, the rate limit, the limit of the URL length,
+//! the timeout, logging, and the headers of every response.
 
 use crate::http::app::App;
 use crate::http::auth::bearer;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tracing::Instrument;
 
-/// Timeout until the head of a response; a streamed body may take longer.
+/// Timeout until the head of a response. A streamed body may take longer.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 const HEADERS: [(HeaderName, &str); 6] = [
@@ -27,19 +27,19 @@ const HEADERS: [(HeaderName, &str); 6] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
     (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-    // Isolated pages have a finer clock, which gives the sampling times.
+    // Isolated pages have a clock with a higher resolution, which measures the sampling times.
     (HeaderName::from_static("cross-origin-embedder-policy"), "require-corp"),
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
-/// A browser that has connected through TLS uses only TLS for a year.
+/// A browser that has connected through TLS uses only TLS for one year.
 const ENCRYPTED_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000");
 
 /// Adds the security headers to every response that does not set its own.
 pub async fn security_headers(request: Request, next: Next) -> axum::response::Response {
     let is_secure = request.extensions().get::<Client>().is_some_and(|client| client.is_secure);
     let mut answer = next.run(request).await;
-    // Only responses with their own policy may be shown in a frame, by this site's pages.
+    // Only responses with their own policy may be shown in a frame, and only by pages of this site.
     if !answer.headers().contains_key(header::CONTENT_SECURITY_POLICY) {
         answer.headers_mut().insert(header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY"));
     }
@@ -52,7 +52,7 @@ pub async fn security_headers(request: Request, next: Next) -> axum::response::R
     answer
 }
 
-/// Forbids caching, unless the response allows it.
+/// Forbids caching, unless the response sets its own rule.
 pub async fn no_store(request: Request, next: Next) -> axum::response::Response {
     let mut answer = next.run(request).await;
     answer
@@ -62,8 +62,8 @@ pub async fn no_store(request: Request, next: Next) -> axum::response::Response 
     answer
 }
 
-/// Refuses requests that a page of another site makes a browser send. Programs send neither header
-/// and are accepted, since they send no cookie unintentionally.
+/// Refuses requests that a page of another site makes a browser send. Programs send neither header.
+/// They are accepted, because they send no cookie unintentionally.
 pub async fn same_site(request: Request, next: Next) -> axum::response::Response {
     let safe = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     if safe || is_same_origin(request.headers()) {
@@ -86,10 +86,10 @@ fn is_same_origin(headers: &HeaderMap) -> bool {
     })
 }
 
-/// Maximum length of path and query, bytes.
+/// Maximum length of path and query (bytes).
 const LONGEST_ADDRESS: usize = 8192;
 
-/// Refuses requests with a longer URL.
+/// Refuses requests with a URL that is too long.
 pub async fn short_address(request: Request, next: Next) -> axum::response::Response {
     let length = request.uri().path_and_query().map_or(0, |it| it.as_str().len());
     if length <= LONGEST_ADDRESS {
@@ -127,8 +127,8 @@ pub async fn time_limit(request: Request, next: Next) -> axum::response::Respons
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// The id of a request, which is in all its log lines and in its response: that of a trusted proxy,
-/// so that both logs use the same id, or a new one.
+/// The id of a request, which is in all its log lines and in its response. The id of a trusted
+/// proxy is used, so that both logs have the same id. Otherwise the id is new.
 fn request_id(request: &Request) -> String {
     let is_proxied = request.extensions().get::<Client>().is_some_and(|client| client.is_proxied);
     let given = request.headers().get(REQUEST_ID).filter(|_| is_proxied);
@@ -139,7 +139,8 @@ fn request_id(request: &Request) -> String {
     given.map_or_else(|| uuid::Uuid::new_v4().simple().to_string(), str::to_owned)
 }
 
-/// The method's name; one word for all methods without a route, since a client may invent any number of them.
+/// The name of a method. Methods that no route has share one word, because a client may invent any
+/// number of them.
 fn known(method: &Method) -> &str {
     match *method {
         Method::GET
@@ -175,7 +176,7 @@ pub async fn observed(
     app.observed.answered(method, route, status, took);
     let ms = took.as_millis();
     span.in_scope(|| match route {
-        // Proxies poll these every second.
+        // Proxies poll these routes every second.
         "/healthz" | "/readyz" if status == 200 => {
             tracing::debug!(method, route, status, ms, "answered")
         }
@@ -184,7 +185,7 @@ pub async fn observed(
     answer
 }
 
-/// The response if a handler panics, which is a defect of this program; the server continues.
+/// The response after a panic of a handler, which is a defect of this program. The server continues.
 pub fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response<axum::body::Body> {
     let cause = cause
         .downcast_ref::<&str>()

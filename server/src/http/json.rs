@@ -1,4 +1,4 @@
-//! Request bodies: JSON is parsed into a typed value, or the error names the field.
+//! Request bodies. JSON is parsed into a typed value, and an error names the field.
 
 use crate::http::error::ApiError;
 use crate::http::openapi::operation::{Input, Operation};
@@ -14,9 +14,9 @@ use sidestep::document::{Unread, object_from_json};
 
 /// A request body of type `T`.
 ///
-/// Responds with 415 to another media type or a compressed body, 413 to a body that is too long,
-/// 400 to one that is not JSON (or nested more than 64 deep), and 422 naming the field to JSON of
-/// another shape or a number that is out of range.
+/// Responds with 415 to another media type or a compressed body, with 413 to a body that is too
+/// long, and with 400 to a body that is not JSON (or is nested more than 64 deep). Responds with
+/// 422, naming the field, to JSON of another shape or with a number that is out of range.
 pub struct JsonBody<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
@@ -27,7 +27,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
     }
 }
 
-/// The bytes of a body with the media type of JSON.
+/// The bytes of a body that has the media type of JSON.
 ///
 /// # Errors
 /// 400, 413 or 415, as for [`JsonBody`].
@@ -71,7 +71,7 @@ fn check_headers(request: &Request) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// False if this parameter of a media type is a charset other than UTF-8.
+/// Returns false if this parameter of a media type is a charset other than UTF-8.
 fn means_utf8(parameter: &str) -> bool {
     let (name, value) = parameter.split_once('=').unwrap_or((parameter, ""));
     !name.trim().eq_ignore_ascii_case("charset")
@@ -85,7 +85,7 @@ fn too_large() -> ApiError {
     ApiError::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", message)
 }
 
-/// Reads at most the limit, whatever length the headers announce.
+/// Reads at most the maximum length, regardless of the length that the headers announce.
 async fn read(body: Body) -> Result<Vec<u8>, ApiError> {
     let mut bytes = Vec::new();
     let mut chunks = body.into_data_stream();

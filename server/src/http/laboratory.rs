@@ -1,4 +1,4 @@
-//! Studies and trials for the experimenter.
+//! Studies and trials, for experimenters.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -54,10 +54,10 @@ pub async fn delete_pilots(
 /// The query of a page of a list.
 #[derive(Debug, Deserialize, JsonSchema)]
 pub struct PageParams {
-    /// Maximum number of entries on the page, 1 to 500; default 50.
+    /// Maximum number of entries on the page, from 1 to 500. The default is 50.
     #[schemars(range(min = 1, max = 500))]
     limit: Option<i64>,
-    /// Only entries before this one: the `next_before` of the previous page.
+    /// Only entries before this sequence number, which is the `next_before` of the previous page.
     before: Option<i64>,
 }
 
@@ -75,8 +75,8 @@ impl PageParams {
     }
 }
 
-/// The first `limit` items of `found`, which was queried for one more, and the sequence number
-/// before which the next page begins, if there is one.
+/// The first `limit` items of `found`, which was queried for `limit` + 1 items. Also returns the
+/// sequence number before which the next page begins, if there is a next page.
 pub fn page<T>(
     mut found: Vec<T>,
     limit: i64,
@@ -160,12 +160,12 @@ pub async fn data_check(_: Reader, State(app): State<Arc<App>>) -> Json<DataChec
 /// The trial with this id.
 ///
 /// # Errors
-/// 404 if there is none.
+/// 404 if the trial does not exist.
 pub async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> {
     store.trial(trial_id).await?.ok_or_else(|| ApiError::not_found("trial"))
 }
 
-/// A trial as in a list.
+/// The summary of a trial in a list.
 #[must_use]
 pub fn summary(head: TrialHead) -> TrialSummary {
     TrialSummary {

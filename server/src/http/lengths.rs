@@ -4,15 +4,15 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::OnceCell;
 
-/// Capacity of the cache, archives.
+/// Capacity of the cache (archives).
 const REMEMBERED: usize = 32;
 
-/// The lengths of archives by their tags: those most recently sent or measured.
+/// The lengths of archives by their tags. The cache keeps the most recently added tags.
 #[derive(Debug, Default)]
 pub struct Lengths(Mutex<VecDeque<(String, Arc<OnceCell<u64>>)>>);
 
 impl Lengths {
-    /// The length of the archive with this tag, once it is known.
+    /// A cell for the length of the archive with this tag. It is empty until the length is known.
     pub fn of(&self, tag: &str) -> Arc<OnceCell<u64>> {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, length)) = known.iter().find(|(other, _)| other == tag) {

@@ -1,5 +1,5 @@
-//! Accepts connections, with or without TLS, closes those on which the server waits too long, and
-//! stops gracefully.
+//! Accepts connections with or without TLS, closes connections on which the server waits too long,
+//! and stops gracefully.
 
 use crate::http::connections::{Admitted, Connections, HEAD_LIMIT};
 use crate::http::peer::Proxies;
@@ -20,14 +20,14 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tower::ServiceExt;
 
-/// Interval between two searches for overdue connections.
+/// Interval between two checks for overdue connections.
 const SEARCH: Duration = Duration::from_secs(1);
 /// Grace period for running requests when the server stops.
 const FAREWELL: Duration = Duration::from_secs(10);
-/// Maximum length of a request's head, bytes; also the size of the read buffer of an idle connection.
+/// Maximum length of a request's head (bytes). Also the size of the read buffer of an idle connection.
 const LONGEST_HEAD: usize = 1 << 14;
 
-/// What a listener serves, and its connections.
+/// The routes that a listener serves, and its connections.
 #[derive(Clone)]
 pub struct Service {
     /// The routes.
@@ -58,12 +58,12 @@ pub async fn serve(listener: TcpListener, service: Service, stop: impl Future<Ou
             Ok((stream, from)) => {
                 let peer = from.ip().to_canonical();
                 let is_proxy = service.proxies.trusts(peer);
-                // Without a free slot it is closed: every other client waits for a response.
+                // Close the connection if there is no slot. Every other client is waiting for a response.
                 let Some(admitted) = service.connections.admit(peer, is_proxy) else { continue };
                 tokio::spawn(converse(stream, peer, admitted, service.clone(), running.watcher()));
             }
             Err(error) => {
-                // Most likely the process has run out of file descriptors.
+                // The most likely cause is that the process has run out of file descriptors.
                 tracing::warn!(%error, "a connection was not accepted");
                 service.connections.make_room();
                 tokio::time::sleep(Duration::from_millis(100)).await;
@@ -83,7 +83,7 @@ pub async fn serve(listener: TcpListener, service: Service, stop: impl Future<Ou
     }
 }
 
-/// Serves a connection until it ends, or is closed to make room.
+/// Serves a connection until it ends or is closed to make room.
 async fn converse(
     stream: TcpStream,
     peer: IpAddr,
@@ -137,21 +137,21 @@ async fn answer<S: AsyncRead + AsyncWrite + Unpin + Send + 'static>(
     let mut server = http1::Builder::new();
     // hyper's own date panics if the clock is before 1970.
     server.max_buf_size(LONGEST_HEAD).auto_date_header(false);
-    // An interrupted connection is the client's problem.
+    // An interrupted connection is not an error of the server.
     if let Err(error) = watcher.watch(server.serve_connection(stream, handle)).await {
         tracing::debug!(%error, "a connection ended early");
     }
 }
 
-/// The `Date` of a response; none if the clock cannot be right.
+/// The `Date` of a response. Returns `None` if the clock cannot be right.
 fn date(now: SystemTime) -> Option<HeaderValue> {
-    /// The year 10000, s since 1970: HTTP dates have four-digit years.
+    /// The year 10000 (s since 1970). HTTP dates have four-digit years.
     const END: Duration = Duration::from_secs(253_402_300_800);
     let since = now.duration_since(UNIX_EPOCH).ok()?;
     (since < END).then(|| HeaderValue::from_str(&httpdate::fmt_http_date(now)).ok()).flatten()
 }
 
-/// Disables Nagle's algorithm: responses are written at once, so waiting would only delay them.
+/// Disables Nagle's algorithm. Responses are written at once, so the algorithm would only delay them.
 fn quick(stream: TcpStream) -> TcpStream {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "TCP_NODELAY");

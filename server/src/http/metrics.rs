@@ -1,5 +1,5 @@
-//! Liveness, readiness and metrics for the operator. The metrics reveal how much a study collects,
-//! so they are for programs on this machine, and for others with a key.
+//! Liveness, readiness and metrics for the operator. The metrics reveal how many data a study
+//! collects, so only programs on this machine and holders of a key may read them.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -13,15 +13,15 @@ use axum::http::{StatusCode, header, request::Parts};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 
-/// `GET /healthz`: the process answers.
+/// `GET /healthz`: whether the process responds.
 pub async fn healthz() -> String {
     "ok\n".to_owned()
 }
 
-/// `GET /readyz`: whether a trial can be stored now: a write can begin, there is free space, and
-/// the file is the one that was opened. A second line reports faults that the last check found in
-/// stored data, which do not prevent storing more. Only programs on this machine see the cause,
-/// since it may name files and hosts.
+/// `GET /readyz`: whether a trial can be stored now. This requires that a write can begin, that
+/// there is free space, and that the database file is still the file that was opened. A second line
+/// reports faults that the last check found in stored data, which do not prevent storing more. Only
+/// programs on this machine get the cause, because it may name files and hosts.
 pub async fn readyz(
     State(app): State<Arc<App>>,
     client: Option<Extension<Client>>,
@@ -61,7 +61,7 @@ impl Input for Operator {
     }
 }
 
-/// `GET /metrics`: the text format of OpenMetrics.
+/// `GET /metrics`: the metrics in the text format of OpenMetrics.
 pub async fn show(_: Operator, State(app): State<Arc<App>>) -> Result<Response, ApiError> {
     let counts = app.store.counts().await?;
     let data_check = app.data_check.borrow().clone();

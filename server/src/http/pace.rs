@@ -1,4 +1,4 @@
-//! Rate limits of requests, enrolments and wrong keys.
+//! Rate limits for requests, enrolments and wrong keys.
 
 use crate::http::error::ApiError;
 use crate::http::throttle::{SharedThrottle, Throttle};
@@ -7,8 +7,8 @@ use crate::support::secrets;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
-/// Rate limits per origin and per token. A whole class behind one address stays far below them.
-/// Local programs that are not proxies are exempt: their users can do more than send requests.
+/// Rate limits per origin and per token. A whole class behind one address stays far below them. Local
+/// programs that are not proxies are exempt, because their users can do more than send requests.
 #[derive(Debug)]
 pub struct Pace {
     requests: Throttle<IpAddr>,
@@ -17,12 +17,12 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// New rate limits. Servers of one database count enrolments together; each server counts
+    /// New rate limits. The servers of a database count enrolments together. Each server counts
     /// requests on its own, to protect itself.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         Self {
-            // Hundreds of participants open the page at once, each loading a dozen files.
+            // Hundreds of participants may open the page at once, and each page loads a dozen files.
             requests: Throttle::new(6_000, Duration::from_micros(3_333)),
             enrolments: SharedThrottle::new(store, "enrolments", 1_000, Duration::from_millis(100)),
             // A browser that was offline for the whole hour uploads sixty trials at once.
@@ -30,7 +30,7 @@ impl Pace {
         }
     }
 
-    /// Counts a request from `origin`, with its token, and whether it is an enrolment.
+    /// Counts a request from `origin` with its token. `enrols` states whether it is an enrolment.
     ///
     /// # Errors
     /// 429 if the origin or the token exceeds its rate limit.
@@ -54,18 +54,18 @@ impl Pace {
     }
 }
 
-/// Rate limits of wrong keys, per origin and for all origins together.
+/// Rate limits for wrong keys, per origin and for all origins together.
 ///
-/// Refusing every key from an origin would also refuse the right key of a user who shares it. So
-/// each key is compared, but with a delay for origins that have sent many wrong keys, and for all
-/// origins while many send wrong keys. A client that does not wait for the response has not learned
-/// anything.
+/// If every key from an origin were refused, the correct key of a user who shares this origin would
+/// also be refused. So each key is compared. There is a delay for origins that have sent many wrong
+/// keys, and for all origins while many wrong keys arrive in total. A client that does not wait for
+/// the response learns nothing.
 #[derive(Debug)]
 pub struct Guesses {
     of_origin: SharedThrottle,
-    /// Counted for the address [`ALL`].
+    /// The limit for all origins together, counted for the address [`ALL`].
     of_all: SharedThrottle,
-    /// Delay before a key is compared.
+    /// The delay before a key is compared.
     wait: Duration,
 }
 
@@ -73,7 +73,7 @@ pub struct Guesses {
 const ALL: IpAddr = IpAddr::V4(Ipv4Addr::UNSPECIFIED);
 
 impl Guesses {
-    /// New rate limits. Servers of one database count together.
+    /// New rate limits. The servers of a database count wrong keys together.
     #[must_use]
     pub fn new(store: &Store) -> Self {
         let throttle = |kind, burst, pause| SharedThrottle::new(store, kind, burst, pause);
@@ -84,7 +84,7 @@ impl Guesses {
         }
     }
 
-    /// Delays, if too many wrong keys have been sent.
+    /// Waits, if too many wrong keys have been sent.
     pub async fn slow_down(&self, origin: IpAddr) {
         if self.of_origin.is_spent(origin).await || self.of_all.is_spent(ALL).await {
             tokio::time::sleep(self.wait).await;
@@ -94,7 +94,7 @@ impl Guesses {
     /// Counts a wrong key.
     ///
     /// # Errors
-    /// When the next may come, if this origin has sent too many.
+    /// The time after which this origin may send the next key, if it has sent too many wrong keys.
     pub async fn count(&self, origin: IpAddr) -> Result<(), Duration> {
         let _ = self.of_all.take(ALL).await;
         self.of_origin.take(origin).await

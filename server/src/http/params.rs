@@ -1,4 +1,4 @@
-//! Path and query parameters; errors name the parameter.
+//! Path and query parameters. Errors name the parameter.
 
 use crate::http::error::ApiError;
 use crate::http::openapi::operation::{Input, Operation};
@@ -19,7 +19,7 @@ impl<S: Send + Sync> FromRequestParts<S> for PathText {
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
-        // No path of a resource is invalid UTF-8.
+        // No resource has a path with invalid UTF-8.
         Path::<String>::from_request_parts(parts, state)
             .await
             .map(|Path(text)| Self(text))
@@ -33,7 +33,7 @@ impl Input for PathText {
     }
 }
 
-/// The query, as a `T`.
+/// The query, parsed into a `T`.
 pub struct Params<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
@@ -59,7 +59,7 @@ pub fn parse<T: DeserializeOwned>(uri: &Uri) -> Result<T, Invalid> {
     if let Ok(Query(value)) = Query::<T>::try_from_uri(uri) {
         return Ok(value);
     }
-    // To name the invalid parameter, the query is parsed again as an object, with numbers as numbers.
+    // Parse the query again as an object, with numbers as numbers, so that the error names the parameter.
     let pairs = Query::<Vec<(String, String)>>::try_from_uri(uri).map(|Query(pairs)| pairs);
     let number = |text: String| text.parse::<i64>().map_or_else(|_| text.into(), Value::from);
     let object = pairs.unwrap_or_default().into_iter().map(|(name, text)| (name, number(text)));

@@ -1,4 +1,4 @@
-//! Progress, check of understanding, answers, completion and withdrawal of participants.
+//! Progress, comprehension check, answers, completion and withdrawal of participants.
 
 use crate::http::app::App;
 use crate::http::auth::{Me, MeOrGone, Writer, check_study};
@@ -26,7 +26,7 @@ use sidestep::invalid::Invalid;
 use sidestep::study::Question;
 use std::sync::Arc;
 
-/// `GET /api/v1/participants/me`. The request counts as presence: in a study with a quota, the
+/// `GET /api/v1/participants/me`. The request counts as presence, so in a study with a quota, the
 /// participant keeps their place.
 pub async fn show(
     State(app): State<Arc<App>>,
@@ -36,7 +36,7 @@ pub async fn show(
     let config = app.store.config(&me.config_hash).await?;
     let rows = app.store.plan(&me.id).await?;
     let (there, state) = (me.clone(), Arc::clone(&app));
-    // Progress can be shown even if nothing can be written.
+    // Progress must be shown even if nothing can be written.
     tokio::spawn(async move {
         if let Err(error) = state.store.note_presence(&there, now_ms()).await {
             tracing::warn!(%error, "noting that a participant is there");
@@ -58,7 +58,7 @@ pub async fn show(
         },
         completion_code: code,
         complete: me.completion_code.is_some(),
-        // A participant who is driving has passed the check, or began when the study had none.
+        // A participant who is driving has passed the check, or began when the study had no check.
         understood: me.understood || !has_check || !stored.is_empty(),
         comprehension_attempts: visitor.attempts() as usize,
         answered: me.answered || config.questions.is_empty(),
@@ -68,8 +68,8 @@ pub async fn show(
     }))
 }
 
-/// `PUT /api/v1/participants/me/comprehension`: the result of the check of understanding. Repeating
-/// a request gets the same response.
+/// `PUT /api/v1/participants/me/comprehension`: stores the result of the comprehension check. A
+/// repeated request gets the same response.
 pub async fn check_understanding(
     State(app): State<Arc<App>>,
     MeOrGone(visitor): MeOrGone,
@@ -95,8 +95,8 @@ pub async fn check_understanding(
     Ok(Json(ComprehensionStored { screened_out, after_wrong, return_url }))
 }
 
-/// `PUT /api/v1/participants/me/answers`: 204; replaces earlier answers until the participation is
-/// complete, if the token is that of the browser that enrolled.
+/// `PUT /api/v1/participants/me/answers`: 204. Replaces earlier answers until the participation is
+/// complete, if the token is from the browser that enrolled.
 pub async fn answer(
     State(app): State<Arc<App>>,
     Writer(visitor): Writer,
@@ -139,8 +139,8 @@ pub async fn answer(
     }
 }
 
-/// `POST /api/v1/participants/me/complete`: the completion code, if all trials and the required
-/// answers are stored.
+/// `POST /api/v1/participants/me/complete`: returns the completion code if all trials and the
+/// required answers are stored.
 pub async fn complete(
     State(app): State<Arc<App>>,
     Writer(visitor): Writer,
@@ -170,7 +170,7 @@ pub async fn complete(
     }
 }
 
-/// Effect of a withdrawal on the participant's data.
+/// The effect of a withdrawal on the participant's data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fate {
@@ -183,7 +183,7 @@ pub enum Fate {
 /// The query of a withdrawal.
 #[derive(Debug, Deserialize, JsonSchema)]
 pub struct WithdrawParams {
-    /// What happens to the data so far.
+    /// The effect on the data so far.
     data: Fate,
 }
 

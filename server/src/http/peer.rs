@@ -1,4 +1,5 @@
-//! The client that sends a request: its address, and whether its connection is encrypted, even behind proxies.
+//! The client of a request: its address, and whether its connection is encrypted. This also works
+//! behind trusted proxies.
 
 use axum::http::{HeaderMap, HeaderName, header};
 use ipnet::IpNet;
@@ -7,11 +8,11 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 /// The client of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Client {
-    /// Its address; behind a trusted proxy, the one that the proxy reports.
+    /// The client's address. Behind a trusted proxy, it is the address that the proxy reports.
     pub address: IpAddr,
-    /// Whether it connects through TLS, to this server or to a trusted proxy.
+    /// Whether the client connects through TLS, to this server or to a trusted proxy.
     pub is_secure: bool,
-    /// Whether it is a program on this machine that is not a proxy.
+    /// Whether the client is a program on this machine that is not a proxy.
     pub is_local: bool,
     /// Whether a trusted proxy has forwarded the request.
     pub is_proxied: bool,
@@ -25,7 +26,7 @@ impl Default for Client {
     }
 }
 
-/// The proxies whose headers about their clients are trusted.
+/// The trusted proxies. Their headers about clients are used.
 #[derive(Clone, Debug, Default)]
 pub struct Proxies(Vec<IpNet>);
 
@@ -33,29 +34,30 @@ const FORWARDED_FOR: HeaderName = HeaderName::from_static("x-forwarded-for");
 const FORWARDED_PROTO: HeaderName = HeaderName::from_static("x-forwarded-proto");
 
 impl Proxies {
-    /// The proxies with these addresses, or in these networks.
+    /// The proxies with these addresses or in these networks.
     #[must_use]
     pub fn new(nets: Vec<IpNet>) -> Self {
         Self(nets)
     }
 
-    /// Whether there are none.
+    /// Whether there are no trusted proxies.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Whether `address` is one of them.
+    /// Whether `address` is a trusted proxy.
     #[must_use]
     pub fn trusts(&self, address: IpAddr) -> bool {
         self.0.iter().any(|net| net.contains(&address))
     }
 
-    /// The client of a request with these headers from `peer`, through TLS or not.
+    /// The client of a request that came from `peer` with these headers. `is_tls` states whether it
+    /// came through TLS.
     ///
-    /// Each proxy appends the address of its peer, so the list is read from its end: the first
-    /// address that is not a trusted proxy's is the client. Earlier entries come from the client
-    /// itself, and are ignored.
+    /// Each proxy appends the address of its peer, so the list is read from its end. The first
+    /// address that is not a trusted proxy is the client. Earlier entries come from the client
+    /// itself and are ignored.
     #[must_use]
     pub fn client(&self, peer: IpAddr, is_tls: bool, headers: &HeaderMap) -> Client {
         let peer = peer.to_canonical();
@@ -89,8 +91,8 @@ impl Proxies {
     }
 }
 
-/// The unit in which limits count addresses, shared by a household or laboratory: an IPv4 address,
-/// or the 64-bit network that one customer has in IPv6.
+/// The unit in which rate limits count addresses. It is shared by a household or laboratory. It is
+/// an IPv4 address, or the 64-bit IPv6 network that a customer has.
 #[must_use]
 pub fn origin(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
@@ -102,13 +104,13 @@ pub fn origin(address: IpAddr) -> IpAddr {
     }
 }
 
-/// The list elements of all headers with this name.
+/// The list elements in all headers with this name.
 fn elements(headers: &HeaderMap, name: &HeaderName) -> Vec<String> {
     let lines = headers.get_all(name).iter().map(|line| line.to_str().unwrap_or("?"));
     lines.flat_map(|line| line.split(',')).map(|element| element.trim().to_owned()).collect()
 }
 
-/// One parameter of each element of `Forwarded`.
+/// The values of this parameter in the elements of `Forwarded`.
 fn parameters(headers: &HeaderMap, name: &str) -> Vec<String> {
     let elements = elements(headers, &header::FORWARDED);
     let of = |element: &String| {

@@ -1,4 +1,4 @@
-//! The participants of a study: the list on pages, and the table as a file.
+//! The participants of a study, as a list on pages and as a table in a file.
 
 use crate::formats::exports;
 use crate::formats::table::{csv_header, csv_rows};
@@ -23,25 +23,25 @@ use std::sync::Arc;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ListParams {
-    /// `csv`: the whole table as a file; needs export access.
+    /// `csv` gives the whole table as a file, and needs export access.
     #[schemars(extend("enum" = ["csv"]))]
     format: Option<String>,
-    /// Sort key; default: the participant's number.
+    /// Sort key. The default is the participant's number.
     #[serde(default)]
     sort: SortBy,
-    /// The direction; default: ascending.
+    /// Direction of the sorting. The default is ascending.
     #[serde(default)]
     order: Order,
-    /// Only those at this stage.
+    /// Only participants at this stage.
     stage: Option<Stage>,
-    /// Only those for whom this count, such as `late_sample`, is not 0.
+    /// Only participants for whom this count, such as `late_sample`, is not 0.
     having: Option<SortBy>,
-    /// Only those whose number, external id or code is this text.
+    /// Only participants whose number, external id or code equals this text.
     search: Option<String>,
     /// Whether pilots are listed instead of participants.
     #[serde(default)]
     pilot: bool,
-    /// Maximum number of entries on the page, 1 to 500; default 50.
+    /// Maximum number of entries on the page, from 1 to 500. The default is 50.
     #[schemars(range(min = 1, max = 500))]
     limit: Option<i64>,
     /// Number of entries before the page, from 0.
@@ -61,7 +61,7 @@ enum Order {
 }
 
 impl ListParams {
-    /// With `identities`, external ids and codes are shown and searched.
+    /// The selection of participants. With `identities`, external ids and codes are shown and searched.
     ///
     /// # Errors
     /// [`Invalid`] for a limit outside 1 to 500, a negative offset, or a `having` that is not a count.
@@ -92,7 +92,7 @@ impl ListParams {
 }
 
 /// `GET /api/v1/admin/studies/{slug}/participants`: a page of participants, with external ids and
-/// codes if the key has export access; with `?format=csv`, the whole table.
+/// codes if the key has export access. With `?format=csv`, the whole table.
 pub async fn list(
     Reader(me): Reader,
     State(app): State<Arc<App>>,

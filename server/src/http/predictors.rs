@@ -35,7 +35,7 @@ use std::sync::Arc;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ListParams {
-    /// Only those of the participant with this number.
+    /// Only models of the participant with this number.
     #[schemars(range(min = 1))]
     participant: Option<i64>,
     /// Only this kind of model, such as `svm` or `lr`.
@@ -43,9 +43,9 @@ pub struct ListParams {
     /// Only this experiment: 1 or 2.
     #[schemars(range(min = 1, max = 2))]
     experiment: Option<u8>,
-    /// Only those with this feature set.
+    /// Only models with this feature set.
     features: Option<String>,
-    /// Maximum number of entries on the page, 1 to 500; default 50.
+    /// Maximum number of entries on the page, from 1 to 500. The default is 50.
     #[schemars(range(min = 1, max = 500))]
     limit: Option<i64>,
     /// Number of entries before the page, from 0.
@@ -54,8 +54,10 @@ pub struct ListParams {
 }
 
 impl ListParams {
+    /// The selection of models.
+    ///
     /// # Errors
-    /// [`Invalid`] for a parameter out of range.
+    /// [`Invalid`] for a parameter that is out of range.
     fn selection(self) -> Result<Selection, Invalid> {
         let (limit, offset) = (self.limit.unwrap_or(50), self.offset.unwrap_or(0));
         if !(1..=500).contains(&limit) {
@@ -81,7 +83,8 @@ impl ListParams {
     }
 }
 
-/// `GET /api/v1/admin/analyses/{id}/predictors`: a page of the models of an analysis, ordered by participant.
+/// `GET /api/v1/admin/analyses/{id}/predictors`: a page of the models of an analysis, ordered by
+/// participant.
 pub async fn list(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -92,22 +95,21 @@ pub async fn list(
     page.map(Json).ok_or_else(|| ApiError::not_found("analysis"))
 }
 
-/// Selects a model other than the one trained on the participant's earlier trials.
+/// Selects a model. By default, the model is trained on the participant's earlier trials.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PredictorParams {
-    /// The analysis that trained it; requires `file`.
+    /// The analysis that trained the model; requires `file`.
     analysis: Option<String>,
-    /// The name of its file in the analysis; requires `analysis`.
+    /// The name of the model's file in the analysis; requires `analysis`.
     file: Option<String>,
     /// The feature set of the model that is trained on the participant's earlier trials: `hrd`
-    /// (default) or `hrd_body_history`; not together with `analysis`.
+    /// (default) or `hrd_body_history`. Excludes `analysis`.
     features: Option<String>,
 }
 
-/// `GET /api/v1/admin/trials/{trial_id}/predictor`: a model trained on this participant's earlier
-/// trials; with `?features=SET`, on this feature set; with `?analysis=ID&file=NAME`, a model of an
-/// analysis.
+/// `GET /api/v1/admin/trials/{trial_id}/predictor`: a model trained on this participant's earlier trials.
+/// `?features=SET` selects its feature set. With `?analysis=ID&file=NAME`, a model of an analysis.
 pub async fn predictor(
     _: Reader,
     State(app): State<Arc<App>>,
@@ -161,7 +163,7 @@ async fn of_earlier_trials(
     Ok(TrainedPredictor { predictor, trials, fallback, trained_on, source: None })
 }
 
-/// Selects the sets.
+/// Selects the family of sets.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SetsParams {
@@ -184,8 +186,10 @@ pub async fn sets(
     Ok(Json(tokio::task::spawn_blocking(learn).await.context("learning")??))
 }
 
+/// Learns the sets from the earlier trials, and tests them on the participant's other tasks.
+///
 /// # Errors
-/// [`Invalid`] if there are too few data to learn from.
+/// [`Invalid`] if there are too few trials to learn from.
 fn learned(
     family: EmpiricalFamily,
     parameters: &SceneParameters,
@@ -214,7 +218,7 @@ fn learned(
 /// Confidence level of intervals, as in analyses.
 const CONFIDENCE: f64 = 0.95;
 
-/// A model of an analysis, and its relation to a trial.
+/// A model of an analysis, with its relation to a trial and the trials on which it was trained.
 ///
 /// # Errors
 /// [`ApiError`] if there is no such model, or a replay cannot use it.
@@ -240,8 +244,8 @@ pub async fn of_analysis(
 /// Checks that Algorithm 1 can use a model.
 ///
 /// # Errors
-/// [`Invalid`] naming `file`, if the model does not predict the direction of turns, or needs features that this
-/// version does not compute.
+/// [`Invalid`] naming `file`, if the model does not predict the direction of turns, or needs
+/// features that this version does not compute.
 fn usable(file: &PredictorFile) -> Result<(), Invalid> {
     if file.experiment == Some(2) {
         let expected = "a model of the direction of turns (experiment 1)";

@@ -1,4 +1,4 @@
-//! A participant's complete record: their trials as pictures, notes of experimenters, exclusion
+//! A participant's complete record with their trials as pictures, notes of experimenters, exclusion
 //! from analyses, and deletion on request.
 
 use crate::http::app::App;
@@ -25,11 +25,11 @@ use sidestep::study::StudyConfig;
 use sidestep::vehicle::{Pose, TurnInput};
 use std::sync::Arc;
 
-/// Only every `STRIDE`-th position is sent.
+/// Only every `STRIDE`-th position and the last one are sent.
 const STRIDE: usize = 2;
 
-/// `GET /api/v1/admin/participants/{id}`: with external id, code, answers and parameters if the key
-/// has export access.
+/// `GET /api/v1/admin/participants/{id}`: includes external id, code, answers and parameters if the
+/// key has export access.
 pub async fn show(
     Reader(me): Reader,
     State(app): State<Arc<App>>,
@@ -43,7 +43,8 @@ pub async fn show(
     }
     let config = app.store.config(&found.config_hash).await?;
     let study = app.store.study(&found.study).await?.ok_or_else(unknown)?;
-    // Participants are counted at the latest version that equals theirs, apart from its status.
+    // Participants are counted at the latest version that equals their configuration, apart from
+    // the status.
     let versions = app.store.study_versions(study.id).await?;
     let version = versions.iter().rev().find(|version| version.says(&config));
     let synthetic = is_synthetic(&found, &config);
@@ -76,7 +77,7 @@ pub async fn drives(
     let hash = &found.config_hash;
     let value_function_hr = app.store.value_function_id(hash, Evader::Human).await?;
     let value_function_rh = app.store.value_function_id(hash, Evader::Robot).await?;
-    // Only `study_recording::tasks` decides what analyses use.
+    // Only `study_recording::tasks` decides which trials analyses use.
     let used = study_recording::tasks(String::new(), &found.trials).trials;
     let used = |trial: &&StoredTrial| {
         used.iter().any(|task| task.trial_id.as_ref() == Some(&trial.head.trial_id))
@@ -101,7 +102,7 @@ pub async fn drives(
     }))
 }
 
-/// Whether this is a program. A pilot of a study for programs may be a person.
+/// Whether this participant is a program. A pilot participant of a study for programs may be a person.
 fn is_synthetic(found: &Profile, config: &StudyConfig) -> bool {
     (config.synthetic && !found.summary.pilot) || found.trials.iter().any(StoredTrial::is_synthetic)
 }
@@ -133,7 +134,7 @@ pub async fn delete_note(
     if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
-/// `PUT /api/v1/admin/participants/{id}/exclusion`: 204; excludes the participant from analyses.
+/// `PUT /api/v1/admin/participants/{id}/exclusion`: 204. Excludes the participant from analyses.
 pub async fn exclude(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -146,7 +147,8 @@ pub async fn exclude(
     if found { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
-/// `DELETE /api/v1/admin/participants/{id}/exclusion`: 204; includes the participant in analyses. Idempotent.
+/// `DELETE /api/v1/admin/participants/{id}/exclusion`: 204. Includes the participant in analyses.
+/// Idempotent.
 pub async fn include(
     Manager(me): Manager,
     State(app): State<Arc<App>>,
@@ -157,7 +159,7 @@ pub async fn include(
     if found { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
-/// `DELETE /api/v1/admin/participants/{id}`: 204; deletes the same data as a participant's own
+/// `DELETE /api/v1/admin/participants/{id}`: 204. Deletes the same data as a participant's own
 /// request for deletion. Idempotent.
 pub async fn delete(
     Manager(me): Manager,

@@ -12,13 +12,13 @@ use axum::{Extension, Router};
 use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
 
-/// All routes: the interface, and the pages, of a server with these host names.
+/// All routes of the interface and all pages, for a server with these host names.
 pub fn router(app: Arc<App>, site: &Site, hosts: Hosts) -> Router {
     let (api, document) = interface::table().finished();
     let api = api
         .layer(Extension(Arc::new(Published::of(&document, site.docs()))))
         .layer(from_fn(guard::no_store));
-    // The last layer is the outermost: every response, even after a panic, is counted and logged
+    // The last layer is the outermost. So every response, even after a panic, is counted and logged
     // and has the security headers.
     api.merge(site::routes(site))
         .fallback(async || ApiError::not_found("page or route"))
@@ -72,7 +72,7 @@ mod tests {
     use tokio_util::sync::CancellationToken;
     use tower::ServiceExt;
 
-    /// A server without sockets, whose store and queue of plans can be blocked.
+    /// A server without sockets. Its store and its queue of plans can be blocked.
     async fn served(folder: &TempDir, plans_waiting: usize) -> (Store, Router) {
         std::fs::create_dir_all(folder.path().join("assets")).unwrap();
         let pages = ["index", "participant", "lab", "viewer", "reachability", "demo", "docs"];
@@ -155,7 +155,7 @@ mod tests {
         };
         begin(&mut class, AHEAD);
         store.until_waiting([0, AHEAD]).await;
-        // Among the enrolments, an operation that blocks the writer again.
+        // Among the enrolments there is an operation that blocks the writer again.
         let (go, wait) = mpsc::channel();
         let (began, again) = oneshot::channel();
         let mut holding = Box::pin(store.hold(began, wait));

@@ -58,9 +58,9 @@ pub async fn sign_out(
     Ok((StatusCode::NO_CONTENT, set_cookie("", 0, client)).into_response())
 }
 
-/// SameSite is Lax, because the sign-in link is opened from a terminal or a mail. The same-origin
-/// check protects requests that change anything. A browser that connected through TLS sends the
-/// cookie only through TLS.
+/// The header that sets the cookie. SameSite is Lax, because the sign-in link is opened from a
+/// terminal or a mail. The same-origin check protects all requests that change something. A browser
+/// that connected through TLS sends the cookie only through TLS.
 fn set_cookie(
     value: &str,
     age_s: i64,

@@ -1,5 +1,5 @@
-//! The client bundle: pages that are not cached, and assets whose names change with their content.
-//! The home page lists the open studies.
+//! The client bundle. Pages are revalidated at every request. Assets are cached, because their
+//! names change with their content. The home page lists the open studies.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -39,7 +39,7 @@ impl Site {
     /// The bundle in `folder`.
     ///
     /// # Errors
-    /// If a page is missing, with one line of advice.
+    /// If a page is missing. The error is one line and contains advice.
     pub fn open(folder: &Path) -> Result<Self, String> {
         if PAGES.iter().all(|page| folder.join(page).is_file()) {
             let read = |name: &str| {
@@ -56,7 +56,7 @@ impl Site {
 }
 
 impl Site {
-    /// The same with the demonstration at `/demo` open to everyone, if `is_open`.
+    /// Opens the demonstration at `/demo` to everyone, if `is_open`.
     #[must_use]
     pub fn with_demo(self, is_open: bool) -> Self {
         Self { demo_is_open: is_open, ..self }
@@ -76,7 +76,7 @@ pub fn default_folder() -> PathBuf {
     executable.with_file_name("site")
 }
 
-/// Routes of pages and assets, with precompressed variants if they exist.
+/// Routes of pages and assets. Precompressed variants are served if they exist.
 pub fn routes(site: &Site) -> Router<Arc<App>> {
     let page =
         |name: &str| ServeFile::new(site.folder.join(name)).precompressed_br().precompressed_gzip();
@@ -116,7 +116,7 @@ struct Home {
     demo_is_open: bool,
 }
 
-/// Placeholder in the home page for the studies.
+/// Placeholder for the list of studies in the home page.
 const OPEN_STUDIES: &str = "<!-- The server puts the open studies here. -->";
 
 /// `GET /`: lists the studies that are open to everyone, this server's default study first.
@@ -124,7 +124,7 @@ async fn home(State(app): State<Arc<App>>, Extension(first): Extension<Home>) ->
     let Home { page, demo_is_open } = first;
     let mut studies = Vec::new();
     for slug in app.store.slugs().await.unwrap_or_default() {
-        // A study that cannot be read admits nobody; the others are still listed.
+        // A study that cannot be read admits no one. The other studies are still listed.
         let Ok(Some(study)) = app.store.study(&slug).await else { continue };
         let config = &study.config;
         let for_everybody = config.admits(false) && !config.recruitment.require_external_id;
@@ -155,7 +155,8 @@ async fn ask_again(request: Request, next: Next) -> Response {
     with_cache_control(next.run(request).await, "no-cache")
 }
 
-/// Only existing assets may be cached forever: an asset that is missing during a deployment may exist later.
+/// Only existing assets may be cached forever. An asset that is missing during a deployment may
+/// exist later.
 async fn keep_forever(request: Request, next: Next) -> Response {
     let answer = next.run(request).await;
     match answer.status() {

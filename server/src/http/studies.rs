@@ -22,13 +22,13 @@ use std::sync::Arc;
 /// The query of a study.
 #[derive(Debug, Deserialize, JsonSchema)]
 pub struct StudyParams {
-    /// The recruiting service's id of the person who sends the request.
+    /// The recruiting service's id of the person who sent the request.
     external_id: Option<String>,
 }
 
-/// `GET /api/v1/studies/{slug}?external_id=`. With a participant's token, the configuration of
-/// their enrolment. With an external id, whether this person can take part: they may have begun, or
-/// have finished. This reveals no more than an enrolment with the same id, and stores nothing.
+/// `GET /api/v1/studies/{slug}?external_id=`. With a participant's token, the response has the
+/// configuration of their enrolment. With an external id, it states whether this person can take part; they
+/// may have begun or finished. This reveals no more than an enrolment with the same id, and stores nothing.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -55,7 +55,7 @@ pub async fn show(
     };
     let return_url;
     (admission, return_url) = match known {
-        // No participant continues in an archived study.
+        // No participant can continue in an archived study.
         Some(known) if (known.0, admission) != (Admission::Open, Admission::Archived) => known,
         _ => (admission, newcomers_url(&study.config, admission, id)),
     };
@@ -63,18 +63,19 @@ pub async fn show(
     Ok(Json(StudyInfo { return_url, ..StudyInfo::of(&config, admission) }))
 }
 
-/// The configuration for a request.
+/// The configuration that applies to a request.
 pub struct Asked {
     /// The configuration.
     pub config: Arc<StudyConfig>,
-    /// Its hash.
+    /// The hash of the configuration.
     pub config_hash: String,
-    /// The participant whose token the request carries.
+    /// The participant whose token the request has.
     pub visitor: Option<Visitor>,
 }
 
-/// The configuration for a request: that of the participant whose token it carries, else that of
-/// new participants. An edited study file changes nothing for participants who have begun.
+/// The configuration that applies to a request. With a participant's token, it is the configuration
+/// of their enrolment. Otherwise it is the configuration for new participants. An edited study file
+/// changes nothing for participants who have begun.
 ///
 /// # Errors
 /// If the database cannot be read.
@@ -95,7 +96,7 @@ pub async fn asked_for(
     Ok(Asked { config, config_hash, visitor })
 }
 
-/// Who may enrol in a study now.
+/// The conditions for enrolment in a study now.
 #[must_use]
 pub fn gate(study: &StoredStudy) -> Gate {
     let recruitment = &study.config.recruitment;
@@ -110,7 +111,7 @@ pub fn gate(study: &StoredStudy) -> Gate {
 /// The study with this name.
 ///
 /// # Errors
-/// 404 if there is none.
+/// 404 if the study does not exist.
 pub async fn named(store: &Store, slug: &str) -> Result<StoredStudy, ApiError> {
     store.study(slug).await?.ok_or_else(|| ApiError::not_found("study"))
 }

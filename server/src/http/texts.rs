@@ -26,9 +26,9 @@ pub struct TextParams {
     language: Option<String>,
 }
 
-/// `GET /api/v1/studies/{slug}/texts?language=`: in this language; by default, or if the study does
-/// not have it, in the one that the browser prefers. With a participant's token, the texts of the
-/// configuration of their enrolment.
+/// `GET /api/v1/studies/{slug}/texts?language=`: the texts in this language. By default, or if the
+/// study does not have it, the texts are in the language that the browser prefers. With a
+/// participant's token, they are the texts of the configuration of their enrolment.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -59,8 +59,8 @@ pub async fn show(
     Ok((vary, Json(Texts { check, ..page.texts.clone() })).into_response())
 }
 
-/// Seed for drawing a participant's questions: it depends on the participant and, unless they keep
-/// their questions, on the attempt.
+/// The seed for drawing a participant's questions. It depends on the participant. Unless
+/// participants keep their questions after a wrong answer, it also depends on the attempt.
 fn drawing_seed(visitor: &Visitor, after_wrong: AfterWrong) -> u64 {
     let attempt = match after_wrong {
         AfterWrong::Mark => 0,
@@ -70,7 +70,7 @@ fn drawing_seed(visitor: &Visitor, after_wrong: AfterWrong) -> u64 {
     hash.iter().take(8).fold(0, |seed, byte| (seed << 8) | u64::from(*byte))
 }
 
-/// The languages of an Accept-Language header, by descending preference.
+/// The languages of an Accept-Language header, in descending order of preference.
 fn preferred(header: &str) -> Vec<&str> {
     let quality = |parameters: &str| {
         let value = parameters.split(';').find_map(|p| p.trim().strip_prefix("q="));
@@ -82,7 +82,7 @@ fn preferred(header: &str) -> Vec<&str> {
         .map(|(tag, parameters)| (tag.trim(), quality(parameters)))
         .filter(|(tag, quality)| is_language(tag) && *quality > 0.0)
         .collect();
-    // Stable: equal preferences keep their order.
+    // The sort is stable, so languages of equal preference keep their order.
     found.sort_by(|(_, a), (_, b)| b.total_cmp(a));
     found.into_iter().map(|(tag, _)| tag).collect()
 }

@@ -1,4 +1,4 @@
-//! Rate limits.
+//! Rate limits, counted in memory or in a shared database.
 
 use crate::store::Store;
 use crate::store::throttles::Allowance;
@@ -9,32 +9,33 @@ use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A rate limit for each of many keys, such as addresses or tokens: a burst of `burst` turns, and
-/// one more turn for each `pause` that passes. The counts are in this server's memory.
+/// A token bucket for each of many keys, such as addresses or tokens. A key has a burst of `burst`
+/// turns, and gets one more turn after each `pause`. The counts are in this server's memory.
 #[derive(Debug)]
 pub struct Throttle<Who> {
     burst: u32,
     pause: Duration,
-    /// When each key will have all its `burst` turns again.
+    /// The time at which each key will have all its `burst` turns again.
     full_at: Mutex<HashMap<Who, Instant>>,
 }
 
-/// The same for rare actions whose limit must not grow with the number of servers: servers that
-/// share a database count together.
+/// A rate limit for rare actions. The limit must not grow with the number of servers, so servers
+/// that share a database count together.
 #[derive(Debug)]
 pub struct SharedThrottle {
     here: Throttle<IpAddr>,
-    /// The kind of action, as in the database.
+    /// The kind of action, as stored in the database.
     kind: &'static str,
-    /// The database, if it is shared.
+    /// The database, if several servers share it.
     store: Option<Store>,
-    /// Until when the database refuses an address. It is not asked again before, so refused
-    /// requests of a flood cost it nothing.
+    /// For each address, the time until which the database refuses it. The database is not asked
+    /// again before this time, so the refused requests of a flood cost it nothing.
     told: Mutex<HashMap<IpAddr, Instant>>,
 }
 
 impl SharedThrottle {
-    /// A rate limit of this kind that is counted in the database if servers share it, else in memory.
+    /// A rate limit of this kind. It is counted in the database if servers share it, and otherwise
+    /// in memory.
     #[must_use]
     pub fn new(store: &Store, kind: &'static str, burst: u32, pause: Duration) -> Self {
         let store = store.is_shared().then(|| store.clone());
@@ -53,7 +54,7 @@ impl SharedThrottle {
     /// Takes a turn.
     ///
     /// # Errors
-    /// How long to wait, if there is no turn now; nothing is counted then.
+    /// The waiting time, if no turn is available now. In this case nothing is counted.
     pub async fn take(&self, who: IpAddr) -> Result<(), Duration> {
         let Some(store) = &self.store else { return self.here.take(who) };
         if let Some(wait) = self.told_to_wait(who, Instant::now()) {
@@ -65,12 +66,12 @@ impl SharedThrottle {
                 self.tell_to_wait(who, Instant::now(), wait);
                 wait
             }),
-            // While the database is unavailable, each server counts alone.
+            // While the database is unavailable, each server counts on its own.
             Err(_) => self.here.take(who),
         }
     }
 
-    /// How long to wait, if the database refused this address.
+    /// The remaining waiting time, if the database refused this address.
     fn told_to_wait(&self, who: IpAddr, now: Instant) -> Option<Duration> {
         let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
         told.get(&who)?.checked_duration_since(now).filter(|wait| !wait.is_zero())
@@ -86,7 +87,7 @@ impl SharedThrottle {
         }
     }
 
-    /// Whether there is no turn now.
+    /// Whether no turn is available now.
     pub async fn is_spent(&self, who: IpAddr) -> bool {
         if let Some(store) = &self.store
             && let Ok(spent) = store.has_no_turn(self.allowed(), hashed(who)).await
@@ -101,7 +102,7 @@ fn hashed(who: IpAddr) -> [u8; 32] {
     secrets::hash(&who.to_string())
 }
 
-/// Size at which expired entries of the table are removed.
+/// Table size at which expired entries are removed.
 const MANY: usize = 10_000;
 
 impl<Who: Eq + Hash> Throttle<Who> {
@@ -114,19 +115,19 @@ impl<Who: Eq + Hash> Throttle<Who> {
     /// Takes a turn.
     ///
     /// # Errors
-    /// How long to wait, if there is no turn now; nothing is counted then.
+    /// The waiting time, if no turn is available now. In this case nothing is counted.
     pub fn take(&self, who: Who) -> Result<(), Duration> {
         self.take_at(who, Instant::now())
     }
 
-    /// Whether there is no turn now.
+    /// Whether no turn is available now.
     pub fn is_spent(&self, who: &Who) -> bool {
         let full_at = self.full_at.lock().unwrap_or_else(PoisonError::into_inner);
         let left = full_at.get(who).map(|at| at.saturating_duration_since(Instant::now()));
         left.is_some_and(|left| left + self.pause > self.whole())
     }
 
-    /// Refill time of a whole burst.
+    /// The time in which a whole burst is refilled.
     fn whole(&self) -> Duration {
         self.pause * self.burst
     }
@@ -147,7 +148,7 @@ impl<Who: Eq + Hash> Throttle<Who> {
     }
 }
 
-/// Whole seconds for `Retry-After`, at least one.
+/// The value of `Retry-After` for this waiting time, in whole seconds, at least one.
 #[must_use]
 pub fn seconds(wait: Duration) -> u64 {
     wait.as_secs() + 1

@@ -25,7 +25,7 @@ pub struct Certificates {
     present: Arc<Present>,
 }
 
-/// The certificate for new connections.
+/// The certificate that is used for new connections.
 #[derive(Debug)]
 struct Present(RwLock<Arc<CertifiedKey>>);
 
@@ -36,10 +36,10 @@ impl ResolvesServerCert for Present {
 }
 
 impl Certificates {
-    /// The certificate and the key in these files.
+    /// Reads the certificate and the key from these files.
     ///
     /// # Errors
-    /// A line that names the file, what was expected and what was found.
+    /// A line that names the file, with the expected and the found content.
     pub fn open(certificate: &Path, key: &Path) -> Result<Self, String> {
         let files = Files { certificate: certificate.to_owned(), key: key.to_owned() };
         let present = Arc::new(Present(RwLock::new(Arc::new(files.read()?))));
@@ -53,14 +53,15 @@ impl Certificates {
         Ok(Self { files, config: Arc::new(config), present })
     }
 
-    /// Accepts encrypted connections.
+    /// An acceptor of encrypted connections.
     #[must_use]
     pub fn acceptor(&self) -> TlsAcceptor {
         TlsAcceptor::from(Arc::clone(&self.config))
     }
 
-    /// Reloads the files when they change, or on `asked`. Connections stay open; new ones get the
-    /// new certificate. Invalid files leave the current one in use.
+    /// Reloads the files when they change, or when `asked` is notified. Open connections are kept,
+    /// and new connections get the new certificate. If the files are invalid, the current
+    /// certificate stays in use.
     pub async fn renew(&self, asked: &Notify) {
         let mut known = self.files.state();
         loop {
@@ -80,7 +81,7 @@ impl Certificates {
                     *present = Arc::new(new);
                     tracing::info!("new connections get the certificate that is in the file now");
                 }
-                // The two files do not change at the same instant; the next change may fix it.
+                // The two files do not change at the same instant, so the next change may fix this.
                 Err(error) => tracing::warn!("the certificate stays as it was: {error}"),
             }
         }
@@ -134,7 +135,7 @@ impl Files {
     }
 }
 
-/// The content that was found instead of valid PEM.
+/// A description of the content that was found instead of valid PEM.
 fn found(error: &pem::Error) -> String {
     match error {
         pem::Error::Io(error) => error.to_string(),
@@ -143,14 +144,14 @@ fn found(error: &pem::Error) -> String {
     }
 }
 
-/// What is wrong with a certificate by itself. Whether its issuers are trusted is for clients to decide.
+/// The fault of a certificate by itself. Clients decide whether they trust its issuers.
 fn damage(certificate: &CertificateDer<'_>) -> Option<String> {
     let Ok(parsed) = EndEntityCert::try_from(certificate) else {
         return Some("a damaged one".to_owned());
     };
     let (usage, now) = (KeyUsage::server_auth(), UnixTime::now());
     let at = |time: UnixTime| date_time(i64::try_from(time.as_secs()).unwrap_or(i64::MAX) * 1000);
-    // The dates are checked before the issuers, of which none is known here.
+    // The dates are checked before the issuers. No issuer is given here.
     match parsed.verify_for_usage(&[], &[], &[], now, usage, None, None) {
         Err(webpki::Error::CertExpired { not_after, .. }) => {
             Some(format!("one that was valid until {}", at(not_after)))

@@ -24,13 +24,13 @@ use uuid::Uuid;
 /// The query of an upload.
 #[derive(Debug, Deserialize, JsonSchema)]
 pub struct UploadParams {
-    /// Number of further trials that wait in the participant's browser; capped at the study's maximum.
+    /// Number of further trials waiting in the participant's browser; capped at the study's maximum.
     #[serde(default)]
     waiting: u32,
 }
 
-/// `PUT /api/v1/participants/me/trials/{trial_id}`: 201 after the commit; 200 if the same content
-/// was stored before; 409 for different content, or if another trial must come first.
+/// `PUT /api/v1/participants/me/trials/{trial_id}`: 201 after the commit. 200 if the same content
+/// was stored before. 409 if different content is stored, or if another trial must come first.
 pub async fn store(
     State(app): State<Arc<App>>,
     Assigned { participant_id, config, trial_id, scene }: Assigned,
@@ -57,7 +57,7 @@ pub async fn store(
     Ok((status, Json(TrialStored { trial_id, next })))
 }
 
-/// Maximum number of a participant's trials: two per scene.
+/// Maximum number of a participant's trials, with two trials per scene.
 fn most_trials(config: &StudyConfig) -> u32 {
     let scenes: usize = config.phases.iter().map(|phase| phase.scenes).sum();
     u32::try_from(2 * scenes).unwrap_or(u32::MAX)
@@ -103,8 +103,8 @@ fn recorded(
     })
 }
 
-/// A number derived from the times of the key events. Two presses and releases at identical times,
-/// to a fraction of a millisecond, are no coincidence.
+/// A number derived from the times of the key events. If two participants press and release keys at
+/// identical times, to a fraction of a millisecond, this is not a coincidence.
 fn key_timing(events: &[KeyEvent]) -> Option<i64> {
     const ENOUGH: usize = 4;
     if events.len() < ENOUGH {

@@ -1,4 +1,4 @@
-//! The encoded value functions; the content of a URL never changes.
+//! The encoded value functions. The content of a URL never changes.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -18,7 +18,7 @@ pub async fn show(
 ) -> Result<Response, ApiError> {
     let found = app.store.value_function(&id).await?;
     let bytes = found.ok_or_else(|| ApiError::not_found("value function"))?;
-    // A weak tag, because the same bytes are sent with several encodings.
+    // The tag is weak, because the same bytes are sent with several encodings.
     let tag = format!("W/\"{id}\"");
     let cached = headers
         .get(header::IF_NONE_MATCH)

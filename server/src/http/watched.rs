@@ -1,4 +1,4 @@
-//! A connection that reports its state, and that rejects ambiguous lines in a request's head.
+//! A connection that reports its state, and that rejects ambiguous lines in the head of a request.
 
 use crate::http::connections::{Admitted, Connections, Watch};
 use axum::body::{Body, HttpBody};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
-/// A stream that reports to its connection's watch.
+/// A stream that reports to the watch of its connection.
 #[derive(Debug)]
 pub struct Watched<S> {
     stream: S,
@@ -29,18 +29,18 @@ impl<S> Watched<S> {
     }
 }
 
-/// The lines of a request's head as they arrive.
+/// Checks the lines of a request's head as they arrive.
 ///
 /// A proxy in front of this server may split lines differently if a line ends without a carriage
-/// return, or see another end of the body if the head has both lengths. Either could hide a second
-/// request. The parser accepts both, so the line end is overwritten with a byte that it rejects:
-/// the response is 400.
+/// return. It may see another end of the body if the head has both a content length and a transfer
+/// encoding. Either difference could hide a second request. The parser accepts both, so the end of
+/// such a line is overwritten with a byte that the parser rejects, and the response is 400.
 #[derive(Debug, Default)]
 struct Head {
     last: u8,
-    /// Bytes of the current line, without its end.
+    /// Number of bytes of the current line, without the line feed.
     length: usize,
-    /// The beginning of the current line, in lower case.
+    /// The start of the current line, in lower case.
     begin: [u8; 18],
     lines: usize,
     has_length: bool,
@@ -68,7 +68,7 @@ impl Head {
                 if self.has_length && self.is_chunked {
                     *byte = 0;
                 }
-                // An empty line before the first is skipped, as in the parser.
+                // An empty line before the first line is skipped, as in the parser.
                 let is_empty = self.length == 1;
                 self.is_over = is_empty && self.lines > 0;
                 self.lines += usize::from(!is_empty);
@@ -134,7 +134,7 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
     }
 }
 
-/// The body of a request, as it arrives.
+/// The body of a request while it arrives. It reports to the watch.
 #[derive(Debug)]
 pub struct Received {
     body: Incoming,
@@ -185,7 +185,7 @@ impl HttpBody for Received {
     }
 }
 
-/// The body of a response, until it is sent.
+/// The body of a response. When it is dropped, the watch records that the response was sent.
 #[derive(Debug)]
 pub struct Sent {
     body: Body,
@@ -230,7 +230,7 @@ impl HttpBody for Sent {
 mod tests {
     use super::*;
 
-    /// The head as the parser receives it, if it arrives in pieces of this length.
+    /// The head as the parser receives it, when it arrives in pieces of this length.
     fn read(text: &str, piece: usize) -> String {
         let mut bytes = text.as_bytes().to_vec();
         let mut head = Head::default();

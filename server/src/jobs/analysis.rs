@@ -1,4 +1,4 @@
-//! An analysis, from a recording to its numbers, for the command and the server.
+//! An analysis, from a recording to its numbers. Used by the command and the server.
 
 pub mod limits;
 pub mod process;
@@ -18,15 +18,15 @@ use tokio_util::sync::CancellationToken;
 pub struct AnalysisTask<C> {
     /// The tasks to compare.
     pub recording: Recording,
-    /// Features that replace computed ones.
+    /// Features that replace the computed ones.
     pub given: Option<GivenFeatures>,
     /// The safety levels of the recording's vehicles.
     pub safety: SafetyLevels,
     /// The sets, grids and options.
     pub request: Request,
-    /// Caches fits for later analyses.
+    /// Stores fits, so that later analyses can reuse them.
     pub cache: Arc<C>,
-    /// Number of threads; by default one per processor.
+    /// Number of threads. The default is one per processor.
     pub threads: Option<usize>,
     /// Cancels the analysis.
     pub cancel: CancellationToken,
@@ -74,7 +74,7 @@ impl<C: Cache + Send + 'static> AnalysisTask<C> {
 /// Computes the analysis of a recording on the threads of the caller's pool.
 ///
 /// # Errors
-/// [`TaskError`] for an invalid request or data that cannot be compared, or if `step` cancels it.
+/// [`TaskError`] for an invalid request or data that cannot be compared, or if `step` cancels the analysis.
 pub fn compute(
     mut recording: Recording,
     given: Option<&GivenFeatures>,
@@ -85,7 +85,7 @@ pub fn compute(
 ) -> Result<Analysis, TaskError> {
     let settings = request.settings().map_err(TaskError::Request)?;
     if request.synthetic {
-        // A statement in the data is stronger, and is kept.
+        // Evidence in the data is stronger than the experimenter's statement, and is kept.
         recording.provenance.is_mixed = false;
         let known = recording.provenance.synthetic.take();
         recording.provenance.synthetic = Some(match known {

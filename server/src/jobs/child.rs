@@ -1,8 +1,8 @@
-//! Long work in a child process: the child's side.
+//! Long work in a child process, from the side of the child.
 //!
 //! The child has a low priority and a memory limit. It reads its task from stdin and writes its
 //! results to stdout. It has no key, and gets the database's address only for a check. It ends when
-//! stdin closes, that is, when the server has ended for whatever reason.
+//! stdin closes, which means that the server has ended for any reason.
 
 mod analysis;
 mod check;
@@ -20,7 +20,7 @@ use std::sync::{Mutex, PoisonError};
 /// # Errors
 /// If the memory limit cannot be set, the threads cannot be started, or the server has ended.
 pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
-    // Before any other thread starts, since threads inherit the priority.
+    // Do this before any other thread starts, because threads inherit the priority.
     restrain(memory_mib, nice)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(io::Error::other)?;
@@ -49,19 +49,19 @@ pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
     }
 }
 
-/// Lowers the priority in CPU time and in memory.
+/// Lowers the CPU priority, and limits the memory.
 fn restrain(memory_mib: u64, nice: i32) -> io::Result<()> {
-    // If this is not allowed, the work is done all the same.
+    // If this is not permitted, continue with normal priority.
     let _ = setpriority_process(None, nice);
-    // When out of memory, the system kills this process first.
+    // When memory runs out, the system should kill this process first.
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
-    // Limits data, not address space: threads reserve far more address space than they use.
+    // Limit data rather than address space. Threads reserve far more address space than they use.
     let most = Some(memory_mib.saturating_mul(1 << 20));
     setrlimit(Resource::Data, Rlimit { current: most, maximum: most })?;
     Ok(())
 }
 
-/// Passes further messages of the server to `hear`, and ends the process when the server has ended.
+/// Passes further messages from the server to `hear`, and ends the process when the server has ended.
 fn end_with_stdin(mut hear: impl FnMut(ToChild, Vec<u8>) + Send + 'static) {
     std::thread::spawn(move || {
         let mut orders = io::stdin().lock();

@@ -1,4 +1,4 @@
-//! Long work in a child process: the server's side.
+//! Long work in a child process, from the side of the server.
 
 use super::frames::{self, FromChild, ToChild};
 use anyhow::Context;
@@ -25,13 +25,13 @@ const LONGEST_COMPLAINT: u64 = 4096;
 /// Settings of child processes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Children {
-    /// The program; by default this one.
+    /// The program. By default, it is the running program.
     pub program: Option<PathBuf>,
-    /// Memory limit per process, MiB.
+    /// Memory limit per process (MiB).
     pub memory_mib: u64,
     /// Number of threads per process.
     pub threads: usize,
-    /// Their nice value: [`LOWEST_PRIORITY`], unless no data are being collected.
+    /// The nice value of the processes. It is [`LOWEST_PRIORITY`] unless no data are being collected.
     pub nice: i32,
 }
 
@@ -47,7 +47,7 @@ impl Children {
             .args(["--memory", &self.memory_mib.to_string()])
             .args(["--threads", &self.threads.to_string()])
             .args(["--nice", &self.nice.to_string()])
-            // The child gets no key and no other variable.
+            // The child gets no key and no other environment variable.
             .env_clear()
             .current_dir("/")
             .stdin(Stdio::piped())
@@ -57,7 +57,7 @@ impl Children {
         #[cfg(unix)]
         command
             .arg0("sidestep")
-            // Ctrl-C goes only to the server, which then ends the child.
+            // Ctrl-C then reaches only the server, which ends the child.
             .process_group(0);
         let mut process = command.spawn().context("starting a child process")?;
         let stdin = process.stdin.take().context("the child's stdin")?;
@@ -68,7 +68,7 @@ impl Children {
         Ok(Running { process, stdin, stdout: BufReader::new(stdout), complaint, memory_mib })
     }
 
-    /// This program, even if its file has been replaced by another version.
+    /// The running program, even if its file was replaced by another version.
     fn program(&self) -> anyhow::Result<PathBuf> {
         match &self.program {
             Some(program) => Ok(program.clone()),
@@ -78,17 +78,17 @@ impl Children {
     }
 }
 
-/// The beginning of a child's stderr.
+/// The first bytes of a child's stderr. Reads and discards the rest.
 async fn complaint(mut stderr: impl AsyncRead + Unpin) -> String {
     let mut said = Vec::new();
     let mut beginning = (&mut stderr).take(LONGEST_COMPLAINT);
-    // If reading fails, the rest is missing.
+    // If reading fails, the rest of the text is missing.
     let _ = beginning.read_to_end(&mut said).await;
     let _ = tokio::io::copy(&mut stderr, &mut tokio::io::sink()).await;
     String::from_utf8_lossy(&said).trim_end().to_owned()
 }
 
-/// A child process.
+/// A running child process.
 #[derive(Debug)]
 pub struct Running {
     process: Child,
@@ -101,9 +101,9 @@ pub struct Running {
 /// Why a child process ended early.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// By itself; the sentence explains the reason to an experimenter.
+    /// The child failed. The sentence explains the reason to an experimenter.
     Failed(String),
-    /// It received a signal to terminate, which the system sends to every process at a shutdown.
+    /// The child received a signal to terminate, which the system sends to every process at a shutdown.
     Asked,
 }
 
@@ -111,20 +111,20 @@ impl Running {
     /// Sends a message to the child.
     ///
     /// # Errors
-    /// If it has ended.
+    /// If the child has ended.
     pub async fn tell(&mut self, message: &ToChild, beside: &[u8]) -> io::Result<()> {
         frames::send(&mut self.stdin, message, beside).await
     }
 
-    /// The child's next message, with its bytes.
+    /// The child's next message, with its attachment.
     ///
     /// # Errors
-    /// If it has ended.
+    /// If the child has ended.
     pub async fn hear(&mut self) -> io::Result<(FromChild, Vec<u8>)> {
         frames::receive(&mut self.stdout).await
     }
 
-    /// Waits until a child that sends no more messages exits, and returns the reason.
+    /// Waits until a child that sends no more messages exits, and returns the reason for its end.
     pub async fn ended(mut self) -> Ended {
         let status = tokio::time::timeout(ENDING, self.process.wait()).await;
         let Ok(Ok(status)) = status else {
@@ -138,7 +138,7 @@ impl Running {
     }
 }
 
-/// The reason, in a sentence for experimenters.
+/// The reason for the end of a child, in a sentence for experimenters.
 fn why(status: ExitStatus, complaint: &str, memory_mib: u64) -> Ended {
     const LESS: &str = "request fewer sets, shorter grids or paper_only";
     #[cfg(unix)]
@@ -146,11 +146,11 @@ fn why(status: ExitStatus, complaint: &str, memory_mib: u64) -> Ended {
     #[cfg(not(unix))]
     let signal = None::<i32>;
     const KILL: i32 = 9;
-    // Signals from a terminal, a user or the system.
+    // Signals that a terminal, a user or the system sends.
     const ASKING: [i32; 3] = [1, 2, 15];
     Ended::Failed(match signal {
         Some(signal) if ASKING.contains(&signal) => return Ended::Asked,
-        // Rust's message if an allocation, or the stack of a thread, gets no memory.
+        // This is Rust's message if there is no memory for an allocation or the stack of a thread.
         _ if complaint.contains("memory allocation of") => format!(
             "it needs more memory than the {memory_mib} MiB that the server allows; {LESS}, or start the \
              server with a larger --analysis-memory"

@@ -12,18 +12,18 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use tokio_util::sync::CancellationToken;
 
-/// One file per key: the cells, and in the last line the SHA-256 of key and cells. If the file
-/// cannot be read, was changed or belongs to another key, the cells are computed again.
+/// A cache with one file per key. The file has the cells and, in its last line, the SHA-256 of key and
+/// cells. If the file cannot be read, was changed or belongs to another key, the cells are computed again.
 pub struct FolderCache {
     folder: PathBuf,
     used: Mutex<HashSet<String>>,
 }
 
 impl FolderCache {
-    /// A cache in `folder`, which is created, private, if it does not exist.
+    /// A cache in `folder`. If the folder does not exist, it is created and only this user can access it.
     ///
     /// # Errors
-    /// The disk's error.
+    /// The error of the disk.
     pub fn open(folder: &Path) -> io::Result<Self> {
         private::make_folder(folder)?;
         Ok(Self { folder: folder.to_owned(), used: Mutex::default() })
@@ -41,7 +41,7 @@ impl FolderCache {
     /// Deletes the files that were neither read nor written since the cache was opened.
     ///
     /// # Errors
-    /// The disk's error.
+    /// The error of the disk.
     pub fn forget_unused(&self) -> io::Result<()> {
         let used = self.used.lock().unwrap_or_else(|broken| broken.into_inner());
         for entry in fs::read_dir(&self.folder)? {
@@ -77,7 +77,7 @@ impl Cache for FolderCache {
             write!(out, "{cells}\n{}", sha256(key, &cells))
         });
         if let Err(error) = written {
-            // The cost is only time.
+            // An uncached fit only costs time.
             tracing::warn!("the cache cannot be written: {error}");
         }
     }

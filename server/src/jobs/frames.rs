@@ -1,7 +1,7 @@
 //! Messages between the server and its child process, over the child's stdin and stdout.
 //!
-//! A message is JSON, with a binary attachment for data that JSON would inflate. Both are preceded
-//! by their lengths, as two little-endian 32-bit integers. Both ends are the same program.
+//! A message is JSON, with a binary attachment for data that JSON would inflate. The message is preceded by
+//! the lengths of both, as two little-endian 32-bit integers. Both ends are the same program.
 
 use super::model_index::{IndexedModel, IndexedTask};
 use crate::database_check::Report;
@@ -17,47 +17,47 @@ use std::io::{self, Read, Write};
 use std::path::PathBuf;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
-/// Messages of the server.
+/// Messages from the server to the child.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum ToChild {
-    /// The first message: solve the games of these vehicles.
+    /// The first message. The child solves the games of these vehicles.
     Solve(SceneParameters),
-    /// The first message: check a database, or write a backup and check that.
+    /// The first message. The child checks a database, or writes a backup and checks the backup.
     Check {
-        /// The folder for relative paths.
+        /// The folder to which relative paths refer.
         folder: PathBuf,
-        /// The database's address. It is sent only to the child, since it may contain a password.
+        /// The database's address. It may contain a password, so it is sent only to the child.
         database: String,
         /// The backup to write, if any.
         backup: Option<PathBuf>,
     },
-    /// The first message: analyse the participants that follow. Attachment: V_HR, then V_RH.
+    /// The first message. The child analyses the participants that follow. Attachment: V_HR, then V_RH.
     Analyse {
         /// The request.
         request: Box<Request>,
         /// The study's name.
         study: String,
-        /// Its vehicles, steps and danger radius.
+        /// The study's vehicles, steps and danger radius.
         scene: SceneParameters,
         /// The number of bytes of V_HR.
         human: usize,
     },
     /// A participant's tasks. Attachment: inputs and states, trial by trial.
     Participant {
-        /// As in the recording.
+        /// The name in the recording.
         name: String,
-        /// As in the recording.
+        /// Whether the recording marks the participant as synthetic.
         marked_synthetic: bool,
-        /// Without inputs and states.
+        /// The trials without their inputs and states.
         trials: Vec<TrialHead>,
     },
-    /// An excluded participant, and the reason.
+    /// The name of an excluded participant, and the reason.
     Excluded(String, String),
     /// All participants have been sent.
     Begin,
     /// The answer to [`FromChild::Wanted`]. Attachment: the cells, if they are cached.
     Cells {
-        /// Whether they are cached.
+        /// Whether the cells are cached.
         kept: bool,
     },
 }
@@ -75,7 +75,7 @@ pub struct TrialHead {
     states: usize,
 }
 
-/// Messages of the child.
+/// Messages from the child to the server.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum FromChild {
     /// Both value functions are solved. Attachment: V_HR, then V_RH.
@@ -89,25 +89,25 @@ pub enum FromChild {
     Progress {
         /// Number of finished fits.
         done: usize,
-        /// Number of all fits.
+        /// Total number of fits.
         of: usize,
     },
-    /// Requests the cells under this key; [`ToChild::Cells`] is the answer.
+    /// Requests the cells under this key. The answer is [`ToChild::Cells`].
     Wanted(String),
     /// Computed cells, to be cached under this key. Attachment: the cells.
     Computed(String),
     /// A file of the analysis. Attachment: its content, compressed with gzip.
     File {
-        /// Its name.
+        /// The name of the file.
         name: String,
-        /// Its length before compression.
+        /// The length before compression (bytes).
         octets: usize,
     },
     /// Models whose files were sent.
     Models(Vec<IndexedModel>),
-    /// Tasks that trained or tested models.
+    /// Tasks that were used to train or test models.
     Tasks(Vec<IndexedTask>),
-    /// The analysis is done: everything has been sent.
+    /// The analysis is done, and everything has been sent.
     Done {
         /// The summary.
         result: Box<AnalysisResult>,
@@ -118,15 +118,16 @@ pub enum FromChild {
     Checked {
         /// The findings.
         report: Box<Report>,
-        /// The length of the backup, bytes; 0 without one.
+        /// The length of the backup (bytes); 0 without a backup.
         bytes: u64,
     },
-    /// The task failed, for this reason.
+    /// The task failed for this reason.
     Failed(String),
 }
 
 impl ToChild {
-    /// A participant's tasks, with the attachment. Sampling times are left out, since analyses do not use them.
+    /// The message with a participant's tasks, and its attachment. Sampling times are left out,
+    /// because analyses do not use them.
     #[must_use]
     pub fn participant(participant: &RecordedParticipant) -> (Self, Vec<u8>) {
         let mut bytes = Vec::new();
@@ -150,7 +151,7 @@ impl ToChild {
     }
 }
 
-/// The participant of a [`ToChild::Participant`].
+/// Restores the participant of a [`ToChild::Participant`].
 ///
 /// # Errors
 /// If the attachment does not match the trials.
@@ -183,7 +184,7 @@ pub fn participant(
     Ok(RecordedParticipant { name, line: None, trials, marked_synthetic })
 }
 
-/// A message with its lengths; the attachment follows.
+/// A message with the two lengths, without its attachment.
 fn encoded(message: &impl Serialize, beside: &[u8]) -> io::Result<Vec<u8>> {
     let json = serde_json::to_vec(message)?;
     let mut out = Vec::with_capacity(8 + json.len());
@@ -203,7 +204,7 @@ fn lengths(head: [u8; 8]) -> [usize; 2] {
 /// Writes a message.
 ///
 /// # Errors
-/// If the other end is gone.
+/// If the other end has closed.
 pub fn write(out: &mut impl Write, message: &impl Serialize, beside: &[u8]) -> io::Result<()> {
     out.write_all(&encoded(message, beside)?)?;
     out.write_all(beside)?;
@@ -213,7 +214,7 @@ pub fn write(out: &mut impl Write, message: &impl Serialize, beside: &[u8]) -> i
 /// Reads a message with its attachment.
 ///
 /// # Errors
-/// If the other end is gone, or sent something else.
+/// If the other end has closed or sent another type of message.
 pub fn read<M: DeserializeOwned>(from: &mut impl Read) -> io::Result<(M, Vec<u8>)> {
     let mut head = [0; 8];
     from.read_exact(&mut head)?;
@@ -226,7 +227,7 @@ pub fn read<M: DeserializeOwned>(from: &mut impl Read) -> io::Result<(M, Vec<u8>
 /// Writes a message without blocking a thread.
 ///
 /// # Errors
-/// If the other end is gone.
+/// If the other end has closed.
 pub async fn send(
     out: &mut (impl AsyncWrite + Unpin),
     message: &impl Serialize,
@@ -240,7 +241,7 @@ pub async fn send(
 /// Reads a message without blocking a thread.
 ///
 /// # Errors
-/// If the other end is gone, or sent something else.
+/// If the other end has closed or sent another type of message.
 pub async fn receive<M: DeserializeOwned>(
     from: &mut (impl AsyncRead + Unpin),
 ) -> io::Result<(M, Vec<u8>)> {

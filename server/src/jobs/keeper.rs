@@ -1,5 +1,5 @@
-//! Maintains the data while the server runs: checks every stored trial, and writes backups, in
-//! child processes of the lowest priority.
+//! Maintains the data while the server runs. Child processes of the lowest priority replay every
+//! stored trial, and write backups.
 
 use super::children::{Children, Ended};
 use super::frames::{FromChild, ToChild};
@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-/// Maximum number of reported faults; `sidestep check` reports all.
+/// Maximum number of faults that are shown; `sidestep check` reports all faults.
 const MOST_FAULTS: usize = 20;
 
 /// The data to maintain, and the intervals.
@@ -23,11 +23,12 @@ pub struct Keeping {
     pub database: String,
     /// [`Store::code`](crate::store::Store::code), which identifies the database's own backups.
     pub code: String,
-    /// The folder for backups, and how many are kept; none: no backups.
+    /// The folder for backups, and the number of backups to keep. `None` means no backups.
     pub backups: Option<(PathBuf, usize)>,
-    /// The interval between two checks or backups; none: no checks.
+    /// The interval between two checks or backups. `None` means no checks.
     pub every: Option<Duration>,
-    /// The time from the start of the server to the first check or, at the earliest, the first backup.
+    /// The time from the start of the server to the first check. The first backup comes at this
+    /// time or later.
     pub first: Duration,
 }
 
@@ -39,7 +40,7 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Starts it. `found` publishes the latest findings.
+    /// Starts the keeper. `found` publishes the latest findings.
     #[must_use]
     pub fn start(keeping: Keeping, children: Children, found: watch::Sender<DataCheck>) -> Self {
         let cancel = CancellationToken::new();
@@ -65,7 +66,7 @@ impl Keeper {
         Self { cancel, task }
     }
 
-    /// Stops it; a check or backup in progress is cancelled.
+    /// Stops the keeper and cancels a check or backup in progress.
     pub async fn stop(self) {
         self.cancel.cancel();
         if let Err(error) = self.task.await {
@@ -75,7 +76,7 @@ impl Keeper {
 }
 
 impl Keeping {
-    /// The time until the first check or backup. The interval since the newest backup is kept
+    /// The time until the first check or backup. The interval after the newest backup is also kept
     /// across restarts of the server.
     fn first_pause(&self, every: Duration, newest: Option<&Backup>) -> Duration {
         if self.backups.is_none() {
@@ -87,7 +88,7 @@ impl Keeping {
         rest.max(self.first.min(every))
     }
 
-    /// The newest backup in the folder, perhaps from an earlier run of the server.
+    /// The newest backup in the folder. It may be from an earlier run of the server.
     fn newest_backup(&self) -> Option<Backup> {
         let (folder, _) = self.backups.as_ref()?;
         let file = backups::list(folder, &self.code).ok()?.pop()?;
@@ -100,7 +101,7 @@ impl Keeping {
         })
     }
 
-    /// One check, or one backup, which checks what it has written.
+    /// Does one check, or writes one backup and checks it.
     async fn once(&self, children: &Children, found: &watch::Sender<DataCheck>) {
         let backup = self.backups.as_ref().map(|(folder, keep)| {
             let file = folder.join(backups::name(&self.code, now_ms()));
@@ -111,7 +112,7 @@ impl Keeping {
         let done = self.in_child(children, file.clone()).await;
         let at_ms = now_ms();
         let pruned = match (&done, &backup) {
-            // While there are faults, older backups may have data that newer ones lack.
+            // If there are faults, older backups may have data that newer backups lack.
             (Ok((report, _)), Some((folder, keep, _))) if report.faults() == 0 => {
                 backups::prune(folder, &self.code, *keep)
             }
@@ -159,7 +160,7 @@ impl Keeping {
         let mut child = children.start().map_err(|error| format!("{error:#}"))?;
         let folder = std::env::current_dir().map_err(|error| error.to_string())?;
         let task = ToChild::Check { folder, database: self.database.clone(), backup };
-        // If this fails, the child has ended, which the next read shows.
+        // An error means that the child has ended, and the next read shows this.
         let _ = child.tell(&task, &[]).await;
         match child.hear().await {
             Ok((FromChild::Checked { report, bytes }, _)) => Ok((*report, bytes)),
@@ -173,7 +174,7 @@ impl Keeping {
     }
 }
 
-/// The first faults, as sentences.
+/// The first faults, each as a sentence.
 fn told(report: &Report) -> Vec<String> {
     let wrong = report.wrong.iter().map(|it| format!("trial {}: {}", it.trial_id, it.what));
     report.damage.iter().cloned().chain(wrong).take(MOST_FAULTS).collect()

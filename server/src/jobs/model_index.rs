@@ -1,4 +1,4 @@
-//! The index of an analysis, for lists of models and for replays.
+//! The index of an analysis, used for lists of models and for replays.
 
 use crate::report;
 use crate::store::predictors::{NewPredictor, UsedTask};
@@ -25,7 +25,7 @@ impl TrialIds {
     }
 }
 
-/// A model of an analysis, as the child process lists it.
+/// A model of an analysis, as listed by the child process.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct IndexedModel {
     file: String,
@@ -55,7 +55,7 @@ impl From<IndexedModel> for NewPredictor {
     }
 }
 
-/// A task that an analysis used, as the child process lists it.
+/// A task that an analysis used, as listed by the child process.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct IndexedTask {
     trial_id: String,
@@ -74,7 +74,7 @@ pub fn models(analysis: &Analysis) -> impl Iterator<Item = IndexedModel> {
     analysis.comparison.cells.iter().enumerate().filter_map(|(place, cell)| {
         Some(IndexedModel {
             file: report::model_file(analysis, cell),
-            // The names of a study's participants are their numbers.
+            // A participant's name in a study's recording is the participant's number.
             participant: people[cell.participant].name.parse().ok()?,
             place,
             model: cell.model,
@@ -87,8 +87,8 @@ pub fn models(analysis: &Analysis) -> impl Iterator<Item = IndexedModel> {
     })
 }
 
-/// The tasks that trained and tested the models of an analysis of the recording with these ids,
-/// participant by participant.
+/// The tasks that trained and tested the models of an analysis, participant by participant. `ids`
+/// has the ids of the trials in its recording.
 pub fn tasks(analysis: &Analysis, ids: &TrialIds) -> impl Iterator<Item = IndexedTask> {
     analysis.comparison.participants.iter().flat_map(|person| {
         let training = person.training_trials.iter().map(|number| (number, true));

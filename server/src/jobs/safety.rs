@@ -1,5 +1,5 @@
-//! The value functions for the safety levels of a configuration: solved once, off the request path,
-//! and stored permanently.
+//! The value functions for the safety levels of a configuration. They are solved once, outside of
+//! requests, and stored permanently.
 
 use super::children::{Children, Ended};
 use super::frames::{FromChild, ToChild};
@@ -18,8 +18,8 @@ use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-/// Stores the value functions of a configuration, if it has a closed form, before the first
-/// request. The [`Solver`] computes the others.
+/// Stores the value functions of a configuration with a closed form, before the first request. The
+/// [`Solver`] computes all others.
 ///
 /// # Errors
 /// If the database cannot be written.
@@ -34,7 +34,7 @@ pub async fn keep_exact(store: &Store, study: &StoredStudy) -> Result<(), StoreE
     store.put_value_functions(&study.config_hash, Evader::ALL.map(kept).into()).await
 }
 
-/// The encoded value functions of a configuration; none until both are solved.
+/// The encoded value functions of a configuration. Returns `None` until both are solved.
 ///
 /// # Errors
 /// If the database cannot be read.
@@ -68,7 +68,7 @@ impl StoredFunctions {
         &self.0[1]
     }
 
-    /// Decodes them; takes some milliseconds.
+    /// Decodes the value functions, which takes some milliseconds.
     ///
     /// # Errors
     /// [`Invalid`] if they are damaged.
@@ -89,7 +89,8 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// Starts the solver. A failure is logged, and browsers that need the function solve it themselves.
+    /// Starts the solver. If a solve fails, this is logged, and browsers that need the function
+    /// solve it themselves.
     #[must_use]
     pub fn start(store: Store, study_stored: Arc<Notify>, children: Children) -> Self {
         let cancel = CancellationToken::new();
@@ -112,7 +113,7 @@ impl Solver {
         Self { cancel, task }
     }
 
-    /// Cancels the solve in progress; it restarts at the next start.
+    /// Cancels the solve in progress. It restarts at the next start of the server.
     pub async fn stop(self) {
         self.cancel.cancel();
         if let Err(error) = self.task.await {
@@ -146,7 +147,7 @@ async fn solve_and_keep(
     children: &Children,
 ) -> anyhow::Result<Result<(), Ended>> {
     let mut child = children.start()?;
-    // If this fails, the child has ended, which the next read shows.
+    // An error means that the child has ended, and the next read shows this.
     let _ = child.tell(&ToChild::Solve(config.parameters), &[]).await;
     let (human, complaints, bytes) = match child.hear().await {
         Ok((FromChild::Solved { human, complaints }, bytes)) => (human, complaints, bytes),
@@ -167,11 +168,11 @@ async fn solve_and_keep(
     Ok(Ok(()))
 }
 
-/// The value functions of a study's configuration: read from the store, or solved now and stored.
+/// The value functions of a study's configuration. They are read from the store, or solved now and stored.
 ///
 /// # Errors
-/// The outer error if the database fails or the process cannot be started; the inner one for a game
-/// that cannot be solved.
+/// The outer error if the database fails or the process cannot be started. The inner error if the
+/// game cannot be solved.
 pub async fn ensure(
     store: &Store,
     study: &StoredStudy,

@@ -1,4 +1,4 @@
-//! Cache of texts for each configuration and language.
+//! A cache of texts for each configuration and language.
 
 use super::Languages;
 use super::page::consent_hash;
@@ -7,11 +7,11 @@ use sidestep::study::{StudyConfig, closest_language};
 use std::collections::HashMap;
 use std::sync::{Arc, PoisonError, RwLock};
 
-/// Languages, with a cache of texts made from them.
+/// Languages, with a cache of the texts made from them.
 #[derive(Debug)]
 pub struct Library {
     languages: Languages,
-    /// By the configuration's hash and the language; neither changes while the server runs.
+    /// The pages, by the hash of the configuration and the language. Neither changes while the server runs.
     made: RwLock<HashMap<(String, String), Arc<Page>>>,
 }
 
@@ -20,7 +20,7 @@ pub struct Library {
 pub struct Page {
     /// The texts.
     pub texts: Texts,
-    /// See [`consent_hash`].
+    /// The hash computed by [`consent_hash`].
     pub consent_hash: String,
 }
 
@@ -37,9 +37,9 @@ impl Library {
         &self.languages
     }
 
-    /// The texts of the configuration with that hash, in the first of the `wanted` languages that
-    /// the study offers, else in the study's first one. Participants who have `begun` in a language
-    /// can continue in it, even if the study offers it to nobody else.
+    /// The texts of the configuration with this hash. They are in the first of the `wanted` languages that
+    /// the study offers, or otherwise in the first language of the study. Participants who have `begun` in
+    /// a language can continue in it, even if the study no longer offers it to others.
     pub fn page<'a>(
         &self,
         config: &StudyConfig,

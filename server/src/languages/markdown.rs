@@ -1,16 +1,16 @@
-//! Researchers' Markdown as inert HTML.
+//! Converts researchers' Markdown to inert HTML.
 
 use pulldown_cmark::{CowStr, Event, HeadingLevel, Parser, Tag, TagEnd, html};
 
-/// The HTML of a text in Markdown (CommonMark). HTML in the text is shown literally; links lead
-/// only to http, https and mailto addresses, in a new tab; pictures become their description;
-/// headings begin at the second level, below the page's own.
+/// The HTML of a text in Markdown (CommonMark). HTML in the text is shown literally. Links lead
+/// only to http, https and mailto addresses, and open in a new tab. Pictures become their
+/// description. Headings begin at the second level, below the page's own heading.
 #[must_use]
 pub fn html_of(text: &str) -> String {
     let mut links = Vec::new();
     let events = Parser::new(text).flat_map(|event| match event {
         Event::Html(raw) | Event::InlineHtml(raw) => vec![Event::Text(raw)],
-        // A block of HTML stays a paragraph.
+        // A block of HTML becomes a paragraph.
         Event::Start(Tag::HtmlBlock) => vec![Event::Start(Tag::Paragraph)],
         Event::End(TagEnd::HtmlBlock) => vec![Event::End(TagEnd::Paragraph)],
         Event::Start(Tag::Heading { level, id, classes, attrs }) => {
@@ -44,7 +44,8 @@ fn below(level: HeadingLevel) -> HeadingLevel {
     }
 }
 
-/// Whether a URL runs no script. Nothing that a browser would skip comes before the scheme.
+/// Whether a URL runs no script. The check allows no characters before the scheme that a browser
+/// would skip.
 fn is_allowed(address: &str) -> bool {
     let lower = address.to_ascii_lowercase();
     ["https://", "http://", "mailto:"].iter().any(|scheme| lower.starts_with(scheme))

@@ -8,8 +8,8 @@ use sidestep::math::SeededRng;
 use sidestep::study::{Comprehension, Localised, Question, StudyConfig, closest_language};
 use std::collections::BTreeMap;
 
-/// Sidestep's own questions of the check of understanding: sentences `check_NAME.text`, `.right`,
-/// `.wrong_1` and `.wrong_2`. A study that draws none asks the first three.
+/// Sidestep's own questions of the comprehension check. Their sentences are `check_NAME.text`,
+/// `.right`, `.wrong_1` and `.wrong_2`. A study that draws no questions asks the first three.
 const STANDARD: [&str; 6] = ["robot", "straight", "zone", "both", "stop", "when"];
 const ASKED_OF_ALL: usize = 3;
 
@@ -18,7 +18,7 @@ impl Languages {
     #[must_use]
     pub fn texts(&self, study: &StudyConfig, language: &str) -> Texts {
         let mut sentences = Object::default();
-        // Sentences of a study file that this version no longer has are left out.
+        // Leave out sentences of a study file that this version no longer has.
         let known = self.get(language);
         for (key, text) in known.into_iter().flat_map(|known| known.iter()) {
             sentences.insert(key.to_owned(), text.to_owned());
@@ -32,17 +32,17 @@ impl Languages {
         let html = |text: &Localised| {
             let (tag, text) = text.find(language, fallback)?;
             let html = html_of(text);
-            // A text in another language is marked for screen readers.
+            // Mark a text in another language for screen readers.
             let is_same = closest_language([tag].into_iter(), language).is_some();
             Some(if is_same { html } else { format!("<div lang=\"{tag}\">{html}</div>") })
         };
         let check = check(study, language, &sentences);
-        // These sentences are in the check already.
+        // The sentences of these questions are already in the check.
         let is_asked = |key: &str| STANDARD.iter().any(|name| key.starts_with(&prefix(name)));
         let said = sentences.iter().filter(|(key, _)| !is_asked(key));
         let sentences = said.map(|(key, text)| (key.to_owned(), text.clone())).collect();
         let mut offered = self.offered(study);
-        // A participant has begun in this language.
+        // A participant has begun in this language, so offer it too.
         if !offered.contains(&language) {
             offered.push(language);
         }
@@ -63,7 +63,7 @@ impl Languages {
         }
     }
 
-    /// The language's own name.
+    /// The name of the language in this language.
     fn name<'a>(&'a self, study: &'a StudyConfig, tag: &'a str) -> &'a str {
         let key = "language.name";
         let own = study.texts.get(tag).and_then(|texts| texts.get(key)).map(String::as_str);
@@ -75,7 +75,7 @@ fn prefix(name: &str) -> String {
     format!("check_{name}.")
 }
 
-/// Sidestep's own questions, then the study's.
+/// All questions of the comprehension check: Sidestep's own, followed by the study's.
 fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec<CheckForm> {
     let count = if study.comprehension.draw > 0 { STANDARD.len() } else { ASKED_OF_ALL };
     let standard = (0..).zip(STANDARD).take(count).map(|(i, name)| {
@@ -83,7 +83,7 @@ fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec
             sentences.get(&format!("{}{part}", prefix(name))).cloned().unwrap_or_default()
         };
         let mut options = vec![sentence("wrong_1"), sentence("wrong_2")];
-        // The right answer's place rotates: second, first, third.
+        // The place of the right answer rotates: second, first, third.
         let answer = [1, 0, 2][i % 3];
         options.insert(answer, sentence("right"));
         CheckForm { text: sentence("text"), options, answer }
@@ -102,8 +102,8 @@ fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec
     standard.into_iter().flatten().chain(own).collect()
 }
 
-/// The questions for one participant, drawn from these, with their options shuffled. Without a
-/// seed, the first questions in order: no participant is asked yet.
+/// The questions for one participant, drawn from these, with shuffled options. Without a seed, no
+/// participant is asked yet, and the result is the first questions in order.
 #[must_use]
 pub fn drawn(check: &[CheckForm], settings: &Comprehension, seed: Option<u64>) -> Vec<CheckForm> {
     let count = if settings.draw > 0 { settings.draw } else { check.len() };
@@ -137,9 +137,9 @@ fn form(question: &Question, language: &str, fallback: &str) -> QuestionForm {
     }
 }
 
-/// The hash of what a participant agreed to: SHA-256, in hexadecimal digits, of the JSON list of
-/// the study's consent text (HTML or null), its facts, and the page's sentences whose keys begin
-/// with `welcome.`, as in [`Texts`].
+/// A hash of the content to which a participant agreed. It is the SHA-256, in hexadecimal digits,
+/// of a JSON list of the study's consent text (HTML or null), its facts, and the page's sentences
+/// whose keys begin with `welcome.`, as in [`Texts`].
 #[must_use]
 pub fn consent_hash(texts: &Texts) -> String {
     let shown: BTreeMap<_, _> =
@@ -175,8 +175,8 @@ mod tests {
                 places[form.answer] += 1;
             }
         }
-        // 12,000 questions: each of 6 is due 2000 times, each of 3 places 4000 times; the standard
-        // deviations are at most 41 and 52.
+        // There are 12,000 questions. Each of the 6 questions is expected 2000 times, and each of
+        // the 3 places 4000 times. The standard deviations are at most 41 and 52.
         assert!(asked.iter().all(|count| (1800..2200).contains(count)), "{asked:?}");
         assert!(places.iter().all(|count| (3740..4260).contains(count)), "{places:?}");
         assert_eq!(drawn(&all, &study.comprehension, None), all[..2]);
@@ -208,7 +208,7 @@ mod tests {
         study.comprehension.standard = false;
         assert_eq!(languages.texts(&study, "en").check.len(), 1);
 
-        // A changed fact is another agreement; the languages on offer are not.
+        // A changed fact changes the agreement. A change of the offered languages does not.
         let hash = consent_hash(&texts);
         let mut other = texts.clone();
         other.offered.clear();

@@ -1,30 +1,32 @@
-//! The sentences of one language: a TOML file of tables of sentences.
+//! The sentences of one language, from a TOML file with tables of sentences.
 //!
-//! A sentence has a key (the names on the path to it, joined by dots) and may have places to fill,
-//! such as `{seconds}`. A sentence that depends on a number has a form for each plural category of
-//! Unicode (`.one`, `.few`, `.other` …); languages may have different forms, but all have `.other`.
+//! A sentence has a key, which consists of the names on the path to it, joined by dots. It may have
+//! placeholders, such as `{seconds}`. A sentence that depends on a number has a form for each
+//! plural category of Unicode (`.one`, `.few`, `.other` …). Languages may have different forms, but
+//! all have `.other`.
 
 use crate::formats::toml_lines::{Complaint, TomlLines};
 use sidestep::invalid::Invalid;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The sentences of one language by key.
+/// The sentences of one language, by key.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sentences(BTreeMap<String, String>);
 
 /// The plural forms.
 const FORMS: [&str; 6] = ["zero", "one", "two", "few", "many", "other"];
 
-/// Sentences in which a study may omit a place, because they stay true without it.
+/// Sentences and placeholders that a study may omit from them, because they stay true without the
+/// placeholder.
 const MAY_OMIT: [(&str, &str); 3] =
     [("instructions.zone", "radius"), ("check_zone.right", "radius"), ("ready.how", "seconds")];
 
 impl Sentences {
-    /// The sentences of a language file.
+    /// Parses the sentences of a language file.
     ///
     /// # Errors
-    /// [`Complaint`] for text that is not TOML, a value that is not a text, or a brace without a
-    /// place's name.
+    /// [`Complaint`] for text that is not TOML, a value that is not a text, or braces that do not
+    /// enclose the name of a placeholder.
     pub fn read(text: &str) -> Result<Self, Complaint> {
         let mut sentences = BTreeMap::new();
         for leaf in TomlLines::parse(text)?.leaves() {
@@ -51,19 +53,19 @@ impl Sentences {
         self.0.iter().map(|(key, text)| (key.as_str(), text.as_str()))
     }
 
-    /// Overrides sentences with those of `above`.
+    /// Replaces sentences by those of `above`.
     pub fn lay_over(&mut self, above: Self) {
         self.0.extend(above.0);
     }
 
-    /// Accepts sentences with the keys and places of `english`.
+    /// Accepts sentences that have the keys and placeholders of `english`.
     ///
     /// # Errors
-    /// One line naming the sentence, the expected and the found value.
+    /// One line naming the sentence, with the expected and the found value.
     pub fn check_against(&self, english: &Self) -> Result<(), String> {
         for (key, text) in &english.0 {
             let stem = key.rsplit_once('.').map_or("", |(stem, _)| stem);
-            // Of the plural forms, each language must have only `.other`.
+            // `.other` is the only plural form that every language must have.
             if english.is_form(key) && !key.ends_with(".other") {
                 continue;
             }
@@ -87,7 +89,8 @@ impl Sentences {
         Ok(())
     }
 
-    /// Accepts a text for an existing sentence, or for a further form of one, whose places exist there.
+    /// Accepts a text for an existing sentence or for a further plural form of one, if it has the
+    /// placeholders of that sentence.
     ///
     /// # Errors
     /// [`Invalid`] naming the sentence.
@@ -111,11 +114,11 @@ impl Sentences {
         if let Some(place) = found.difference(&filled).next() {
             return Err(Invalid::new(key, listed(&filled), format!("{{{place}}}")));
         }
-        // `page.between`, which joins sentences, is a space or nothing.
+        // `page.between` joins sentences, and may be a space or empty.
         if text.trim().is_empty() && self.get(&like).is_some_and(|own| !own.trim().is_empty()) {
             return Err(Invalid::new(key, "a text", format!("{text:?}")));
         }
-        // "One scene" needs no number.
+        // A plural form such as "One scene" needs no number.
         let may_omit = |place: &&str| like != key || MAY_OMIT.contains(&(key, *place));
         match filled.difference(&found).find(|place| !may_omit(place)) {
             Some(_) => Err(Invalid::new(key, listed(&filled), listed(&found))),
@@ -123,7 +126,8 @@ impl Sentences {
         }
     }
 
-    /// Whether a key is a plural form: it has a sibling `.other`, and all siblings are plural forms.
+    /// Whether a key is a plural form. It is if it has a sibling `.other` and all siblings are
+    /// plural forms.
     fn is_form(&self, key: &str) -> bool {
         let Some((stem, form)) = key.rsplit_once('.') else { return false };
         if !FORMS.contains(&form) || !self.0.contains_key(&format!("{stem}.other")) {
@@ -136,10 +140,10 @@ impl Sentences {
     }
 }
 
-/// The names of the places to fill in a sentence.
+/// The names of the placeholders in a sentence.
 ///
 /// # Errors
-/// What was expected, if a brace does not enclose a name.
+/// The expected text, if braces do not enclose a name.
 fn places(sentence: &str) -> Result<BTreeSet<&str>, String> {
     let mut found = BTreeSet::new();
     let mut rest = sentence;
@@ -159,7 +163,7 @@ fn places(sentence: &str) -> Result<BTreeSet<&str>, String> {
     Ok(found)
 }
 
-/// The places in words.
+/// The placeholders in words.
 fn listed(places: &BTreeSet<&str>) -> String {
     match places.len() {
         0 => "no place to fill".to_owned(),
@@ -195,7 +199,7 @@ mod tests {
             assert!(words.iter().all(|word| said.contains(word)), "{said}");
         };
         check(&[("Scene {n}", "{n}. Szene")]).unwrap();
-        // Other plural forms, with or without the number.
+        // Other plural forms, with or without the number, are accepted.
         check(&[("left.one = \"one scene left\"\n", "")]).unwrap();
         check(&[("left.one = \"one", "left.few = \"{n}")]).unwrap();
         refused(&[("Scene {n}", "Szene")], &["scene.title", "{n}", "no place"]);

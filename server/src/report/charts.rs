@@ -17,27 +17,27 @@ use sidestep::comparison::gains::Gain;
 use sidestep::comparison::models::ModelName;
 use sidestep::comparison::tables::Metric;
 
-/// Every chart is drawn for a phone's width, px; a wider page shows several side by side, so that
-/// letters keep their size.
+/// Width of every chart (px), for the screen of a phone. A wider page shows several charts side by
+/// side, so that text keeps its size.
 const WIDTH: f64 = 340.0;
 
-/// Charts that are read together, with one legend.
+/// Charts that belong together and share one legend.
 pub(super) struct Figure {
-    /// Its name in templates, and that of its file.
+    /// The name in templates, which is also the name of the file.
     pub(super) name: &'static str,
     drawings: Vec<Drawing>,
     legend: Vec<LegendItem>,
     tables: Vec<Table>,
-    /// Whether the charts are maps whose tones need a scale.
+    /// Whether the charts are maps with tones that need a scale.
     has_tones: bool,
 }
 
-/// Charts of that height side by side.
+/// A figure of charts with this height, side by side.
 fn figure(name: &'static str, charts: &[Chart], height: f64) -> Figure {
     drawn(name, charts, |chart| chart.drawing([WIDTH, height]))
 }
 
-/// The same for charts of any size.
+/// A figure of charts of any size.
 fn drawn(name: &'static str, charts: &[Chart], draw: impl Fn(&Chart) -> Drawing) -> Figure {
     let tables = charts.iter().map(Chart::table).filter(|table| !table.rows.is_empty());
     Figure {
@@ -49,7 +49,7 @@ fn drawn(name: &'static str, charts: &[Chart], draw: impl Fn(&Chart) -> Drawing)
     }
 }
 
-/// Gap between the charts of a file and around them, px.
+/// Gap between the charts in a file and around them (px).
 const GAP: f64 = 20.0;
 
 impl Figure {
@@ -72,7 +72,7 @@ impl Figure {
         })
     }
 
-    /// The text of an SVG file: the charts in up to three columns, the legend below.
+    /// The text of an SVG file with the charts in up to three columns and the legend below.
     pub(super) fn svg(&self) -> String {
         let columns = self.drawings.len().clamp(1, if self.has_tones { 2 } else { 3 });
         let width = GAP + columns as f64 * (WIDTH + GAP);
@@ -107,7 +107,7 @@ impl Figure {
     }
 }
 
-/// Every figure of the report, in its order.
+/// All figures of the report, in their order.
 pub(super) fn all(analysis: &Analysis) -> Vec<Figure> {
     let mut figures = vec![gains(analysis)];
     figures.extend(people::behaviour(analysis));
@@ -122,7 +122,7 @@ pub(super) fn all(analysis: &Analysis) -> Vec<Figure> {
     figures
 }
 
-/// Number of tones of the map.
+/// Number of tones in a map.
 const TONES: usize = 10;
 
 fn opacity(tone: usize) -> f64 {
@@ -144,18 +144,18 @@ fn question(experiment: Experiment) -> String {
     format!("{}: {words}", experiment.numeral())
 }
 
-/// A dashed line that only marks a place.
+/// A dashed line that only marks a reference.
 fn reference(ends: [[f64; 2]; 2]) -> Series {
     Series::drawn("", ends, Pen::new(colours::MUTED, 1.5).dashed(5.0, 3.0))
 }
 
-/// From the smallest number, at most 0, to the largest.
+/// From the smallest number (at most 0) to the largest number.
 fn range(numbers: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     [numbers.clone().fold(0.0, f64::min), numbers.fold(0.0, f64::max)]
 }
 
-/// The gains of one feature set over another in the findings, each pair with the heading of its
-/// chart and the name of its axis.
+/// The gains of one feature set over another that are in the findings. Each pair of sets has the
+/// heading of its chart and the name of its axis.
 fn gain_pairs(analysis: &Analysis) -> Vec<(&'static str, String, Vec<&Gain>)> {
     const PAIRS: [(&str, &str, &str); 3] = [
         ("hrd", "d", "Safety levels over distance alone"),
@@ -168,8 +168,8 @@ fn gain_pairs(analysis: &Analysis) -> Vec<(&'static str, String, Vec<&Gain>)> {
     PAIRS.into_iter().map(pair).filter(|(.., gains)| !gains.is_empty()).collect()
 }
 
-/// How much one feature set gains over another in each model and experiment: the answer in one
-/// picture.
+/// The gain of one feature set over another, in each model and experiment. This figure shows the
+/// main result.
 fn gains(analysis: &Analysis) -> Figure {
     let all = gain_pairs(analysis);
     let rows = all.iter().map(|(.., gains)| gains.len()).max().unwrap_or(0);
@@ -208,7 +208,7 @@ fn gains(analysis: &Analysis) -> Figure {
 struct PeopleChart<'a> {
     model: ModelName,
     heading: String,
-    /// The name of each set, and a number for each person.
+    /// For each feature set, its name and a group with a number for each person.
     columns: Vec<(&'a str, Group)>,
     baseline: Option<f64>,
 }
@@ -262,7 +262,7 @@ fn people_charts(file: &'static str, all: &[PeopleChart<'_>], [name, unit]: [&st
     let numbers = groups.flat_map(|group| &group.values);
     let numbers = numbers.copied().chain(all.iter().filter_map(|of| of.baseline));
     let [_, high] = range(numbers.clone());
-    // Shares are read by position; a distance is read from zero.
+    // Accuracies are read by position, so their axis need not begin at zero. Distances are read from zero.
     let low = if unit == "%" { numbers.fold(high, f64::min) } else { 0.0 };
     let y = Axis::round(name, unit, [low, high], 5);
     let charts = all.iter().map(|of| people_chart(of, y.clone()));
@@ -296,7 +296,7 @@ fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
     chart
 }
 
-/// How often the models on B_hrd are right, against their stated probability.
+/// The accuracy of the models on B_hrd against the probability that they state.
 fn calibration(analysis: &Analysis) -> Figure {
     figure(
         "calibration",
@@ -306,7 +306,7 @@ fn calibration(analysis: &Analysis) -> Figure {
 }
 
 fn calibration_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
-    /// Bins with fewer rows are not drawn.
+    /// Minimum number of rows of a bin that is drawn.
     const LEAST_ROWS: usize = 20;
     let least = 1.0 / experiment.classes().len() as f64;
     let from = (10.0 * least).floor() / 10.0;

@@ -1,5 +1,5 @@
-//! The report, one self-contained HTML file, and the LaTeX tables. Their words and layout are in
-//! `templates/`; the numbers that the templates print are computed here.
+//! The report, which is one self-contained HTML file, and the LaTeX tables. Their words and layout
+//! are in `templates/`. The numbers that the templates print are computed here.
 
 #[cfg(test)]
 mod sentences;
@@ -35,7 +35,7 @@ const TEMPLATES: [(&str, &str); 7] = [
     ("tables.tex", include_str!("templates/tables.tex")),
 ];
 
-/// The program's own style sheets begin with the design tokens, which end before these words.
+/// The program's style sheets. Each begins with the design tokens, which end before these words.
 const SHEETS: [(&str, &str); 2] = [
     (include_str!("../../../static/style.css"), "*, *::before"),
     (include_str!("../../../static/lab.css"), "/* The first page"),
@@ -50,7 +50,7 @@ pub(super) fn html(analysis: &Analysis, figures: &[Figure]) -> Result<String, Er
     numbers["tokens"] =
         SHEETS.map(|(sheet, after)| sheet.split(after).next().unwrap_or_default()).concat().into();
     numbers["style"] = include_str!("templates/style.css").into();
-    // Templates use each of these, even if it is null.
+    // Templates refer to each of these figures, even if it is null.
     numbers["figures"] = OPTIONAL_FIGURES.into_iter().map(|name| (name, json!(null))).collect();
     for figure in figures {
         numbers["figures"][figure.name] = figure.on_page();
@@ -58,7 +58,7 @@ pub(super) fn html(analysis: &Analysis, figures: &[Figure]) -> Result<String, Er
     rendered("report.html", numbers)
 }
 
-/// Figures that some analyses lack.
+/// Figures that not every analysis has.
 const OPTIONAL_FIGURES: [&str; 6] =
     ["behaviour", "learning", "unseen", "importance", "decisions", "beyond"];
 
@@ -101,12 +101,13 @@ fn safe(html: String) -> Value {
     Value::from_safe_string(html)
 }
 
-/// The text of HTML without its tags; any other text unchanged.
+/// The text of HTML without its tags. Any other text is unchanged.
 fn without_tags(of: &Value) -> Value {
     if of.is_safe() { safe(text::without_tags(&of.to_string())) } else { of.clone() }
 }
 
-/// Prints a value as elsewhere in the program: 3 m, not 3.0 m; HTML is escaped so that it is also XML.
+/// Prints a value in the format of the rest of the program: 3 m, not 3.0 m. Escapes HTML so that it
+/// is also valid XML.
 fn write(out: &mut Output<'_>, state: &mut State<'_, '_>, value: &Value) -> Result<(), Error> {
     let text = match f64::try_from(value.clone()) {
         Ok(number) if value.is_number() => number.to_string(),
@@ -116,8 +117,8 @@ fn write(out: &mut Output<'_>, state: &mut State<'_, '_>, value: &Value) -> Resu
     Ok(out.write_str(&if is_plain { text } else { text::html(&text) })?)
 }
 
-/// The models' hyper-parameters in words: of each model pieces of text, all but the last followed by the name of a
-/// hyper-parameter.
+/// The hyper-parameters of the models in words. For each model there are pieces of text. All pieces
+/// but the last are followed by the name of a hyper-parameter.
 fn hyperparameters() -> Vec<Vec<(&'static str, Option<&'static str>)>> {
     let trained =
         ModelName::EVERY.map(|model| model.row().grid).into_iter().filter(|of| !of.is_empty());
@@ -209,10 +210,11 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
     })
 }
 
-/// The numbers of an analysis, with all digits, as JSON: those that the templates print, and those of the tables.
+/// The numbers of an analysis, with all digits, as JSON. These are the numbers that the templates
+/// print, and the numbers of the tables.
 ///
 /// # Errors
-/// None in practice: every part can be written as JSON.
+/// No error occurs in practice, because every part can be written as JSON.
 pub(super) fn numbers_json(analysis: &Analysis) -> serde_json::Result<String> {
     let mut all = numbers(analysis);
     let families = analysis.families.iter();
@@ -236,7 +238,7 @@ fn day(ms: f64) -> String {
     date_time(ms as i64).chars().take(10).collect()
 }
 
-/// The safety levels that cannot distinguish states, with the sets that contain them.
+/// The safety levels that cannot distinguish states, each with the feature sets that contain it.
 fn doubtful_levels(analysis: &Analysis) -> Vec<serde_json::Value> {
     let Some(quality) = &analysis.data.safety else { return Vec::new() };
     let sets = || analysis.settings.sets.iter().chain([&analysis.settings.history]);

@@ -1,4 +1,4 @@
-//! The tables of an analysis as CSV. Same results, same bytes.
+//! The tables of an analysis as CSV. The same results give the same bytes.
 
 mod further;
 
@@ -13,10 +13,10 @@ use sidestep::comparison::rollout::Simple;
 use sidestep::comparison::sets::PAPERS_SETS;
 use std::io::{self, Write};
 
-/// Writes a table.
+/// A function that writes a table.
 pub(super) type Table = fn(&Analysis, &mut dyn Write) -> io::Result<()>;
 
-/// Tables of every analysis.
+/// The tables that every analysis has.
 const TABLES: [(&str, Table); 14] = [
     ("cells.csv", cells),
     ("table1.csv", table1),
@@ -34,16 +34,16 @@ const TABLES: [(&str, Table); 14] = [
     ("importance.csv", further::importance),
 ];
 
-/// The table of analyses that request it.
+/// The table that only analyses with this option have.
 const LEAKAGE: (&str, Table) = ("leakage.csv", leakage);
 
-/// Every table of this analysis: the name of its file, and its writer.
+/// The tables of this analysis, each with the name of its file and its writer.
 pub(super) fn tables(analysis: &Analysis) -> impl Iterator<Item = (&'static str, Table)> {
     let leakage = (!analysis.leakage.is_empty()).then_some(LEAKAGE);
     TABLES.into_iter().chain(leakage)
 }
 
-/// Writes a header and rows: tuples whose values are the fields, including those of nested tuples.
+/// Writes a header and rows. A row is a tuple, and its fields include the values of nested tuples.
 fn write(
     out: &mut dyn Write,
     header: &str,
@@ -57,9 +57,9 @@ fn write(
     out.flush()
 }
 
-/// Four decimal places, for per cent, steps or metres.
+/// A number with four decimal places. It is in per cent, steps or metres.
 fn places(number: f64) -> String {
-    // Never −0.
+    // Never print −0.
     format!("{:.4}", number + 0.0).replace("-0.0000", "0.0000")
 }
 
@@ -115,15 +115,15 @@ fn table2(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, &header, rows)
 }
 
-/// The ends of an interval; empty if too few participants differ.
+/// The ends of an interval. They are empty if too few participants differ.
 fn ends(paired: &Paired) -> [String; 2] {
     paired.interval.map_or_else(Default::default, |ends| ends.map(signed_places))
 }
 
-/// Four places, but a nonzero number is never printed as zero: whether an interval contains 0 must
-/// agree with its test.
+/// Prints four places, but a nonzero number never as zero, so that the printed interval contains 0
+/// only if the test agrees.
 fn signed_places(number: f64) -> String {
-    /// The smallest number with four places.
+    /// The smallest positive number with four places.
     const LEAST: f64 = 1e-4;
     places(if number == 0.0 { 0.0 } else { number.abs().max(LEAST).copysign(number) })
 }
@@ -153,7 +153,7 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, header, rows)
 }
 
-/// The families of tests beside the paper's.
+/// The families of tests that the paper does not have.
 fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = "model,experiment,first,second,gain,typical_gain,gain_low,gain_high,\
                   wilcoxon_persons,wilcoxon_persons_holm,rank_biserial,differing";
@@ -256,9 +256,9 @@ fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, header, rows)
 }
 
-/// A name as part of a file's name: bytes other than letters, digits, points, dashes and
-/// underscores are percent-encoded (%20), so that two names never collide. A name too long for a
-/// file system is truncated, and the beginning of its hash makes it unique.
+/// Converts a name to a part of a file name. Bytes other than letters, digits, points, dashes and
+/// underscores are percent-encoded (%20), so that two names never collide. A name that is too long
+/// for a file system is truncated, and the first digits of its hash make it unique.
 pub(super) fn file_name(name: &str) -> String {
     let part = |c: char| match c {
         c if c.is_alphanumeric() || ".-_".contains(c) => c.to_string(),
@@ -273,10 +273,11 @@ pub(super) fn file_name(name: &str) -> String {
     format!("{}~{}", &all[..cut], &hash[..HASH_DIGITS])
 }
 
-/// Bytes of a name in a file's name: file systems allow 255, including the model and the rest.
+/// Maximum length of a name within a file name (bytes). File systems allow 255 bytes for the whole
+/// file name, which also has the model and other parts.
 const LONGEST: usize = 160;
 
-/// Digits of the hash in a truncated name.
+/// Number of hexadecimal digits of the hash in a truncated name.
 const HASH_DIGITS: usize = 16;
 
 #[cfg(test)]

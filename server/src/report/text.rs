@@ -1,12 +1,12 @@
-//! Words and numbers as text, HTML and LaTeX: the filters of the templates.
+//! Converts words and numbers to text, HTML and LaTeX. The functions are filters of the templates.
 
 use sidestep::chart;
 use sidestep::comparison::gains::LEVEL;
 use sidestep::comparison::sets::{BODY_FRAME_SETS, PAPERS_SETS};
 use sidestep::features::HISTORY_SET;
 
-/// Escapes everything that is special in HTML and XML, including attributes. Control characters,
-/// which XML forbids, become U+FFFD.
+/// Escapes all special characters of HTML and XML, including attributes. Control characters, which
+/// XML forbids, become U+FFFD.
 pub(super) fn html(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -25,8 +25,8 @@ pub(super) fn html(text: &str) -> String {
     out
 }
 
-/// Escapes everything that is special in LaTeX. A character that LaTeX's own fonts lack becomes an
-/// `\orcode`: Unicode engines show it, others show its number.
+/// Escapes all special characters of LaTeX. A character that LaTeX's own fonts lack becomes an
+/// `\orcode`. Unicode engines show the character, and other engines show its number.
 pub(super) fn tex(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -35,7 +35,7 @@ pub(super) fn tex(text: &str) -> String {
             '{' | '}' | '$' | '&' | '#' | '_' | '%' => out.extend(['\\', c]),
             '~' => out.push_str("\\textasciitilde{}"),
             '^' => out.push_str("\\textasciicircum{}"),
-            // In the standard fonts' default encoding these three are other characters.
+            // In the default encoding of the standard fonts, these three codes are other characters.
             '<' | '>' | '|' => out.extend(['$', c, '$']),
             '≤' => out.push_str("$\\le$"),
             '≥' => out.push_str("$\\ge$"),
@@ -69,24 +69,24 @@ pub(super) fn without_tags(html: &str) -> String {
     html.chars().filter(&mut is_text).collect()
 }
 
-/// A number with that many decimal places.
+/// A number with this number of decimal places.
 pub(super) fn fixed(number: f64, places: usize) -> String {
     chart::fixed(number, places)
 }
 
-/// The same with a sign, unless it is printed as zero.
+/// Like [`fixed`], with a sign unless the number is printed as zero.
 pub(super) fn signed(number: f64, places: usize) -> String {
     let text = fixed(number, places);
     let is_zero = text.chars().all(|c| "0.".contains(c));
     if is_zero || text.starts_with('−') { text } else { format!("+{text}") }
 }
 
-/// The same, but a nonzero number that would be printed as zero is "just above 0" or "just below 0".
+/// Like [`signed`], but a nonzero number that would be printed as zero is "just above 0" or "just below 0".
 pub(super) fn beside_zero(number: f64, places: usize) -> String {
     chart::beside_zero(number, places).map_or_else(|| signed(number, places), str::to_owned)
 }
 
-/// A p-value with three places, or with more if rounding would put it on the other side of [`LEVEL`].
+/// A p-value with three places, or with more places if rounding would move it across [`LEVEL`].
 pub(super) fn p_places(p: f64) -> String {
     let told = |places: &usize| {
         format!("{p:.places$}").parse().is_ok_and(|told: f64| (told < LEVEL) == (p < LEVEL))
@@ -107,12 +107,12 @@ pub(super) fn grouped(number: usize) -> String {
     out
 }
 
-/// "1 person", "2 people".
+/// A number with its noun, such as "1 person" or "2 people".
 pub(super) fn count(number: usize, one: &str, many: &str) -> String {
     format!("{} {}", grouped(number), if number == 1 { one } else { many })
 }
 
-/// A feature set as HTML: B with its letters, or the name that a user gave it.
+/// A feature set as HTML: B with its letters, or the name given by a user.
 pub(super) fn set(name: &str) -> String {
     let is_body = |name: &str| BODY_FRAME_SETS.iter().any(|(set, _)| *set == name);
     if !PAPERS_SETS.contains(&name) && !is_body(name) && name != HISTORY_SET {
@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(tex("Zoë ψ"), "Zoë \\orcode{ψ}{03C8}");
     }
 
-    /// Rounding contradicts neither an interval nor a verdict.
+    /// A rounded number contradicts neither an interval nor a verdict.
     #[test]
     fn numbers_stay_on_their_side() {
         let beside = [0.04, -0.04, 0.0, 0.05, -2.0].map(|number| beside_zero(number, 1));

@@ -1,9 +1,9 @@
-//! Numbers as bytes, bit for bit.
+//! Conversion of numbers to bytes and back, bit for bit.
 
 use sidestep::scene::JointState;
 use sidestep::vehicle::{Pose, TurnInput};
 
-/// Numbers as little-endian doubles.
+/// Converts numbers to little-endian doubles.
 #[must_use]
 pub fn pack(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
     let numbers = numbers.into_iter();
@@ -12,14 +12,14 @@ pub fn pack(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
     bytes
 }
 
-/// The numbers that [`pack`] wrote; fewer than eight bytes at the end are ignored.
+/// The numbers that [`pack`] wrote. Ignores fewer than eight bytes at the end.
 #[must_use]
 pub fn unpack(bytes: &[u8]) -> Vec<f64> {
     let (chunks, _) = bytes.as_chunks::<8>();
     chunks.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect()
 }
 
-/// Each state as six doubles: x, y and heading of the human, then of the robot.
+/// Converts each state to six doubles: x, y and heading of the human, and then of the robot.
 #[must_use]
 pub fn pack_states(states: &[JointState]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(48 * states.len());
@@ -45,7 +45,7 @@ pub fn unpack_states(bytes: &[u8]) -> Vec<JointState> {
     states.iter().map(state).collect()
 }
 
-/// Each input as one signed byte: −1, 0 or 1.
+/// Converts each input to one signed byte: −1, 0 or 1.
 #[must_use]
 pub fn pack_inputs(inputs: &[TurnInput]) -> Vec<u8> {
     inputs.iter().map(|input| input.sign().cast_unsigned()).collect()

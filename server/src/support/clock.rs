@@ -2,24 +2,24 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// The current time, ms since 1970.
+/// The current time (ms since 1970).
 #[must_use]
 pub fn now_ms() -> i64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
 }
 
-/// Date and time of an instant, UTC: `2026-11-23T04:05:06Z`.
+/// Date and time of an instant in UTC, such as `2026-11-23T04:05:06Z`.
 #[must_use]
 pub fn date_time(ms: i64) -> String {
     let seconds = ms.div_euclid(1000);
     let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
-    // Days since 1 March of the year 0, in periods of 400 years with 146,097 days.
+    // Count days from 1 March of the year 0. A period of 400 years has 146,097 days.
     let days = days + 719_468;
     let (period, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));
     let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
     let day = day - (365 * year + year / 4 - year / 100);
-    // Months from March have 153 days in each five.
+    // Counted from March, every five months have 153 days.
     let month = (5 * day + 2) / 153;
     let day = day - (153 * month + 2) / 5 + 1;
     let (month, carried) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };

@@ -1,4 +1,4 @@
-//! Files and folders that only this user can read, from before their first byte.
+//! Files and folders that are readable only by this user, even before their first byte is written.
 
 use std::fs::{DirBuilder, File, Metadata, OpenOptions, TryLockError};
 use std::io;
@@ -6,24 +6,24 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsE
 use std::path::Path;
 use tempfile::TempDir;
 
-/// Creates a file for writing.
+/// Creates a file for writing. Only this user can read it.
 ///
 /// # Errors
-/// If it cannot be created, or already exists.
+/// If the file cannot be created or already exists.
 pub(crate) fn new_file(path: &Path) -> io::Result<File> {
     OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)
 }
 
-/// Creates a folder and its parents, if they do not exist.
+/// Creates a folder and its parents, if they do not exist. Only this user can access the new folders.
 ///
 /// # Errors
-/// If it cannot be created.
+/// If the folder cannot be created.
 pub(crate) fn make_folder(path: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(path)
 }
 
-/// A folder for unfinished work. It is deleted when this is dropped; if the program was killed, the
-/// next program that creates such a folder beside it deletes it.
+/// A folder for unfinished work. It is deleted when this value is dropped. If the program was
+/// killed, the next program that creates such a folder in the same place deletes it.
 #[derive(Debug)]
 pub(crate) struct Unfinished {
     folder: TempDir,
@@ -32,13 +32,14 @@ pub(crate) struct Unfinished {
 }
 
 impl Unfinished {
-    /// Creates a folder whose name begins with `prefix`. Deletes those that killed programs left behind.
+    /// Creates a folder whose name begins with `prefix`. Deletes the folders that killed programs
+    /// left behind.
     ///
     /// # Errors
-    /// If it cannot be created.
+    /// If the folder cannot be created.
     pub(crate) fn within(prefix: &str, parent: &Path) -> io::Result<Self> {
         if !parent.is_dir() {
-            // Otherwise the error would name a temporary folder.
+            // Otherwise the error would name the temporary folder.
             let said = format!("there is no folder {}", parent.display());
             return Err(io::Error::new(io::ErrorKind::NotFound, said));
         }
@@ -48,7 +49,8 @@ impl Unfinished {
             match File::open(folder.path()).and_then(|open| claim(open, folder.path())) {
                 Ok(Some(lock)) => return Ok(Self { folder, _lock: lock }),
                 Ok(None) => {}
-                // Another process took it for left behind before it was locked.
+                // Another process considered the folder as left behind before it was locked, and
+                // deleted it.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error),
             }
@@ -60,13 +62,13 @@ impl Unfinished {
     }
 }
 
-/// Locks a file or folder that was just created, so that no process takes it for left behind; none
-/// if another process was faster.
+/// Locks a file or folder that was just created, so that no process considers it as left behind.
+/// Returns `None` if another process deleted it first.
 pub(crate) fn claim(open: File, path: &Path) -> io::Result<Option<File>> {
     if let Err(TryLockError::WouldBlock) = open.try_lock() {
         return Ok(None);
     }
-    // On a disk without locks, nobody deletes it.
+    // On a disk without locks, no process deletes it.
     let own = open.metadata()?;
     let is_there = |found: Metadata| (found.dev(), found.ino()) == (own.dev(), own.ino());
     Ok(path.symlink_metadata().is_ok_and(is_there).then_some(open))
@@ -84,7 +86,7 @@ pub(crate) fn sweep(prefix: &str, parent: &Path) {
         if let Some(lock) = lock
             && lock.try_lock().is_ok()
         {
-            // Whatever cannot be deleted is another user's.
+            // Ignore errors, because a file that cannot be deleted belongs to another user.
             let _ = match kind.is_dir() {
                 true => std::fs::remove_dir_all(&path),
                 false => std::fs::remove_file(&path),
@@ -93,10 +95,10 @@ pub(crate) fn sweep(prefix: &str, parent: &Path) {
     }
 }
 
-/// A folder that is deleted when it is dropped. Its name begins with `prefix`.
+/// Creates a folder whose name begins with `prefix`. It is deleted when it is dropped.
 ///
 /// # Errors
-/// If it cannot be created.
+/// If the folder cannot be created.
 pub(crate) fn temporary_folder(prefix: &str, parent: &Path) -> io::Result<TempDir> {
     let private = std::fs::Permissions::from_mode(0o700);
     tempfile::Builder::new().prefix(prefix).permissions(private).tempdir_in(parent)

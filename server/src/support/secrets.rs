@@ -1,4 +1,4 @@
-//! Random secrets, the hashes of secrets that the database stores, and keys that people choose.
+//! Random secrets, the hashes of secrets that the database stores, and keys chosen by people.
 
 pub mod chosen;
 
@@ -20,7 +20,7 @@ pub fn seed() -> anyhow::Result<u64> {
     random().map(u64::from_le_bytes)
 }
 
-/// A completion code that participants can copy by hand: ten characters out of 32, without
+/// A completion code that participants can copy by hand. It has ten characters out of 32, without
 /// characters that look alike.
 ///
 /// # Errors
@@ -31,8 +31,8 @@ pub fn completion_code() -> anyhow::Result<String> {
     Ok(random::<10>()?.map(letter).iter().collect())
 }
 
-/// The hash that the database stores instead of a secret. A fast hash suffices, since all these secrets have 256
-/// random bits; see [`chosen`] for keys that people choose.
+/// The hash that the database stores instead of a secret. A fast hash suffices, because all these
+/// secrets have 256 random bits. For keys chosen by people, see [`chosen`].
 #[must_use]
 pub fn hash(secret: &str) -> [u8; 32] {
     Sha256::digest(secret.as_bytes()).into()

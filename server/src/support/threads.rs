@@ -1,4 +1,4 @@
-//! Long computations on their own threads.
+//! Long computations on separate threads.
 
 use tokio::sync::oneshot;
 
@@ -14,9 +14,9 @@ pub enum ThreadError {
 }
 
 /// Runs `work` on a thread called `name` and waits for its result. Parallel loops in `work` use
-/// `threads` threads, or one per processor if `threads` is none.
+/// `threads` threads, or one per processor if `threads` is `None`.
 ///
-/// This is not a blocking task of the runtime, because a runtime waits for those when it shuts
+/// This is not a blocking task of the runtime. A runtime waits for its blocking tasks when it shuts
 /// down, and abandoned work must not keep a command from ending.
 ///
 /// # Errors
@@ -35,8 +35,8 @@ pub async fn run<T: Send + 'static>(
     .await
 }
 
-/// Runs `work` on a thread called `name` that yields to every other thread, if the system has
-/// thread priorities, and waits for its result.
+/// Runs `work` on a thread called `name` and waits for its result. If the system has thread
+/// priorities, the thread has a low priority.
 ///
 /// # Errors
 /// [`ThreadError`] if no thread can be started, or `work` panicked.
@@ -53,7 +53,7 @@ pub async fn run_in_spare_time<T: Send + 'static>(
     .await
 }
 
-/// Nice value: about a tenth of another thread's share, if both want the processor.
+/// A nice value that gives about a tenth of another thread's share if both threads need the processor.
 #[cfg(target_os = "linux")]
 const LOW_PRIORITY: i32 = 10;
 
@@ -64,7 +64,7 @@ async fn on_a_thread<T: Send + 'static>(
     let (answer, answered) = oneshot::channel();
     std::thread::Builder::new()
         .name(name.to_owned())
-        // The receiver is dropped only if the caller has stopped waiting.
+        // Sending fails only if the caller has stopped waiting.
         .spawn(move || drop(answer.send(work())))
         .map_err(|error| ThreadError::Start(error.to_string()))?;
     answered.await.map_err(|_| ThreadError::Panicked)

@@ -1,12 +1,12 @@
-//! The client side of TLS, for databases and for servers that commands call.
+//! The client side of TLS, for databases and for the servers that commands call.
 
 use rustls::{ClientConfig, RootCertStore};
 use std::sync::Arc;
 
-/// Trusts certificates that these authorities have signed.
+/// A configuration that trusts certificates signed by these authorities.
 ///
 /// # Errors
-/// None known: this build has the protocol versions that it requests.
+/// No cause is known, because this build has the protocol versions that it requests.
 pub fn config(roots: RootCertStore) -> Result<ClientConfig, rustls::Error> {
     let provider = Arc::new(rustls::crypto::ring::default_provider());
     let config = ClientConfig::builder_with_provider(provider);
@@ -14,7 +14,7 @@ pub fn config(roots: RootCertStore) -> Result<ClientConfig, rustls::Error> {
     Ok(config.with_root_certificates(roots).with_no_client_auth())
 }
 
-/// The certificate authorities of this system, or of the file in SSL_CERT_FILE. Without any,
+/// The certificate authorities of this system, or of the file in SSL_CERT_FILE. If there are none,
 /// connecting fails with its own error.
 #[must_use]
 pub fn system_roots() -> RootCertStore {

@@ -1,17 +1,17 @@
-//! The participants of the demonstration, chosen so that every page of the laboratory has something to show.
+//! The participants of the demonstration, chosen so that every page of the laboratory has content.
 
 use super::super::simulate::volunteer::Mishap;
 use sidestep::trial::{PageEvent, PageEventKind, Phase, simulate};
 use sidestep::vehicle::TurnInput;
 
-/// A synthetic participant of the demonstration. Their number determines how they steer.
+/// A synthetic participant of the demonstration. The participant's number determines how they steer.
 #[derive(Clone, Copy)]
 pub(super) struct Role {
     /// How their participation ends.
     pub(super) ending: Ending,
-    /// Attempts at the check of understanding.
+    /// Attempts at the comprehension check.
     pub(super) attempts: usize,
-    /// What happens to their trials.
+    /// Changes that a mishap makes to their trials.
     pub(super) mishap: Mishap,
     /// An experimenter's note about them.
     pub(super) note: Option<&'static str>,
@@ -20,15 +20,15 @@ pub(super) struct Role {
 /// How a participation ends.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ending {
-    /// With the completion code.
+    /// They get the completion code.
     Complete,
-    /// With the completion code, and excluded from analyses for this reason.
+    /// They get the completion code, and are excluded from analyses for this reason.
     Excluded(&'static str),
-    /// They withdraw after this number of tasks, and the data are kept.
+    /// They withdraw after this number of tasks, and their data are kept.
     Withdrawn(u64),
     /// They are still taking part, after this number of tasks.
     UnderWay(u64),
-    /// They fail the check of understanding.
+    /// They fail the comprehension check.
     ScreenedOut,
 }
 
@@ -79,7 +79,7 @@ pub(super) const CAST: [Role; 12] = [
     Role { ending: Ending::UnderWay(15), ..USUAL },
 ];
 
-/// The window loses keyboard focus in two tasks, on their first attempt.
+/// The window loses keyboard focus in two tasks, in the first attempt at each.
 const LOOKS_AWAY: Mishap = |_, phase, planned, trial| {
     if phase == Phase::Task && planned.attempt == 1 && [6, 19].contains(&planned.index) {
         let event = |t_ms, kind| PageEvent { t_ms, kind };
@@ -97,7 +97,7 @@ const NEVER_STEERS: Mishap = |parameters, _, planned, trial| {
     trial.key_events.clear();
 };
 
-/// In every fourth task, an input is sampled 60 ms after it was due.
+/// In every fourth task, one input is sampled 60 ms late.
 const SLOW_COMPUTER: Mishap = |_, phase, planned, trial| {
     let late = trial.sampled_at_ms.get_mut(20 + planned.index);
     if let Some(late) = late.filter(|_| phase == Phase::Task && planned.index % 4 == 1) {

@@ -11,10 +11,10 @@ use sidestep::scene::{Coordinate, Scene, SceneParameters, StratifiedScene, close
 use sidestep::study::StudyConfig;
 use sidestep::vehicle::TurnInput;
 
-/// In the order in which they are written.
+/// The names of the files, in the order in which they are written.
 pub(super) const FILES: [&str; 4] = ["strata.csv", "scenes.csv", "design.svg", "design.png"];
 
-/// Writes them into a draft.
+/// Writes the files into a draft.
 pub(super) fn write(
     draft: &Draft,
     study: &StudyConfig,
@@ -113,7 +113,7 @@ fn scenes_csv(parameters: &SceneParameters, phases: &[PhaseDesign]) -> csv::Resu
     whole(writer)
 }
 
-/// The smallest distance of the trial if nobody turns, m.
+/// The smallest distance in the trial if nobody turns (m).
 fn closest_m(parameters: &SceneParameters, scene: &Scene) -> f64 {
     let mut state = scene.start();
     let mut closest = f64::INFINITY;

@@ -1,4 +1,4 @@
-//! The file of an import, read twice: first checked to its end, then imported.
+//! The file of an import. It is read twice, first to check all of it and then to import it.
 
 use crate::commands::table_file;
 use crate::formats::csv_lines::Dialect;
@@ -18,7 +18,7 @@ use std::path::Path;
 /// A file that can be read twice.
 pub(super) struct Source {
     file: File,
-    /// Its SHA-256 according to the manifest beside it.
+    /// The SHA-256 of the file, according to the manifest beside it.
     sha256: Option<String>,
 }
 
@@ -51,7 +51,7 @@ impl Source {
         let mut file = Hashing { file: self.rewound()?, hash: Sha256::new() };
         let order = trials_csv::check(&mut file, parameters);
         if let Some(expected) = &self.sha256 {
-            // Read to the end even after a fault, to get the hash.
+            // Read the rest of the file even after a fault, to compute the hash.
             io::copy(&mut file, &mut io::sink()).map_err(said)?;
             let found = hex::encode(file.hash.finalize());
             if found != *expected {
@@ -86,7 +86,7 @@ fn said(error: impl Display) -> String {
 pub(super) enum Checked {
     /// The rows of each participant are together, so the file is read again.
     Together(Source),
-    /// They are scattered: this is the whole file.
+    /// The rows of a participant are scattered, so the whole file is in memory.
     Scattered(Vec<RecordedParticipant>),
 }
 
@@ -112,7 +112,7 @@ impl Checked {
     }
 }
 
-/// The SHA-256 of this file in the manifest of an export; none if no manifest names the file.
+/// The SHA-256 of this file in the manifest of an export. Returns `None` if no manifest names the file.
 fn expected_hash(path: &Path) -> Option<String> {
     #[derive(Deserialize)]
     struct Manifest {

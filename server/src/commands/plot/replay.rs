@@ -1,4 +1,4 @@
-//! A moment of a recorded trial, as the laboratory's replay shows it.
+//! A moment of a recorded trial, as in the laboratory's replay.
 
 use crate::commands::CommandError;
 use crate::commands::game::GameArgs;
@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Replay")]
 pub(super) struct ReplayArgs {
-    /// Replay: CSV file of trials from `sidestep export`; the game's flags define its vehicles.
+    /// Replay: CSV file of trials from `sidestep export`. The flags of the game define the vehicles.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "database", requires = "participant")]
     trials: Option<PathBuf>,
     /// Replay: participant in --trials.
@@ -34,20 +34,20 @@ pub(super) struct ReplayArgs {
     /// Replay: database with the trial: sqlite:FILE or postgres://USER@HOST/DATABASE.
     #[arg(long, value_name = "URL", requires = "trial")]
     database: Option<String>,
-    /// Replay: trial id, as in its replay's URL (--database), or trial number (--trials).
+    /// Replay: trial id, as in the URL of its replay (--database), or trial number (--trials).
     #[arg(long, value_name = "TRIAL")]
     trial: Option<String>,
     /// Replay: the view, as in the query of a replay's URL, such as 't=3.4&show=v-hr,shfrs'.
     ///
     /// It may also name the predictor: predictor=earlier, history, learned-disturbance, empirical,
-    /// gaussian, constant, constant-velocity, hold-the-input or worst-case, or with --database
-    /// analysis=ID&file=NAME, a model of an analysis.
+    /// gaussian, constant, constant-velocity, hold-the-input or worst-case. With --database it may
+    /// also name a model of an analysis: analysis=ID&file=NAME.
     #[arg(long, value_name = "QUERY", default_value = "")]
     view: String,
-    /// Replay: length of a step in --trials, s.
+    /// Replay: length of a step in --trials (s).
     #[arg(long, value_name = "S", default_value_t = 0.2, allow_negative_numbers = true)]
     step: f64,
-    /// Replay: steps of a trial in --trials.
+    /// Replay: number of steps of a trial in --trials.
     #[arg(long, value_name = "N", default_value_t = 50)]
     trial_steps: usize,
 }
@@ -59,7 +59,7 @@ impl ReplayArgs {
     }
 }
 
-/// A trial, its name, and the trials of the same participant before it.
+/// A trial, its heading, and the same participant's earlier trials.
 struct Found {
     recorded: Recorded,
     heading: String,
@@ -68,8 +68,8 @@ struct Found {
     models: Vec<(Source, Predictor)>,
 }
 
-/// Draws the moment. The predictor is the one that the view names, else `predictor`, else a model
-/// trained on the participant's earlier trials, as in the laboratory.
+/// Draws the moment. The predictor is the one that the view names, otherwise `predictor`, otherwise
+/// a model trained on the participant's earlier trials, as in the laboratory.
 pub(super) async fn replay(
     args: &ReplayArgs,
     game: GameArgs,
@@ -160,7 +160,7 @@ impl Found {
 struct Looked {
     view: View,
     source: Source,
-    /// The predictor in the second pane, if there is one.
+    /// The predictor in the second pane, if any.
     beside: Option<Source>,
     /// Whether --view names a predictor.
     is_named: bool,
@@ -186,7 +186,7 @@ impl Looked {
     }
 }
 
-/// Decodes a value in a URL, in which `%2F` is a slash.
+/// Percent-decodes a value in a URL. For example, `%2F` is a slash.
 fn decoded(value: &str) -> String {
     let mut bytes = Vec::new();
     let mut rest = value.as_bytes();
@@ -283,7 +283,7 @@ fn of_file(
     person.keep_one_attempt();
     let earlier = person.trials.into_iter().map(|trial| (trial.inputs, trial.states)).collect();
     let start = trial.states[0];
-    // A file does not contain the goal: the robot reaches it at the end of the trial.
+    // A file does not contain the goal. The robot is assumed to reach it at the end of the trial.
     let scene = Scene::new(&parameters, start.human, start.robot);
     let heading = format!("participant {name} / {} / trial {wanted}", trial.phase.word());
     let (inputs, states) = (trial.inputs, trial.states);

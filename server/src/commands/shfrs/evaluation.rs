@@ -21,7 +21,7 @@ use std::fmt;
 
 use crate::figure::RegionsPanel;
 
-/// The settings of an evaluation, besides those of the regions.
+/// The settings of an evaluation, except for the settings of the regions.
 pub(super) struct Questions {
     pub(super) steps: usize,
     pub(super) probabilities: Vec<f64>,
@@ -33,10 +33,10 @@ pub(super) struct Questions {
     pub(super) unit: Unit,
 }
 
-/// A guarantee left out because the calibration set is too small.
+/// A guarantee that is left out because the calibration set is too small.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct LeftOut {
-    /// As `--guarantee` spells it.
+    /// The guarantee, spelled as in `--guarantee`.
     pub(super) guarantee: String,
     pub(super) p: f64,
     /// The needed and the actual size of the calibration set.
@@ -78,7 +78,7 @@ impl Questions {
         Ok(left_out)
     }
 
-    /// Whether a guarantee can be calibrated.
+    /// Whether the calibration set is large enough for a guarantee.
     fn can(&self, guarantee: Guarantee, p: f64, calibration: usize) -> Result<bool, Invalid> {
         Ok(calibration >= guarantee.needed(p)?)
     }
@@ -98,20 +98,20 @@ impl Questions {
 /// All results.
 #[derive(Serialize)]
 pub(super) struct Evaluation {
-    /// Where the predictor comes from.
+    /// A description of the predictor's origin.
     pub(super) predictor: String,
     pub(super) participants: usize,
     pub(super) trajectories: Parted,
-    /// The unit of the split, which guarantees and intervals count.
+    /// The unit of the split. Guarantees and intervals count these units.
     pub(super) split: Unit,
-    /// One for each choice of windows that has windows.
+    /// The regions for each choice of windows that gives any windows.
     pub(super) regions: Vec<Regions>,
-    /// The trajectories behind the regions' probabilities.
+    /// The parts of the split from which the regions' probabilities are computed.
     pub(super) regions_from: String,
-    /// Why the trials are known to be synthetic, if they are.
+    /// Why the trials are known to be synthetic, if they are synthetic.
     pub(super) synthetic: Option<String>,
     pub(super) tuning: Vec<Tuned>,
-    /// Guarantees left out because the calibration set is too small.
+    /// Guarantees that are left out because the calibration set is too small.
     pub(super) left_out: Vec<LeftOut>,
     pub(super) pareto: Pareto,
     pub(super) danger: Danger,
@@ -119,7 +119,7 @@ pub(super) struct Evaluation {
     pub(super) panels: Vec<RegionsPanel>,
 }
 
-/// Numbers of trajectories.
+/// Numbers of trajectories in the three parts.
 #[derive(Serialize)]
 pub(super) struct Parted {
     training: usize,
@@ -127,20 +127,20 @@ pub(super) struct Parted {
     test: usize,
 }
 
-/// Bounds on the probability of entering the danger zone, on the test part.
+/// Bounds on the probability of entering the danger zone, evaluated on the test part.
 #[derive(Serialize)]
 pub(super) struct Danger {
-    /// The actions that count.
+    /// The choice of actions.
     choice: String,
     statement: String,
     mean_low: f64,
-    /// Share of the windows in which the human came within the radius at a step.
+    /// Fraction of windows in which the human came within the radius at a step.
     entered: f64,
     mean_high: f64,
     pub(super) windows: Vec<DangerRow>,
 }
 
-/// One test trajectory.
+/// The danger bounds of one test trajectory.
 #[derive(Serialize)]
 pub(super) struct DangerRow {
     pub(super) participant: String,
@@ -150,12 +150,12 @@ pub(super) struct DangerRow {
     pub(super) entered: bool,
 }
 
-/// 2, 2, 1, 1, …
+/// The paper's choice: the 2, 2, 1, 1, … likeliest actions at the successive steps.
 pub(super) fn choice_of_the_paper(steps: usize, actions: usize) -> ActionChoice {
     ActionChoice::TopK((0..steps).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect())
 }
 
-/// Choices of windows for judging regions, with a seed for the random ones.
+/// Choices of windows for the regions' probabilities. The random choice uses this seed.
 fn region_windows(seed: u64) -> [WindowChoice; 3] {
     [WindowChoice::EveryStep, WindowChoice::RandomOne { seed }, WindowChoice::AvoidanceOnset]
 }
@@ -164,11 +164,11 @@ impl Evaluation {
     /// Number of progress-bar steps in [`Self::of`].
     pub(super) fn stages(questions: &Questions) -> u64 {
         let tuned = questions.guarantees.len() * questions.probabilities.len();
-        // Plus the comparison, the danger zone and the panels.
+        // Add three: the comparison, the danger zone and the panels.
         (region_windows(0).len() + tuned + 3) as u64
     }
 
-    /// Computes everything, with progress on `bar`.
+    /// Computes all results and reports progress on `bar`.
     pub(super) fn of<M: ActionModel + Sync>(
         recorded: &[Recorded],
         parts: &Parts,
@@ -181,7 +181,7 @@ impl Evaluation {
         let trajectories: Vec<Trajectory> =
             recorded.iter().map(|recorded| recorded.trajectory.clone()).collect();
         let sample = parts.sample(&trajectories);
-        // Trajectories that neither trained the predictor nor tuned the choice of actions.
+        // Trajectories that were not used to train the predictor or to tune the choice of actions.
         let unseen: Vec<Trajectory> = [&sample.calibration[..], &sample.test[..]].concat();
         let person = super::people(recorded);
         let drove: Vec<usize> =
@@ -189,7 +189,7 @@ impl Evaluation {
         let mut found = Vec::new();
         for choice in region_windows(questions.split.seed) {
             bar.set_message(format!("regions, {}", choice.word().replace('_', " ")));
-            // Perhaps nobody turned in time.
+            // There may be no window, for example because nobody turned in time.
             if choice.windows(&unseen, settings.steps()).iter().any(|windows| !windows.is_empty()) {
                 let confidence = questions.confidence;
                 let regions =
@@ -255,8 +255,8 @@ impl Evaluation {
     }
 }
 
-/// SHFRS with the choices of actions that were tuned for the first guarantee and with the paper's
-/// choice, and simpler predictions.
+/// Compares SHFRS with simpler predictions. The SHFRS use the choices of actions that were tuned
+/// for the first guarantee, and the paper's choice.
 fn compare<M: ActionModel + Sync>(
     sample: &Sample,
     prediction: Prediction<'_, M>,
@@ -327,10 +327,11 @@ fn danger<M: ActionModel + Sync>(
     })
 }
 
-/// Number of predictions drawn.
+/// Maximum number of predictions in the figure.
 const PANELS: usize = 3;
 
-/// The first test trajectories with a turn, at its start; without turns, the first trajectories.
+/// Predictions at the first turn of the first test trajectories that have one. If no trajectory has
+/// a turn, predictions at the start of the first test trajectories.
 fn panels<M: ActionModel>(
     recorded: &[Recorded],
     parts: &Parts,

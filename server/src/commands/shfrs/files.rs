@@ -9,7 +9,7 @@ use sidestep::predict::PredictorFile;
 use sidestep::shfrs::pareto::Pareto;
 use sidestep::shfrs::probability::Regions;
 
-/// In the order in which they are written.
+/// The names of the files, in the order in which they are written.
 pub(super) const FILES: [&str; 8] = [
     "regions.csv",
     "tuning.csv",
@@ -21,7 +21,7 @@ pub(super) const FILES: [&str; 8] = [
     "shfrs.json",
 ];
 
-/// Writes them into a draft: a folder must not mix the files of two runs.
+/// Writes the files into a draft, because a folder must not mix the files of two runs.
 pub(super) fn write(
     draft: &Draft,
     analysis: &Evaluation,
@@ -197,7 +197,7 @@ fn danger_csv(analysis: &Evaluation) -> Result<String, CommandError> {
 }
 
 fn regions_svg(analysis: &Evaluation) -> Result<String, CommandError> {
-    // The probabilities over windows from every step, as in a live display.
+    // Use the probabilities over windows from every step, as in a live display.
     let Some(found) = analysis.regions.first() else {
         return Err(CommandError::Failure("no trajectory is long enough".to_owned()));
     };

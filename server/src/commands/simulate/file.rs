@@ -1,4 +1,4 @@
-//! Synthetic participants into a CSV file.
+//! Writes trials of synthetic participants to a CSV file.
 
 use super::super::solving::Interrupt;
 use super::super::{CommandError, print_json};
@@ -10,7 +10,8 @@ use sidestep::synthetic::{Keys, REFERENCE_SEED, SyntheticParticipant};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// Writes the whole file or nothing, and prints the summary; with `-` it writes to stdout, without a summary.
+/// Writes the whole file or nothing, and prints the summary. If `out` is `-`, writes to stdout
+/// without a summary.
 pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> {
     if out == "-" {
         let mut stdout = BufWriter::new(io::stdout().lock());
@@ -42,12 +43,12 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     let parameters = SceneParameters::default();
     let mut flags = FlagCounts::default();
     let bar = bar(args.participants * args.trials());
-    // As in exports of a study, or as in the reference data.
+    // Numbers and line ends are as in exports of a study, or as in the reference data.
     let (print, end): (fn(f64) -> String, _) = match args.keys() {
         Keys::Clock => (exact, "\n"),
         Keys::Free => (nine_digits, "\r\n"),
     };
-    // The reference file must match byte for byte and has no such column; all other files are marked.
+    // The reference file must match byte for byte and has no column `synthetic`. All other files have it.
     let says = args.keys() == Keys::Clock || args.seed != REFERENCE_SEED;
     let columns = REQUIRED.join(",");
     write!(out, "{columns}{}{end}", if says { ",synthetic" } else { "" })?;
@@ -57,7 +58,7 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
             let (scene, drive) = participant.own_trial(trial, args.keys());
             flags.count(&parameters, &scene, &drive);
             for (step, (input, state)) in drive.inputs.iter().zip(&drive.states).enumerate() {
-                // Rounded to the nanosecond: 0.6 rather than 0.6000000000000001.
+                // Round to nanoseconds, so that a time is 0.6 rather than 0.6000000000000001.
                 let t = (step as f64 * parameters.step_s * 1e9).round() / 1e9;
                 let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
                 let omega = parameters.human.turn_rate(*input);
@@ -72,12 +73,12 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     Ok(flags)
 }
 
-/// The shortest decimal that reads back as the same bits.
+/// The shortest decimal number that parses to the same bits.
 fn exact(number: f64) -> String {
     format!("{number:?}")
 }
 
-/// Nine significant digits without trailing zeros, as Python's `repr` writes them.
+/// At most nine significant digits, in the format of Python's `repr`.
 fn nine_digits(number: f64) -> String {
     let rounded: f64 = format!("{number:.8e}").parse().unwrap_or(number);
     let scientific = format!("{rounded:e}");

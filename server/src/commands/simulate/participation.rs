@@ -1,4 +1,4 @@
-//! Synthetic participants who take part through the HTTP interface, like real ones.
+//! Synthetic participants who take part through the HTTP interface, like real participants.
 
 use super::super::{CommandError, print_json};
 use super::volunteer::{Seen, Volunteer};
@@ -10,7 +10,7 @@ use sidestep::study::{PhaseConfig, StudyConfig};
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep::trial::Phase;
 
-/// All participants take part, one after another; then prints the summary.
+/// Lets all participants take part, one after another, and prints the summary.
 pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), CommandError> {
     let bad = |flag: &str, expected: &str, found: &str| {
         CommandError::Input(format!("--{flag}: expected {expected}, found {found}"))
@@ -61,7 +61,7 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
     }))
 }
 
-/// Fetches the study.
+/// Fetches the study, and checks that the server has the same version of the interface.
 async fn study(server: &Client, slug: &str) -> Result<StudyInfo, CommandError> {
     let origin = server.origin();
     let study = server.study(slug).await.map_err(|error| match error.code() {

@@ -1,4 +1,4 @@
-//! One synthetic participant who takes part through the HTTP interface, like a real one.
+//! A synthetic participant who takes part through the HTTP interface, like a real participant.
 
 use crate::client::{Client, ClientError, Participation};
 use crate::support::clock::now_ms;
@@ -20,25 +20,26 @@ pub(in crate::commands) struct Volunteer<'a> {
     pub(in crate::commands) server: &'a Client,
     pub(in crate::commands) study: &'a StudyInfo,
     pub(in crate::commands) participant: SyntheticParticipant,
-    /// Upper bound on the tasks they drive; those who drive fewer than all do not complete.
+    /// Upper bound on the number of tasks they drive. A participant who does not drive all tasks
+    /// does not complete the study.
     pub(in crate::commands) tasks: u64,
-    /// Number of attempts at the check of understanding; the last is correct.
+    /// Number of attempts at the comprehension check. The last attempt is correct.
     pub(in crate::commands) attempts: usize,
-    /// Selects their answers: 0 for the first option of a choice and the middle of a scale; other
-    /// numbers are offsets from there.
+    /// Selects their answers. 0 selects the first option of a choice and the middle of a scale;
+    /// other numbers are offsets from there.
     pub(in crate::commands) opinion: usize,
-    /// What happens to a trial before it is sent.
+    /// Changes a trial before it is sent.
     pub(in crate::commands) mishap: Mishap,
 }
 
-/// Changes the trial of a scene of a study with these parameters.
+/// A function that changes the trial of a scene, in a study with these parameters.
 pub(in crate::commands) type Mishap = fn(&SceneParameters, Phase, &PlannedScene, &mut TrialUpload);
 
-/// A scene of the plan, already stored or driven now.
+/// A scene of the plan.
 pub(in crate::commands) enum Seen<'a> {
-    /// The server has it already.
+    /// The server has already stored its trial.
     Stored,
-    /// It is driven now.
+    /// The participant drives it now.
     Drives {
         /// The scene.
         scene: &'a Scene,
@@ -48,7 +49,7 @@ pub(in crate::commands) enum Seen<'a> {
 }
 
 impl<'a> Volunteer<'a> {
-    /// A participant who drives everything, understands at once, and has no mishap.
+    /// A participant who drives everything, understands at the first attempt, and has no mishap.
     pub(in crate::commands) fn new(
         server: &'a Client,
         study: &'a StudyInfo,
@@ -58,7 +59,7 @@ impl<'a> Volunteer<'a> {
         Self { server, study, participant, tasks, attempts, opinion, mishap: |_, _, _, _| () }
     }
 
-    /// Enrols with this external id, or resumes.
+    /// Enrols with this external id, or resumes the participation with this id.
     ///
     /// # Errors
     /// [`ClientError`]; `withdrawn` or `screened_out` if the participation has ended.
@@ -78,10 +79,11 @@ impl<'a> Volunteer<'a> {
         self.server.enrol(&self.study.slug, &body).await
     }
 
-    /// Takes part from enrolment to completion, or to the last wanted task. Skips trials that the server already has.
+    /// Takes part from enrolment to completion, or to the last wanted task. Skips trials that are
+    /// already on the server.
     ///
     /// # Errors
-    /// As [`Self::enrol`].
+    /// The errors of [`Self::enrol`].
     pub(in crate::commands) async fn take_part(
         &self,
         name: String,
@@ -115,7 +117,7 @@ impl<'a> Volunteer<'a> {
             if seen.len() == before {
                 break wanted.len() == known.plan.scenes().count();
             }
-            // An interrupted task may be planned once more.
+            // The server may have planned an interrupted task once more.
             known = me.progress().await?;
         };
         if all && !known.answered {
@@ -127,7 +129,8 @@ impl<'a> Volunteer<'a> {
         Ok(me)
     }
 
-    /// The scenes to drive, with their numbers in the plan, which count all phases, including skipped scenes.
+    /// The scenes to drive, each with its number in the plan. The numbers count all phases and
+    /// include skipped scenes.
     fn wanted<'p>(&self, plan: &'p Plan) -> Vec<(u64, Phase, &'p PlannedScene)> {
         let mut tasks = 0;
         let scenes = (0..).zip(plan.scenes()).filter(|(_, (phase, _))| {
@@ -158,13 +161,13 @@ impl<'a> Volunteer<'a> {
     }
 }
 
-/// The record of screen and display, which only marks the participant as synthetic.
+/// The record of screen and display. It only marks the participant as synthetic.
 fn synthetic() -> Object<Value> {
     Object::from_iter([("synthetic".to_owned(), json!(true))])
 }
 
 fn upload(parameters: &SceneParameters, drive: SyntheticDrive) -> TrialUpload {
-    // The trial took no real time: pretend that it started one duration ago.
+    // The trial took no real time. Pretend that it started one trial duration ago.
     let started_at_ms = now_ms() as f64 - 1000.0 * parameters.duration_s();
     TrialUpload {
         started_at_ms: started_at_ms.max(0.0),
@@ -178,7 +181,7 @@ fn upload(parameters: &SceneParameters, drive: SyntheticDrive) -> TrialUpload {
     }
 }
 
-/// One finger: a key goes up before another one goes down.
+/// The key events of someone who steers with one finger, so a key goes up before another key goes down.
 fn key_events(changes: &[KeyChange]) -> Vec<KeyEvent> {
     let name = |input| match input {
         TurnInput::Left => Some("ArrowLeft"),

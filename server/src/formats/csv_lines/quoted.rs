@@ -1,17 +1,17 @@
-//! A table with quotation marks, with the line on which each record begins.
+//! A table with quotation marks, with the line number at which each record begins.
 
 use super::{Decoder, LineError, Record, not_text};
 use std::collections::VecDeque;
 use std::io::{self, Chain, Cursor, Read};
 
-/// The rest of a file as the csv crate reads it.
+/// The rest of a file, read by the csv crate.
 pub(super) struct Quoted<R> {
     reader: csv::Reader<Watched<Chain<Cursor<Vec<u8>>, R>>>,
     record: csv::ByteRecord,
 }
 
 impl<R: Read> Quoted<R> {
-    /// Reads from this line on: first the bytes already read, then the rest of the file.
+    /// Reads from this line on. `read` has the bytes that were already read, and `file` the rest.
     pub(super) fn of(read: Vec<u8>, file: R, line: u64, separator: u8) -> Self {
         let file = Watched::new(Cursor::new(read).chain(file), line);
         let mut reader = csv::ReaderBuilder::new();
@@ -19,7 +19,7 @@ impl<R: Read> Quoted<R> {
         Self { reader: reader.from_reader(file), record: csv::ByteRecord::new() }
     }
 
-    /// Reads the next record and returns its line; none at the end.
+    /// Reads the next record and returns its line, or `None` at the end.
     pub(super) fn next(
         &mut self,
         record: &mut Record,
@@ -51,17 +51,17 @@ impl<R: Read> Quoted<R> {
     }
 }
 
-/// Records where non-empty lines begin, while they are read.
+/// A reader that records where non-empty lines begin.
 struct Watched<R> {
     file: R,
-    /// Number of bytes read, and the line after them.
+    /// Number of bytes read, and the number of the current line.
     read: u64,
     line: u64,
-    /// Whether that line is empty so far.
+    /// Whether the current line is empty so far.
     empty: bool,
-    /// Whether the last byte was a carriage return, which ends a line with a line feed or alone.
+    /// Whether the last byte was a carriage return, which ends a line either alone or with a line feed.
     after_return: bool,
-    /// The first byte and the number of each non-empty line, from the last requested line on.
+    /// The offset of the first byte and the number of each non-empty line, from the last requested line on.
     begins: VecDeque<(u64, u64)>,
 }
 
@@ -71,7 +71,7 @@ impl<R> Watched<R> {
         Self { file, read: 0, line, empty: true, after_return: false, begins: VecDeque::new() }
     }
 
-    /// The first non-empty line from this byte on. Requests must be in ascending order.
+    /// The number of the first non-empty line from this byte on. Requests must be in ascending order.
     fn line_of(&mut self, byte: u64) -> u64 {
         while self.begins.len() > 1 && self.begins[0].0 < byte {
             self.begins.pop_front();

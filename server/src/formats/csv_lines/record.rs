@@ -15,9 +15,10 @@ pub(super) enum Decimal {
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     text: String,
-    /// The end of each field in the text, and the beginning of the next one.
+    /// The end of each field in the text, and the start of the next field.
     fields: Vec<(usize, usize)>,
-    /// Whether the delimiter is a comma: then only quoted fields contain commas, including those between thousands.
+    /// Whether the delimiter is a comma. Then only quoted fields contain commas, and they may
+    /// separate thousands.
     by_commas: bool,
     /// The decimal mark of the file's numbers so far.
     decimal: Cell<Option<Decimal>>,
@@ -41,7 +42,7 @@ impl Record {
         self.fields.is_empty()
     }
 
-    /// The field at a place, if there is one.
+    /// The field at a place, if any.
     #[must_use]
     pub fn get(&self, place: usize) -> Option<&str> {
         let (end, _) = *self.fields.get(place)?;
@@ -54,8 +55,8 @@ impl Record {
         (0..self.len()).map(|place| &self[place])
     }
 
-    /// The number at a place, of the column `name`. A decimal comma is allowed; then all numbers of
-    /// the file with decimals must have one.
+    /// The number at a place in the column `name`. A decimal comma is allowed if all numbers of the
+    /// file with decimals have one.
     ///
     /// # Errors
     /// [`Invalid`] naming the column.
@@ -127,7 +128,7 @@ impl Record {
     }
 }
 
-/// Whether a comma precedes three digits, as between thousands.
+/// Whether commas are followed by three digits each, like separators of thousands.
 fn may_be_thousands(text: &str) -> bool {
     let (whole, rest) = text.split_once(',').unwrap_or((text, ""));
     let whole = whole.trim_start_matches(['-', '+']);

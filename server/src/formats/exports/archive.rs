@@ -1,5 +1,5 @@
-//! An export as one ZIP archive, written sequentially so that it can be sent while it is written.
-//! The same data give the same bytes.
+//! An export as one ZIP archive, written sequentially so that it can be sent during the export. The
+//! same data give the same bytes.
 
 use super::companions::{FileEntry, MANIFEST, Manifest, plain};
 use super::damage::Damage;
@@ -25,22 +25,21 @@ use tokio_util::sync::CancellationToken;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Capacity of the output buffer, bytes.
+/// Capacity of the output buffer (bytes).
 const PIECE: usize = 1 << 16;
 
 type Archive<W> = ZipWriter<StreamWriter<BufWriter<Gate<W>>>>;
 
-/// An archive with its files, and the damage.
+/// An archive, the entries of its files, and the damage.
 type Filled<W> = (Archive<W>, Vec<FileEntry>, Damage);
 
 /// Writes an export as an archive, with the manifest last. After an error the output is not a valid
-/// archive: it has no central directory. The participants are read once for each table, so that
-/// memory does not grow with the study; only a database (`sqlite`) is first written as a file in
-/// `scratch`.
+/// archive, because it has no central directory. The participants are read once for each table, so that
+/// memory does not grow with the study. Only a database (`sqlite`) is first written as a file in `scratch`.
 ///
 /// Returns the damage, which is also in the manifest.
 ///
-/// This blocks, and reads from the store with `runtime`.
+/// This function blocks, and reads from the store with `runtime`.
 ///
 /// # Errors
 /// [`ExportError`], also if `out` fails.
@@ -94,10 +93,10 @@ fn table_by_table<W: Write + Send + 'static>(
             let people = dataset.driven(store, Arc::clone(failed));
             let mut printing = Printing::of(format, &dataset.filter, vec![file]);
             let added = printing.add_all(people, &CancellationToken::new());
-            // Before the archive is dropped, which would end it as if it were complete.
+            // Set this before the archive is dropped, because dropping would end it as if it were complete.
             failed.fetch_or(added.is_err(), Ordering::SeqCst);
             added?;
-            // Each pass finds the same damage.
+            // Every pass finds the same damage.
             let mut files;
             (files, damage) = printing.finish();
             file = files.remove(0);
@@ -120,7 +119,7 @@ fn table_by_table<W: Write + Send + 'static>(
     Ok((zip, entries, damage))
 }
 
-/// A database cannot be written sequentially, so it is a file first.
+/// A database cannot be written sequentially, so it is first written to a file.
 fn with_database<W: Write + Send + 'static>(
     store: &Store,
     dataset: &Dataset,
@@ -148,7 +147,7 @@ fn with_database<W: Write + Send + 'static>(
     Ok((zip, entries, damage))
 }
 
-/// Begins a file of an archive, without a time, so that the same content gives the same bytes.
+/// Begins a file of an archive. Sets no time, so that the same content gives the same bytes.
 fn begin<W: Write>(zip: &mut Archive<W>, name: &str) -> io::Result<()> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
@@ -159,7 +158,7 @@ fn begin<W: Write>(zip: &mut Archive<W>, name: &str) -> io::Result<()> {
     Ok(zip.start_file(name, options)?)
 }
 
-/// Stops output after a failure, because an archive that is dropped writes its central directory.
+/// Blocks output after a failure, because dropping an archive writes its central directory.
 struct Gate<W> {
     out: W,
     failed: Arc<AtomicBool>,
@@ -233,7 +232,7 @@ mod tests {
             assert!(zip::ZipArchive::new(Cursor::new(&before[..])).is_ok());
             assert_eq!(written(&store, &dataset, format).await.1, before);
         }
-        // Data stored later are not in it.
+        // Data stored later are not in the archive.
         let (_, before) = written(&store, &dataset, Format::Csv).await;
         store.put_trial("ada", trial("ada-1", TurnInput::Right)).await.unwrap();
         assert_eq!(written(&store, &dataset, Format::Csv).await.1, before);
@@ -241,7 +240,7 @@ mod tests {
         let dataset = read().await.unwrap();
         assert_ne!(dataset.fingerprint(Format::Csv), mark);
         assert_ne!(dataset.fingerprint(Format::Csv), dataset.fingerprint(Format::Jsonl));
-        // Data deleted meanwhile cannot be in it.
+        // Data deleted meanwhile cannot be in the archive.
         store.withdraw("bob", true, 10, None).await.unwrap();
         for format in [Format::Csv, Format::Parquet, Format::PsychDs, Format::Sqlite] {
             let (result, bytes) = written(&store, &dataset, format).await;

@@ -1,4 +1,5 @@
-//! The files of an export besides its tables: configurations, the meaning of every column, and the manifest.
+//! The files of an export besides its tables: the configurations, the meaning of every column, and
+//! the manifest.
 
 use super::damage::Damage;
 use super::dataset::Dataset;
@@ -12,17 +13,18 @@ use std::io;
 /// The name of the manifest.
 pub const MANIFEST: &str = "manifest.json";
 
-/// The content of an export. A folder or an archive without it is incomplete.
+/// The content of an export. A folder or an archive without a manifest is incomplete.
 #[derive(Clone, Debug, Serialize)]
 pub struct Manifest {
     /// Name of the study in URLs.
     pub study: String,
-    /// Whether the study takes synthetic participants only. In any study, the column `synthetic` marks each trial.
+    /// Whether the study takes only synthetic participants. In every study, the column `synthetic`
+    /// marks each trial.
     pub synthetic: bool,
-    /// When the export began, UTC; for an archive, when its data last changed, so that the same
+    /// When the export began (UTC). For an archive, when its data last changed, so that the same
     /// data give the same bytes.
     pub created_at: String,
-    /// Version of the program that wrote it.
+    /// Version of the program that wrote the export.
     pub version: &'static str,
     /// The format of the tables.
     pub format: Format,
@@ -31,7 +33,7 @@ pub struct Manifest {
     /// The damage, in all phases.
     #[serde(flatten)]
     pub damage: Damage,
-    /// The files beside it.
+    /// The files of the export, except for the manifest.
     pub files: Vec<FileEntry>,
 }
 
@@ -55,7 +57,7 @@ impl Manifest {
         }
     }
 
-    /// Its content.
+    /// The text of the manifest.
     pub(super) fn text(&self) -> io::Result<Vec<u8>> {
         Ok(serde_json::to_vec_pretty(self)?)
     }
@@ -64,22 +66,23 @@ impl Manifest {
 /// A file of an export.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct FileEntry {
-    /// Its path, with slashes.
+    /// The path, with slashes.
     pub name: String,
-    /// Rows of a table or of all tables of a database, else entries of a list; 0 for other files.
+    /// Number of rows of a table or of all tables of a database, or number of entries of a list; 0
+    /// for other files.
     pub rows: u64,
-    /// Its length.
+    /// Length (bytes).
     pub bytes: u64,
-    /// SHA-256 of its content, as hexadecimal digits.
+    /// SHA-256 of the content, as hexadecimal digits.
     pub sha256: String,
 }
 
-/// A line of the dictionary.
+/// An entry of the dictionary.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Meaning {
     /// The file that has the column.
     pub(super) file: String,
-    /// The table in the file, if there are several.
+    /// The table, if the file has several.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) table: Option<&'static str>,
     #[serde(flatten)]
@@ -128,7 +131,8 @@ pub(super) fn plain(
     Ok(files)
 }
 
-/// An entry of configurations.json, with the configuration byte for byte, so that its hash can be recomputed.
+/// An entry of configurations.json. It has the configuration byte for byte, so that its hash can be
+/// recomputed.
 fn configuration((hash, json): &(String, String)) -> String {
     format!("{{\"configuration\": \"{hash}\", \"study\": {json}}}")
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use std::fmt;
 
-/// A trial that differs from what was stored.
+/// A trial that differs from the stored results.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Damaged {
     /// The participant's number.
@@ -11,11 +11,11 @@ pub struct Damaged {
     /// The trial, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trial_id: Option<String>,
-    /// Number of affected trials.
+    /// Number of trials affected.
     pub trials: u64,
     /// The fault.
     pub what: String,
-    /// Whether it can be read. If not, no table contains it.
+    /// Whether the trial can be read. A trial that cannot be read is not in any table.
     #[serde(rename = "readable")]
     pub is_readable: bool,
 }
@@ -34,21 +34,21 @@ impl fmt::Display for Damaged {
 /// All damage.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Damage {
-    /// Number of affected trials.
+    /// Number of trials affected.
     #[serde(rename = "damaged_trials")]
     pub count: u64,
     /// The first damaged trials.
     #[serde(rename = "damage", skip_serializing_if = "Vec::is_empty")]
     pub first: Vec<Damaged>,
-    /// Faults that the database finds in its file, and tallies that do not match the trials: rows
-    /// may be missing, or belong to another participant.
+    /// Faults that the database finds in its file, and tallies that do not match the trials. Such
+    /// faults can mean that rows are missing or belong to another participant.
     #[serde(rename = "database_damage", skip_serializing_if = "Vec::is_empty")]
     pub database: Vec<String>,
 }
 
 impl Damage {
-    /// Upper bound on the trials named, so that memory does not grow with the study. The tables
-    /// mark every damaged trial in them.
+    /// Upper bound on the number of trials named, so that memory does not grow with the study. The
+    /// tables mark all of their damaged trials.
     const MOST: usize = 10_000;
 
     pub(super) fn add(&mut self, damaged: Damaged) {

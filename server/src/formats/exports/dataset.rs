@@ -1,4 +1,4 @@
-//! The data of an export: a study, as it was at one instant.
+//! The data of an export: the state of a study at one instant.
 
 use super::person::Person;
 use super::{ExportError, Filter, Format};
@@ -13,8 +13,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::mpsc;
 
-/// The participants and configurations that a filter selects. Trials are read from the store when
-/// needed: they never change, so those of this instant are the first of each plan.
+/// The participants and configurations that a filter selects. Trials are read from the store when needed.
+/// Stored trials never change, so the trials of this instant are the first trials of each plan.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     /// The study.
@@ -26,7 +26,7 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Reads everything but the trials.
+    /// Reads everything except the trials.
     ///
     /// # Errors
     /// [`StoreError`] if the database cannot be read.
@@ -47,9 +47,9 @@ impl Dataset {
         })
     }
 
-    /// A hash that changes whenever a file of the export does. It covers the program's version, the
-    /// format, the filter, the configurations and the table of participants, which counts their
-    /// trials.
+    /// A hash that changes whenever a file of the export changes. It covers the program's version,
+    /// the format, the filter, the configurations and the table of participants, which has the
+    /// number of their trials.
     #[must_use]
     pub fn fingerprint(&self, format: Format) -> String {
         let mut hash = Sha256::new();
@@ -73,20 +73,20 @@ impl Dataset {
         hex::encode(hash.finalize())
     }
 
-    /// Whether all drivers are programs. A pilot of a synthetic study may be a person.
+    /// Whether all drivers are programs. A pilot participant of a synthetic study may be a person.
     #[must_use]
     pub fn is_synthetic(&self) -> bool {
         self.study.config.synthetic && !self.filter.pilots
     }
 
-    /// Number of trials of its participants.
+    /// Number of trials of the dataset's participants.
     #[must_use]
     pub fn trials(&self) -> u64 {
         let counts = self.people.iter().flat_map(|person| person.trials);
         u64::try_from(counts.sum::<i64>()).unwrap_or(0)
     }
 
-    /// When any of it was last stored, ms since 1970; none if nobody took part.
+    /// When any of the data were last stored (ms since 1970). Returns `None` if nobody took part.
     #[must_use]
     pub fn changed_at_ms(&self) -> Option<i64> {
         let excluded = |person: &RosterEntry| person.exclusion.as_ref().map(|(at_ms, _)| *at_ms);
@@ -96,8 +96,8 @@ impl Dataset {
         self.people.iter().filter_map(times).max()
     }
 
-    /// Reads the participants with their trials, one after another, ahead of the consumer. After an
-    /// error there are no further ones, and `failed` is set before the consumer can get the error.
+    /// Reads the participants with their trials, one after another, ahead of the consumer. Stops
+    /// after an error, and sets `failed` before the consumer can receive the error.
     pub(super) fn driven(&self, store: &Store, failed: Arc<AtomicBool>) -> People {
         let (sender, receiver) = mpsc::channel(4);
         let (store, people) = (store.clone(), Arc::clone(&self.people));
@@ -105,7 +105,7 @@ impl Dataset {
             let (store, people) = (store.clone(), Arc::clone(&people));
             async move { read(&store, &people[at]).await }
         };
-        // The next participant's trials are read while this one's are replayed.
+        // Read the next participant's trials while the current participant's trials are replayed.
         let mut reading = stream::iter(0..self.people.len()).map(one).buffered(2);
         tokio::spawn(async move {
             while let Some(person) = reading.next().await {
@@ -120,10 +120,10 @@ impl Dataset {
     }
 }
 
-/// Participants with their trials, as they are read.
+/// A channel of participants with their trials, in the order of reading.
 pub(super) type People = mpsc::Receiver<Result<Person, ExportError>>;
 
-/// A participant with the trials that they had at the dataset's instant.
+/// Reads a participant with the trials that they had at the dataset's instant.
 async fn read(store: &Store, entry: &RosterEntry) -> Result<Person, ExportError> {
     let expected = usize::try_from(entry.trials.iter().sum::<i64>()).unwrap_or(0);
     let mut person = Person::read(store, entry).await?;

@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sidestep::trial::{Flag, Phase};
 
-/// Selects the participants of an export, and their trials with steps and key events. The default
-/// selects all participants and no pilots.
+/// Selects the participants of an export, and those of their trials that it contains, with steps
+/// and key events. The default selects all participants and no pilots.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Filter {
@@ -18,7 +18,8 @@ pub struct Filter {
     /// Only participants who enrolled under the configuration with this hash.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub configuration: Option<String>,
-    /// Pilots instead of participants; never both, because pilots have their own numbers.
+    /// Export pilots instead of participants. They are never exported together, because pilots are
+    /// numbered separately.
     pub pilots: bool,
 }
 
@@ -35,7 +36,7 @@ pub enum Quality {
 }
 
 impl Filter {
-    /// Whether the export has this trial, given that it has its participant.
+    /// Whether the export has this trial, given that it has the trial's participant.
     #[must_use]
     pub fn keeps(&self, Driven { trial, damage, .. }: &Driven<'_>) -> bool {
         let head = &trial.head;

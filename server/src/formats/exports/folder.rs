@@ -36,12 +36,12 @@ struct FormerFile {
     name: String,
 }
 
-/// Writes an export into a folder. An earlier export of the same study there, in any format, is
-/// replaced once all new files are on disk; in between there is no manifest.
+/// Writes an export into a folder. Replaces an earlier export of the same study there, in any
+/// format, once all new files are on disk. During the replacement there is no manifest.
 ///
 /// # Errors
 /// [`ExportError`], also if the folder contains the export of another study, or `cancel` was
-/// cancelled. Then the folder has no new file, or no manifest.
+/// cancelled. In these cases the folder has no new file, or no manifest.
 pub async fn write(
     store: &Store,
     dataset: Dataset,
@@ -60,11 +60,11 @@ pub async fn write(
         obsolete.extend(files.into_iter().map(|file| file.name).filter(|name| !name.contains('/')));
     }
     let draft = Draft::begin_private(folder)?;
-    // Replaying trials does not show whose they are.
+    // Replaying a trial does not show whether it belongs to its participant.
     let database = database_check::damage_of_database(store).await?;
     let people = dataset.driven(store, Arc::default());
     let (path, asked) = (draft.path().to_owned(), cancel.clone());
-    // An async task reads; a thread prints.
+    // An async task reads the participants, and this thread writes the tables.
     let writing = tokio::task::spawn_blocking(move || {
         let (files, damage) =
             tables(&path, &dataset, format, |printing| printing.add_all(people, &asked))?;
@@ -80,13 +80,13 @@ pub async fn write(
     draft.keep(&obsolete, cancel)?;
     let manifest = Manifest::new(&dataset, format, created_at, files, damage);
     let text = manifest.text()?;
-    // From here on, only the manifest is missing.
+    // Do not cancel from here on, because only the manifest is missing.
     let cancel = CancellationToken::new();
     atomic_file::write_private(&folder.join(MANIFEST), &cancel, |out| out.write_all(&text))?;
     Ok(manifest)
 }
 
-/// Writes all files except the manifest into a folder; `fill` adds the participants with their
+/// Writes all files except the manifest into a folder. `fill` adds the participants with their
 /// trials. Also returns the damage.
 pub(super) fn tables(
     folder: &Path,
@@ -143,7 +143,8 @@ pub(super) fn tables(
     Ok((entries, damage))
 }
 
-/// Creates a file and its folder. Only this user can read the file: it may contain external ids of participants.
+/// Creates a file and its folder. Only this user can read the file, because it may contain external
+/// ids of participants.
 fn created(path: &Path) -> io::Result<File> {
     if let Some(parent) = path.parent() {
         private::make_folder(parent)?;
@@ -151,7 +152,7 @@ fn created(path: &Path) -> io::Result<File> {
     private::new_file(path)
 }
 
-/// The entry of a file that other code has written.
+/// The entry of a file that was written elsewhere.
 fn of_file(path: &Path, rows: u64) -> io::Result<FileEntry> {
     let mut hashed = Hashed::new(io::sink());
     io::copy(&mut File::open(path)?, &mut hashed)?;

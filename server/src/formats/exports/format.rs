@@ -22,7 +22,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Its word on the command line and in URLs.
+    /// The word for the format on the command line and in URLs.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -43,8 +43,8 @@ impl Format {
         }
     }
 
-    /// Rows per batch. A row group of a Parquet file should be long; text should be written while
-    /// it is in the processor's cache.
+    /// Number of rows per batch. A row group of a Parquet file should be long. Text should be
+    /// written while it is still in the processor's cache.
     pub(super) fn batch_rows(self) -> usize {
         match self {
             Self::Csv | Self::Jsonl | Self::PsychDs => 1,
@@ -61,7 +61,7 @@ impl Format {
             Self::Jsonl => format!("{name}.jsonl"),
             Self::Parquet => format!("{name}.parquet"),
             Self::PsychDs => {
-                // Keywords contain only letters, values only letters and digits.
+                // Keywords contain only letters. Values contain only letters and digits.
                 let value = |text: &str| -> String {
                     text.chars().filter(char::is_ascii_alphanumeric).collect()
                 };
@@ -72,7 +72,7 @@ impl Format {
         }
     }
 
-    /// The folder of files that are not tables, with the slash.
+    /// The folder of files that are not tables, with a slash at the end.
     pub(super) fn beside(self) -> &'static str {
         match self {
             Self::PsychDs => "documentation/",
@@ -81,5 +81,5 @@ impl Format {
     }
 }
 
-/// The file of a SQLite export.
+/// The name of the file of a SQLite export.
 pub(super) const DATABASE: &str = "study.sqlite";

@@ -1,9 +1,9 @@
-//! A writer that counts and hashes.
+//! A writer that counts and hashes its output.
 
 use sha2::{Digest, Sha256};
 use std::io::{self, Write};
 
-/// A writer with the length and hash of what was written to it.
+/// A writer that computes the length and hash of the bytes written to it.
 pub(super) struct Hashed<W> {
     out: W,
     hash: Sha256,
@@ -15,7 +15,7 @@ impl<W> Hashed<W> {
         Self { out, hash: Sha256::new(), bytes: 0 }
     }
 
-    /// The writer, the number of bytes, and their SHA-256 as hexadecimal digits.
+    /// The inner writer, the number of bytes, and their SHA-256 as hexadecimal digits.
     pub(super) fn finish(self) -> (W, u64, String) {
         (self.out, self.bytes, hex::encode(self.hash.finalize()))
     }

@@ -6,18 +6,18 @@ use crate::formats::tables::Driven;
 use crate::store::roster::RosterEntry;
 use crate::store::{Store, StoreError};
 
-/// All trials of a participant, in the plan's order, each replayed.
+/// All trials of a participant, in plan order. Each trial was replayed.
 pub(super) struct Person {
     /// The participant's number.
     number: i64,
-    /// Number of trials that were stored.
+    /// Number of stored trials according to the roster.
     stored: usize,
     trials: Vec<Result<Examined, Wrong>>,
     /// Why no trial can be read.
     unreadable: Option<String>,
-    /// Number of stored trials that cannot be found: damage hides them.
+    /// Number of stored trials that cannot be found because of damage.
     hidden: usize,
-    /// Number of trials that were never counted: their count is damaged.
+    /// Number of trials that were not counted because the stored count is damaged.
     uncounted: usize,
 }
 
@@ -33,12 +33,12 @@ impl Person {
         let (mut hidden, mut uncounted) = (0, 0);
         if unreadable.is_none()
             && trials.len() != stored
-            // Otherwise they were deleted meanwhile.
+            // If this is `None`, the trials were deleted meanwhile.
             && let Some(now) = store.stored_trials(&entry.id).await?
         {
             let now = usize::try_from(now).unwrap_or(0);
             hidden = stored.min(now).saturating_sub(trials.len());
-            // Those that arrived meanwhile are counted by now.
+            // `now` includes the trials that arrived meanwhile.
             uncounted = trials.len().saturating_sub(stored.max(now));
         }
         Ok(Self { number: entry.number, stored, trials, unreadable, hidden, uncounted })
@@ -49,13 +49,13 @@ impl Person {
         self.unreadable.is_none().then_some(self.trials.len() + self.hidden)
     }
 
-    /// Drops the trials that arrived after the others had been counted.
+    /// Drops the trials that arrived after the trials were counted.
     pub(super) fn keep_counted(&mut self) {
         self.trials.truncate(self.stored + self.uncounted);
     }
 
-    /// Their readable trials, numbered by place in the plan. So (participant, trial) identifies a
-    /// trial even if others are left out.
+    /// The readable trials, numbered by their place in the plan. So (participant, trial) identifies
+    /// a trial even if other trials are left out.
     pub(super) fn driven(&self) -> impl Iterator<Item = Driven<'_>> {
         self.trials.iter().filter_map(|examined| {
             let Examined { trial, config, fault } = examined.as_ref().ok()?;
@@ -64,7 +64,7 @@ impl Person {
         })
     }
 
-    /// The damage.
+    /// The damage in the participant's trials.
     pub(super) fn damaged(&self) -> impl Iterator<Item = Damaged> {
         let of = |trial_id: Option<&str>, trials: usize, what: &str, is_readable| Damaged {
             participant: self.number,

@@ -52,14 +52,14 @@ impl<W: Write + Send> Printing<W> {
                 }
             }
         }
-        // The remaining rows.
+        // Write the remaining rows.
         for (file, batch) in &mut self.tables {
             file.write(batch)?;
         }
         Ok(())
     }
 
-    /// The tables, and the damage.
+    /// The tables and the damage.
     pub(super) fn finish(self) -> (Vec<TableFile<W>>, Damage) {
         (self.tables.into_iter().map(|(file, _)| file).collect(), self.damage)
     }

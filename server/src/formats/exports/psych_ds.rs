@@ -1,4 +1,4 @@
-//! The Psych-DS standard (psych-ds.github.io) for a folder: schema.org metadata that name every
+//! The Psych-DS standard (psych-ds.github.io) for a folder: schema.org metadata that describe every
 //! column, and the folders and texts that the standard recommends.
 
 use super::dataset::Dataset;
@@ -8,7 +8,7 @@ use crate::formats::table::Column;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// The version of the standard that the metadata name.
+/// The version of the standard that is given in the metadata.
 const STANDARD: &str = "Psych-DS 0.4.0";
 
 /// Files that the standard's validator should ignore.
@@ -17,7 +17,8 @@ const IGNORED: &str = "manifest.json\n.psychds-ignore\n";
 /// The files beside the tables.
 pub(super) fn files(dataset: &Dataset, tables: &[Written]) -> Vec<Plain> {
     let title = title(dataset);
-    // The most specific table first: its description of a shared column is the most useful.
+    // The most specific table comes first, because its description of a shared column is the most
+    // useful one.
     let order = [Table::Participants, Table::Trials, Table::Steps, Table::KeyEvents];
     let in_order =
         order.iter().flat_map(|&wanted| tables.iter().filter(move |t| t.table == wanted));

@@ -19,7 +19,7 @@ impl Table {
     /// The tables made from trials.
     pub(super) const DRIVEN: [Self; 3] = [Self::Steps, Self::Trials, Self::KeyEvents];
 
-    /// Its name.
+    /// The name of the table.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Steps => "steps",
@@ -78,7 +78,7 @@ impl Table {
     }
 }
 
-/// Adds key events; for a damaged trial, only if they can be read.
+/// Adds key events. For a damaged trial, adds them only if they can be read.
 fn events(batch: &mut Batch, driven: &Driven<'_>) -> Result<(), ExportError> {
     match key_events::add(batch, driven) {
         Err(error) if driven.damage.is_none() => {

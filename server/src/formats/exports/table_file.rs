@@ -1,4 +1,4 @@
-//! A table as a file that is written batch by batch.
+//! A table that is written to a file batch by batch.
 
 use super::Format;
 use super::format::DATABASE;
@@ -23,7 +23,7 @@ pub(super) struct TableFile<W: Write + Send> {
 }
 
 enum Content<W: Write + Send> {
-    /// A text file being written, and the conversion of rows to text.
+    /// A text file being written, a buffer, and the conversion of rows to text.
     Text {
         out: Hashed<W>,
         text: Vec<u8>,
@@ -34,7 +34,7 @@ enum Content<W: Write + Send> {
     Rows(Database),
 }
 
-/// The database of an export, which several tables write to.
+/// The database of an export. Several tables write to it.
 pub(super) type Database = Arc<Mutex<Snapshot>>;
 
 /// Begins the database of an export in a folder.
@@ -44,7 +44,7 @@ pub(super) fn database(folder: &Path) -> Result<Database, StoreError> {
 
 /// The destination of a table.
 pub(super) enum Place<W> {
-    /// Its own file with this name.
+    /// A separate file with this name.
     File(String, W),
     /// A shared database.
     Database(Database),
@@ -103,7 +103,7 @@ impl<W: Write + Send> TableFile<W> {
         }
     }
 
-    /// Closes the file, if the table has its own.
+    /// Closes the file, if the table has a separate file.
     pub(super) fn finish(self) -> io::Result<Option<Hashed<W>>> {
         match self.content {
             Content::Text { out, .. } => Ok(Some(out)),
@@ -122,7 +122,7 @@ pub(super) fn type_of(kind: Kind) -> Type {
     }
 }
 
-/// The value of a column in a row.
+/// The value of a column in this row.
 fn cell(row: usize) -> impl for<'a> Fn(&'a Cells) -> Value<'a> {
     move |cells| {
         let value = match cells {
@@ -134,7 +134,7 @@ fn cell(row: usize) -> impl for<'a> Fn(&'a Cells) -> Value<'a> {
     }
 }
 
-/// Numbers columns whose names differ only in case, which SQLite treats as equal.
+/// Appends a number to the names of columns that differ only in case, because SQLite treats them as equal.
 fn make_distinct(columns: &mut [Column]) {
     let mut known = BTreeSet::new();
     for column in columns {

@@ -1,4 +1,4 @@
-//! The content of an export, as its descriptions need it.
+//! The content of an export, for its descriptions.
 
 use super::table::Table;
 use crate::formats::table::Column;

@@ -4,14 +4,14 @@ use sidestep::invalid::Invalid;
 use std::io::{self, Read, Seek};
 use zip::ZipArchive;
 
-/// Upper bound on the entries of an array of unknown length.
+/// Maximum number of entries of an array of unknown length.
 const SHORT: usize = 1 << 16;
 
-/// Upper bound on the bytes before an array's values.
+/// Maximum number of bytes before an array's values.
 const HEADER_LIMIT: u64 = 1 << 16;
 
-/// The values of an array with this type and shape; without a shape, a short list. Reads no more
-/// bytes from the archive than needed.
+/// The values of an array with this type and shape. Without a shape, the array must be a short
+/// list. Reads no more bytes from the archive than needed.
 pub(super) fn values<R: Read + Seek, T: npyz::AutoSerialize + npyz::Deserialize>(
     archive: &mut ZipArchive<R>,
     name: &str,
@@ -24,7 +24,7 @@ pub(super) fn values<R: Read + Seek, T: npyz::AutoSerialize + npyz::Deserialize>
     let count = shape.map_or(SHORT, |shape| shape.iter().product());
     let limit = (count * size_of::<T>()) as u64 + HEADER_LIMIT;
     let mut bytes = Vec::new();
-    // Reading to the end verifies the checksum.
+    // Reading to the end of the file verifies its checksum.
     file.take(limit).read_to_end(&mut bytes).map_err(broken)?;
     let mut rest = &bytes[..];
     let array = npyz::NpyFile::new(&mut rest).map_err(broken)?;

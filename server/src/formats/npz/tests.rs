@@ -30,7 +30,7 @@ fn bytes(samples: &SampledValue, method: Method) -> Vec<u8> {
     npz(samples, method)
 }
 
-/// Adds an array as another program writes it, compressed.
+/// Adds a compressed array, as another program would write it.
 fn array<T: npyz::AutoSerialize>(
     archive: &mut ZipWriter<impl Write + Seek>,
     name: &str,
@@ -108,7 +108,7 @@ fn whether_the_solve_converged_is_stored() {
     };
     assert_eq!(converged(&polar()), (Some(true), None));
     assert_eq!(converged(&polar().unsettled(Some(0.25))), (Some(false), Some(0.25)));
-    // Older files do not contain it.
+    // Older files do not contain this field.
     let older = changed_meta(|m| drop(m.as_object_mut().unwrap().remove("converged"))).unwrap();
     assert_eq!((older.converged, older.function.unsettled_m()), (None, None));
 }

@@ -5,18 +5,19 @@ use super::{Column, Kind};
 /// The values of a column, one for each row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cells {
-    /// Of [`Kind::Whole`].
+    /// Values of [`Kind::Whole`].
     Whole(Vec<Option<i64>>),
-    /// Of [`Kind::Number`] and [`Kind::Time`].
+    /// Values of [`Kind::Number`] and [`Kind::Time`].
     Number(Vec<Option<f64>>),
-    /// Of all other kinds.
+    /// Values of all other kinds.
     Text(Texts),
 }
 
-/// The texts of a column. Most equal the one in the row before, so each is stored once.
+/// The texts of a column. Most texts equal the text in the row before, so repeated texts are stored
+/// only once.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Texts {
-    /// The texts, no two adjacent ones the same.
+    /// The texts without repetitions: adjacent texts differ.
     pub distinct: Vec<String>,
     /// The index of each row's text.
     pub rows: Vec<Option<u32>>,
@@ -86,7 +87,7 @@ impl Batch {
         }
     }
 
-    /// Adds rows, whose values are then set column by column, in order.
+    /// Adds rows. Their values must then be set column by column, in order.
     pub fn add(&mut self, rows: usize) -> NewRows<'_> {
         self.rows += rows;
         NewRows { columns: self.columns.iter_mut(), rows }
@@ -101,7 +102,7 @@ pub struct NewRows<'a> {
 }
 
 impl NewRows<'_> {
-    /// The values of the next column, which holds whole numbers.
+    /// Sets the values of the next column, which contains whole numbers.
     ///
     /// # Panics
     /// If the next column has another type, which is a bug.
@@ -112,7 +113,8 @@ impl NewRows<'_> {
         }
     }
 
-    /// The values of the next column, which holds numbers. Numbers that are not finite are left out.
+    /// Sets the values of the next column, which contains numbers. Numbers that are not finite
+    /// become missing values.
     ///
     /// # Panics
     /// If the next column has another type, which is a bug.
@@ -124,7 +126,7 @@ impl NewRows<'_> {
         }
     }
 
-    /// The value of the next column, which holds texts, in all these rows.
+    /// Sets the value of the next column, which contains texts, in all new rows.
     ///
     /// # Panics
     /// If the next column has another type, which is a bug.

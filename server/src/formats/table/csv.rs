@@ -16,7 +16,7 @@ pub fn csv_header(columns: &[Column]) -> Vec<u8> {
 }
 
 /// Appends a line for each row. Text that a spreadsheet could take for a formula gets a leading
-/// apostrophe; numbers are unchanged. A missing value is empty.
+/// apostrophe. Numbers are unchanged. A missing value is an empty field.
 pub fn csv_rows(columns: &[Column], batch: &Batch, out: &mut Vec<u8>) {
     let mut printers: Vec<Printer<'_>> = columns
         .iter()
@@ -32,7 +32,7 @@ pub fn csv_rows(columns: &[Column], batch: &Batch, out: &mut Vec<u8>) {
     }
 }
 
-/// The last comma becomes the end of the line.
+/// Replaces the last comma by the end of the line.
 fn end_line(out: &mut [u8]) {
     if let Some(last) = out.last_mut() {
         *last = b'\n';
@@ -45,12 +45,12 @@ enum Printer<'a> {
     Number {
         cells: &'a [Option<f64>],
         print: fn(&mut Vec<u8>, f64),
-        /// The bits of the last number and where it was printed: numbers often repeat.
+        /// The bits of the last number and the range where it was printed, because numbers often repeat.
         last: Option<(u64, std::ops::Range<usize>)>,
     },
     Text {
         rows: &'a [Option<u32>],
-        /// All texts as printed, and the end of each.
+        /// All printed texts, and the end of each text.
         printed: Vec<u8>,
         ends: Vec<usize>,
     },
@@ -105,7 +105,7 @@ impl<'a> Printer<'a> {
 
 /// The text, with a leading apostrophe if a spreadsheet could take it for a formula.
 fn disarmed(text: &str) -> std::borrow::Cow<'_, str> {
-    // Full-width forms too: some spreadsheets treat them like the ASCII ones.
+    // Includes full-width forms, because some spreadsheets treat them like the ASCII characters.
     match text.starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠']) {
         true => format!("'{text}").into(),
         false => text.into(),

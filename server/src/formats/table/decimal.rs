@@ -3,9 +3,10 @@
 use std::io::Write;
 
 /// Appends the shortest decimal that parses to the same bits, in the form of `{:?}`: `4.0`, `1e16`.
-/// Of two that are equally near it is the even one.
+/// If two such decimals are equally near, it is the even one.
 pub(super) fn number(out: &mut Vec<u8>, number: f64) {
-    // Outside this range `{:?}` switches between decimals and exponents, as no faster library does.
+    // Outside this range `{:?}` switches between decimals and exponents, and no faster library does
+    // the same.
     if (1e-4..1e16).contains(&number.abs()) || number == 0.0 {
         out.extend_from_slice(zmij::Buffer::new().format_finite(number).as_bytes());
     } else {
@@ -13,7 +14,8 @@ pub(super) fn number(out: &mut Vec<u8>, number: f64) {
     }
 }
 
-/// Appends the same in the form of `{}`: `4`, and never an exponent.
+/// Appends the shortest decimal that parses to the same bits, in the form of `{}`: `4`, and never
+/// an exponent.
 pub(super) fn time(out: &mut Vec<u8>, ms: f64) {
     if (1e-4..1e16).contains(&ms.abs()) || ms == 0.0 {
         let mut buffer = zmij::Buffer::new();

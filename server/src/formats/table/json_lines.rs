@@ -1,9 +1,9 @@
-//! Batches as JSON Lines: an object in each line, with the names of the columns as keys.
+//! Batches as JSON Lines. Each line is an object with the names of the columns as keys.
 
 use super::batch::{Batch, Cells};
 use super::{Column, decimal};
 
-/// Appends a line for each row. A missing value is null; JSON inside a column is a string.
+/// Appends a line for each row. A missing value is null. JSON inside a column is a string.
 pub fn json_rows(columns: &[Column], batch: &Batch, out: &mut Vec<u8>) {
     let keys: Vec<Vec<u8>> = columns
         .iter()

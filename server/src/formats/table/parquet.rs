@@ -1,4 +1,5 @@
-//! Batches as a Parquet file: one row group per batch, so that readers need memory for one at a time.
+//! Batches as a Parquet file. Each batch is one row group, so that readers need memory for only one
+//! group at a time.
 
 use super::batch::{Batch, Cells, Texts};
 use super::{Column, Kind};
@@ -17,7 +18,8 @@ pub struct ParquetFile<W: Write + Send> {
 }
 
 impl<W: Write + Send> ParquetFile<W> {
-    /// Begins a file. Whole numbers are INT64, numbers DOUBLE, everything else UTF-8; every column is nullable.
+    /// Begins a file. Whole numbers are INT64, numbers are DOUBLE, and everything else is UTF-8.
+    /// Every column is nullable.
     ///
     /// # Errors
     /// The error of `out`.
@@ -40,7 +42,7 @@ impl<W: Write + Send> ParquetFile<W> {
                 }
             };
             if physical != Physical::BYTE_ARRAY {
-                // Few numbers repeat, and repeated ones compress well without a dictionary.
+                // Few numbers repeat, and repeated numbers compress well without a dictionary.
                 let path = ColumnPath::from(column.name.to_string());
                 properties = properties.set_column_dictionary_enabled(path, false);
             }
@@ -120,7 +122,7 @@ fn write_column(
     column.close()
 }
 
-/// Definition levels: 1 for each row with a value, else 0.
+/// Definition levels: 1 for each row with a value, and 0 for other rows.
 fn levels<T>(cells: &[Option<T>]) -> Vec<i16> {
     cells.iter().map(|cell| i16::from(cell.is_some())).collect()
 }

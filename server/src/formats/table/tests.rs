@@ -1,4 +1,4 @@
-//! The same rows through every format.
+//! Writes the same rows in every format and reads them back.
 
 use super::*;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
@@ -107,7 +107,7 @@ fn through(batches: &[Batch]) -> [Vec<Vec<Value>>; 3] {
     [from_csv(&csv), from_json(&json), from_parquet(parquet.finish().unwrap())]
 }
 
-/// Texts with special characters at any place, and numbers with any bits.
+/// Texts with special characters at any position, and finite numbers with any bits.
 fn rows() -> impl Strategy<Value = Vec<Row>> {
     let odd = [0.0, -0.0, 5e-324, 1e16, 1e-5, 123_456.0, f64::MAX, 0.1 + 0.2].to_vec();
     let number = || {
@@ -119,7 +119,7 @@ fn rows() -> impl Strategy<Value = Vec<Row>> {
     prop::collection::vec(row, 0..20)
 }
 
-/// A value after CSV, which has no empty text and disarms formulas.
+/// A value after a round trip through CSV, which has no empty text and disarms formulas.
 fn in_csv(value: Value) -> Value {
     match value {
         Value::Text(text) if text.is_empty() => Value::None,

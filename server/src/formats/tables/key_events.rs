@@ -1,4 +1,4 @@
-//! A row for each key that went down or up while a scene was driven.
+//! The table with a row for each key that went down or up while a scene was driven.
 
 use super::{Driven, participant_column, trial_column};
 use crate::formats::table::Kind::{Text, Time, Whole, Word};

@@ -1,4 +1,4 @@
-//! A row for each participant: who they are, when they did what, and what they answered.
+//! The table with a row for each participant: who they are, what they did and when, and what they answered.
 
 use crate::formats::table::Kind::{Hash, Text, Whole, Word};
 use crate::formats::table::{Batch, Column, Kind};
@@ -8,7 +8,7 @@ use sidestep::study::{Question, QuestionKind, StudyConfig};
 use sidestep::trial::Flag;
 use std::collections::BTreeSet;
 
-/// Name, kind, unit and meaning of the columns that every study has.
+/// Name, kind, unit and meaning of the columns that the table has in every study.
 const FIXED: [(&str, Kind, &str, &str); 26] = [
     ("participant", Whole, "", "the participant's number in the study, from 1"),
     ("participant_id", Word, "", "the participant's id on the server"),
@@ -53,7 +53,7 @@ const FIXED: [(&str, Kind, &str, &str); 26] = [
     ),
 ];
 
-/// The columns of the link's parameters and of the answers, which depend on the study.
+/// The names of the columns of link parameters and of answers, which depend on the study.
 #[derive(Debug)]
 struct Extra {
     parameters: Vec<String>,
@@ -61,7 +61,7 @@ struct Extra {
 }
 
 impl Extra {
-    /// The columns of the present configuration in its order, then others that participants have.
+    /// The names in the present configuration in its order, followed by other names that participants have.
     fn of(study: &StudyConfig, people: &[RosterEntry]) -> Self {
         let joined = |known: Vec<String>, found: BTreeSet<&String>| {
             let more = found.into_iter().filter(|name| !known.contains(name)).cloned();
@@ -91,8 +91,8 @@ pub struct Participants<'a> {
 }
 
 impl<'a> Participants<'a> {
-    /// The table of these people. Columns of parameters and answers are those of the study's
-    /// present configuration, then those that people have from earlier ones.
+    /// The table of these people. It has columns for the parameters and answers of the study's present
+    /// configuration, followed by columns for those that people have from earlier configurations.
     #[must_use]
     pub fn new(study: &'a StudyConfig, people: &'a [RosterEntry]) -> Self {
         Self { study, people, extra: Extra::of(study, people) }
@@ -113,7 +113,7 @@ impl<'a> Participants<'a> {
         let answer = |name: &String| {
             let question = self.study.questions.iter().find(|question| question.name == *name);
             let (mut kind, range) = question.map_or((Text, None), kind_of);
-            // An earlier configuration may have asked another question under the same name.
+            // An earlier configuration may have asked a different question under the same name.
             let is_number = |answer: &Value| answer.is_null() || answer.is_i64();
             let mut answers = self.people.iter().filter_map(|person| person.answers.get(name));
             if kind == Whole && !answers.all(is_number) {

@@ -1,4 +1,4 @@
-//! A row for each step: the state before it and the input held in it.
+//! The table with a row for each step: the state before it and the input held in it.
 
 use super::{Driven, damaged_column, flags_column, participant_column, trial_column};
 use crate::formats::table::Kind::{Number, Time, Whole, Word};
@@ -64,7 +64,7 @@ pub fn add(batch: &mut Batch, driven: &Driven<'_>) {
     let Driven { number, trial, parameters, damage } = *driven;
     let (head, content) = (&trial.head, &trial.content);
     let states = &content.states;
-    // Rounded to the nanosecond: 0.6 instead of 0.6000000000000001.
+    // Round to nanoseconds, so that a time is 0.6 instead of 0.6000000000000001.
     let nanoseconds = |step: usize| (step as f64 * parameters.step_s * 1e9).round();
     let synthetic = i64::from(trial.is_synthetic());
     let sampled = content.sampled_at_ms.as_deref();

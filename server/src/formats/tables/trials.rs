@@ -1,4 +1,4 @@
-//! A row for each trial: where it belongs, its scene, its outcome and its record.
+//! The table with a row for each trial: its place in the study, its scene, its outcome and its record.
 
 use super::{Driven, damaged_column, flags_column, participant_column, trial_column};
 use crate::formats::table::Kind::{Hash, Json, Number, Text, Time, Whole, Word};

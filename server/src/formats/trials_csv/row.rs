@@ -89,7 +89,7 @@ pub(super) struct Row {
     pub(super) synthetic: bool,
 }
 
-/// Parses rows. Ids and flags mostly equal those of the row before, so they are parsed once.
+/// Parses rows. Most ids and flags equal those of the previous row, so repeated ones are parsed only once.
 pub(super) struct Parser {
     columns: Columns,
     parameters: SceneParameters,

@@ -1,9 +1,9 @@
-//! Content of the documentation page, from the OpenAPI document.
+//! The content of the documentation page, derived from the OpenAPI document.
 
 use serde::Serialize;
 use serde_json::Value;
 
-/// The page.
+/// The content of the page.
 #[derive(Debug, Serialize)]
 pub(super) struct View<'a> {
     version: &'a str,

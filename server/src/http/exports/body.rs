@@ -1,4 +1,4 @@
-//! Streaming of archives: a thread writes, the response reads.
+//! Streaming of archives. A thread writes the archive, and the response reads it.
 
 use crate::formats::exports::{Damage, Dataset, ExportError, Format, archive};
 use crate::http::lengths::Lengths;
@@ -12,10 +12,11 @@ use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 
-/// How long a request waits for the length of an archive; less than the request timeout.
+/// Maximum time for which a request waits for the length of an archive. It is less than the request
+/// timeout.
 const MEASURING: Duration = Duration::from_secs(20);
 
-/// Capacity of the queue between thread and response, chunks.
+/// Capacity of the queue between the thread and the response (chunks).
 const WAITING: usize = 4;
 
 /// An archive that can be written.
@@ -30,7 +31,7 @@ pub(super) struct Outlet {
 }
 
 impl Outlet {
-    /// Writes it; blocks the thread.
+    /// Writes the archive. Blocks the thread.
     fn write(
         &self,
         runtime: &Handle,
@@ -41,7 +42,8 @@ impl Outlet {
     }
 }
 
-/// The length of an archive; none if measuring takes longer than a request may wait. Measuring then continues.
+/// The length of an archive. Returns `None` if measuring fails or takes longer than a request may
+/// wait. In the latter case, measuring continues.
 pub(super) async fn measure(lengths: &Lengths, outlet: &Outlet) -> Option<u64> {
     let (length, outlet) = (lengths.of(&outlet.tag), outlet.clone());
     let measuring = tokio::spawn(async move {
@@ -64,7 +66,7 @@ pub(super) async fn measure(lengths: &Lengths, outlet: &Outlet) -> Option<u64> {
     }
 }
 
-/// A byte range of an archive. If it cannot be written to its end, the response is aborted.
+/// A byte range of an archive. If the archive cannot be written to its end, the response is aborted.
 pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Lengths>>) -> Body {
     let (sender, receiver) = mpsc::channel(WAITING);
     let runtime = Handle::current();
@@ -84,7 +86,7 @@ pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Len
                 }
                 if let Some(lengths) = lengths {
                     let length = *counted.lock().unwrap_or_else(PoisonError::into_inner);
-                    // It may be known already.
+                    // An error means that the length is already known.
                     let _ = lengths.of(&outlet.tag).set(length);
                 }
                 let _ = sender.blocking_send(Piece::End);
@@ -110,12 +112,12 @@ pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Len
 
 enum Piece {
     Bytes(Bytes),
-    /// The response is complete only after this.
+    /// The end of the archive. Without it, the response is incomplete.
     End,
     Failure,
 }
 
-/// Counts bytes.
+/// A writer that counts bytes.
 struct Counter(Arc<Mutex<u64>>);
 
 impl Counter {
@@ -124,7 +126,7 @@ impl Counter {
         (Self(Arc::clone(&count)), count)
     }
 
-    /// Adds to the count, and returns the count before.
+    /// Adds to the count, and returns the previous count.
     fn add(&self, bytes: usize) -> u64 {
         let mut count = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         *count += bytes as u64;
@@ -143,7 +145,7 @@ impl Write for Counter {
     }
 }
 
-/// Sends only the bytes of a range.
+/// A writer that sends only the bytes of a range.
 struct Part {
     counter: Counter,
     begin: u64,

@@ -6,27 +6,28 @@ use axum::http::header::{HeaderName, IF_MATCH, IF_NONE_MATCH, IF_RANGE, RANGE};
 /// The content that a request asks for, given the tag of the current data.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Wanted {
-    /// All of it.
+    /// The whole archive.
     Whole,
-    /// A part.
+    /// A part of the archive.
     Part(Bytes),
-    /// Nothing: the client has the current data.
+    /// Nothing, because the client has the current data.
     Known,
-    /// A part of other data than the current.
+    /// Data that are no longer current.
     Other,
 }
 
 /// A byte range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Bytes {
-    /// From a first byte to a last one, if given; both inclusive.
+    /// From the first byte to the last byte, if given. Both are inclusive.
     From(u64, Option<u64>),
-    /// This number of bytes at the end.
+    /// A number of bytes at the end.
     Last(u64),
 }
 
 impl Wanted {
-    /// Parses the headers. Multiple ranges, and units other than bytes, mean the whole.
+    /// Parses the headers. Multiple ranges, and units other than bytes, are treated as a request
+    /// for the whole archive.
     pub(super) fn of(headers: &HeaderMap, tag: &str) -> Self {
         let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
         let names =
@@ -61,8 +62,8 @@ impl Bytes {
         }
     }
 
-    /// The first byte and the one after the last, in an archive of this length; none if the range
-    /// is outside it.
+    /// The index of the first byte, and the index after the last byte, in an archive of this
+    /// length. `None` if the range is outside the archive.
     pub(super) fn within(self, length: u64) -> Option<(u64, u64)> {
         let (begin, end) = match self {
             Self::From(first, last) => {

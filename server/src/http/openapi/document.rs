@@ -1,4 +1,4 @@
-//! The complete document.
+//! The complete OpenAPI document.
 
 use super::operation::{Operation, Who, problem};
 use super::problems::meaning;
@@ -7,22 +7,22 @@ use crate::http::app::COOKIE;
 use axum::http::Method;
 use serde_json::{Map, Value, json};
 
-/// A documented method of a route.
+/// A method of a route, with its documentation.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry<'a> {
-    /// Its group in the document.
+    /// The group in the document.
     pub group: &'a str,
-    /// Its method.
+    /// The HTTP method.
     pub method: &'a Method,
-    /// Its path, with parameters in braces.
+    /// The path, with parameters in braces.
     pub path: &'a str,
-    /// A summary of one line.
+    /// A one-line summary.
     pub summary: &'a str,
     /// Further details; may be empty.
     pub detail: &'a str,
 }
 
-/// Descriptions of path parameters, by the path segment before each.
+/// Descriptions of path parameters, by the path segment before the parameter.
 const PARAMETERS: [(&str, &str, &str); 8] = [
     ("studies", "The study's name in URLs, such as `default`.", "string"),
     (
@@ -38,7 +38,7 @@ const PARAMETERS: [(&str, &str, &str); 8] = [
     ("files", "Name of the file, such as `report.html` or `models/lr-1-hrd-1.json`.", "string"),
 ];
 
-/// The document, to which methods of routes are added one by one.
+/// The document. Methods of routes are added to it one by one.
 #[derive(Debug, Default)]
 pub struct Document {
     groups: Vec<(&'static str, &'static str)>,
@@ -52,7 +52,7 @@ impl Document {
         self.groups.push((name, text));
     }
 
-    /// Adds a method of a route; `describe` adds its inputs and responses.
+    /// Adds a method of a route. `describe` adds the inputs and responses of the method.
     pub fn add(&mut self, entry: Entry<'_>, describe: impl FnOnce(&mut Operation, &mut Schemas)) {
         let mut operation = Operation::default();
         describe(&mut operation, &mut self.schemas);
@@ -173,7 +173,7 @@ fn security(who: Who) -> Value {
     }
 }
 
-/// The parameters of a path, each described by the segment before it.
+/// The parameters of a path. The segment before a parameter determines its description.
 fn path_parameters(path: &str) -> Vec<Value> {
     let words: Vec<&str> = path.split('/').collect();
     let described = |pair: &[&str]| {
@@ -191,7 +191,7 @@ fn path_parameters(path: &str) -> Vec<Value> {
     words.windows(2).filter_map(described).collect()
 }
 
-/// For example `put_participants_me_trials_trial_id`.
+/// The operation id of a method, such as `put_participants_me_trials_trial_id`.
 fn operation_id(method: &Method, path: &str) -> String {
     let words = path.trim_start_matches("/api/v1").split('/').filter(|word| !word.is_empty());
     let words = words.map(|word| word.trim_matches(['{', '}']).replace(['-', '.'], "_"));

@@ -1,4 +1,4 @@
-//! Inputs and responses of a handler, from the types of its parameters and its result.
+//! Inputs and responses of a handler, derived from the types of its parameters and its result.
 
 use super::operation::{Input, Operation, Output};
 use super::schemas::Schemas;

@@ -17,29 +17,29 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Who may send a request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Who {
-    /// Everyone.
+    /// Anyone.
     #[default]
     Anyone,
-    /// Everyone; a participant's token changes the response.
+    /// Anyone. A participant's token changes the response.
     MaybeParticipant,
     /// A participant, with the token of their enrolment.
     Participant,
-    /// An experimenter whose key has this access level.
+    /// An experimenter whose key has at least this access level.
     Experimenter(Access),
 }
 
 /// Inputs and responses of a method of a route.
 #[derive(Clone, Debug, Default)]
 pub struct Operation {
-    /// Who may send it.
+    /// Who may send the request.
     pub who: Who,
     /// Query parameters in OpenAPI's format.
     pub parameters: Vec<Value>,
     /// The schema of the request body.
     pub body: Option<Value>,
-    /// A description and schemas by media type, for each status of success.
+    /// A description, and schemas by media type, for each status of a success.
     pub answers: BTreeMap<u16, (String, Map<String, Value>)>,
-    /// Codes of problems, by status.
+    /// Codes of problems, by HTTP status.
     pub problems: BTreeMap<u16, BTreeSet<&'static str>>,
 }
 
@@ -56,7 +56,7 @@ impl Operation {
         self.problems.entry(status).or_default().insert(code);
     }
 
-    /// Adds a response with one media type. Several of the same status are alternatives.
+    /// Adds a response with one media type. Several responses of the same status are alternatives.
     pub fn answer(&mut self, status: u16, media_type: &str, schema: Value) {
         let (_, content) = self.answers.entry(status).or_default();
         content.insert(media_type.to_owned(), json!({ "schema": schema }));
@@ -83,7 +83,7 @@ impl Operation {
     }
 }
 
-/// The schema of a parameter without null: a nullable parameter is omitted instead.
+/// The schema of a parameter without null. A nullable parameter is omitted instead of null.
 fn present(mut schema: Value) -> Value {
     if let Some(Value::Array(kinds)) = schema.get_mut("type") {
         kinds.retain(|kind| kind != "null");
@@ -101,7 +101,7 @@ fn present(mut schema: Value) -> Value {
 
 /// A part of a request that a handler extracts.
 pub trait Input {
-    /// Adds what it extracts, and the problems that it reports.
+    /// Adds the inputs that this type extracts, and the problems that it reports.
     fn describe(_: &mut Operation, _: &mut Schemas) {}
 }
 
@@ -120,11 +120,11 @@ impl<T> Input for Result<Path<T>, PathRejection> {
 
 /// A result of a handler.
 pub trait Output {
-    /// Adds the statuses and bodies of success, and the problems.
+    /// Adds the statuses and bodies of a success, and the problems.
     fn describe(operation: &mut Operation, schemas: &mut Schemas);
 }
 
-/// The type does not describe this body; the table of routes does.
+/// The type does not describe the body. The table of routes describes it.
 impl Output for Response {
     fn describe(_: &mut Operation, _: &mut Schemas) {}
 }
@@ -135,14 +135,14 @@ impl<T: JsonSchema> Output for Json<T> {
     }
 }
 
-/// Created.
+/// A created resource.
 impl<T: JsonSchema> Output for (StatusCode, Json<T>) {
     fn describe(operation: &mut Operation, schemas: &mut Schemas) {
         operation.answer(201, "application/json", schemas.of_answer::<T>());
     }
 }
 
-/// Done, without a body.
+/// A success without a body.
 impl Output for StatusCode {
     fn describe(operation: &mut Operation, _: &mut Schemas) {
         operation.answers.entry(204).or_default();
@@ -168,7 +168,7 @@ impl<T: Output> Output for Result<T, ApiError> {
     }
 }
 
-/// The schema of a problem body with one of these codes.
+/// The schema of a problem body that has one of these codes.
 pub fn problem(schemas: &mut Schemas, codes: &BTreeSet<&'static str>) -> Value {
     let problem = schemas.of_answer::<Problem>();
     json!({ "allOf": [problem, { "properties": { "code": { "enum": codes } } }] })

@@ -1,9 +1,9 @@
-//! All codes of problem bodies, with status and meaning.
+//! All codes of problem bodies, with their status and meaning.
 
 /// A code, the status of its responses, and its meaning.
 pub type Meaning = (&'static str, u16, &'static str);
 
-/// All codes, by status.
+/// All codes, ordered by status.
 pub const PROBLEMS: [Meaning; 37] = [
     ("malformed", 400, "the body is not JSON"),
     ("host", 400, "the request names no host, or several"),
@@ -53,10 +53,10 @@ pub const PROBLEMS: [Meaning; 37] = [
     ("storage", 503, "the database cannot be used now; Retry-After says when to try again"),
 ];
 
-/// The first entry of a code, or the one with this status.
+/// The first entry of a code, or its entry with this status.
 ///
 /// # Panics
-/// If there is none: a defect of this program.
+/// If there is no entry, which is a defect of this program.
 #[must_use]
 pub fn meaning(code: &str, status: Option<u16>) -> Meaning {
     let fits = |it: &Meaning| it.0 == code && status.is_none_or(|status| it.1 == status);

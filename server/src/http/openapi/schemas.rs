@@ -1,4 +1,4 @@
-//! JSON schemas of requests and responses, from their Rust types.
+//! JSON schemas of requests and responses, derived from their Rust types.
 
 use schemars::generate::{Contract, SchemaSettings};
 use schemars::{JsonSchema, SchemaGenerator};
@@ -9,7 +9,7 @@ const OF_ANSWERS: &str = "#/components/schemas/";
 const OF_REQUESTS: &str = "#/components/requests/";
 
 /// The schemas so far. Optional fields differ between requests, which are deserialized, and
-/// responses, which are serialized: a type used in both may have two schemas.
+/// responses, which are serialized. So a type that is used in both may have two schemas.
 #[derive(Debug)]
 pub struct Schemas {
     requests: SchemaGenerator,
@@ -63,7 +63,7 @@ impl Schemas {
     }
 }
 
-/// Names whose schemas differ between requests and responses, directly or in a part.
+/// The names whose schemas differ between requests and responses, directly or in a nested schema.
 fn twofold(requests: &Map<String, Value>, answers: &Map<String, Value>) -> BTreeSet<String> {
     let mut twofold = BTreeSet::new();
     loop {
@@ -85,7 +85,8 @@ fn named(name: &str, twofold: &BTreeSet<String>) -> String {
     if twofold.contains(name) { format!("{name}Input") } else { name.to_owned() }
 }
 
-/// Points references of requests to their schemas, and replaces doc links in descriptions with plain words.
+/// Replaces references of requests by the final names of their schemas, and links in descriptions
+/// by plain words.
 fn resolve(value: &mut Value, twofold: &BTreeSet<String>) {
     match value {
         Value::Object(members) => {
@@ -106,7 +107,7 @@ fn resolve(value: &mut Value, twofold: &BTreeSet<String>) {
     }
 }
 
-/// A doc comment without links to other items, with one line per paragraph.
+/// A doc comment without links to other items, and with one line per paragraph.
 fn plain(text: &str) -> String {
     let mut plain = String::new();
     let mut rest = text;

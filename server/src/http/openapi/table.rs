@@ -1,4 +1,4 @@
-//! Routes that are served and documented together, so that neither can be missing.
+//! A table of routes that are served and documented together, so that neither can be missing.
 
 use super::document::{Document, Entry};
 use super::handler::Documented;
@@ -59,19 +59,19 @@ impl Endpoint {
         self
     }
 
-    /// Adds codes of problems that the handler itself reports.
+    /// Adds codes of problems that this handler reports.
     #[must_use]
     pub fn problems<const N: usize>(self, codes: [&'static str; N]) -> Self {
         self.and(move |operation| operation.problems(&codes))
     }
 
-    /// Adds a problem whose code has another status elsewhere.
+    /// Adds a problem whose code is also used with another status.
     #[must_use]
     pub fn problem_with(self, status: u16, code: &'static str) -> Self {
         self.and(move |operation| operation.problem(meaning(code, Some(status))))
     }
 
-    /// Describes a status of success.
+    /// Sets the description of a status of success.
     #[must_use]
     pub fn says(self, status: u16, text: &'static str) -> Self {
         self.and(move |operation| {
@@ -79,7 +79,7 @@ impl Endpoint {
         })
     }
 
-    /// Adds a 200 with the same body as the 201, for content that exists already.
+    /// Adds a 200 with the same body as the 201, for content that already exists.
     #[must_use]
     pub fn or_200(self, text: &'static str) -> Self {
         self.and(move |operation| {
@@ -88,7 +88,7 @@ impl Endpoint {
         })
     }
 
-    /// Adds a 200 with a body of this media type: text, unless the schema is another.
+    /// Adds a 200 with a text body of this media type.
     #[must_use]
     pub fn sends(self, media_type: &'static str) -> Self {
         self.sends_as(media_type, json!({ "type": "string" }))
@@ -110,7 +110,7 @@ impl Endpoint {
         self.and(move |operation| operation.answer(200, media_type, schema))
     }
 
-    /// Adds a 200 with JSON of this type, for a handler whose own type is not documented.
+    /// Adds a 200 with JSON of this type, for a handler whose result type does not describe its body.
     #[must_use]
     pub fn sends_json<T: schemars::JsonSchema>(mut self) -> Self {
         let describe = self.describe;
@@ -122,7 +122,7 @@ impl Endpoint {
         self
     }
 
-    /// Marks it as open to everyone; a participant's token changes the response.
+    /// Marks the route as open to anyone. A participant's token changes the response.
     #[must_use]
     pub fn for_participants_too(self) -> Self {
         self.and(|operation| operation.who = super::operation::Who::MaybeParticipant)
@@ -145,7 +145,7 @@ impl Endpoint {
     }
 }
 
-/// The table of routes, by group.
+/// The table of routes, in groups.
 #[derive(Default)]
 pub struct Table {
     router: Router<Arc<App>>,
@@ -162,7 +162,7 @@ impl Table {
         self
     }
 
-    /// Adds a route, whose path has parameters in braces, and its methods.
+    /// Adds a route and its methods. Parameters in the path are in braces.
     #[must_use]
     pub fn route<const N: usize>(mut self, path: &str, endpoints: [Endpoint; N]) -> Self {
         let mut served = MethodRouter::new();
@@ -176,7 +176,7 @@ impl Table {
         self
     }
 
-    /// The router, and its document.
+    /// The router and its OpenAPI document.
     pub fn finished(self) -> (Router<Arc<App>>, Value) {
         (self.router, self.document.finished())
     }

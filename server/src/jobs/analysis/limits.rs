@@ -1,4 +1,5 @@
-//! Upper bounds of the cost of an analysis, checked against an estimate before it is accepted.
+//! Upper bounds on the cost of an analysis. An estimate of the cost is checked before the analysis
+//! is accepted.
 
 use crate::store::studies::StoredStudy;
 use crate::store::{Store, StoreError};
@@ -7,18 +8,18 @@ use sidestep::comparison::{Cost, Request};
 use sidestep::invalid::Invalid;
 use sidestep::trial::Phase;
 
-/// Upper bounds of the cost of an analysis.
+/// Upper bounds on the cost of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Memory, MiB.
+    /// Memory (MiB).
     pub memory_mib: u64,
-    /// Work, hours of one processor.
+    /// Work (hours of one processor).
     pub hours: f64,
-    /// Threads that share the memory.
+    /// Number of threads that share the memory.
     pub threads: usize,
 }
 
-/// The ways to make a request cheaper: the field, the cheaper request, and a description.
+/// The ways to make a request cheaper, each as a field, a cheaper request, and a description.
 fn lighter(request: &Request) -> Vec<(String, Request, &'static str)> {
     let with = |field: &str, change: fn(&mut Request), how| {
         let mut lighter = request.clone();
@@ -37,11 +38,11 @@ fn lighter(request: &Request) -> Vec<(String, Request, &'static str)> {
 }
 
 impl Limits {
-    /// Estimates the cost of an analysis of the study as it is now.
+    /// Estimates the cost of an analysis of the study in its present state.
     ///
     /// # Errors
-    /// The outer error if the database cannot be read; the inner one, naming the field that costs most, if
-    /// the analysis would cost too much.
+    /// The outer error if the database cannot be read. The inner error if the analysis would cost
+    /// too much; it names the field that costs most.
     pub async fn check(
         &self,
         store: &Store,
@@ -62,7 +63,7 @@ impl Limits {
         Ok(self.compare(request, &tasks, study.config.parameters.steps))
     }
 
-    /// The same, given the number of tasks of each participant.
+    /// Like [`Self::check`], for participants with these numbers of tasks.
     fn compare(&self, request: &Request, tasks: &[usize], steps: usize) -> Result<Cost, Invalid> {
         let of = |request: &Request| {
             Ok::<_, Invalid>(Cost::of(&request.settings()?, tasks, steps, self.threads))
@@ -99,7 +100,7 @@ impl Limits {
     }
 }
 
-/// Hours and MiB.
+/// The cost as processor hours and MiB.
 fn figures(cost: &Cost) -> [f64; 2] {
     [cost.processor_s / 3600.0, cost.memory_bytes / f64::from(1 << 20)]
 }

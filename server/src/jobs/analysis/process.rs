@@ -1,5 +1,5 @@
-//! One analysis, computed by a child process: the server sends it the study's data, and stores the
-//! results in the database.
+//! One analysis, computed by a child process. The server sends the study's data to the process, and
+//! stores the results in the database.
 
 use crate::jobs::children::{Children, Ended, Running};
 use crate::jobs::frames::{FromChild, ToChild};
@@ -19,12 +19,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub(super) struct HowFar {
     done: AtomicUsize,
     of: AtomicUsize,
-    /// Pieces that were computed instead of reused.
+    /// Number of pieces that were computed instead of reused.
     fresh: AtomicUsize,
 }
 
 impl HowFar {
-    /// Finished pieces, all pieces, and pieces that were computed instead of reused.
+    /// The numbers of finished pieces, of all pieces, and of pieces that were computed instead of reused.
     pub(super) fn numbers(&self) -> [usize; 3] {
         [&self.done, &self.of, &self.fresh].map(|number| number.load(Ordering::Relaxed))
     }
@@ -32,17 +32,17 @@ impl HowFar {
 
 /// The outcome of an analysis.
 pub(super) enum Outcome {
-    /// Its files and models are in the database.
+    /// The analysis is done. Its files and models are in the database.
     Done {
         result: Box<AnalysisResult>,
         /// The names of the participants who were compared.
         compared: HashSet<String>,
-        /// The keys of the cells that it needs.
+        /// The keys of the cells that the analysis needs.
         used: HashSet<String>,
     },
-    /// It failed, for this reason.
+    /// The analysis failed for this reason.
     Failed(String),
-    /// Its process received a signal to terminate.
+    /// The process received a signal to terminate.
     AskedToEnd,
     /// The analysis is no longer wanted.
     Unwanted,
@@ -85,7 +85,7 @@ pub(super) async fn compute(
         going = child.tell(&message, &beside).await.is_ok();
     }
     if going {
-        // If this fails, the child has ended, which the next read shows.
+        // An error means that the child has ended, and the next read shows this.
         let _ = child.tell(&ToChild::Begin, &[]).await;
     }
     let outcome = keep_all(store, job, &mut child, how_far).await?;
@@ -98,7 +98,8 @@ pub(super) async fn compute(
     })
 }
 
-/// Answers the child's queries and stores its messages until it is done. None if it ends before.
+/// Answers the child's queries and stores its messages until it is done. Returns `None` if the
+/// child ends before.
 async fn keep_all(
     store: &Store,
     job: &Job,
@@ -120,14 +121,14 @@ async fn keep_all(
                 if kept.is_some() {
                     used.insert(key);
                 }
-                // If this fails, the child has ended, which the next read shows.
+                // An error means that the child has ended, and the next read shows this.
                 let _ = child.tell(&answer, &kept.unwrap_or_default()).await;
                 true
             }
             FromChild::Computed(key) => {
                 how_far.fresh.fetch_add(1, Ordering::Relaxed);
                 if let Err(error) = store.put_cells(job, &key, beside).await {
-                    // The cost is only time.
+                    // An uncached cell only costs time.
                     tracing::warn!(%error, "cells of an analysis were not cached");
                 }
                 used.insert(key);

@@ -1,8 +1,8 @@
-//! Computes the requested analyses one by one, off the request path.
+//! Computes the requested analyses one by one, outside of requests.
 //!
-//! The row of an analysis is authoritative: a request that cancels or deletes the analysis, or
-//! deletes data that it uses, changes the row, and the worker notices when it next records its
-//! progress.
+//! The row of an analysis in the database is authoritative. A request that cancels or deletes the
+//! analysis, or deletes data that it uses, changes the row. The worker notices this when it next
+//! records its progress.
 
 use super::limits::Limits;
 use super::process::{HowFar, Outcome, compute, study_versions};
@@ -20,16 +20,18 @@ use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
-/// Interval at which progress is recorded and cancellation is checked: an analysis stops within 1 s.
+/// Interval at which progress is recorded and cancellation is checked, so that an analysis stops
+/// within 1 s.
 const TICK: Duration = Duration::from_millis(250);
 
-/// Interval at which the worker polls for analyses of other servers.
+/// Interval at which the worker polls for analyses that other servers queued.
 const LOOK: Duration = Duration::from_secs(2);
 
 /// Pause after a database error.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Grace period at a system shutdown: the server is told to stop at most this long after its child processes.
+/// Grace period at a system shutdown. The system signals the server at most this long after its
+/// child processes.
 const SHUTTING_DOWN: Duration = Duration::from_secs(1);
 
 /// The worker, which runs in the background until it is stopped.
@@ -40,19 +42,19 @@ pub struct AnalysisWorker {
 }
 
 impl AnalysisWorker {
-    /// Starts the worker, with the analyses that an earlier run of the server did not finish.
-    /// `asked` notifies it that an analysis was queued.
+    /// Starts the worker. It begins with the analyses that an earlier run of the server did not
+    /// finish. `asked` notifies the worker that an analysis was queued.
     #[must_use]
     pub fn start(store: Store, asked: Arc<Notify>, children: Children, limits: Limits) -> Self {
         let cancel = CancellationToken::new();
         let name = uuid::Uuid::new_v4().to_string();
         let worker = Worker { name, store, asked, cancel: cancel.clone(), children, limits };
         let task = tokio::spawn(async move { worker.run().await });
-        // A worker that is dropped without [`Self::stop`] ends, too.
+        // A worker that is dropped without [`Self::stop`] also ends.
         Self { cancel: cancel.drop_guard(), task }
     }
 
-    /// Interrupts the current analysis, which restarts at the next start.
+    /// Interrupts the current analysis. It restarts at the next start of the server.
     pub async fn stop(self) {
         drop(self.cancel);
         if let Err(error) = self.task.await {
@@ -62,7 +64,7 @@ impl AnalysisWorker {
 }
 
 struct Worker {
-    /// Distinguishes the runs of all servers.
+    /// An id of this run of this server, unique among the runs of all servers.
     name: String,
     store: Store,
     asked: Arc<Notify>,
@@ -73,7 +75,8 @@ struct Worker {
 
 /// How an attempt at an analysis ended.
 enum Ending {
-    /// With a result and the keys of the cells that it needs, or the reason for a failure.
+    /// The analysis is over, with a result and the keys of the cells that it needs, or with the
+    /// reason for a failure.
     Over(Result<(Box<AnalysisResult>, HashSet<String>), String>),
     /// The analysis is no longer wanted.
     Unwanted,
@@ -105,7 +108,7 @@ impl Worker {
         }
     }
 
-    /// Completes when another server may have queued an analysis, or stopped while computing one.
+    /// Completes when another server may have queued an analysis or stopped during one.
     async fn others(&self) {
         match self.store.is_shared() {
             true => tokio::time::sleep(LOOK).await,
@@ -117,7 +120,7 @@ impl Worker {
     /// interrupted analyses are requeued first.
     async fn next(&self, recovered: &mut bool) -> anyhow::Result<bool> {
         if !*recovered || self.store.is_shared() {
-            // Polling must not write unless there is work: open pages would be notified.
+            // Polling must not write unless there is work, because writes notify open pages.
             if *recovered && !self.store.awaits_worker(now_ms()).await? {
                 return Ok(false);
             }
@@ -153,7 +156,7 @@ impl Worker {
         match ending {
             _ if !wanted => tracing::info!(study = job.study, "an analysis came too late"),
             Ok(_) => tracing::info!(study = job.study, "an analysis is done"),
-            // The laboratory shows the reason; it may name a participant, so the log omits it.
+            // The laboratory shows the reason. It may name a participant, so the log omits it.
             Err(_) => {
                 tracing::warn!(study = job.study, analysis = job.sequence, "an analysis failed")
             }
@@ -161,8 +164,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Computes in a child process and records the progress. When the analysis is no longer wanted
-    /// or the server stops, the computation is dropped, which kills the process.
+    /// Computes an analysis in a child process and records the progress. When the analysis is no
+    /// longer wanted or the server stops, the computation is dropped, which kills the process.
     async fn attempt(&self, job: &Job) -> anyhow::Result<Ending> {
         let how_far = HowFar::default();
         let outcome = tokio::select! {
@@ -179,7 +182,7 @@ impl Worker {
             Outcome::Failed(why) => Ending::Over(Err(why)),
             Outcome::Unwanted => Ending::Unwanted,
             Outcome::AskedToEnd => {
-                // At a shutdown, the system sends the signal to the server, too.
+                // At a shutdown, the system also sends the signal to the server.
                 match tokio::time::timeout(SHUTTING_DOWN, self.cancel.cancelled()).await {
                     Ok(()) => Ending::BrokenOff,
                     Err(_) => {
@@ -196,7 +199,7 @@ impl Worker {
 
     async fn compute(&self, job: &Job, how_far: &HowFar) -> anyhow::Result<Outcome> {
         let study = self.study(job).await?;
-        // More data may have been stored since the analysis was requested.
+        // More data may have been stored after the analysis was requested.
         match self.limits.check(&self.store, &study, &job.request).await? {
             Ok(_) => compute(&self.store, &study, job, &self.children, how_far).await,
             Err(invalid) => Ok(Outcome::Failed(invalid.to_string())),
@@ -210,7 +213,7 @@ impl Worker {
             match self.store.note_progress(job, how_far.numbers(), now_ms()).await {
                 Ok(true) => {}
                 Ok(false) => return,
-                // The next report may succeed.
+                // The next attempt may succeed.
                 Err(error) => tracing::warn!(%error, "progress was not noted"),
             }
         }

@@ -21,7 +21,7 @@ use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, PoisonError};
 
-/// Rows of the index per message.
+/// Number of rows of the index per message.
 const ROWS_AT_ONCE: usize = 1_000;
 
 /// The input of an analysis.
@@ -32,7 +32,7 @@ pub(super) struct Task {
 }
 
 impl Task {
-    /// Reads the participants that follow the first message.
+    /// Reads the participants that follow the first message, and completes the input.
     pub(super) fn read(
         orders: &mut impl Read,
         request: Request,
@@ -73,7 +73,7 @@ impl Task {
         let (answer, answers) = channel();
         end_with_stdin(move |message, beside| {
             if let ToChild::Cells { kept } = message {
-                // Nobody receives it once the analysis is computed.
+                // There is no receiver once the analysis is computed.
                 let _ = answer.send(kept.then_some(beside));
             }
         });
@@ -92,7 +92,7 @@ impl Task {
     }
 }
 
-/// Sends the files one by one, then the index, then the summary.
+/// Sends the files one by one, then the index, and then the summary.
 fn send(analysis: &Analysis, ids: &TrialIds, server: &Server) -> io::Result<()> {
     report::each_file(analysis, &mut |name, write| {
         let mut out = Counted { out: gzip(), bytes: 0 };
@@ -172,7 +172,7 @@ impl<W: Write> Write for Counted<W> {
     }
 }
 
-/// The server's cells of the study.
+/// A cache of cells that sends its queries to the server.
 struct ServersCells<'a> {
     server: &'a Server,
     answers: Mutex<Receiver<Option<Vec<u8>>>>,
@@ -181,7 +181,7 @@ struct ServersCells<'a> {
 impl Cache for ServersCells<'_> {
     fn get(&self, key: &str) -> Option<Vec<Cell>> {
         let bytes = {
-            // One query at a time, so that each answer matches its query.
+            // Send one query at a time, so that each answer belongs to its query.
             let answers = self.answers.lock().unwrap_or_else(PoisonError::into_inner);
             self.server.tell(&FromChild::Wanted(key.to_owned()), &[]).ok()?;
             answers.recv().ok()??
@@ -195,7 +195,7 @@ impl Cache for ServersCells<'_> {
         let told = packed
             .and_then(|()| out.finish())
             .and_then(|bytes| self.server.tell(&FromChild::Computed(key.to_owned()), &bytes));
-        // If the server has ended, the next step of the analysis notices.
+        // If the server has ended, the next step of the analysis detects it.
         drop(told);
     }
 }

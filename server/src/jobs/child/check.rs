@@ -1,4 +1,4 @@
-//! The check of a database, and its backup.
+//! Checks a database or writes a backup, in the child process.
 
 use super::Server;
 use crate::backups::{self, BackupError, FaultyTrials, Written};
@@ -23,7 +23,7 @@ async fn checked(database: &str, backup: Option<&Path>) -> Result<Written, Backu
     let store = Store::open(database, Purpose::Read).await?;
     let written = match backup {
         Some(file) => {
-            // A faulty trial must not prevent all backups: it is reported, and earlier backups are kept.
+            // A faulty trial must not prevent all backups. It is reported, and earlier backups are kept.
             let kept = FaultyTrials::Kept;
             backups::write(&store, file, kept, &CancellationToken::new(), |_, _| ()).await
         }

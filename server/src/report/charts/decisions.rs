@@ -1,4 +1,4 @@
-//! Maps of where models turn.
+//! Maps of the situations in which models turn.
 
 use super::{Figure, TONES, WIDTH, drawn, opacity};
 use sidestep::chart::{Area, Axis, Cells, Chart, Drawing, Ink, Note, Pen, Sign, colours, disc};
@@ -23,7 +23,7 @@ fn square(chart: &Chart) -> Drawing {
 
 fn decision_map(map: &DecisionMap, radius_m: f64) -> Chart {
     let side_m = DecisionMap::SIDE as f64 * DecisionMap::CELL_M;
-    // Right is the negative of left.
+    // The map has distances to the left. The chart has distances to the right, which are the negatives.
     let right = -(DecisionMap::RIGHT_M + side_m);
     let x = Axis::linear("robot to the right", "m", [right, right + side_m], 6);
     let behind = DecisionMap::BEHIND_M;
@@ -45,14 +45,14 @@ fn decision_map(map: &DecisionMap, radius_m: f64) -> Chart {
     let dashed = Pen::new(colours::TEXT, 1.2).dashed(3.0, 2.5);
     outline("danger zone", disc([0.0, 0.0], radius_m), dashed);
     chart.add(Note::sign(Sign::Vehicle(0.5 * PI, 17.0), [0.0, 0.0], colours::HUMAN));
-    // The robot's heading as the human sees it, whose own heading is up.
+    // The robot's heading in the human's frame, in which the human heads up.
     let arrow = Sign::Arrow(map.heading + 0.5 * PI, 28.0);
     let corner = Note::sign(arrow, [right + side_m, behind + side_m], colours::ROBOT);
     chart.add(Note { offset: [-24.0, 24.0], ..corner });
     chart
 }
 
-/// The cells of each tone; adjacent cells in a row are merged.
+/// The cells of each tone. Adjacent cells in a row are merged.
 fn tones(map: &DecisionMap) -> Vec<Vec<[f64; 4]>> {
     let tone = |p: f64| ((p * TONES as f64) as usize).min(TONES - 1);
     let mut boxes = vec![Vec::new(); TONES];
@@ -63,7 +63,7 @@ fn tones(map: &DecisionMap) -> Vec<Vec<[f64; 4]>> {
         while column < cells.len() {
             let of = tone(cells[column]);
             let run = cells[column..].iter().take_while(|p| tone(**p) == of).count();
-            // Columns go to the left.
+            // Columns are ordered to the left.
             let ends = [column, column + run].map(|i| -at(DecisionMap::RIGHT_M, i));
             boxes[of].push([ends[1], below, ends[0], above]);
             column += run;

@@ -1,4 +1,4 @@
-//! Learning curves, models trained on others, and the losses of models without a feature.
+//! Learning curves, models trained on other people, and the losses of models without a feature.
 
 use super::{Figure, figure, look, question, range, reference};
 use sidestep::chart::{Axis, Chart, Group, Mark, Pen, Series, Swarm, colours};
@@ -8,7 +8,7 @@ use sidestep::comparison::generalisation::{LearningPoint, Unseen};
 use sidestep::comparison::importance::Importance;
 use sidestep::comparison::models::{CURVE_MODELS, ModelName};
 
-/// Accuracy against the number of training tasks; none if everyone has too few.
+/// Accuracy against the number of training tasks. Returns `None` if every person has too few tasks.
 pub(super) fn learning(analysis: &Analysis) -> Option<Figure> {
     let charts = Experiment::ALL.map(|experiment| learning_chart(analysis, experiment));
     (!analysis.learning.is_empty()).then(|| figure("learning", &charts, 300.0))
@@ -43,12 +43,12 @@ fn learning_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
     chart
 }
 
-/// The curves that are drawn: solid on hrd, dashed on d.
+/// The curves that are drawn: a solid line for hrd, and a dashed line for d.
 fn curves() -> impl Iterator<Item = (ModelName, &'static str)> {
     CURVE_MODELS.into_iter().flat_map(|model| ["hrd", "d"].map(|set| (model, set)))
 }
 
-/// How much better a person's own model is than one trained on others.
+/// The gain of a person's own model over a model that was trained on others.
 pub(super) fn unseen(analysis: &Analysis) -> Option<Figure> {
     let all: Vec<&Unseen> = analysis.unseen.iter().collect();
     let gains = || all.iter().flat_map(|of| of.own.paired.gains.iter().copied());
@@ -83,7 +83,7 @@ pub(super) fn unseen(analysis: &Analysis) -> Option<Figure> {
     Some(figure("unseen", &Experiment::ALL.map(chart), 250.0))
 }
 
-/// Losses of the paper's models without each feature, for both sets in both experiments.
+/// The losses of the paper's models without each feature, for both sets in both experiments.
 pub(super) fn importance(analysis: &Analysis) -> Option<Figure> {
     let losses = || analysis.importance.iter().flat_map(|of| of.losses.iter().copied());
     losses().next()?;

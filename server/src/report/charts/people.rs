@@ -1,14 +1,15 @@
-//! People's behaviour, and its change from the first tasks to the last.
+//! Charts of people's behaviour, and of its change from the first tasks to the last.
 
 use super::{Figure, figure, range};
 use sidestep::behaviour::{Behaviour, BehaviourSummary, PARTS};
 use sidestep::chart::{Axis, Chart, Group, Mark, Swarm, colours, fixed};
 use sidestep::comparison::Analysis;
 
-/// A measure of one part of a participant's tasks; none if no task of the part has it.
+/// A measure of one part of a participant's tasks. `None` if the measure is missing in all tasks of
+/// the part.
 type Of = fn(&BehaviourSummary) -> Option<f64>;
 
-/// A chart for each measure: dots are people, columns are parts of their tasks.
+/// A chart for each measure, with a dot for each person and a column for each part of their tasks.
 pub(super) fn behaviour(analysis: &Analysis) -> Option<Figure> {
     const MEASURES: [(&str, &str, &str, Of); 3] = [
         ("In the danger zone", "tasks", "%", |of| {

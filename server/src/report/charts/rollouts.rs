@@ -1,4 +1,4 @@
-//! How well models do when they drive on from some moment.
+//! Charts of roll-outs: how well models predict when they drive on from some moment.
 
 use super::{Figure, figure, look, range};
 use sidestep::chart::{Axis, Chart, Mark, Pen, Series, colours};
@@ -37,13 +37,13 @@ impl Line {
     }
 }
 
-/// Roll-outs of the paper's models on B_hrd.
+/// The roll-outs of the paper's models on B_hrd.
 pub(super) fn rollouts(analysis: &Analysis) -> Figure {
     let lines = ModelName::PAPERS.map(|model| Line::of(model, "hrd"));
     figure("rollouts", &rollout_charts(analysis, &lines), 250.0)
 }
 
-/// Roll-outs of models with more inputs than the paper's; none if there are fewer than two.
+/// The roll-outs of models with more inputs than the paper's. Returns `None` if there are fewer than two.
 pub(super) fn beyond(analysis: &Analysis) -> Option<Figure> {
     let lines = BEYOND.map(|Beyond { model, features, words, look }| {
         let mut line = Line::of(model, features);
@@ -60,7 +60,7 @@ pub(super) fn beyond(analysis: &Analysis) -> Option<Figure> {
     (found > 1).then(|| figure("beyond", &rollout_charts(analysis, &lines), 250.0))
 }
 
-/// Accuracy, position error and log loss against the horizon, of these and of the simple drivers.
+/// Accuracy, position error and log loss against the horizon, for these lines and the simple drivers.
 fn rollout_charts(analysis: &Analysis, lines: &[Line]) -> [Chart; 3] {
     let simple = [
         Line::simple(Simple::Held, "holds the last input", 6.0),

@@ -1,6 +1,6 @@
-//! Checks the findings of the report against numbers that are computed here from the CSV files of
-//! the same analysis: every direction, count, p-value and interval. A sentence with a number that
-//! nothing here expects fails.
+//! Checks every direction, count, p-value and interval in the findings of the report. The expected
+//! numbers are computed here from the CSV files of the same analysis. The check fails if a sentence
+//! has a number that is not expected here.
 
 use super::testing::made_up_but;
 use crate::report::{Content, each_file};
@@ -36,7 +36,7 @@ impl Files {
         rows.map(Result::unwrap).collect()
     }
 
-    /// For each person, 100 times the accuracy.
+    /// The accuracy of each person, in per cent.
     fn accuracies(&self, model: &str, experiment: &str, features: &str) -> Vec<f64> {
         let is = |row: &Row| {
             (&*row["model"], &*row["experiment"], &*row["features"])
@@ -51,13 +51,13 @@ fn number(row: &Row, column: &str) -> f64 {
     row[column].parse().unwrap_or_else(|_| panic!("{column}: {row:?}"))
 }
 
-/// One comparison of two sets, from the files.
+/// A comparison of two feature sets, read from the files.
 struct Told {
     model: String,
     numeral: &'static str,
     metric: String,
     people: usize,
-    /// Gains, if cells.csv has them.
+    /// The gains, if cells.csv has them.
     gains: Option<Vec<f64>>,
     mean: f64,
     p: f64,
@@ -111,7 +111,8 @@ impl Told {
         all
     }
 
-    /// Checks that p, interval, estimate, direction and counts agree with each other and with cells.csv.
+    /// Checks that p-value, interval, estimate, direction and counts agree with each other and with
+    /// cells.csv.
     fn agrees(&self) {
         let said = format!("{:?}", self.row);
         if let Some(gains) = &self.gains {
@@ -119,8 +120,8 @@ impl Told {
             assert_eq!(differ.len(), self.differing, "{said}");
             let mean = gains.iter().sum::<f64>() / gains.len() as f64;
             assert!((mean - self.mean).abs() < 1e-4, "{said}");
-            // The rank-biserial correlation is the number of pairs with a positive mean, less those
-            // with a negative one.
+            // The rank-biserial correlation is the number of pairs with a positive mean minus the
+            // number of pairs with a negative mean, divided by the number of pairs.
             let pairs = (0..differ.len()).flat_map(|i| (i..differ.len()).map(move |j| (i, j)));
             let sign = |(i, j): (usize, usize)| match differ[i] + differ[j] {
                 sum if sum.abs() < 1e-9 => 0.0,
@@ -146,7 +147,7 @@ impl Told {
         format!("{model} {}", self.numeral)
     }
 
-    /// Without the experiment if there is only one.
+    /// The name without the experiment, if the metric exists in only one experiment.
     fn name(&self) -> String {
         let name = self.full_name();
         if self.metric == "accuracy" { name } else { name.replace(" II", "") }
@@ -160,7 +161,7 @@ impl Told {
         }
     }
 
-    /// An entry of the list below the sentence.
+    /// An entry in the list below the sentence.
     fn entry(&self, mean: f64, r: f64, [p, holm]: [f64; 2]) -> String {
         let mean = match self.metric.as_str() {
             "accuracy" => signed(mean, 1),
@@ -177,7 +178,8 @@ impl Told {
         format!("{} {mean} {p}, r {r} Holm {holm}{differ}", self.name())
     }
 
-    /// The same for every rounding of its four-place numbers and seven-digit p-values.
+    /// The entries for every possible rounding of the numbers with four places and of the p-values
+    /// with seven digits.
     fn entries(&self) -> impl Iterator<Item = String> {
         let means = near(self.mean).into_iter();
         let alike = |p: f64| [p * (1.0 - 6e-7), p, p * (1.0 + 6e-7)].map(|p| p.min(1.0));
@@ -192,7 +194,7 @@ impl Told {
     }
 }
 
-/// Numbers that files print alike with four places.
+/// Numbers near this one that files print equally with four places.
 fn near(number: f64) -> [f64; 3] {
     let less = if number == 0.0 { 0.0 } else { 6e-5 };
     [number - less, number, number + less]
@@ -227,7 +229,7 @@ fn p_is(p: f64) -> String {
     if p < 0.001 { "p < 0.001".to_owned() } else { format!("p = {}", p_value(p)) }
 }
 
-/// "a, b and c".
+/// Joins names as in "a, b and c".
 fn listed(names: &[String]) -> String {
     match names {
         [] => String::new(),
@@ -329,7 +331,7 @@ fn chosen(all: &[Told], [shown, hint, few, none]: [String; 4]) -> String {
     }
 }
 
-/// The headline of each finding about a comparison, in order, with the comparisons below it.
+/// The expected headline of each finding about a comparison, in order, with its comparisons.
 fn expected(files: &Files) -> Vec<(String, Vec<Told>)> {
     let of = |file: &str, pair| Told::all(files, file, "accuracy", pair);
     let safety = of("tests.csv", ("hrd", "d"));
@@ -416,7 +418,7 @@ fn expected(files: &Files) -> Vec<(String, Vec<Told>)> {
     headlines.into_iter().zip([safety, instead, too, baseline, ends, level]).collect()
 }
 
-/// The first paragraph of the first finding, for every rounding of the files' numbers.
+/// The first paragraph of the first finding, for every possible rounding of the numbers in the files.
 fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
     let mean = |set| {
         let all = files.accuracies(&of.model, "1", set);
@@ -472,7 +474,7 @@ fn main_sentences(files: &Files, of: &Told) -> BTreeSet<String> {
     all.into_iter().map(|told| format!("{begin}{told}")).collect()
 }
 
-/// The sentence about too few people; the smallest p-value is computed by hand.
+/// The sentence about too few people. The smallest p-value is computed here.
 fn power_sentence(people: usize, family: usize) -> String {
     let least = (0..people).fold(2.0, |p: f64, _| 0.5 * p).min(1.0);
     let needed = (1..60).find(|n| 2.0 * 0.5_f64.powi(*n) * (family as f64) < 0.05).unwrap();
@@ -592,8 +594,8 @@ fn check(analysis: &Analysis) {
     }
 }
 
-/// Studies of random people: for some, models do equally well on every set; for the others, better
-/// or worse by some steps.
+/// A study of random people. For some people, models do equally well on every set. For the others,
+/// models do better or worse by some steps.
 fn random(people: usize, tied: f64, lean: usize, seed: u64) -> Analysis {
     made_up_but(people, None, |results| {
         let mut rng = SeededRng::new(seed);
@@ -604,7 +606,7 @@ fn random(people: usize, tied: f64, lean: usize, seed: u64) -> Analysis {
             let missed =
                 if ties[*participant] { 3 } else { 2 + rng.below(9) - (lean * known).min(2) };
             let rows = test.predicted.len();
-            // Not the first step of avoidance, which is the third.
+            // This leaves out the first step of avoidance, which is the third step.
             (0..missed).for_each(|i| test.predicted[(7 + i) % rows] = 9);
         }
     })
@@ -620,8 +622,8 @@ fn sentences_are_what_the_files_say() {
     }
 }
 
-/// 18 of 24 people do equally well with every set; for the others every model is better with safety
-/// levels, or in the reverse case worse.
+/// 18 of 24 people do equally well with every set. For the others, every model is better with
+/// safety levels, or worse in the reverse case.
 #[test]
 fn those_who_tie_turn_no_sentence_round() {
     for (worse, word) in [("d", "better"), ("hrd", "worse")] {
@@ -642,7 +644,7 @@ fn those_who_tie_turn_no_sentence_round() {
     }
 }
 
-/// Number of studies to search: six, or `SENTENCE_STUDIES`.
+/// Number of studies to generate: the value of `SENTENCE_STUDIES`, or six.
 fn studies() -> u32 {
     std::env::var("SENTENCE_STUDIES").map_or(6, |number| number.parse().unwrap())
 }

@@ -1,4 +1,4 @@
-//! A small made-up analysis.
+//! A small made-up analysis, for tests.
 
 use sidestep::behaviour::Behaviour;
 use sidestep::comparison::cell::{Baseline, Cell, Experiment};
@@ -14,18 +14,18 @@ use sidestep::recording::Exclusion;
 use sidestep::scene::SceneParameters;
 use std::collections::BTreeMap;
 
-/// Steps of a trial.
+/// Number of steps of a trial.
 const STEPS: usize = 10;
 const TRIALS: usize = 2;
 
-/// People who turn in steps 3 to 6 of each trial. Models on sets with a safety level miss one step
-/// of each trial, others two, and for everyone after the first person one more; the first step of
+/// People who turn in steps 3 to 6 of each trial. Models on the set d miss two steps of each trial,
+/// and on all other sets one step. For every second person they miss one more. The first step of
 /// avoidance is found.
 pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
     made_up_but(people, synthetic, |_| {})
 }
 
-/// The same with results modified by `change`.
+/// Like [`made_up`], with results modified by `change`.
 pub(super) fn made_up_but(
     people: usize,
     synthetic: Option<&str>,

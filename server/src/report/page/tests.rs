@@ -1,4 +1,4 @@
-//! The report of a made-up analysis, read as XML.
+//! Tests that read the report of a made-up analysis as XML.
 
 use super::testing::{made_up, made_up_but};
 use crate::report::charts;
@@ -52,7 +52,7 @@ fn it_stands_alone_and_names_cannot_break_it() {
     let named =
         |name: &str| document.descendants().filter(|node| node.tag_name().name() == name).count();
     assert_eq!(["script", "img", "link", "iframe"].map(named), [0; 4]);
-    // URLs only name XML vocabularies; nothing is fetched.
+    // URLs are only names of XML vocabularies. Nothing is fetched.
     for node in document.descendants() {
         for attribute in node.attributes() {
             assert!(
@@ -80,7 +80,8 @@ fn charts_and_tables_can_be_heard() {
         let has = |name: &str| svg.children().any(|node| node.tag_name().name() == name);
         assert!(has("title") && has("desc"));
     }
-    // Gains 3, accuracy 6, distances 6, a map, roll-outs 3, calibration 2.
+    // Three charts of gains, six of accuracy, six of distances, one map, three of roll-outs and two
+    // of calibration.
     assert_eq!(charts, 21);
     let mut heads = document.descendants().filter(|node| node.tag_name().name() == "th");
     assert!(heads.all(|head| head.attribute("scope").is_some()));
@@ -92,12 +93,12 @@ fn charts_and_tables_can_be_heard() {
     }
 }
 
-/// With 7 people: on hrd, models miss one of ten steps for 4 of them and two for the others.
+/// There are 7 people. On hrd, models miss one of ten steps for 4 of them and two steps for the others.
 #[test]
 fn it_tells_the_numbers_of_the_tables() {
     let analysis = made_up(7, None);
     let html = html(&analysis);
-    // hrd: 90 % and 80 %; d: 80 % and 70 %.
+    // The accuracy on hrd is 90 % or 80 %, and on d 80 % or 70 %.
     let [hrd, d] = [4.0 * 90.0 + 3.0 * 80.0, 4.0 * 80.0 + 3.0 * 70.0].map(|sum: f64| sum / 7.0);
     assert_eq!(format!("{hrd:.2} {d:.2}"), "85.71 75.71");
     let row = |first: &str| {
@@ -120,18 +121,18 @@ fn it_tells_the_numbers_of_the_tables() {
     assert_eq!(found[0], ("85.71".to_owned(), true));
     assert_eq!(found[6], ("75.71".to_owned(), false));
     assert_eq!(found[9], ("60.00".to_owned(), false));
-    // Ties are all the best, but not sets that the paper did not compare.
+    // All tied sets are the best, except for sets that the paper did not compare.
     assert!(found[..6].iter().all(|(_, bold)| *bold) && !found[7].1);
-    // The paper's row follows.
+    // The paper's row follows this row.
     assert!(html.contains("<span class=\"paper\"><strong>78.67</strong></span>"));
-    // Trials without any turn do not count; all 14 trials of the 7 people have one.
+    // Trials without any turn do not count. All 14 trials of the 7 people have a turn.
     assert!(words(&read(&html)).contains("mean over 14 test trials"));
     let lines = html.replace('\n', "");
     assert!(lines.contains("<td>70.25</td><td>91.50</td><td>+21.25</td>"));
     assert!((analysis.baseline_accuracy(Experiment::TurnDirection) - 60.0).abs() < 1e-9);
 }
 
-/// 7 people gain ten points each: p = 2/2⁷ = 0.0156, after Holm over 48 tests 0.75.
+/// 7 people gain ten points each, so p = 2/2⁷ = 0.0156, and 0.75 after Holm over 48 tests.
 #[test]
 fn words_follow_the_numbers() {
     let said = |people| words(&read(&html(&made_up(people, None)))).replace('\u{202f}', "");
@@ -159,7 +160,7 @@ fn words_follow_the_numbers() {
         "Safety levels predict better than distance alone, in every model and experiment."
     ));
     assert!(!many.contains("no difference could be shown"));
-    // Nobody differs, so there is nothing to test.
+    // No two people differ, so there is nothing to test.
     let same =
         "Too few people to show whether the human’s or the robot’s safety level predicts better.";
     assert!(many.contains(same), "{many}");
@@ -175,7 +176,7 @@ fn a_level_that_says_nothing_has_a_warning() {
         analysis.data.safety = Some(quality);
         html(&analysis)
     };
-    // Nothing else in the report depends on the levels.
+    // Only the warnings depend on the quality of the levels.
     assert_eq!(said(sound, sound), html(&made_up(6, None)));
     let restless =
         LevelQuality { converged: false, last_change_m: Some(1.3e-3), spread_m: 0.1, ..sound };
@@ -231,8 +232,8 @@ fn synthetic_data_and_those_left_out_are_named() {
     assert!(nobody.contains("Nobody was excluded.") && !nobody.contains("Leakage"));
 }
 
-/// With the body frame all models are as good as with safety levels, but SVM I is better with both,
-/// by a step of each trial.
+/// With the body frame, all models are as good as with safety levels. Only SVM I is better with
+/// both, by one step of each trial.
 #[test]
 fn what_safety_levels_add_to_the_body_frame_is_an_answer_of_its_own() {
     let analysis = made_up_but(7, None, |results| {
@@ -247,13 +248,13 @@ fn what_safety_levels_add_to_the_body_frame_is_an_answer_of_its_own() {
     let of = |answer: &Option<Answer>| answer.as_ref().unwrap().verdict;
     let findings = &analysis.findings;
     assert_eq!(of(&findings.body_frame_too), Verdict::Hint);
-    // Nobody differs.
+    // All differences are zero.
     assert_eq!(of(&findings.body_frame_instead), Verdict::TooFew);
     let text = words(&read(&html(&analysis)));
     let told = "Once the body frame is known, predictions with the safety levels look better in 1 \
                 of 6 comparisons than without";
     assert!(text.contains(told), "{text}");
-    // 2/2⁷, times 6 by Holm.
+    // This is p = 2/2⁷, which Holm multiplies by 6.
     assert!(text.contains("SVM I+14.3p = 0.016, r +1.00Holm 0.094"), "{text}");
 }
 
@@ -279,7 +280,7 @@ fn fewer_tasks_other_people_and_fewer_features_are_shown() {
     let page = html(&analysis);
     let document = read(&page);
     let text = words(&document);
-    // Models of others equal the person's own: nobody gains.
+    // The models of others are as good as the person's own model, so no one gains.
     let row = "DT IBhrd85.00 81.2585.000.00 1.0001.000 0.00";
     for told in [row, "What more tasks are worth.", "Mean loss in points. v_h: 3.5."] {
         assert!(text.contains(told), "{told}: {text}");
@@ -324,7 +325,7 @@ fn what_was_asked_for_is_told() {
     assert_eq!([files(&analysis), files(&made_up(6, None))], [false, true]);
 }
 
-/// Everything in the report's words and pictures is also in tables.
+/// All results in the text and charts of the report are also in tables.
 #[test]
 fn intervals_and_families_are_in_files() {
     let rows = |people: usize, wanted: &str| -> Vec<BTreeMap<String, String>> {
@@ -341,7 +342,7 @@ fn intervals_and_families_are_in_files() {
         assert_eq!(found.len(), count, "{file}");
         for row in found {
             let number = |column: &str| row[column].parse::<f64>().unwrap();
-            // If nobody differs, no interval is meaningful.
+            // If no person differs, there is no interval.
             if row["differing"] == "0" {
                 assert_eq!((&*row["gain_low"], number("wilcoxon_persons")), ("", 1.0), "{row:?}");
                 continue;
@@ -353,7 +354,7 @@ fn intervals_and_families_are_in_files() {
         }
         assert!(rows(5, file).iter().all(|row| row["gain_low"].is_empty()));
     }
-    // All 7 people gain, or save, the same amount.
+    // All 7 people have the same gain in accuracy and in distance.
     let of = |metric: &str| {
         let mut all = rows(7, "tests.csv").into_iter();
         all.find(|row| row["metric"] == metric && row["second"] == "d").unwrap()
@@ -381,7 +382,8 @@ fn a_grid_that_ends_too_early_is_told() {
     assert!(said(&analysis).contains(told), "{}", said(&analysis));
 }
 
-/// Of five names in two experiments on nine sets, SVM is the better of two others.
+/// There are five names of models, two experiments and nine sets. The name SVM stands for the
+/// better of two other models, so it is not counted.
 #[test]
 fn models_are_counted_once() {
     let html = html(&made_up(6, None));
@@ -413,7 +415,7 @@ fn latex_has_the_best_in_bold_and_says_who() {
     assert_eq!(count("{"), count("}"));
 }
 
-/// 35 of 40 people gain ten points; the others lose everything that the model had right.
+/// 35 of 40 people gain ten points. For the others, the model loses everything that it had right.
 #[test]
 fn a_mean_that_points_the_other_way_is_told() {
     let analysis = made_up_but(40, None, |results| {
@@ -430,7 +432,7 @@ fn a_mean_that_points_the_other_way_is_told() {
     assert!(!words(&read(&html(&made_up(40, None)))).contains(told));
 }
 
-/// The library computes all statistics: code that prints must not test, pool or average.
+/// The library computes all statistics. The code that prints them must not test, pool or average.
 #[test]
 fn printing_computes_no_statistics() {
     const FORBIDDEN: [&str; 9] = [

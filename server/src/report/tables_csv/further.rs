@@ -1,11 +1,11 @@
-//! Tables beside the paper's: what people did, learning curves, unseen people and importance.
+//! Tables that the paper does not have: behaviour, learning curves, unseen people and importance.
 
 use super::{p_value, places, write};
 use sidestep::behaviour::BehaviourSummary;
 use sidestep::comparison::Analysis;
 use std::io::{self, Write};
 
-/// A fraction, with six places.
+/// A fraction with six decimal places.
 fn fraction(number: f64) -> String {
     format!("{number:.6}")
 }

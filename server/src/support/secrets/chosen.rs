@@ -1,4 +1,4 @@
-//! A key that an experimenter chose.
+//! A key chosen by an experimenter.
 
 use super::random;
 use argon2::password_hash::phc::PasswordHash;
@@ -8,35 +8,35 @@ use sha2::{Digest, Sha256};
 use std::sync::{Arc, OnceLock};
 use subtle::ConstantTimeEq;
 
-/// Memory limit for comparing a key, KiB.
+/// Upper bound on the memory for one comparison with a hash (KiB).
 const MOST_MEMORY: u32 = 1 << 18;
 
-/// Upper bound on passes over this memory, and on lanes in it.
+/// Upper bound on the passes over this memory, and on its lanes.
 const MOST_PASSES: u32 = 16;
 
-/// The error for a text that begins like a hash, perhaps in quotes.
+/// The error for a text that begins like a hash, possibly in quotes.
 const DAMAGED: &str = "expected an Argon2 hash as `sidestep hash-key` prints it, without quotes around it, found another text";
 
-/// Minimum length of a key, characters.
+/// Minimum length of a key (characters).
 const SHORTEST: usize = 16;
 
-/// A key that an experimenter chose, or its Argon2 hash.
+/// A key chosen by an experimenter, or its Argon2 hash.
 ///
-/// Chosen keys can be guessed, so a server's configuration, such as a unit file, can contain the
-/// hash instead. Each comparison with the hash takes a moment of a processor and 19 MiB. Once the
-/// right key has been presented, a digest with random bits of this process recognises it as fast as
-/// any other key; the digest is never stored.
+/// Chosen keys can be guessed. So a server's configuration, such as a unit file, can contain the
+/// hash instead of the key. Each comparison with the hash takes processor time and 19 MiB. Once the
+/// correct key has been presented, a digest with random bits of this process recognises it as fast
+/// as any other key. The digest is never stored.
 #[derive(Clone, Debug)]
 pub struct ChosenKey(Arc<Parts>);
 
 #[derive(Debug)]
 struct Parts {
-    /// The hash in PHC format, if that was given.
+    /// The hash in PHC format, if the given text was a hash.
     argon2: Option<String>,
     salt: [u8; 32],
-    /// The digest of the right key.
+    /// The digest of the correct key, once it is known.
     known: OnceLock<[u8; 32]>,
-    /// The digest of the given text, which is in no database.
+    /// The digest of the given text. It is in no database.
     given: [u8; 32],
 }
 
@@ -44,10 +44,12 @@ impl ChosenKey {
     /// Parses a key or a hash.
     ///
     /// # Errors
-    /// What was expected and found, if it is neither; or if the system provides no random numbers.
+    /// The expected and the found text, if the text is neither; or if the system provides no random
+    /// numbers.
     pub fn of(text: &str) -> Result<Self, String> {
         let salt = random().map_err(|error| error.to_string())?;
-        // If a hash in quotes were taken for a key, anyone who reads the unit file could sign in with it.
+        // If a hash in quotes were accepted as a key, anyone who can read the unit file could sign
+        // in with it.
         let is_hash = text.trim_matches(['"', '\'', ' ']).starts_with('$');
         if is_hash {
             check_costs(text)?;
@@ -67,14 +69,15 @@ impl ChosenKey {
         Ok(key)
     }
 
-    /// Whether this is the key; none if only [`Self::verify`] can tell. Takes the same time for every key.
+    /// Whether this is the key. `None` if only [`Self::verify`] can decide this. Takes the same
+    /// time for every key.
     #[must_use]
     pub fn compare(&self, key: &str) -> Option<bool> {
         let known = self.0.known.get()?;
         Some(known.ct_eq(&self.digest(key)).into())
     }
 
-    /// Whether this is the key, by the slow hash.
+    /// Whether this is the key, according to the slow hash.
     #[must_use]
     pub fn verify(&self, key: &str) -> bool {
         let hash = self.0.argon2.as_deref().and_then(|hash| PasswordHash::new(hash).ok());
@@ -126,7 +129,7 @@ fn check_hash(text: &str) -> Result<(), String> {
     }
 }
 
-/// Refuses a hash whose comparison would take too much of the server.
+/// Refuses a hash whose comparison would need too many resources of the server.
 fn check_costs(hash: &str) -> Result<(), String> {
     let parsed = PasswordHash::new(hash).ok();
     let costs = parsed.as_ref().and_then(|hash| Params::try_from(hash).ok());
@@ -179,7 +182,7 @@ mod tests {
         assert_eq!((key.compare(KEY), key.compare("another")), (Some(true), Some(false)));
     }
 
-    /// A hash that another program made with other costs keeps them.
+    /// A hash that another program computed with other costs keeps these costs.
     #[test]
     fn hashes_keep_their_costs() {
         let hash = "$argon2id$v=19$m=65536,t=2,p=1$c29tZXNhbHQ$CTFhFdXPJO1aFaMaO6Mm5c8y7cJHAph8ArZWb2GRPPc";
