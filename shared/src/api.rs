@@ -21,7 +21,7 @@ pub use analyses::{
 pub use configuration::{
     Change, Configuration, ConfigurationVersion, Draft, DraftChecked, FormDraft, NewStatus, Remark,
 };
-pub use drives::{Drive, Drives};
+pub use drives::{Drive, Drives, Inputs};
 pub use laboratory::{
     Backup, DataCheck, DataCheckState, PilotsDeleted, SelfCheck, SignIn, StudySummary, TrialDetail,
     TrialPage, TrialSummary, scene_words, trial_heading,

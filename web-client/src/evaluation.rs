@@ -235,7 +235,7 @@ impl Evaluation {
 
     fn take_drives(&mut self, content: &[u8]) -> Result<(), Invalid> {
         let Drives { parameters, tasks, .. } = json::read(content).ok_or_else(unknown)?;
-        let driven = tasks.iter().map(|drive| (drive.inputs(), drive.states())).collect();
+        let driven = tasks.iter().map(|drive| (drive.inputs.0.clone(), drive.states())).collect();
         let trajectory = |drive: &Drive| drive.trajectory(&parameters);
         let trajectories = tasks.iter().map(trajectory).collect::<Result<_, _>>()?;
         self.tasks = Some(Tasks { parameters, driven, trajectories });

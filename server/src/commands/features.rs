@@ -6,32 +6,37 @@ use super::trials_source::TrialsArgs;
 use super::{CommandError, print_json, unwritable};
 use crate::formats::atomic_file;
 use crate::formats::features_csv::{self, WriteError};
+use sidestep::features::{FEATURES, Feature};
 use sidestep::recording::flagged;
 use std::path::PathBuf;
 
 /// Compute the features of predictors for every step of recorded tasks.
 ///
-/// Writes one row for each step, in the order of the trials: participant, trial, step; abs_dx,
-/// abs_dy (m), dpsi (rad), cos_dpsi, sin_dpsi: human minus robot in the world frame; v_h, v_r (m):
-/// the safety levels; distance (m); turn (-1 right, 0, 1 left) and avoid (0 or 1): the input held
-/// in the step. The further features follow: robot_ahead, robot_left (m): the robot in the human's
-/// frame; closest_time (s), closest_distance, closest_left (m): the closest approach if both drove
-/// straight on; dv_h_ahead, dv_h_left (m/m), dv_h_turn (m/rad), dv_r_ahead, dv_r_left, dv_r_turn:
-/// the gradients of the safety levels; turned_1, turned_2, turned_5, turned (rad): the angle by
-/// which the human turned left in the last step, in the step before it, in the last five steps and
-/// since the trial began.
+/// Writes one row for each step, in the order of the trials: participant, trial, step; the paper's
+/// features; turn (-1 right, 0, 1 left) and avoid (0 or 1): the input held in the step; the further
+/// features. --help lists the features with their units.
 ///
 /// An invalid row, or a step that the vehicles cannot have driven, makes the whole file invalid. The error
 /// names the row or step. (`sidestep analyze` excludes only the participant.) With --database, participants
 /// excluded from analyses are excluded here too. Prints one line of JSON with the numbers of participants,
 /// trials and steps, the exclusions, and the number of flagged trials.
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_long_help = list())]
 pub struct FeaturesArgs {
     #[command(flatten)]
     trials: TrialsArgs,
     /// File to write.
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
+}
+
+/// The features, one per line.
+fn list() -> String {
+    let line = |feature: &Feature| {
+        let Feature { name, unit, meaning, .. } = feature;
+        format!("  {name:<17} {unit:<6} {meaning}\n")
+    };
+    format!("Features, in this order:\n{}", FEATURES.iter().map(line).collect::<String>())
 }
 
 /// Reads the trials, computes the features, and writes the whole file or nothing.

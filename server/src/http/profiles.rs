@@ -17,12 +17,12 @@ use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use sidestep::api::{
-    Access, Action, Drive, Drives, NewExclusion, NewNote, Note, ParticipantDetail, TrialPicture,
-    scene_words,
+    Access, Action, Drive, Drives, Inputs, NewExclusion, NewNote, Note, ParticipantDetail,
+    TrialPicture, scene_words,
 };
 use sidestep::scene::{Evader, JointState};
 use sidestep::study::StudyConfig;
-use sidestep::vehicle::{Pose, TurnInput};
+use sidestep::vehicle::Pose;
 use std::sync::Arc;
 
 /// Only every `STRIDE`-th position and the last one are sent.
@@ -186,15 +186,10 @@ fn picture(trial: StoredTrial) -> TrialPicture {
         let shown = states.iter().enumerate().filter(|(i, _)| i % STRIDE == 0 || *i == last);
         shown.map(|(_, state)| pose(state)).map(|at| [at.x, at.y].map(centimetres)).collect()
     };
-    let letter = |input: &TurnInput| match input {
-        TurnInput::Left => 'L',
-        TurnInput::Straight => 'S',
-        TurnInput::Right => 'R',
-    };
     TrialPicture {
         human: path(|state| &state.human),
         robot: path(|state| &state.robot),
-        inputs: trial.content.inputs.iter().map(letter).collect(),
+        inputs: Inputs(trial.content.inputs),
         summary: summary(trial.head),
     }
 }

@@ -8,6 +8,37 @@ use crate::trial_view::Recorded;
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 
+/// The input held in each step. In JSON a text with one of the letters `L` (left), `S` (straight)
+/// and `R` (right) for each step.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema), schemars(with = "String"))]
+pub struct Inputs(pub Vec<TurnInput>);
+
+const LETTERS: [(char, TurnInput); 3] =
+    [('L', TurnInput::Left), ('S', TurnInput::Straight), ('R', TurnInput::Right)];
+
+impl From<Inputs> for String {
+    fn from(Inputs(inputs): Inputs) -> Self {
+        let letter = |input| LETTERS.iter().find(|(_, known)| *known == input);
+        inputs.into_iter().filter_map(letter).map(|(letter, _)| letter).collect()
+    }
+}
+
+impl TryFrom<String> for Inputs {
+    type Error = Invalid;
+
+    fn try_from(text: String) -> Result<Self, Invalid> {
+        let input = |(step, letter)| {
+            let known = LETTERS.iter().find(|(known, _)| *known == letter);
+            known.map(|(_, input)| *input).ok_or_else(|| {
+                Invalid::new(format!("inputs[{step}]"), "L, S or R", format!("{letter:?}"))
+            })
+        };
+        text.chars().enumerate().map(input).collect::<Result<_, _>>().map(Self)
+    }
+}
+
 /// The tasks of one participant that analyses use: one attempt at each scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
@@ -47,8 +78,8 @@ pub struct Drive {
     pub words: String,
     /// The scene that was driven.
     pub scene: Scene,
-    /// The input held in each step: `L`, `S` or `R`.
-    pub inputs: String,
+    /// The input held in each step.
+    pub inputs: Inputs,
     /// States before each step and after the last step. Each has x (m), y (m) and heading (rad) of
     /// the human, then of the robot.
     pub states: Vec<[f64; 6]>,
@@ -64,28 +95,11 @@ impl Drive {
         inputs: &[TurnInput],
         states: &[JointState],
     ) -> Self {
-        let letter = |input: &TurnInput| match input {
-            TurnInput::Left => 'L',
-            TurnInput::Straight => 'S',
-            TurnInput::Right => 'R',
-        };
         let numbers = |JointState { human, robot }: &JointState| {
             [human.x, human.y, human.psi, robot.x, robot.y, robot.psi]
         };
-        let (inputs, states) =
-            (inputs.iter().map(letter).collect(), states.iter().map(numbers).collect());
+        let (inputs, states) = (Inputs(inputs.to_vec()), states.iter().map(numbers).collect());
         Self { trial_id, words, scene, inputs, states }
-    }
-
-    /// The input held in each step.
-    #[must_use]
-    pub fn inputs(&self) -> Vec<TurnInput> {
-        let input = |letter: char| match letter {
-            'L' => TurnInput::Left,
-            'R' => TurnInput::Right,
-            _ => TurnInput::Straight,
-        };
-        self.inputs.chars().map(input).collect()
     }
 
     /// The joint states before each step and after the last step.
@@ -101,7 +115,12 @@ impl Drive {
     /// The drive as a recorded trial for playback.
     #[must_use]
     pub fn recorded(&self, parameters: SceneParameters) -> Recorded {
-        Recorded { parameters, scene: self.scene, inputs: self.inputs(), states: self.states() }
+        Recorded {
+            parameters,
+            scene: self.scene,
+            inputs: self.inputs.0.clone(),
+            states: self.states(),
+        }
     }
 
     /// The drive as a trajectory for predictions.
@@ -109,7 +128,7 @@ impl Drive {
     /// # Errors
     /// The errors of [`Trajectory::driven`].
     pub fn trajectory(&self, parameters: &SceneParameters) -> Result<Trajectory, Invalid> {
-        Trajectory::driven(self.states(), &self.inputs(), parameters)
+        Trajectory::driven(self.states(), &self.inputs.0, parameters)
     }
 }
 

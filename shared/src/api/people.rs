@@ -1,6 +1,6 @@
 //! The participants of a study, as experimenters see them.
 
-use super::TrialSummary;
+use super::{Inputs, TrialSummary};
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -216,8 +216,8 @@ pub struct TrialPicture {
     pub human: Vec<[f64; 2]>,
     /// Positions of the robot at the same times.
     pub robot: Vec<[f64; 2]>,
-    /// The input of each step: `L`, `S` or `R`.
-    pub inputs: String,
+    /// The input of each step.
+    pub inputs: Inputs,
 }
 
 /// A participant in full.

@@ -27,7 +27,7 @@ pub struct Layer {
 }
 
 /// Every layer, from the bottom up.
-pub static LAYERS: [Layer; 10] = [
+pub static LAYERS: &[Layer] = &[
     Layer {
         name: "shade-hr",
         label: "human’s safety",

@@ -31,7 +31,7 @@ impl Default for View {
         Self {
             time_s: 0.0,
             speed: 1.0,
-            shown: LAYERS.each_ref().map(|layer| layer.is_usual),
+            shown: core::array::from_fn(|place| LAYERS[place].is_usual),
             style: Style::default(),
         }
     }

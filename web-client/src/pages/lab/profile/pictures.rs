@@ -5,6 +5,7 @@ use super::Msg;
 use crate::pages::parts;
 use crate::view::{self, el};
 use sidestep::api::TrialPicture;
+use sidestep::vehicle::TurnInput;
 
 type Node = view::Node<Msg>;
 
@@ -102,22 +103,21 @@ fn picture(trial: &TrialPicture, danger_radius_m: f64) -> Node {
         .child(line(&trial.human, "way human"))
         .children(end(&trial.robot, "end robot"))
         .children(end(&trial.human, "end human"))
-        .children(strip(&trial.inputs))
+        .children(strip(&trial.inputs.0))
 }
 
 /// The inputs over time: left above the line, right below it.
-fn strip(inputs: &str) -> Vec<Node> {
+fn strip(inputs: &[TurnInput]) -> Vec<Node> {
     let [width, height] = SIZE;
     let step = width / inputs.len().max(1) as f64;
     let middle = height - 0.5 * STRIP;
     let mut drawn = vec![el("path").class("axis").attr("d", format!("M0 {middle}H{width}"))];
-    let letters: Vec<char> = inputs.chars().collect();
     let mut begin = 0;
-    for run in letters.chunk_by(|a, b| a == b) {
+    for run in inputs.chunk_by(|a, b| a == b) {
         let (class, top) = match run[0] {
-            'L' => ("left", middle - 0.5 * STRIP),
-            'R' => ("right", middle),
-            _ => ("", 0.0),
+            TurnInput::Left => ("left", middle - 0.5 * STRIP),
+            TurnInput::Right => ("right", middle),
+            TurnInput::Straight => ("", 0.0),
         };
         if !class.is_empty() {
             drawn.push(

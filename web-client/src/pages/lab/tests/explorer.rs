@@ -91,7 +91,7 @@ fn at_the_command_line<T>(
     });
     let features = FeatureSet::of(&names.collect::<Vec<_>>()).unwrap();
     let driven: Vec<_> = parts.training.iter().map(|&i| &drives.tasks[i]).collect();
-    let driven: Vec<_> = driven.iter().map(|it| (it.inputs(), it.states())).collect();
+    let driven: Vec<_> = driven.iter().map(|it| (it.inputs.0.clone(), it.states())).collect();
     let predictor = participant::train(&features, Some(&safety), &driven).unwrap().predictor;
     let human = PredictedHuman::new(&predictor, &safety, &drives.parameters).unwrap();
     let trajectory = |task: &Drive| task.trajectory(&drives.parameters).unwrap();

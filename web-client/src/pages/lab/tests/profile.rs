@@ -10,7 +10,7 @@ fn detail() -> ParticipantDetail {
         summary,
         human: vec![[0.0, 0.0], [4.0, 1.0]],
         robot: vec![[10.0, 0.0], [6.0, 0.0]],
-        inputs: "SLLRS".into(),
+        inputs: "SLLRS".to_owned().try_into().unwrap(),
     };
     ParticipantDetail {
         summary: person(7, Stage::Task),
